@@ -1,0 +1,101 @@
+"""The ring and the thermal parameters of Borghi et al., Opt. Express 29, 4363 (2021).
+
+M. Borghi, D. Bazzanella, M. Mancinelli and L. Pavesi, "On the modeling of thermal and free carrier nonlinearities in
+silicon-on-insulator microring resonators". "Table 1" and "Table 2" are those of its Appendices A and B; "Exp.", "Fit"
+and "FEM" are the origins that the tables give.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..carriers import ShockleyReadHall
+from ..resonator import RingResonator
+
+MASS = 1.09e-14  # kg, of the core; Table 1, Exp.
+SPECIFIC_HEAT = 700.0  # J/(kg K), c_p,ref; Table 1, from Johnson et al., Opt. Express 14, 817 (2006)
+HEAT_CAPACITY = MASS * SPECIFIC_HEAT  # J/K
+
+FCD_LUMPED = -9.5e-27  # m^3, sigma_FCD, for Newton's law; Table 1, Fit
+FCD_ELECTRONS = -1.07e-27  # m^3, sigma_FCD,1, for the second-order law; Table 1, Fit
+FCD_HOLES = -1.63e-22  # m^2.4, sigma_FCD,2; Table 1, Fit
+FCD_HOLES_EXPONENT = 0.8  # Appendix A, from Lin, Painter and Agrawal, Opt. Express 15, 16604 (2007)
+
+BOLTZMANN = 8.61e-5  # eV/K, rounded as in Table 2, so that the lifetimes follow the print
+TEMPERATURE = 293.15  # K; Table 2, Exp.
+
+
+@dataclass(frozen=True)
+class NewtonParameters:
+    """dT/dt = -dT/tau_th + P_abs/(m c_p), Eq. 2.3."""
+
+    tau_th: float
+    """s"""
+    heat_capacity: float
+    """m c_p in J/K"""
+
+
+@dataclass(frozen=True)
+class SecondOrderParameters:
+    """Eq. 3: dT'' + (1/tau_f + 1/tau_s) dT' + dT/(tau_f tau_s) = (kappa P_abs + eta P_abs')/(m c_p).
+
+    The print leaves m c_p out of the last term; with it eta is the dimensionless number that the text quotes.
+    """
+
+    kappa: float
+    """1/s"""
+    tau_f: float
+    """s"""
+    tau_s: float
+    """s"""
+    eta: float
+    """dimensionless"""
+    heat_capacity: float = HEAT_CAPACITY
+    """m c_p in J/K"""
+
+
+NEWTON_MAPS = NewtonParameters(tau_th=275e-9, heat_capacity=HEAT_CAPACITY)
+"""Of the maps of Fig. 4(a, b) and of Model 1 in Fig. 4(c); goes with the lumped dispersion."""
+NEWTON_FIT = NewtonParameters(tau_th=417e-9, heat_capacity=6.9 * HEAT_CAPACITY)
+"""Model 2 at (8 dBm, 0 GHz), caption of Fig. 5: tau_th and c_p fitted to one measured trace."""
+SECOND_ORDER_FEM = SecondOrderParameters(kappa=8.87e5, tau_f=55.8e-9, tau_s=1200e-9, eta=0.31)
+"""Trained on finite elements, caption of Fig. 5."""
+SECOND_ORDER_EXPERIMENT = SecondOrderParameters(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)
+"""Trained on three measured traces, Section 5; standard deviations 0.05e5 1/s, 2 ns, 20 ns and 0.03."""
+
+
+def borghi2021() -> RingResonator:
+    """Return the silicon racetrack of Borghi et al., with the printed tables and the two-term free-carrier dispersion.
+
+    Two variants exist as methods. ``.with_lumped_fcd()`` goes with Newton's law, as the paper does it.
+    ``.with_swapped_srh()`` exchanges tau_n and tau_p: as printed they give lifetimes of 35.6 to 57.5 ns, exchanged
+    23.4 to 57.5 ns, and the text (Section 3) says 25 to 60 ns.
+
+    >>> round(borghi2021().loaded_q)
+    6622
+    """
+    return RingResonator(
+        name="Borghi 2021",
+        frequency=192.88e12,  # Hz, Table 1, Exp.
+        bus_rate=43e9,  # 1/s, gamma_e, Table 1, Exp.
+        loss_rate=5.5e9,  # 1/s, gamma_i, Table 1, Exp.
+        refractive_index=3.485,  # Table 1, from Johnson et al. 2006
+        group_index=4.4,  # Table 1, Exp.
+        thermo_optic=1.86e-4,  # 1/K, Table 1, from Johnson et al. 2006
+        fcd=((FCD_ELECTRONS, 1.0), (FCD_HOLES, FCD_HOLES_EXPONENT)),
+        fca_cross_section=1.5e-21,  # m^2, Table 1, Fit
+        tpa_coefficient=8.1e-12,  # m/W, Table 1, Fit
+        tpa_confinement=0.992,  # Table 1, FEM
+        tpa_volume=5.35e-18,  # m^3, Table 1, FEM
+        fca_confinement=0.999,  # Table 1, FEM
+        fca_volume=4.87e-18,  # m^3, Table 1, FEM
+        carriers=ShockleyReadHall(
+            tau_n=35e-9,  # s, Table 2, Fit
+            tau_p=22.5e-9,  # s, Table 2, Fit
+            intrinsic_density=5e17,  # 1/m^3, Table 2, from Sze and Ng, Physics of Semiconductor Devices (2006)
+            hole_density=1e21,  # 1/m^3, Table 2, Exp.
+            trap_energy=0.66 - 0.56,  # eV, E_t - E_i, Table 2, Fit; E_i from Aldaya et al., Optica 4, 1219 (2017)
+            thermal_energy=BOLTZMANN * TEMPERATURE,
+        ),
+        lumped_fcd=FCD_LUMPED,
+    )

@@ -1,0 +1,80 @@
+"""Errors a person can act on: argument, value, rule and hint in one line."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+class InputError(ValueError):
+    """What the caller gave cannot be used; the message names the argument, the value, the rule and a hint."""
+
+
+class MissingLibraryError(ImportError):
+    """A library that this call needs cannot be loaded; the message names it and what brings it."""
+
+
+def finite(name: str, value: Any, *, unit: str = "", hint: str = "") -> float:
+    """Return ``value`` as a float, or raise InputError unless it is one finite number."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise InputError(_line(f"{name} = {value!r} is not a number", unit, hint)) from None
+    if not math.isfinite(number):
+        raise InputError(_line(f"{name} = {number} is not finite", unit, hint))
+    return number
+
+
+def positive(name: str, value: Any, *, unit: str = "", at_most: float = math.inf, hint: str = "") -> float:
+    """Return ``value`` as a float, or raise InputError unless 0 < value <= at_most."""
+    number = finite(name, value, unit=unit, hint=hint)
+    if number <= 0:
+        raise InputError(_line(f"{name} = {number:g} must be positive", unit, hint))
+    if number > at_most:
+        raise InputError(_line(f"{name} = {number:g} is larger than {at_most:g}", unit, hint))
+    return number
+
+
+def between(name: str, value: Any, low: float, high: float, *, unit: str = "", hint: str = "") -> float:
+    """Return ``value`` as a float, or raise InputError unless low <= value <= high."""
+    number = finite(name, value, unit=unit, hint=hint)
+    if not low <= number <= high:
+        raise InputError(_line(f"{name} = {number:g} must lie between {low:g} and {high:g}", unit, hint))
+    return number
+
+
+def array(name: str, value: ArrayLike, *, increasing: bool = False, hint: str = "") -> NDArray[np.float64]:
+    """Return ``value`` as a 1-D float array, or raise InputError if it is empty, not finite or not increasing."""
+    try:
+        result = np.atleast_1d(np.asarray(value, dtype=float))
+    except (TypeError, ValueError):
+        raise InputError(_line(f"{name} is not an array of numbers", "", hint)) from None
+    if result.ndim != 1 or result.size == 0:
+        raise InputError(_line(f"{name} has shape {result.shape}; one non-empty dimension is needed", "", hint))
+    bad = np.flatnonzero(~np.isfinite(result))
+    if bad.size:
+        raise InputError(_line(f"{name}[{bad[0]}] = {result[bad[0]]} is not finite", "", hint))
+    if increasing and np.any(np.diff(result) < 0):
+        at = int(np.argmax(np.diff(result) < 0)) + 1
+        raise InputError(_line(f"{name}[{at}] = {result[at]:g} is before {name}[{at - 1}]; times must increase", "", hint))
+    return result
+
+
+def choice(name: str, value: str, choices: Iterable[str], *, hint: str = "") -> str:
+    """Return ``value``, or raise InputError naming the nearest of ``choices``."""
+    known = sorted(choices)
+    if value in known:
+        return value
+    near = difflib.get_close_matches(str(value), known, n=1, cutoff=0.5)
+    guess = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
+    raise InputError(_line(f"{name} = {value!r} is unknown; {guess}", "", hint))
+
+
+def _line(rule: str, unit: str, hint: str) -> str:
+    text = rule + (f" (in {unit})" if unit else "")
+    return f"{text}; {hint}" if hint else text

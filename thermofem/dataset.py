@@ -1,0 +1,215 @@
+"""Training data as xarray Datasets: one schema, netCDF in and out.
+
+Dimensions and variables
+    time (s); delta_T (K) over time, and over probe where several parts are read; power (W) over time, continuous from the
+    right at jumps. Where the temperature field was kept: field (K) over field_time and vertex, with the coordinates r, z
+    (m) of the vertices and triangles over (triangle, corner).
+Attributes
+    schema, thermofem_version, kind ("transient", from rest, or "periodic"), waveform (JSON), heated, read, and what made
+    the data: geometry (TOML), mesh_hash, materials, solver settings, energy balance.
+
+Data measured or simulated elsewhere trains like our own once it has time, power and delta_T.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import checks, waveforms
+from .quantity import FIELDS
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+SCHEMA = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """One drive and the answer to it, as the fits take them.
+
+    Attributes
+    ----------
+    wave : Waveform
+    times, rise : array, s and K
+    periodic : bool
+        one period of the periodic state, not a transient from rest.
+    name : str
+        the drive in words.
+    """
+
+    wave: waveforms.Waveform
+    times: Array
+    rise: Array
+    periodic: bool
+    name: str
+
+    @property
+    def swing(self) -> float:
+        """Largest minus smallest rise in K."""
+        return float(np.ptp(self.rise))
+
+
+def build(
+    times: ArrayLike,
+    delta_T: ArrayLike,
+    wave: waveforms.Waveform,
+    *,
+    periodic: bool = False,
+    read: tuple[str, ...] = ("core",),
+    attributes: Mapping[str, Any] | None = None,
+) -> xr.Dataset:
+    """Dataset in the schema of this module.
+
+    Parameters
+    ----------
+    times : array, shape (n,), s
+    delta_T : array, shape (n,) or (n, probes), K
+    wave : Waveform
+    periodic : bool
+    read : tuple of str
+        names of the probes.
+    attributes : dict
+        provenance.
+    """
+    import xarray as xr
+
+    from . import __version__
+
+    times, rise = np.asarray(times, dtype=float), np.asarray(delta_T, dtype=float)
+    several = rise.ndim == 2
+    variables: dict[str, Any] = {
+        "delta_T": (("time", "probe") if several else ("time",), rise, _describe("delta_T")),
+        "power": ("time", wave(times), _describe("power")),
+    }
+    coordinates: dict[str, Any] = {"time": ("time", times, _describe("time"))}
+    if several:
+        coordinates["probe"] = ("probe", list(read), {"long_name": "part whose mean is read"})
+    attrs = {
+        "schema": SCHEMA,
+        "thermofem_version": __version__,
+        "kind": "periodic" if periodic else "transient",
+        "waveform": waveforms.to_json(wave),
+        "read": ", ".join(read),
+        **(attributes or {}),
+    }
+    return xr.Dataset(variables, coords=coordinates, attrs=attrs)
+
+
+def _describe(name: str) -> dict[str, str]:
+    """Attributes of one field, as xarray's plots read them."""
+    return {"units": FIELDS[name].unit, "long_name": FIELDS[name].long_name}
+
+
+def drive_of(data: xr.Dataset) -> Drive:
+    """Read the drive and the answer out of a Dataset.
+
+    Raises
+    ------
+    InputError
+        not a Dataset with time, power and delta_T; several probes; numbers that are not finite; no heating at all.
+    """
+    for name in ("time", "delta_T"):
+        if name not in getattr(data, "variables", {}):
+            raise checks.InputError(f"data has no variable {name!r}; a training Dataset holds time, power and delta_T")
+    times = checks.array("data.time", data["time"].values, increasing=True)
+    if data["delta_T"].ndim != 1:
+        raise checks.InputError("data.delta_T has several probes; pick one with data.sel(probe='core')")
+    rise = checks.array("data.delta_T", data["delta_T"].values)
+    if np.ptp(rise) <= 0:
+        raise checks.InputError("data.delta_T does not move; there is nothing to train on")
+    if "waveform" in data.attrs:
+        wave = waveforms.from_json(data.attrs["waveform"])
+    else:
+        if "power" not in data:
+            raise checks.InputError("data has neither power nor a waveform attribute; a model needs to know what heated it")
+        wave = waveforms.Sampled(times, data["power"].values)
+    periodic = data.attrs.get("kind", "transient") == "periodic"
+    return Drive(wave, times, rise, periodic, f"{_words(wave)}, {'periodic state' if periodic else 'from rest'}")
+
+
+def _words(wave: waveforms.Waveform) -> str:
+    """A waveform in few words: 'SquareWave 2 mW, 1 us, duty 0.33'."""
+    match wave:
+        case waveforms.SquareWave():
+            return f"square wave {wave.power * 1e3:g} mW, {wave.period * 1e6:g} us, duty {wave.duty:.3g}"
+        case waveforms.Pulse():
+            return f"pulse {wave.power * 1e3:g} mW, {wave.width * 1e6:g} us"
+        case waveforms.Constant():
+            return f"step {wave.power * 1e3:g} mW"
+        case _:
+            return type(wave).__name__.lower()
+
+
+def save(data: xr.Dataset, path: str | Path) -> Path:
+    """Write a Dataset as netCDF, whole or not at all; returns the path.
+
+    Raises
+    ------
+    InputError
+        the folder does not exist or cannot be written.
+    """
+    encoding = {name: {"zlib": True} for name, v in data.data_vars.items() if v.size > 1000}
+    return write_whole(path, lambda p: data.to_netcdf(p, engine="h5netcdf", encoding=encoding))
+
+
+def load(path: str | Path) -> xr.Dataset:
+    """Read a Dataset written by `save`, into memory.
+
+    Raises
+    ------
+    InputError
+        no such file, not netCDF, or written by a newer schema.
+    """
+    import xarray as xr
+
+    path = Path(path)
+    if not path.is_file():
+        raise checks.InputError(f"{path} does not exist")
+    try:
+        with xr.open_dataset(path, engine="h5netcdf") as opened:
+            data = opened.load()
+    except (OSError, ValueError, KeyError) as error:
+        raise checks.InputError(f"{path} cannot be read as netCDF ({str(error).splitlines()[0]}); is it complete?") from None
+    if data.attrs.get("schema", SCHEMA) > SCHEMA:
+        raise checks.InputError(f"{path} has schema {data.attrs['schema']}; this version reads up to {SCHEMA}, update thermofem")
+    return data
+
+
+def write_whole(path: str | Path, write: Callable[[Path], Any]) -> Path:
+    """Call ``write`` on a temporary file beside ``path`` and rename it: a reader sees the whole file or none."""
+    path = Path(path)
+    if not path.parent.is_dir():
+        raise checks.InputError(f"{path.parent} is not a folder; make it first to write {path.name}")
+    try:
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
+    except OSError as error:
+        raise checks.InputError(f"{path} cannot be written: {error.strerror}") from None
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        write(temporary)
+        temporary.chmod(0o666 & ~_umask())
+        temporary.replace(path)
+    except OSError as error:
+        raise checks.InputError(f"{path} cannot be written: {error.strerror or error}") from None
+    finally:
+        temporary.unlink(missing_ok=True)
+    return path
+
+
+def _umask() -> int:
+    """The process's file mode mask, which only setting it tells."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

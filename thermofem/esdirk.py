@@ -1,0 +1,122 @@
+"""ESDIRK4(3)6L[2]SA: an L-stable, stiffly accurate Runge-Kutta method of order 4 with an embedded error estimate.
+
+Stage i solves (E - gamma h A) k_i = A (x + h sum_{j<i} a_ij k_j) + B P(t + c_i h); the last stage is the new state.
+
+Source: C. A. Kennedy, M. H. Carpenter, NASA/TM-2016-219173, ESDIRK4(3)6L[2]SA.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import checks
+from .factor import Solve, factorize
+from .model import StateSpace
+from .waveforms import Waveform
+
+Array = NDArray[np.float64]
+
+_R2 = np.sqrt(2.0)
+GAMMA = 0.25
+STAGE_TIMES = np.array([0, 1 / 2, (2 - _R2) / 4, 5 / 8, 26 / 25, 1])
+STAGES = np.zeros((6, 6))  # strictly lower part; the diagonal is GAMMA
+STAGES[1, 0] = 1 / 4
+STAGES[2, :2] = (1 - _R2) / 8
+STAGES[3, :3] = [(5 - 7 * _R2) / 64, (5 - 7 * _R2) / 64, 7 * (1 + _R2) / 32]
+STAGES[4, :4] = [
+    (-13796 - 54539 * _R2) / 125000,
+    (-13796 - 54539 * _R2) / 125000,
+    (506605 + 132109 * _R2) / 437500,
+    166 * (-97 + 376 * _R2) / 109375,
+]
+STAGES[5, :5] = [
+    (1181 - 987 * _R2) / 13782,
+    (1181 - 987 * _R2) / 13782,
+    47 * (-267 + 1783 * _R2) / 273343,
+    -16 * (-22922 + 3525 * _R2) / 571953,
+    -15625 * (97 + 376 * _R2) / 90749876,
+]
+WEIGHTS = np.append(STAGES[5, :5], GAMMA)
+EMBEDDED = np.array(
+    [-0.09651334216818033, -0.09651334216818033, 0.5228199509962342, 0.5205678646221885, -0.08255805440762122, 0.23219692312555915]
+)
+
+_THIRDS = np.array([0, 1 / 3, 2 / 3])
+_EXTRAPOLATE = np.array(
+    [
+        np.prod([(STAGE_TIMES[4] - b) / (a - b) for b in (0, 1 / 3, 2 / 3, 1) if b != a])  # Lagrange basis at 1.04
+        for a in (0, 1 / 3, 2 / 3, 1)
+    ]
+)
+
+CACHE = 24  # factorizations kept
+
+class Stepper:
+    """One linear system and its waveforms, with the factorizations of E - shift A; counts what it does."""
+
+    def __init__(self, system: StateSpace, waves: Waveform | Sequence[Waveform]) -> None:
+        from scipy.sparse import csr_matrix
+
+        self.waves = tuple(waves) if isinstance(waves, Sequence) else (waves,)
+        if len(self.waves) != len(system.inputs):
+            raise checks.InputError(f"{len(self.waves)} waveforms for the inputs {system.inputs}; one each is needed")
+        self.E, self.A = csr_matrix(system.E), csr_matrix(system.A)
+        self.B, self.C = np.asarray(system.B), np.asarray(system.C)
+        self.factors: dict[float, Solve] = {}
+        self.steps = self.rejected = self.factorizations = self.solves = 0
+
+    def solve(self, shift: float, rhs: Array) -> Array:
+        """(E - shift A)^-1 rhs; shifts equal to 9 digits share a factorization."""
+        key = float(f"{shift:.8e}")
+        if key not in self.factors:
+            if len(self.factors) >= CACHE:
+                del self.factors[next(iter(self.factors))]
+            self.factors[key] = factorize(self.E - shift * self.A)
+            self.factorizations += 1
+        self.solves += 1
+        return self.factors[key](rhs)
+
+    def edges(self, stop: float) -> Array:
+        """0, every breakpoint of every waveform, ``stop``."""
+        return np.unique(np.concatenate([[0.0, stop], *(w.breakpoints(0.0, stop) for w in self.waves)]))
+
+    def powers(self, t: float, h: float, stop: float) -> Array:
+        """Input powers at the six stages, shape (6, inputs).
+
+        The fifth stage lies 4 % beyond the step; where that crosses the end of the smooth piece the cubic through four
+        points of the step continues it, which keeps the order and is exact for straight pieces.
+        """
+        last = t + h >= stop * (1 - 1e-12)
+        at = t + STAGE_TIMES * h
+        result = np.empty((6, len(self.waves)))
+        for j, wave in enumerate(self.waves):
+            result[:4, j] = wave(at[:4])
+            if not last:
+                result[4:, j] = wave(at[4:])
+                continue
+            end = float(wave.before(stop))
+            cubic = np.append(wave(t + h * _THIRDS), end) @ _EXTRAPOLATE
+            result[4:, j] = cubic, end
+        return result
+
+    def start_slope(self, x: Array, t: float, h: float, stop: float) -> Array:
+        """dx/dt at the start of a smooth piece."""
+        return self.solve(0.0, self.A @ x + self.B @ self.powers(t, h, stop)[0])
+
+    def norm(self, x: Array) -> float:
+        """Energy norm sqrt(x^T E x)."""
+        return float(np.sqrt(max(x @ (self.E @ x), 0.0)))
+
+    def step(self, x: Array, slope: Array, h: float, powers: Array) -> tuple[Array, Array]:
+        """One ESDIRK step: slopes and states of the six stages, each (6, n); the last state is the new x."""
+        slopes, states = np.empty((6, x.size)), np.empty((6, x.size))
+        slopes[0], states[0] = slope, x
+        for i in range(1, 6):
+            known = x + h * (STAGES[i, :i] @ slopes[:i])
+            slopes[i] = self.solve(GAMMA * h, self.A @ known + self.B @ powers[i])
+            states[i] = known + GAMMA * h * slopes[i]
+        self.steps += 1
+        return slopes, states

@@ -1,0 +1,307 @@
+"""A thermal model is data: absorbed power in (W), mode-averaged temperature rise out (K).
+
+Contract of a `ThermalModel` (whatever satisfies it drives the optics, trains, is validated and drawn):
+
+1. ``model.inputs`` and ``model.outputs`` name the heated parts and the read ones.
+2. ``model.thermal_resistance`` is the static gain R_th in K/W (at small power, where the model is not linear).
+3. ``model.step_response(times)`` is the rise per watt after a step at t = 0, in K/W, shape of ``times``.
+4. ``model.impedance(frequency)`` is the complex thermal impedance Z(f) in K/W, shape of ``frequency`` in Hz.
+5. ``model.response(wave, times)`` is the rise in K under ``wave`` switched on at t = 0 from rest, shape of ``times``.
+6. ``model.periodic_response(wave, samples)`` is one period of the periodic state in K, at
+   `waveforms.period_times(wave, samples)`.
+
+Adding a model: write a function that returns one of these kinds, and add it to the list in tests/models.py.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import checks, waveforms
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_matrix
+
+Array = NDArray[np.float64]
+
+
+class ThermalModel(Protocol):
+    """Power in, temperature rise out; the numbered contract stands in the module's docstring."""
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the heated parts."""
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the read parts."""
+
+    @property
+    def thermal_resistance(self) -> float:
+        """Static gain R_th in K/W."""
+
+    def step_response(self, times: ArrayLike) -> Array:
+        """Rise in K/W after a unit step."""
+
+    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+        """Z(f) in K/W."""
+
+    def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
+        """Rise in K from rest."""
+
+    def periodic_response(self, wave: waveforms.Waveform, samples: int) -> Array:
+        """One period of the periodic state in K."""
+
+
+@dataclass(frozen=True, eq=False)
+class Foster:
+    """Foster network: thermal resistances R_i in series, each with its own time constant.
+
+        Z(s) = sum_i R_i / (1 + s tau_i),    dx_i/dt = (R_i P - x_i) / tau_i,    dT = sum_i x_i
+
+    The canonical small form of every linear thermal model. A negative R_i is allowed (a fit may give one) but then the
+    network is not passive, which ``passive`` tells.
+
+    Parameters
+    ----------
+    R : array, shape (n,), K/W
+    tau : array, shape (n,), s
+        kept in increasing order, each with its R.
+
+    Raises
+    ------
+    InputError
+        a time constant that is not positive, lengths that differ, or numbers that are not finite.
+
+    >>> Foster(R=[2000.0, 5000.0], tau=[50e-9, 1e-6]).thermal_resistance
+    7000.0
+    """
+
+    R: ArrayLike
+    tau: ArrayLike
+    inputs: tuple[str, ...] = ("core",)
+    outputs: tuple[str, ...] = ("core",)
+
+    def __post_init__(self) -> None:
+        R, tau = checks.array("R", self.R), checks.array("tau", self.tau)
+        if R.size != tau.size:
+            raise checks.InputError(f"R has {R.size} entries and tau {tau.size}; each pole needs one of both")
+        if np.any(tau <= 0):
+            raise checks.InputError(f"tau = {tau.min():g} s must be positive; a negative one grows without bound")
+        order = np.argsort(tau)
+        object.__setattr__(self, "R", R[order])
+        object.__setattr__(self, "tau", tau[order])
+
+    @property
+    def order(self) -> int:
+        """Number of poles."""
+        return int(np.size(self.R))
+
+    @property
+    def passive(self) -> bool:
+        """Whether every R_i >= 0, so that no waveform can draw heat from nothing."""
+        return bool(np.all(np.asarray(self.R) >= 0))
+
+    @property
+    def thermal_resistance(self) -> float:
+        """R_th = sum_i R_i in K/W."""
+        return float(np.sum(self.R))
+
+    def step_response(self, times: ArrayLike) -> Array:
+        """sum_i R_i (1 - exp(-t/tau_i)) in K/W; zero before t = 0."""
+        t = np.maximum(np.asarray(times, dtype=float), 0)[..., None]
+        return -np.expm1(-t / self.tau) @ np.asarray(self.R)
+
+    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+        """sum_i R_i / (1 + 2 pi i f tau_i) in K/W."""
+        f = np.asarray(frequency, dtype=float)[..., None]
+        return np.asarray((np.asarray(self.R) / (1 + 2j * np.pi * f * self.tau)).sum(axis=-1))
+
+    @property
+    def gain(self) -> Array:
+        """R_i / tau_i in K/J: the initial slope that each pole adds per watt."""
+        return np.asarray(self.R) / np.asarray(self.tau)
+
+    def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
+        """Rise in K under a piecewise-linear waveform from rest at t = 0, in closed form."""
+        return (pole_responses(1 / np.asarray(self.tau), wave, times) @ self.gain).reshape(np.shape(times))
+
+    def periodic_response(self, wave: waveforms.Waveform, samples: int) -> Array:
+        """One period of the periodic state in K, in closed form."""
+        times = waveforms.period_times(wave, samples)
+        return pole_responses(1 / np.asarray(self.tau), wave, times, periodic=True) @ self.gain
+
+
+def pole_responses(rate: Array, wave: waveforms.Waveform, times: ArrayLike, *, periodic: bool = False) -> Array:
+    """Answers of poles dx/dt = -rate x + P(t) to a piecewise-linear waveform, in closed form.
+
+    From rest at t = 0, or in the periodic state, where x(0) = x_cold(T) / (1 - exp(-rate T)).
+
+    Parameters
+    ----------
+    rate : array, shape (n,), 1/s
+    wave : Waveform
+    times : array, shape (m,), s
+        not negative; within one period when ``periodic``.
+
+    Returns
+    -------
+    array, shape (m, n), J
+
+    Raises
+    ------
+    InputError
+        a negative or non-finite time, or a waveform that is not piecewise linear.
+    """
+    t = checks.array("times", times)
+    if t.min() < 0:
+        raise checks.InputError(f"times = {t.min():g} s lies before the start at t = 0")
+    stop = wave.period if periodic and wave.period else max(float(t.max()), np.finfo(float).tiny)
+    edges, after, before = waveforms.linear_pieces(wave, 0.0, stop)
+    length = np.diff(edges)[:, None]
+    slope = (before - after)[:, None] / length
+    decay, driven = np.exp(-rate * length), after[:, None] * _phi1(rate, length) + slope * _phi2(rate, length)
+    at_edges = np.zeros((edges.size, rate.size))
+    for k in range(edges.size - 1):
+        at_edges[k + 1] = decay[k] * at_edges[k] + driven[k]
+    if periodic:
+        at_edges += np.exp(-rate * edges[:, None]) * at_edges[-1] / -np.expm1(-rate * edges[-1])
+    k = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, after.size - 1)
+    u = (t - edges[k])[:, None]
+    return np.exp(-rate * u) * at_edges[k] + after[k, None] * _phi1(rate, u) + slope[k] * _phi2(rate, u)
+
+
+def _phi1(rate: Array, u: Array) -> Array:
+    """Integral of exp(-rate v) over 0 <= v <= u: the answer of one pole to a step."""
+    return -np.expm1(-rate * u) / rate
+
+
+def _phi2(rate: Array, u: Array) -> Array:
+    """Integral of v exp(-rate (u - v)): the answer of one pole to a ramp; a series where the difference cancels."""
+    z = rate * u
+    series = u * u * (0.5 - z / 6 + z * z / 24 - z**3 / 120)
+    return np.where(z < 1e-3, series, (u - _phi1(rate, u)) / rate)
+
+
+@dataclass(frozen=True, eq=False)
+class StateSpace:
+    """Linear thermal model E dx/dt = A x + B P, dT = C x: sparse for the FEM, small for a reduction.
+
+    ``E`` and ``-A`` are symmetric positive definite for every heat problem, and where input and output are the same
+    part ``C = B^T``; the system is then passive and equal to a Foster network with as many poles as states.
+
+    Parameters
+    ----------
+    E, A : sparse matrix or array, shape (n, n); J/K and W/K
+    B : array, shape (n, inputs)
+    C : array, shape (outputs, n)
+    inputs, outputs : tuple of str
+    """
+
+    E: Any
+    A: Any
+    B: Array
+    C: Array
+    inputs: tuple[str, ...] = ("core",)
+    outputs: tuple[str, ...] = ("core",)
+
+    def __post_init__(self) -> None:
+        n = self.A.shape[0]
+        shapes = {"E": (n, n), "A": (n, n), "B": (n, len(self.inputs)), "C": (len(self.outputs), n)}
+        for name, shape in shapes.items():
+            if getattr(self, name).shape != shape:
+                raise checks.InputError(f"{name} has shape {getattr(self, name).shape}; {shape} is needed")
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return int(self.A.shape[0])
+
+    def channel(self, heated: str | None = None, read: str | None = None) -> StateSpace:
+        """The same system with one input and one output (default: the first of each)."""
+        i = self.inputs.index(checks.choice("heated", heated or self.inputs[0], self.inputs))
+        j = self.outputs.index(checks.choice("read", read or self.outputs[0], self.outputs))
+        return StateSpace(
+            self.E, self.A, self.B[:, [i]], self.C[[j]], inputs=(self.inputs[i],), outputs=(self.outputs[j],)
+        )
+
+    @cached_property
+    def gain(self) -> Array:
+        """Static gain -C A^-1 B in K/W, shape (outputs, inputs)."""
+        from .factor import factorize
+
+        solve = factorize(-self._sparse("A"))
+        return np.asarray(self.C @ np.column_stack([solve(column) for column in self.B.T]))
+
+    @property
+    def thermal_resistance(self) -> float:
+        """R_th of the only channel in K/W; InputError when there are several (take ``gain`` or ``channel``)."""
+        self._single()
+        return float(self.gain[0, 0])
+
+    def step_response(self, times: ArrayLike, *, rtol: float = 1e-5) -> Array:
+        """Rise in K/W after a unit step, by error-controlled integration."""
+        milliwatt = 1e-3
+        return self.response(waveforms.Constant(milliwatt), times, rtol=rtol) / milliwatt
+
+    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+        """C (i w E - A)^-1 B in K/W, one complex factorization a frequency."""
+        from scipy.sparse.linalg import splu
+
+        self._single()
+        E, A = self._sparse("E"), self._sparse("A")
+        f = np.atleast_1d(np.asarray(frequency, dtype=float))
+        z = [(self.C[0] @ splu((2j * np.pi * w) * E - A, permc_spec="MMD_AT_PLUS_A").solve(self.B[:, 0] + 0j)) for w in f]
+        return np.asarray(z, dtype=complex).reshape(np.shape(frequency))
+
+    def response(self, wave: waveforms.Waveform, times: ArrayLike, *, rtol: float = 1e-5) -> Array:
+        """Rise in K from rest, by error-controlled integration (`transient.integrate`)."""
+        from .transient import integrate
+
+        self._single()
+        return integrate(self, wave, times, rtol=rtol).outputs[:, 0].reshape(np.shape(times))
+
+    def periodic_response(self, wave: waveforms.Waveform, samples: int, *, rtol: float = 1e-5) -> Array:
+        """One period of the periodic state in K (`transient.integrate_periodic`)."""
+        from .transient import integrate_periodic
+
+        self._single()
+        return integrate_periodic(self, wave, samples, rtol=rtol).outputs[:, 0]
+
+    def _single(self) -> None:
+        if (len(self.inputs), len(self.outputs)) != (1, 1):
+            raise checks.InputError(
+                f"the system has inputs {self.inputs} and outputs {self.outputs}; pick one of each with .channel(heated, read)"
+            )
+
+    def _sparse(self, name: str) -> csc_matrix:
+        from scipy.sparse import csc_matrix
+
+        return csc_matrix(getattr(self, name))
+
+
+def foster(system: StateSpace) -> Foster:
+    """Diagonalise a small symmetric StateSpace: A v = -lambda E v, R_i = (C v_i)(v_i B)/lambda_i.
+
+    Raises
+    ------
+    InputError
+        more than 2000 states (reduce the FEM first), several channels, or a pole that does not decay.
+    """
+    from scipy.linalg import eigh
+    from scipy.sparse import issparse
+
+    if system.order > 2000:
+        raise checks.InputError(f"a system of {system.order} states is too large to diagonalise; surrogate.reduce it first")
+    system._single()
+    E, A = (m.toarray() if issparse(m) else np.asarray(m) for m in (system.E, system.A))
+    rate, modes = eigh(-A, E)
+    if rate[0] <= 0:
+        raise checks.InputError(f"the slowest pole has rate {rate[0]:g} 1/s; every one must decay (is a boundary held?)")
+    R = (system.C[0] @ modes) * (modes.T @ system.B[:, 0]) / rate
+    return Foster(R=R, tau=1 / rate, inputs=system.inputs, outputs=system.outputs)

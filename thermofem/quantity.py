@@ -1,0 +1,162 @@
+"""Units at the boundary: text such as "450 nm" or "8 dBm" becomes a plain number in SI, and back.
+
+Inside the package every number is SI; text with units exists only where a person reads or writes (TOML, command line,
+plots). `FIELDS` gives the unit and the long name of every field of a dataset.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from functools import cache
+from typing import Any, NamedTuple
+
+from .checks import InputError
+
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$", re.DOTALL)
+
+# unit in SI: what it measures, an example a person would write, the prefixed forms used for writing
+_KINDS: dict[str, tuple[str, str, tuple[tuple[float, str], ...]]] = {
+    "m": ("a length", "450 nm", ((1e-9, "nm"), (1e-6, "um"), (1e-3, "mm"))),
+    "s": ("a time", "20 us", ((1e-9, "ns"), (1e-6, "us"), (1e-3, "ms"))),
+    "W": ("a power", "8 dBm", ((1e-6, "uW"), (1e-3, "mW"))),
+    "Hz": ("a frequency", "-10 GHz", ((1e3, "kHz"), (1e6, "MHz"), (1e9, "GHz"), (1e12, "THz"))),
+    "K": ("a temperature", "293.15 K", ()),
+    "J": ("an energy", "20 fJ", ((1e-15, "fJ"), (1e-12, "pJ"))),
+    "rad": ("an angle", "90 deg", ((math.pi / 180, "deg"),)),
+    "1/m^3": ("a carrier density", "1e23 1/m^3", ()),
+    "W/m/K": ("a thermal conductivity", "130 W/m/K", ()),
+    "kg/m^3": ("a density", "2330 kg/m^3", ()),
+    "J/kg/K": ("a specific heat", "700 J/kg/K", ()),
+    "W/m^2/K": ("a heat transfer coefficient", "1e4 W/m^2/K", ()),
+    "m^2*K/W": ("a thermal boundary resistance", "1e-8 m^2*K/W", ()),
+    "": ("a plain number", "0.33", ()),
+}
+
+
+class Field(NamedTuple):
+    """Unit and long name of one field of a dataset."""
+
+    unit: str
+    long_name: str
+
+
+FIELDS: dict[str, Field] = {
+    "time": Field("s", "time"),
+    "power": Field("W", "absorbed power"),
+    "delta_T": Field("K", "mean temperature rise"),
+    "temperature": Field("K", "temperature"),
+    "energy": Field("J", "energy stored in the resonator"),
+    "carriers": Field("1/m^3", "free-carrier density"),
+    "drop": Field("W", "power at the drop port"),
+    "through": Field("W", "power at the through port"),
+    "absorbed": Field("W", "power absorbed in the resonator"),
+    "input_power": Field("W", "power in the bus waveguide"),
+    "detuning": Field("Hz", "laser frequency minus cold resonance"),
+    "frequency": Field("Hz", "frequency"),
+    "period": Field("s", "period"),
+    "period_model": Field("s", "period for which the model has the same swing"),
+    "error": Field("s", "period error"),
+    "relative_error": Field("1", "relative period error"),
+    "duty": Field("1", "duty cycle"),
+    "swing": Field("K", "peak-to-peak temperature rise"),
+    "growth_rate": Field("1/s", "largest real part of the eigenvalues"),
+    "regime": Field("1", "dynamic regime"),
+    "impedance": Field("K/W", "thermal impedance"),
+    "heat_in": Field("J", "heat put in"),
+    "heat_stored": Field("J", "heat stored"),
+    "heat_out": Field("J", "heat carried off through the boundary"),
+    "r": Field("m", "distance from the axis of the ring"),
+    "z": Field("m", "height above the datum"),
+}
+
+
+def parse(text: Any, unit: str, *, name: str = "value") -> float:
+    """Turn text with a unit into a number in SI.
+
+    A prefix leaves no round-off: with at most 15 digits the result is the float one would have typed,
+    ``parse("450 nm", "m") == 450e-9``. Angles are no pure numbers here: "5 rad/s" is not a frequency in Hz.
+
+    Parameters
+    ----------
+    text : str
+        a number and a unit, such as "8 dBm"; the unit may be left out only where ``unit`` is "".
+    unit : str
+        the SI unit of the result; it sets the expected dimension ("m", "W", "m^2*K/W", ...).
+    name : str
+        what the value is called in the error message.
+
+    Raises
+    ------
+    InputError
+        no text, no number, missing or unknown unit, wrong dimension, a number that is not finite.
+
+    >>> parse("450 nm", "m"), round(parse("8 dBm", "W"), 7), parse("-10 GHz", "Hz")
+    (4.5e-07, 0.0063096, -10000000000.0)
+    """
+    if isinstance(text, bool) or not isinstance(text, str | int | float):
+        raise InputError(f"{name} = {text!r} is not a quantity; {_wanted(unit)}")
+    match = _NUMBER.match(str(text))
+    if match is None:
+        raise InputError(f"{name} = {text!r} does not begin with a number; {_wanted(unit)}")
+    number, given = float(match[1]), match[2]
+    if not given and unit:
+        raise InputError(f"{name} = {text!r} has no unit; {_wanted(unit)}")
+    value = _convert(number, given, unit, f"{name} = {text!r}")
+    if not math.isfinite(value):
+        raise InputError(f"{name} = {text!r} is not finite; {_wanted(unit)}")
+    return value
+
+
+def write(value: float, unit: str) -> str:
+    """Text for a number in SI, with the prefix that reads best; `parse` gives back exactly the same number.
+
+    >>> write(450e-9, "m"), write(130.0, "W/m/K")
+    ('450 nm', '130 W/m/K')
+    """
+    choices = [(f"{value / factor:.12g}", prefixed) for factor, prefixed in _KINDS[unit][2]]
+    choices = [(number, prefixed) for number, prefixed in choices if parse(f"{number} {prefixed}", unit) == value]
+    choices.append((f"{value:.12g}" if float(f"{value:.12g}") == value else repr(float(value)), unit))
+    number, prefixed = min(choices, key=lambda choice: (not 1 <= abs(float(choice[0])) < 1000, len(choice[0])))
+    return f"{number} {prefixed}".strip()
+
+
+def _convert(number: float, given: str, unit: str, what: str) -> float:
+    """``number`` of unit ``given`` in ``unit``."""
+    import pint
+
+    registry = _registry()
+    try:
+        quantity = registry.Quantity(number, registry.parse_units(given))
+        fits = _dimensions(given) == _dimensions(unit)
+    except pint.errors.UndefinedUnitError as error:
+        unknown = error.unit_names if isinstance(error.unit_names, str) else ", ".join(error.unit_names)
+        raise InputError(f"{what}: the unit {unknown!r} is unknown; {_wanted(unit)}") from None
+    except Exception:  # pint's parser raises whatever its tokeniser meets, AssertionError included
+        raise InputError(f"{what}: {given!r} is not a unit; {_wanted(unit)}") from None
+    if not fits:
+        raise InputError(f"{what} has the wrong dimension; {_wanted(unit)}")
+    value = float(quantity.to(registry.parse_units(unit)).magnitude)
+    decades = math.log10(abs(value / number)) if value and number else 0.0
+    if round(decades) and abs(decades - round(decades)) < 1e-12:  # a decimal prefix costs one rounding: undo it
+        return float(f"{value:.15g}")
+    return value
+
+
+@cache
+def _dimensions(unit: str) -> Any:
+    """The unit in base units, angles kept: rad/s is not Hz."""
+    registry = _registry()
+    return registry.Quantity(1, registry.parse_units(unit)).to_root_units().units
+
+
+@cache
+def _registry() -> Any:
+    import pint
+
+    return pint.UnitRegistry(autoconvert_offset_to_baseunit=True, cache_folder=None)
+
+
+def _wanted(unit: str) -> str:
+    measures, example, _ = _KINDS[unit]
+    return f'{measures} is needed, e.g. "{example}"'

@@ -1,0 +1,239 @@
+"""Cutting the (r, z) plane into faces with one owner each, however layers and parts overlap.
+
+All cuts are made on a grid of one femtometre, so that coordinates which differ by round-off only are one; afterwards
+every coordinate that the geometry knows gets its own value back, to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import checks
+from .materials import VOID
+
+if TYPE_CHECKING:
+    from .geometry import CrossSection
+
+Array = NDArray[np.float64]
+
+GRID = 1e-15  # m
+THINNEST = 1e-10  # m; less than an atom is no continuum, and surely a slip
+SIDES = ("bottom", "top", "outer", "axis", "wall")
+
+
+@dataclass(frozen=True, eq=False)
+class Face:
+    """A polygon in (r, z) that belongs to one layer or part: outer ring first, then holes, each of shape (n, 2) in m."""
+
+    owner: str
+    rings: tuple[Array, ...]
+
+    @property
+    def volume(self) -> float:
+        """Integral of 2 pi r dA in m^3, exact for a polygon (Pappus): 2 pi r_centroid A."""
+        origin = self.rings[0].mean(axis=0)  # near the face: nothing cancels
+        area = moment = 0.0
+        for k, ring in enumerate(self.rings):
+            (r, z), (s, t) = (ring - origin).T, np.roll(ring - origin, -1, axis=0).T
+            cross = r * t - s * z
+            sign = np.sign(cross.sum()) * (1 if k == 0 else -1)
+            area += sign * cross.sum() / 2
+            moment += sign * ((r + s) * cross).sum() / 6
+        return float(2 * np.pi * (origin[0] * area + moment))
+
+    def edges(self) -> Array:
+        """All its edges in m, shape (n, 2 ends, 2)."""
+        return np.concatenate([np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in self.rings])
+
+
+@dataclass(frozen=True, eq=False)
+class Subdivision:
+    """Faces, and the edges of every side of the domain in m, shape (n, 2 ends, 2).
+
+    Sides: "axis" (r = 0), "bottom", "outer", "top" (what faces up or stands above the stack), "wall" (of a void).
+    """
+
+    faces: tuple[Face, ...]
+    sides: dict[str, Array]
+
+    def volumes(self) -> dict[str, float]:
+        """Volume of every owner in m^3, in the order of the faces."""
+        total: dict[str, float] = {}
+        for face in self.faces:
+            total[face.owner] = total.get(face.owner, 0.0) + face.volume
+        return total
+
+    def on_side(self, side: str, r: Array, z: Array) -> NDArray[np.bool_]:
+        """Which points (r, z) in m lie on ``side``, round-off allowed for."""
+        edges = self.sides[checks.choice("side", side, SIDES)]
+        points = np.stack(np.broadcast_arrays(r, z), axis=-1)
+        slack = max(100 * GRID, 1e-9 * float(max(np.abs(face.rings[0]).max() for face in self.faces)))
+        return distance(points, edges) < slack
+
+
+def distance(points: Array, edges: Array) -> Array:
+    """Distance in m from every point, shape (..., 2), to the nearest of the edges, shape (n, 2, 2); inf if there are none."""
+    nearest = np.full(points.shape[:-1], np.inf)
+    for start, stop in edges:
+        along = stop - start
+        share = np.clip((points - start) @ along / (along @ along), 0, 1)
+        nearest = np.minimum(nearest, np.linalg.norm(points - start - share[..., None] * along, axis=-1))
+    return nearest
+
+
+def subdivide(geometry: CrossSection) -> Subdivision:
+    """Cut the plane: a part hides what lies under it, layers hide nothing, void leaves a hole.
+
+    Raises
+    ------
+    InputError
+        a part that is wholly hidden, or a face thinner than an atom.
+    """
+    import shapely
+
+    outlines = _outlines(geometry)
+    visible = _visible(geometry, outlines)
+    lines = shapely.unary_union([shape.boundary for shape in visible.values()], grid_size=1)
+    faces = []
+    for polygon in shapely.polygonize([lines]).geoms:
+        inside = polygon.representative_point()
+        owner = next((name for name, shape in visible.items() if shape.contains(inside)), None)
+        if owner is not None:
+            faces.append((owner, shapely.normalize(polygon)))
+    order = list(outlines)
+    faces.sort(key=lambda face: (order.index(face[0]), face[1].bounds))
+    exact = {round(x / GRID): float(x) for outline in outlines.values() for x in outline.ravel()}
+    cut = tuple(_face(owner, polygon, exact) for owner, polygon in faces)
+    for face in cut:
+        _check_thickness(face)
+    return Subdivision(cut, _sides(geometry, faces, exact))
+
+
+def _outlines(geometry: CrossSection) -> dict[str, Array]:
+    """Corners of every layer and part in m."""
+    z, r = geometry.layer_edges, geometry.outer_radius
+    boxes = {
+        layer.name: np.array([(0.0, z[k]), (r, z[k]), (r, z[k + 1]), (0.0, z[k + 1])])
+        for k, layer in enumerate(geometry.layers)
+    }
+    return boxes | {part.name: part.outline() for part in geometry.parts}
+
+
+def _visible(geometry: CrossSection, outlines: dict[str, Array]) -> dict[str, Any]:
+    """What each solid layer and part shows once the later parts lie over it, on the grid."""
+    import shapely
+
+    shapes = {name: shapely.Polygon(np.rint(outline / GRID)) for name, outline in outlines.items()}
+    cover, visible = shapely.Polygon(), {}
+    for part in reversed(geometry.parts):
+        shown = shapes[part.name].difference(cover, grid_size=1)
+        if shown.is_empty:
+            later = [p.name for p in geometry.parts if shapes[p.name].intersects(shapes[part.name]) and p != part]
+            raise checks.InputError(f"part {part.name!r} is wholly covered by {', '.join(map(repr, later))}; change the order")
+        cover = cover.union(shapes[part.name], grid_size=1)
+        if part.material != VOID:
+            visible[part.name] = shown
+    for layer in geometry.layers:
+        shown = shapes[layer.name].difference(cover, grid_size=1)
+        if not shown.is_empty:
+            visible[layer.name] = shown
+    return visible
+
+
+def _face(owner: str, polygon: Any, exact: dict[int, float]) -> Face:
+    def restored(ring: Any) -> Array:
+        points = np.asarray(ring.coords)[:-1]
+        return np.array([[exact.get(round(x), x * GRID) for x in point] for point in points])
+
+    return Face(owner, (restored(polygon.exterior), *(restored(hole) for hole in polygon.interiors)))
+
+
+def _check_thickness(face: Face) -> None:
+    edges = face.edges()
+    lengths = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)
+    r, z = edges[:, 0].mean(axis=0)
+    thickness = 2 * face.volume / (2 * np.pi * max(r, THINNEST)) / lengths.sum()
+    if min(thickness, lengths.min()) < THINNEST:
+        raise checks.InputError(
+            f"{face.owner!r} has a sliver of {min(thickness, lengths.min()):.2g} m near r = {r:g} m, z = {z:g} m, thinner than "
+            "an atom; make the outlines that meet there agree"
+        )
+
+
+def _sides(geometry: CrossSection, faces: list[tuple[str, Any]], exact: dict[int, float]) -> dict[str, Array]:
+    """Sort the edges that belong to one face only by the side they lie on."""
+    import shapely
+
+    uses: Counter[frozenset[tuple[float, float]]] = Counter()
+    for _, polygon in faces:
+        for ring in (polygon.exterior, *polygon.interiors):
+            uses.update(frozenset(pair) for pair in zip(ring.coords[:-1], ring.coords[1:], strict=True))
+    filled = shapely.unary_union([shapely.Polygon(polygon.exterior) for _, polygon in faces] + _stack(geometry), grid_size=1)
+    skin = shapely.union_all([shape.exterior for shape in getattr(filled, "geoms", [filled])])
+    outer, bottom = round(geometry.outer_radius / GRID), round(geometry.bottom_z / GRID)
+    sides: dict[str, list[Any]] = {side: [] for side in SIDES}
+    for edge in sorted(tuple(sorted(pair)) for pair, count in uses.items() if count == 1):
+        (r0, z0), (r1, z1) = edge
+        if r0 == r1 == 0:
+            side = "axis"
+        elif r0 == r1 == outer:
+            side = "outer"
+        elif z0 == z1 == bottom:
+            side = "bottom"
+        else:
+            side = "top" if skin.distance(shapely.Point((r0 + r1) / 2, (z0 + z1) / 2)) <= 1 else "wall"
+        sides[side].append([[exact.get(round(x), x * GRID) for x in point] for point in edge])
+    return {side: np.array(edges).reshape(-1, 2, 2) for side, edges in sides.items()}
+
+
+def _stack(geometry: CrossSection) -> list[Any]:
+    import shapely
+
+    return [shapely.box(0, *(round(x / GRID) for x in (geometry.bottom_z, geometry.outer_radius, geometry.top_z)))]
+
+
+def check_places(geometry: CrossSection) -> None:
+    """Raise InputError for a part outside the stack, or one that crosses its top."""
+    low, high, slack = geometry.bottom_z, geometry.top_z, GRID
+    for part in geometry.parts:
+        where = f"part {part.name!r} (z = {part.bottom:g} .. {part.top:g} m)"
+        reach = float(part.outline()[:, 0].max())
+        if reach > geometry.outer_radius + slack:
+            raise checks.InputError(
+                f"part {part.name!r} reaches r = {reach:g} m, outside outer_radius = {geometry.outer_radius:g} m"
+            )
+        if part.bottom < low - slack:
+            raise checks.InputError(f"{where} lies outside the stack, which begins at z = {low:g} m")
+        if part.material != VOID and part.bottom < high - slack and part.top > high + slack:
+            raise checks.InputError(
+                f"{where} sticks out of the stack, which ends at z = {high:g} m; lower it, raise the top layer, or make it two "
+                "parts, one below and one above that height"
+            )
+
+
+def check_held(geometry: CrossSection) -> None:
+    """Raise InputError unless every connected piece touches a side that holds the temperature."""
+    faces = geometry.subdivision.faces
+    piece = list(range(len(faces)))
+    seen: dict[Any, int] = {}
+    for k, face in enumerate(faces):
+        for edge in face.edges():
+            other = seen.setdefault(frozenset(map(tuple, edge.tolist())), k)
+            old, new = piece[k], piece[other]
+            piece = [new if p == old else p for p in piece]
+    held = set()
+    for side, boundary in (("bottom", geometry.bottom), ("top", geometry.top), ("outer", geometry.outer)):
+        if boundary.holds:
+            held |= {piece[seen[frozenset(map(tuple, edge.tolist()))]] for edge in geometry.subdivision.sides[side]}
+    for k, face in enumerate(faces):
+        if piece[k] not in held:
+            r, z = face.rings[0].mean(axis=0)
+            raise checks.InputError(
+                f"{face.owner!r} near r = {r:g} m, z = {z:g} m lies outside the stack or is cut off from it: it touches no side "
+                "that holds the temperature, so its heat has no way out"
+            )

@@ -1,0 +1,228 @@
+"""The geometry file: TOML text with units in, a `CrossSection` out, and back.
+
+Each table of the file has its keys listed here once, with the unit that the value must have; an unknown key is an error
+that suggests the nearest one.
+"""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from . import checks, quantity
+from .checks import InputError
+from .geometry import INSULATED, ISOTHERMAL, VERTICAL, Boundary, CrossSection, Interface, Layer, Part, ring
+from .materials import LIBRARY, Material
+
+# key -> the SI unit of its text, or what else it holds
+_TEXT, _FLAG, _TABLE, _TABLES, _ANY = "text", "true or false", "table", "list of tables", "anything"
+_TOP = {
+    "name": _TEXT,
+    "outer_radius": "m",
+    "ambient": "K",
+    "layer": _TABLES,
+    "part": _TABLES,
+    "interface": _TABLES,
+    "boundary": _TABLE,
+    "material": _TABLE,
+}
+_LAYER = {"name": _TEXT, "material": _TEXT, "thickness": "m", "datum": _FLAG}
+_PART = {
+    "name": _TEXT,
+    "material": _TEXT,
+    "radius": "m",
+    "width": "m",
+    "inner_radius": "m",
+    "outer_radius": "m",
+    "bottom": "m",
+    "height": "m",
+    "sidewall_angle": "rad",
+    "heated": _FLAG,
+}
+_INTERFACE = {"part": _TEXT, "resistance": "m^2*K/W"}
+_BOUNDARY = {"bottom": _ANY, "top": _ANY, "outer": _ANY}
+_CONVECTION = {"convection": "W/m^2/K"}
+_MATERIAL = {"conductivity": _ANY, "density": "kg/m^3", "specific_heat": "J/kg/K", "source": _TEXT}
+_CONDUCTIVITY = {"value": "W/m/K", "exponent": "", "reference": "K"}
+
+
+def read_file(path: str | Path) -> CrossSection:
+    """Read a geometry file; see `CrossSection.from_toml`."""
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise InputError(f"geometry file {str(path)!r} does not exist") from None
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise InputError(f"geometry file {str(path)!r} cannot be read: {reason}") from None
+    try:
+        return read_text(text)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def read_text(text: str) -> CrossSection:
+    """Read the text of a geometry file; see `CrossSection.from_toml_text`."""
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"not valid TOML: {error}") from None
+    top = _read(table, _TOP, "the file", required=("outer_radius", "layer", "part"))
+    boundary = _read(top.get("boundary", {}), _BOUNDARY, "[boundary]")
+    return CrossSection(
+        name=top.get("name", "cross-section"),
+        outer_radius=top["outer_radius"],
+        layers=tuple(_layer(item, k) for k, item in enumerate(top["layer"], 1)),
+        parts=tuple(_part(item, k) for k, item in enumerate(top["part"], 1)),
+        interfaces=tuple(_interface(item, k) for k, item in enumerate(top.get("interface", []), 1)),
+        bottom=_boundary(boundary, "bottom", ISOTHERMAL),
+        top=_boundary(boundary, "top", INSULATED),
+        outer=_boundary(boundary, "outer", INSULATED),
+        materials=tuple(_material(name, item) for name, item in top.get("material", {}).items()),
+        ambient=top.get("ambient", 293.15),
+    )
+
+
+def _read(table: Any, keys: dict[str, str], where: str, *, required: tuple[str, ...] = ()) -> dict[str, Any]:
+    """The values of one table in SI; InputError for a key that is unknown, missing or of the wrong kind."""
+    if not isinstance(table, dict):
+        raise InputError(f"{where} = {table!r} must be a table")
+    for key in table:
+        checks.choice(f"{where}: key", key, keys)
+    for key in required:
+        if key not in table:
+            raise InputError(f"{where}: {key} is missing" + (f"; add [[{key}]] tables" if keys[key] == _TABLES else ""))
+    return {key: _value(value, keys[key], key, where) for key, value in table.items()}
+
+
+def _value(value: Any, kind: str, key: str, where: str) -> Any:
+    if kind == _ANY:
+        return value
+    kinds = {_TEXT: str, _FLAG: bool, _TABLE: dict}
+    if kind in kinds:
+        if not isinstance(value, kinds[kind]):
+            raise InputError(f"{where}: {key} = {value!r} must be {kind}")
+        return value
+    if kind == _TABLES:
+        if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
+            raise InputError(f"{where}: {key} must be tables, each opened by a line [[{key}]]")
+        return value
+    return quantity.parse(value, kind, name=f"{where}: {key}")
+
+
+def _where(kind: str, table: dict[str, Any], k: int) -> str:
+    name = table.get("name", table.get("part"))
+    return f"{kind} {name!r}" if isinstance(name, str) else f"{kind} number {k}"
+
+
+def _layer(table: dict[str, Any], k: int) -> Layer:
+    return Layer(**_read(table, _LAYER, _where("layer", table, k), required=("name", "material", "thickness")))
+
+
+def _part(table: dict[str, Any], k: int) -> Part:
+    where = _where("part", table, k)
+    values = _read(table, _PART, where, required=("name", "material", "bottom", "height"))
+    by_centre, by_edges = {"radius", "width"} & set(values), {"inner_radius", "outer_radius"} & set(values)
+    if len(by_centre) == 2 and not by_edges:
+        inner, outer = ring(values.pop("radius"), values.pop("width"), of=f"{where}: ")
+        values |= {"inner_radius": inner, "outer_radius": outer}
+    elif len(by_edges) != 2 or by_centre:
+        given = ", ".join(sorted(by_centre | by_edges)) or "neither"
+        raise InputError(f"{where}: give radius and width, or inner_radius and outer_radius (given: {given})")
+    return Part(**values)
+
+
+def _interface(table: dict[str, Any], k: int) -> Interface:
+    return Interface(**_read(table, _INTERFACE, _where("interface of", table, k), required=("part", "resistance")))
+
+
+def _boundary(table: dict[str, Any], side: str, default: Boundary) -> Boundary:
+    value = table.get(side)
+    if value is None:
+        return default
+    if isinstance(value, dict):
+        values = _read(value, _CONVECTION, f"boundary {side}", required=("convection",))
+        return Boundary("convection", values["convection"])
+    hint = 'convection is written { convection = "1e4 W/m^2/K" }'
+    return Boundary(checks.choice(f"boundary {side}", value, ("isothermal", "insulated"), hint=hint))
+
+
+def _material(name: str, table: Any) -> Material:
+    """A material of the file; for one of the library, what is left out keeps its value."""
+    where = f"[material.{name}]"
+    required = () if name in LIBRARY else ("conductivity", "density", "specific_heat")
+    values = _read(table, _MATERIAL, where, required=required)
+    if "conductivity" in values:
+        given = values.pop("conductivity")
+        if isinstance(given, dict):
+            law = _read(given, _CONDUCTIVITY, f"{where} conductivity", required=("value",))
+            values |= {"conductivity": law.pop("value"), **law}
+        else:
+            values |= {"conductivity": quantity.parse(given, "W/m/K", name=f"{where} conductivity")}
+    base = LIBRARY.get(name)
+    if base:
+        kept = {key: getattr(base, key) for key in ("conductivity", "density", "specific_heat")}
+        kept |= {"source": f"geometry file; what it leaves out: {base.source}"}
+        values = kept | values
+    return Material(name=name, **{"source": "geometry file", **values})
+
+
+def write_text(geometry: CrossSection) -> str:
+    """The text of a geometry file that reads back as an equal CrossSection."""
+    lines = [
+        f"name = {_quoted(geometry.name)}",
+        f"outer_radius = {_quantity(geometry.outer_radius, 'm')}",
+        f"ambient = {_quantity(geometry.ambient, 'K')}",
+    ]
+    for layer in geometry.layers:
+        lines += ["", "[[layer]]", f"name = {_quoted(layer.name)}", f"material = {_quoted(layer.material)}"]
+        lines += [f"thickness = {_quantity(layer.thickness, 'm')}"] + ["datum = true"] * layer.datum
+    for part in geometry.parts:
+        lines += ["", "[[part]]", *_part_lines(part)]
+    for interface in geometry.interfaces:
+        lines += ["", "[[interface]]", f"part = {_quoted(interface.part)}"]
+        lines += [f"resistance = {_quantity(interface.resistance, 'm^2*K/W')}"]
+    lines += ["", "[boundary]"]
+    for side in ("bottom", "top", "outer"):
+        boundary: Boundary = getattr(geometry, side)
+        convection = f"{{ convection = {_quantity(boundary.coefficient, 'W/m^2/K')} }}"
+        lines += [f"{side} = " + (convection if boundary.kind == "convection" else _quoted(boundary.kind))]
+    for material in geometry.materials:
+        lines += ["", f"[material.{_quoted(material.name)}]", *_material_lines(material)]
+    return "\n".join(lines) + "\n"
+
+
+def _part_lines(part: Part) -> list[str]:
+    lines = [f"name = {_quoted(part.name)}", f"material = {_quoted(part.material)}"]
+    radius = float(f"{(part.inner_radius + part.outer_radius) / 2:.12g}")
+    width = float(f"{part.outer_radius - part.inner_radius:.12g}")
+    if part.inner_radius and (radius - width / 2, radius + width / 2) == (part.inner_radius, part.outer_radius):
+        sizes = {"radius": radius, "width": width}
+    else:
+        sizes = {"inner_radius": part.inner_radius, "outer_radius": part.outer_radius}
+    sizes |= {"bottom": part.bottom, "height": part.height}
+    lines += [f"{key} = {_quantity(value, 'm')}" for key, value in sizes.items()]
+    if part.sidewall_angle != VERTICAL:
+        lines += [f"sidewall_angle = {_quantity(part.sidewall_angle, 'rad')}"]
+    return lines + ["heated = true"] * part.heated
+
+
+def _material_lines(material: Material) -> list[str]:
+    law = f"value = {_quantity(material.conductivity, 'W/m/K')}, exponent = {_quantity(material.exponent, '')}"
+    return [
+        f"conductivity = {{ {law}, reference = {_quantity(material.reference, 'K')} }}",
+        f"density = {_quantity(material.density, 'kg/m^3')}",
+        f"specific_heat = {_quantity(material.specific_heat, 'J/kg/K')}",
+        f"source = {_quoted(material.source)}",
+    ]
+
+
+def _quantity(value: float, unit: str) -> str:
+    return _quoted(quantity.write(value, unit))
+
+
+def _quoted(text: str) -> str:
+    """A TOML basic string; JSON escapes the same characters, but for DEL."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
