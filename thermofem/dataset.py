@@ -89,10 +89,10 @@ def build(
     times, rise = np.asarray(times, dtype=float), np.asarray(delta_T, dtype=float)
     several = rise.ndim == 2
     variables: dict[str, Any] = {
-        "delta_T": (("time", "probe") if several else ("time",), rise, _describe("delta_T")),
-        "power": ("time", wave(times), _describe("power")),
+        "delta_T": (("time", "probe") if several else ("time",), rise, describe("delta_T")),
+        "power": ("time", wave(times), describe("power")),
     }
-    coordinates: dict[str, Any] = {"time": ("time", times, _describe("time"))}
+    coordinates: dict[str, Any] = {"time": ("time", times, describe("time"))}
     if several:
         coordinates["probe"] = ("probe", list(read), {"long_name": "part whose mean is read"})
     attrs = {
@@ -106,7 +106,7 @@ def build(
     return xr.Dataset(variables, coords=coordinates, attrs=attrs)
 
 
-def _describe(name: str) -> dict[str, str]:
+def describe(name: str) -> dict[str, str]:
     """Attributes of one field, as xarray's plots read them."""
     return {"units": FIELDS[name].unit, "long_name": FIELDS[name].long_name}
 

@@ -8,7 +8,7 @@ With the weight 2 pi r everywhere and P2 triangles this is  M dx/dt = -K x + c P
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import checks
+from .factor import Solve, factorize
 from .model import StateSpace
 from .transient import Ledger
 
@@ -25,6 +26,140 @@ if TYPE_CHECKING:
     from .mesh import Mesh
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class HeatProblem:
+    """The heat problem of one cross-section: what `assemble` gives back.
+
+    Attributes
+    ----------
+    geometry : CrossSection
+    mesh : Mesh
+    discretization : Discretization
+    accuracy : float
+        for which the mesh was sized.
+    """
+
+    geometry: CrossSection
+    mesh: Mesh
+    discretization: Discretization
+    accuracy: float
+
+    @property
+    def heated(self) -> tuple[str, ...]:
+        """Names of the parts that may carry absorbed power."""
+        return self.geometry.heated
+
+    @property
+    def regions(self) -> tuple[str, ...]:
+        """Names of every layer and part; each can be read."""
+        return self.mesh.region_names
+
+    @property
+    def unknowns(self) -> int:
+        """Number of temperatures solved for."""
+        return int(self.discretization.free.size)
+
+    @cached_property
+    def system(self) -> StateSpace:
+        """The FEM itself as a thermal model: every heated part is an input and an output."""
+        return self.channels(self.heated, self.heated)
+
+    def channels(self, heated: str | Sequence[str] | None = None, read: str | Sequence[str] | None = None) -> StateSpace:
+        """The FEM with chosen inputs and outputs.
+
+        Parameters
+        ----------
+        heated : str or sequence of str
+            heated parts; default all of them.
+        read : str or sequence of str
+            layers or parts whose mean is read; default the heated ones.
+
+        Raises
+        ------
+        InputError
+            a name that is no heated part, or no region.
+        """
+        inputs = _names("heated", heated, self.heated, self.heated)
+        outputs = _names("read", read, self.regions, inputs)
+        return self.discretization.state_space(inputs, outputs)
+
+    @cached_property
+    def _static(self) -> Solve:
+        """Solve K x = right-hand side on the free unknowns."""
+        free = self.discretization.free
+        return factorize(self.discretization.stiffness[free][:, free])
+
+    def thermal_resistance(self, heated: str | None = None, read: str | None = None) -> float:
+        """Steady mean rise of ``read`` per watt in ``heated``, in K/W; defaults: the first heated part, and itself.
+
+        >>> round(assemble(strip_ring()).thermal_resistance("core"), -1)       # K/W
+        7870.0
+        """
+        channel = self.channels(heated or self.heated[0], read or heated or self.heated[0])
+        return float(channel.C[0] @ self._static(channel.B[:, 0]))
+
+    def field(self, state: ArrayLike) -> Array:
+        """Temperature rise in K at every vertex of the mesh, from states of shape (..., unknowns) of the system."""
+        state = np.asarray(state, dtype=float)
+        everywhere = np.zeros((*state.shape[:-1], self.discretization.mass.shape[0]))
+        everywhere[..., self.discretization.free] = state
+        return everywhere[..., self.discretization.basis.nodal_dofs[0]]
+
+
+def assemble(geometry: CrossSection, accuracy: float = 1e-3) -> HeatProblem:
+    """Mesh a cross-section and assemble its heat problem.
+
+    Parameters
+    ----------
+    geometry : CrossSection
+    accuracy : float
+        wanted relative error of R_th and of the step response from 1 ns on; it picks the mesh sizes. The meshes of the
+        reference strip are committed; any other is made by gmsh.
+
+    Raises
+    ------
+    InputError
+        accuracy out of range, or a feature that this version does not build.
+    MissingLibraryError
+        a mesh must be made and gmsh cannot be loaded.
+    """
+    from .mesh import mesh_for
+
+    geometry.check_buildable()
+    mesh = mesh_for(geometry, accuracy)
+    materials = [geometry.material_of(name) for name in mesh.region_names]
+    conductivity = np.array([m.conductivity for m in materials])[mesh.region]
+    heat_capacity = np.array([m.density * m.specific_heat for m in materials])[mesh.region]
+    held, convection = _boundaries(geometry, mesh)
+    discretization = discretize(mesh, conductivity, heat_capacity, held=held, convection=convection)
+    return HeatProblem(geometry, mesh, discretization, accuracy)
+
+
+def _boundaries(geometry: CrossSection, mesh: Mesh) -> tuple[NDArray[np.intp], dict[float, NDArray[np.intp]]]:
+    """Held facets, and the facets of every convection coefficient."""
+    grid = skfem_mesh(mesh)
+    facets = grid.boundary_facets()
+    r, z = grid.p[:, grid.facets[:, facets]].mean(axis=1)
+    held: list[NDArray[np.intp]] = [np.empty(0, dtype=np.intp)]
+    convection: dict[float, NDArray[np.intp]] = {}
+    for side in ("bottom", "top", "outer"):
+        boundary = getattr(geometry, side)
+        where = facets[geometry.on_boundary(side, r, z)]
+        if boundary.kind == "isothermal":
+            held.append(where)
+        elif boundary.kind == "convection":
+            convection[boundary.coefficient] = np.append(convection.get(boundary.coefficient, held[0]), where)
+    return np.concatenate(held), convection
+
+
+def _names(argument: str, given: str | Sequence[str] | None, known: Sequence[str], default: Sequence[str]) -> tuple[str, ...]:
+    """One or several names, each checked against the known ones."""
+    names = tuple(default) if given is None else (given,) if isinstance(given, str) else tuple(given)
+    if not names:
+        raise checks.InputError(f"{argument} is empty; give at least one of {', '.join(known)}")
+    return tuple(checks.choice(argument, name, known) for name in names)
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,7 +28,10 @@ SIDES = ("bottom", "top", "outer", "axis", "wall")
 
 @dataclass(frozen=True, eq=False)
 class Face:
-    """A polygon in (r, z) that belongs to one layer or part: outer ring first, then holes, each of shape (n, 2) in m."""
+    """A polygon in (r, z) that belongs to one layer or part.
+
+    ``rings``: the outer ring counterclockwise, then holes clockwise, each of shape (n, 2) in m.
+    """
 
     owner: str
     rings: tuple[Array, ...]
@@ -38,12 +41,11 @@ class Face:
         """Integral of 2 pi r dA in m^3, exact for a polygon (Pappus): 2 pi r_centroid A."""
         origin = self.rings[0].mean(axis=0)  # near the face: nothing cancels
         area = moment = 0.0
-        for k, ring in enumerate(self.rings):
+        for ring in self.rings:
             (r, z), (s, t) = (ring - origin).T, np.roll(ring - origin, -1, axis=0).T
             cross = r * t - s * z
-            sign = np.sign(cross.sum()) * (1 if k == 0 else -1)
-            area += sign * cross.sum() / 2
-            moment += sign * ((r + s) * cross).sum() / 6
+            area += cross.sum() / 2
+            moment += ((r + s) * cross).sum() / 6
         return float(2 * np.pi * (origin[0] * area + moment))
 
     def edges(self) -> Array:
@@ -95,6 +97,7 @@ def subdivide(geometry: CrossSection) -> Subdivision:
         a part that is wholly hidden, or a face thinner than an atom.
     """
     import shapely
+    from shapely.geometry.polygon import orient
 
     outlines = _outlines(geometry)
     visible = _visible(geometry, outlines)
@@ -104,7 +107,7 @@ def subdivide(geometry: CrossSection) -> Subdivision:
         inside = polygon.representative_point()
         owner = next((name for name, shape in visible.items() if shape.contains(inside)), None)
         if owner is not None:
-            faces.append((owner, shapely.normalize(polygon)))
+            faces.append((owner, orient(shapely.normalize(polygon))))
     order = list(outlines)
     faces.sort(key=lambda face: (order.index(face[0]), face[1].bounds))
     exact = {round(x / GRID): float(x) for outline in outlines.values() for x in outline.ravel()}

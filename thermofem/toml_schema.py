@@ -45,6 +45,7 @@ _INTERFACE = {"part": _TEXT, "resistance": "m^2*K/W"}
 _BOUNDARY = {"bottom": _ANY, "top": _ANY, "outer": _ANY}
 _CONVECTION = {"convection": "W/m^2/K"}
 _MATERIAL = {"conductivity": _ANY, "density": "kg/m^3", "specific_heat": "J/kg/K", "source": _TEXT}
+_PROPERTIES = ("conductivity", "density", "specific_heat")
 _CONDUCTIVITY = {"value": "W/m/K", "exponent": "", "reference": "K"}
 
 
@@ -152,7 +153,7 @@ def _boundary(table: dict[str, Any], side: str, default: Boundary) -> Boundary:
 def _material(name: str, table: Any) -> Material:
     """A material of the file; for one of the library, what is left out keeps its value."""
     where = f"[material.{name}]"
-    required = () if name in LIBRARY else ("conductivity", "density", "specific_heat")
+    required = () if name in LIBRARY else _PROPERTIES
     values = _read(table, _MATERIAL, where, required=required)
     if "conductivity" in values:
         given = values.pop("conductivity")
@@ -161,12 +162,9 @@ def _material(name: str, table: Any) -> Material:
             values |= {"conductivity": law.pop("value"), **law}
         else:
             values |= {"conductivity": quantity.parse(given, "W/m/K", name=f"{where} conductivity")}
-    base = LIBRARY.get(name)
-    if base:
-        kept = {key: getattr(base, key) for key in ("conductivity", "density", "specific_heat")}
-        kept |= {"source": f"geometry file; what it leaves out: {base.source}"}
-        values = kept | values
-    return Material(name=name, **{"source": "geometry file", **values})
+    kept = {key: getattr(LIBRARY[name], key) for key in _PROPERTIES if key not in values}
+    source = "geometry file" + (f" ({', '.join(kept)}: {LIBRARY[name].source})" if kept else "")
+    return Material(**{"name": name, "source": source, **kept, **values})
 
 
 def write_text(geometry: CrossSection) -> str:
@@ -210,7 +208,7 @@ def _part_lines(part: Part) -> list[str]:
 
 
 def _material_lines(material: Material) -> list[str]:
-    law = f"value = {_quantity(material.conductivity, 'W/m/K')}, exponent = {_quantity(material.exponent, '')}"
+    law = f"value = {_quantity(material.conductivity, 'W/m/K')}, exponent = {material.exponent!r}"
     return [
         f"conductivity = {{ {law}, reference = {_quantity(material.reference, 'K')} }}",
         f"density = {_quantity(material.density, 'kg/m^3')}",

@@ -1,0 +1,358 @@
+"""Triangle meshes of a cross-section: made by gmsh through pygmsh, written and read through meshio.
+
+Element size at (r, z), with d the distance to the outlines of the heated parts and d_c to their corners:
+
+    size = min(h + slope d, h_c + slope d_c, max(4 um, d/10))
+
+The heat flux has a singularity at the corners of the core, where the conductivity jumps, and so h_c decides the
+accuracy. Other parts have the same grading, made coarser with their distance to the heat.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import math
+import os
+import re
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import checks
+from .checks import InputError, MissingLibraryError
+
+if TYPE_CHECKING:
+    from .geometry import CrossSection
+    from .regions import Face
+
+VERSION = 1  # of the mesher: a new number where the same geometry gets another mesh
+LARGEST = 4e-6  # m, near the heat
+MICRON = 1e-6  # gmsh has absolute tolerances of 1e-8: it is given micrometres
+
+# shared libraries that the gmsh wheel links to, and the Debian package that brings each
+_PACKAGES = {
+    "libGLU.so.1": "libglu1-mesa",
+    "libGL.so.1": "libgl1",
+    "libX11.so.6": "libx11-6",
+    "libXext.so.6": "libxext6",
+    "libXrender.so.1": "libxrender1",
+    "libXcursor.so.1": "libxcursor1",
+    "libXfixes.so.3": "libxfixes3",
+    "libXft.so.2": "libxft2",
+    "libXinerama.so.1": "libxinerama1",
+    "libXi.so.6": "libxi6",
+    "libfontconfig.so.1": "libfontconfig1",
+    "libfreetype.so.6": "libfreetype6",
+    "libSM.so.6": "libsm6",
+    "libICE.so.6": "libice6",
+    "libgomp.so.1": "libgomp1",
+}
+_GMSH = threading.Lock()  # gmsh has one global state
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles in (r, z) with named regions.
+
+    Parameters
+    ----------
+    points : array, shape (n, 2), m
+        (r, z).
+    triangles : int array, shape (m, 3)
+        counterclockwise indices into ``points``.
+    region : int array, shape (m,)
+        index into ``region_names``.
+    region_names : tuple of str
+    """
+
+    points: NDArray[np.float64]
+    triangles: NDArray[np.int64]
+    region: NDArray[np.int64]
+    region_names: tuple[str, ...]
+
+    def volumes(self) -> dict[str, float]:
+        """Volume of every region in m^3: the sum of 2 pi r_centroid area, exact for triangles."""
+        (r0, z0), (r1, z1), (r2, z2) = (self.points[self.triangles[:, k]].T for k in range(3))
+        area = ((r1 - r0) * (z2 - z0) - (r2 - r0) * (z1 - z0)) / 2
+        share = np.bincount(self.region, 2 * np.pi * (r0 + r1 + r2) / 3 * area, minlength=len(self.region_names))
+        return dict(zip(self.region_names, map(float, share), strict=True))
+
+    def save(self, path: str | Path) -> None:
+        """Write a binary gmsh file (format 2.2: the one that keeps region names and reads back everywhere).
+
+        The file appears under its name only when it is complete.
+        """
+        import meshio
+
+        path = Path(path)
+        cells = [("triangle", self.triangles.astype(np.int32))]
+        tags = [(self.region + 1).astype(np.int32)]
+        names = {name: np.array([k + 1, 2]) for k, name in enumerate(self.region_names)}
+        points = np.column_stack([self.points, np.zeros(len(self.points))])
+        mesh = meshio.Mesh(
+            points, cells, cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags}, field_data=names
+        )
+        temporary = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}")
+        try:
+            meshio.gmsh.write(temporary, mesh, fmt_version="2.2", binary=True)
+            temporary.replace(path)
+        except OSError as error:
+            raise InputError(f"mesh file {str(path)!r} cannot be written: {error.strerror or error}") from None
+        finally:
+            temporary.unlink(missing_ok=True)
+
+
+def load(path: str | Path) -> Mesh:
+    """Read a mesh that `Mesh.save` or gmsh wrote: triangles whose physical groups are named.
+
+    Raises
+    ------
+    InputError
+        no such file, not a gmsh file, or one without named groups of triangles.
+    """
+    import meshio
+
+    if not Path(path).is_file():
+        raise InputError(f"mesh file {str(path)!r} does not exist")
+    try:
+        mesh = meshio.gmsh.read(path)
+        blocks = [k for k, block in enumerate(mesh.cells) if block.type == "triangle"]
+        triangles = np.concatenate([mesh.cells[k].data for k in blocks]).astype(np.int64)
+        tags = np.concatenate([mesh.cell_data["gmsh:physical"][k] for k in blocks])
+        points = mesh.points[:, :2].astype(float)
+    except Exception as error:  # meshio raises whatever a damaged file makes it trip over
+        raise InputError(f"mesh file {str(path)!r} cannot be read: {error or type(error).__name__}") from None
+    named = {int(tag): name for name, (tag, dimension) in mesh.field_data.items() if dimension == 2}
+    unnamed = set(map(int, tags)) - set(named)
+    if unnamed:
+        raise InputError(f"mesh file {str(path)!r}: the physical groups {sorted(unnamed)} have no names")
+    used = sorted(set(map(int, tags)))
+    return Mesh(points, triangles, np.searchsorted(used, tags), tuple(named[tag] for tag in used))
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Element sizes: ``h`` in m on the outline, growing by ``slope`` per length, ``h_c`` in m at the corners."""
+
+    h: float
+    slope: float
+    h_c: float
+
+
+def sizes(accuracy: float) -> Sizes:
+    """Sizes for a relative error of R_th and of the step response from 1 ns on.
+
+    A power law through the sizes measured to give 1e-3 (60 nm, .5, 10 nm) and 1e-4 (40 nm, .3, 2 nm).
+
+    Raises
+    ------
+    InputError
+        accuracy outside 1e-5 .. 1e-2.
+    """
+    hint = "it is the wanted relative error of the thermal resistance and the step response"
+    decades = -3 - math.log10(checks.between("accuracy", accuracy, 1e-5, 1e-2, hint=hint))
+    return Sizes(h=60e-9 * (40 / 60) ** decades, slope=0.5 * (0.3 / 0.5) ** decades, h_c=10e-9 * (2 / 10) ** decades)
+
+
+def mesh_for(geometry: CrossSection, accuracy: float) -> Mesh:
+    """The committed mesh of this geometry where there is one, else a new one from gmsh.
+
+    Raises
+    ------
+    InputError
+        accuracy outside 1e-5 .. 1e-2, or a geometry that cannot be meshed.
+    MissingLibraryError
+        gmsh is needed and cannot be loaded.
+    """
+    sizes(accuracy)
+    committed = find_committed(geometry, accuracy)
+    return load(committed) if committed else make(geometry, accuracy)
+
+
+def find_committed(geometry: CrossSection, accuracy: float) -> Path | None:
+    """The file of the committed mesh with this content, in the installed package or in the checkout."""
+    here = Path(__file__).resolve().parent
+    pattern = f"*-{content_hash(geometry, accuracy)}.msh"
+    return next((path for folder in (here / "meshes", here.parent / "meshes") for path in folder.glob(pattern)), None)
+
+
+def content_hash(geometry: CrossSection, accuracy: float) -> str:
+    """Twelve hexadecimal digits of what determines the mesh: outlines, their names, what is heated, sizes, mesher.
+
+    Materials, boundary conditions and the geometry's name do not enter.
+    """
+    faces = [
+        [face.owner, face.owner in geometry.heated, *(np.rint(ring / 1e-15).astype(int).tolist() for ring in face.rings)]
+        for face in geometry.subdivision.faces
+    ]
+    text = repr((VERSION, f"{accuracy:.6e}", faces))
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+def make(geometry: CrossSection, accuracy: float) -> Mesh:
+    """Mesh a geometry with gmsh (deterministic; works in any thread).
+
+    Raises
+    ------
+    InputError, MissingLibraryError
+        as `mesh_for`.
+    """
+    problem = gmsh_problem()
+    if problem:
+        raise MissingLibraryError(problem)
+    import gmsh
+    import pygmsh
+
+    size = size_function(geometry, sizes(accuracy))
+    faces = geometry.subdivision.faces
+    with _GMSH:
+        ours = not gmsh.isInitialized()
+        if ours:  # not through pygmsh's context manager: that installs a signal handler, which only the main thread may
+            gmsh.initialize(readConfigFiles=False, interruptible=False)
+        try:
+            points, triangles, region, names = _triangulate(gmsh, pygmsh.geo.Geometry(), faces, size)
+        except Exception as error:  # gmsh raises plain Exception
+            raise InputError(f"gmsh cannot mesh {geometry.name!r}: {error}") from None
+        finally:
+            if ours:
+                gmsh.finalize()
+    mesh = Mesh(points, triangles, region, names)
+    for name, volume in geometry.volumes().items():
+        if abs(mesh.volumes()[name] - volume) > 1e-9 * volume:
+            raise InputError(f"gmsh cannot mesh {geometry.name!r}: region {name!r} is not filled; simplify the outlines there")
+    return mesh
+
+
+def _triangulate(
+    gmsh: Any, builder: Any, faces: Sequence[Face], size: Callable[[float, float], float]
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64], tuple[str, ...]]:
+    """Points (m), triangles, region and region names of the faces, sharing points and lines."""
+    gmsh.model.add("thermofem")
+    try:
+        surfaces = _surfaces(builder, faces)
+        builder.set_mesh_size_callback(lambda dim, tag, r, z, _, size_given: size(r * MICRON, z * MICRON) / MICRON)
+        options = {"General.Terminal": 0, "General.NumThreads": 1, "Mesh.LcIntegrationPrecision": 1e-3}
+        for option, value in options.items():
+            gmsh.option.setNumber(option, value)
+        builder.synchronize()
+        gmsh.model.mesh.generate(2)
+        tags, coordinates, _ = gmsh.model.mesh.getNodes()
+        cells = [gmsh.model.mesh.getElementsByType(2, surface._id)[1].reshape(-1, 3) for surface in surfaces]
+    finally:
+        gmsh.model.mesh.removeSizeCallback()
+        gmsh.model.remove()
+    names = tuple(dict.fromkeys(face.owner for face in faces))
+    region = np.repeat([names.index(face.owner) for face in faces], [len(cell) for cell in cells])
+    order = np.argsort(tags)
+    used, triangles = np.unique(np.concatenate(cells), return_inverse=True)
+    points = coordinates.reshape(-1, 3)[order[np.searchsorted(tags, used, sorter=order)], :2] * MICRON
+    return points, triangles.reshape(-1, 3).astype(np.int64), region.astype(np.int64), names
+
+
+def _surfaces(builder: Any, faces: Sequence[Face]) -> list[Any]:
+    """A pygmsh surface for every face; neighbours share their points and lines."""
+    points: dict[tuple[float, float], Any] = {}
+    lines: dict[tuple[Any, Any], Any] = {}
+
+    def line(start: tuple[float, float], stop: tuple[float, float]) -> Any:
+        for corner in (start, stop):
+            if corner not in points:
+                points[corner] = builder.add_point([corner[0] / MICRON, corner[1] / MICRON, 0.0])
+        if (stop, start) in lines:
+            return -lines[stop, start]
+        if (start, stop) not in lines:
+            lines[start, stop] = builder.add_line(points[start], points[stop])
+        return lines[start, stop]
+
+    def loop(ring: NDArray[np.float64]) -> Any:
+        corners = [(float(r), float(z)) for r, z in ring]
+        return builder.add_curve_loop([line(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)])
+
+    return [builder.add_plane_surface(loop(face.rings[0]), [loop(hole) for hole in face.rings[1:]]) for face in faces]
+
+
+def size_function(geometry: CrossSection, at: Sizes) -> Callable[[float, float], float]:
+    """The element size in m at (r, z) in m, as the module's docstring gives it.
+
+    Plain floats, no arrays: gmsh asks a few thousand times, one point at a time.
+    """
+    heated, other = _outline(geometry, heated=True), _outline(geometry, heated=False)
+    heated_corners, other_corners = _corners(heated), _corners(other) - _corners(heated)
+
+    def size(r: float, z: float) -> float:
+        to_heat = math.sqrt(_square_to_segments(heated, r, z))
+        to_corner = math.sqrt(_square_to_points(heated_corners, r, z))
+        result = min(at.h + at.slope * to_heat, at.h_c + at.slope * to_corner, max(LARGEST, to_heat / 10))
+        if other:
+            far = at.slope / 4 * to_heat
+            result = min(result, at.h + far + at.slope * math.sqrt(_square_to_segments(other, r, z)))
+            result = min(result, at.h_c + far + at.slope * math.sqrt(_square_to_points(other_corners, r, z)))
+        return result
+
+    return size
+
+
+Segment = tuple[float, float, float, float, float]  # r, z, dr, dz, dr^2 + dz^2
+
+
+def _outline(geometry: CrossSection, *, heated: bool) -> list[Segment]:
+    """Outlines of the heated parts, or of all others and of voids; not where they are cut by the axis or the outer side."""
+    cut = geometry.subdivision
+    parts = {part.name for part in geometry.parts if part.heated == heated}
+    edges = [face.edges() for face in cut.faces if face.owner in parts]
+    if not heated:
+        edges.append(cut.sides["wall"])
+    middle = [edge.mean(axis=0) for group in edges for edge in group]
+    if not middle:
+        return []
+    r, z = np.array(middle).T
+    kept = ~(cut.on_side("axis", r, z) | cut.on_side("outer", r, z))
+    segments = []
+    for (r0, z0), (r1, z1) in np.concatenate(edges)[kept].tolist():
+        segments.append((r0, z0, r1 - r0, z1 - z0, (r1 - r0) ** 2 + (z1 - z0) ** 2))
+    return segments
+
+
+def _corners(segments: Sequence[Segment]) -> set[tuple[float, float]]:
+    """Points where two segments meet; an end that meets nothing lies on the axis or the outer side and is no corner."""
+    ends = [(s[0], s[1]) for s in segments] + [(s[0] + s[2], s[1] + s[3]) for s in segments]
+    return {end for end in ends if end[0] > 0}
+
+
+def _square_to_segments(segments: Sequence[Segment], r: float, z: float) -> float:
+    nearest = math.inf
+    for r0, z0, dr, dz, square in segments:
+        x, y = r - r0, z - z0
+        share = (x * dr + y * dz) / square
+        share = 0.0 if share < 0 else 1.0 if share > 1 else share
+        x, y = x - share * dr, y - share * dz
+        nearest = min(nearest, x * x + y * y)
+    return nearest
+
+
+def _square_to_points(points: set[tuple[float, float]], r: float, z: float) -> float:
+    return min(((r - x) ** 2 + (z - y) ** 2 for x, y in points), default=math.inf)
+
+
+def gmsh_problem() -> str | None:
+    """None where gmsh and pygmsh can be loaded, else one line that says what is missing and what brings it."""
+    remedy = "the committed meshes of the reference cross-sections work without it"
+    for module in ("gmsh", "pygmsh"):
+        try:
+            importlib.import_module(module)
+        except ModuleNotFoundError as error:
+            return f"{module} cannot be loaded: the Python package {error.name} is missing (pip install {error.name}); {remedy}"
+        except (ImportError, OSError) as error:
+            library = re.match(r"(lib[\w.+-]+?\.so[.\d]*)", str(error))
+            if library is None:
+                return f"{module} cannot be loaded: {error}; {remedy}"
+            package = _PACKAGES.get(library[1])
+            brings = f"(Debian, Ubuntu: apt-get install {package})" if package else "(find its package with apt-file search)"
+            return f"{module} cannot be loaded: the shared library {library[1]} is missing {brings}; {remedy}"
+    return None

@@ -1,0 +1,179 @@
+"""From a heat problem and a heating waveform to training data."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from . import dataset
+from .heat import HeatProblem
+from .transient import Trajectory, integrate, integrate_periodic
+from .waveforms import Waveform
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from .mesh import Mesh
+
+
+def solve(
+    heat: HeatProblem,
+    wave: Waveform,
+    times: ArrayLike,
+    *,
+    heated: str | None = None,
+    read: str | Sequence[str] | None = None,
+    rtol: float = 1e-4,
+    field_times: ArrayLike = (),
+) -> xr.Dataset:
+    """Full-order transient from rest.
+
+    Parameters
+    ----------
+    heat : HeatProblem
+    wave : Waveform
+        absorbed power in W, switched on at t = 0.
+    times : array, s
+        increasing, not negative; the run lands on every edge of the waveform whether or not it is listed.
+    heated : str
+        the part that carries the power; default the first heated one.
+    read : str or sequence of str
+        what is read; default the heated part. A sequence gives ``delta_T`` a dimension ``probe``.
+    rtol : float
+        time-integration error relative to the largest rise; the mesh adds its own ``heat.accuracy``.
+    field_times : array, s
+        times at which the whole field is kept.
+
+    Returns
+    -------
+    Dataset
+        schema of `thermofem.dataset`: delta_T (K), power (W) over time (s); with ``field_times`` also field (K).
+
+    Raises
+    ------
+    InputError
+        unknown names, times that do not increase, rtol out of range.
+
+    >>> data = solve(assemble(strip_ring()), Pulse(power=2e-3, width=20e-6), times=[1e-6, 20e-6, 21e-6])
+    >>> data.delta_T.round(1).values
+    array([ 9.3, 15.4,  6.4])
+    """
+    heated = heated or heat.heated[0]
+    system = heat.channels(heated, read if read is not None else heated)
+    ledger = heat.discretization.ledger
+    run = integrate(system, wave, times, rtol=rtol, snapshots=field_times, ledger=ledger)
+    return _dataset(heat, wave, run, heated, read, rtol, field_times)
+
+
+def solve_periodic(
+    heat: HeatProblem,
+    wave: Waveform,
+    samples: int = 301,
+    *,
+    heated: str | None = None,
+    read: str | Sequence[str] | None = None,
+    rtol: float = 1e-4,
+) -> xr.Dataset:
+    """One period of the full-order periodic state, both ends and every edge of the waveform among the samples.
+
+    Parameters
+    ----------
+    heat : HeatProblem
+    wave : Waveform
+        with a period, as `SquareWave`.
+    samples : int
+    heated, read, rtol
+        as in `solve`.
+
+    Returns
+    -------
+    Dataset
+        as of `solve`, with ``kind = "periodic"`` and time from 0 to the period.
+
+    Raises
+    ------
+    InputError
+        a waveform without a period, too few samples for its edges.
+    """
+    heated = heated or heat.heated[0]
+    system = heat.channels(heated, read if read is not None else heated)
+    run = integrate_periodic(system, wave, samples, rtol=rtol, ledger=heat.discretization.ledger)
+    return _dataset(heat, wave, run, heated, read, rtol, (), periodic=True)
+
+
+def _dataset(
+    heat: HeatProblem,
+    wave: Waveform,
+    run: Trajectory,
+    heated: str,
+    read: str | Sequence[str] | None,
+    rtol: float,
+    field_times: ArrayLike,
+    *,
+    periodic: bool = False,
+) -> xr.Dataset:
+    """Trajectory and provenance in the schema of `thermofem.dataset`."""
+    single = read is None or isinstance(read, str)
+    names = (read or heated,) if single else tuple(read or ())
+    data = dataset.build(
+        run.times,
+        run.outputs[:, 0] if single else run.outputs,
+        wave,
+        periodic=periodic,
+        read=names,  # type: ignore[arg-type]
+        attributes=_provenance(heat, run, heated, names[0], rtol),  # type: ignore[arg-type]
+    )
+    if np.size(field_times):
+        data = data.merge(_fields(heat, run, field_times), combine_attrs="override")
+    return data
+
+
+def _provenance(heat: HeatProblem, run: Trajectory, heated: str, read: str, rtol: float) -> dict[str, Any]:
+    """What made the data: geometry, mesh, materials, solver, energy balance."""
+    materials = {heat.geometry.material_of(name).name: heat.geometry.material_of(name).source for name in heat.regions}
+    return {
+        "heated": heated,
+        "thermal_resistance": heat.thermal_resistance(heated, read),
+        "geometry": heat.geometry.to_toml(),
+        "mesh_hash": mesh_hash(heat.mesh),
+        "accuracy": heat.accuracy,
+        "unknowns": heat.unknowns,
+        "materials": json.dumps(materials),
+        "rtol": rtol,
+        "steps": run.steps,
+        "factorizations": run.factorizations,
+        "solves": run.solves,
+        "heat_in": run.heat_in,
+        "heat_stored": run.heat_stored,
+        "heat_out": run.heat_out,
+        "heat_imbalance": run.imbalance,
+    }
+
+
+def mesh_hash(mesh: Mesh) -> str:
+    """Twelve hexadecimal digits of the mesh's points, triangles and regions."""
+    content = b"".join(np.ascontiguousarray(a).tobytes() for a in (mesh.points, mesh.triangles, mesh.region))
+    return hashlib.sha256(content).hexdigest()[:12]
+
+
+def _fields(heat: HeatProblem, run: Trajectory, field_times: ArrayLike) -> xr.Dataset:
+    """Temperature fields on the mesh's vertices."""
+    import xarray as xr
+
+    r, z = heat.mesh.points.T
+    return xr.Dataset(
+        {
+            "field": (("field_time", "vertex"), heat.field(run.snapshots), dataset.describe("delta_T")),
+            "triangles": (("triangle", "corner"), heat.mesh.triangles),
+        },
+        coords={
+            "field_time": ("field_time", np.atleast_1d(np.asarray(field_times, dtype=float)), dataset.describe("time")),
+            "r": ("vertex", r, dataset.describe("r")),
+            "z": ("vertex", z, dataset.describe("z")),
+        },
+    )
