@@ -41,7 +41,7 @@ class ShockleyReadHall:
     InputError
         a number that is not finite, not positive, or out of the range of its unit.
 
-    Source: Shockley and Read, Phys. Rev. 87, 835 (1952), as in Borghi et al., Opt. Express 29, 4363 (2021), Eqs. 1 and 4.
+    Source: Shockley and Read, Phys. Rev. 87, 835 (1952), as in Borghi et al., Opt. Express 29, 4363 (2021), Eqs. 1, 4.
     """
 
     tau_n: float

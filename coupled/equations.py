@@ -32,58 +32,55 @@ if TYPE_CHECKING:
     from .resonator import RingResonator
 
 Array = NDArray[np.float64]
+Row = tuple[float, float, float, float]
+Rows = tuple[Row, Row, Row, Row]
 
 NS, FJ, UW, DENSITY = 1e-9, 1e-15, 1e-6, 1e23  # the internal units in s, J, W, 1/m^3
 EPSILON = 1e15 / DENSITY  # eps of S(N); 1e15 per m^3 is six orders below the densities that matter
 
 
+compiled = njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz", "arcp"})
+inlined = njit(
+    cache=True, nogil=True, forceinline=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz", "arcp"}
+)
+
+
 class Rates(NamedTuple):
-    """The ring in internal units, as the compiled functions take it; the names are those of the module's equations."""
+    """The ring in internal units; the names are those of the module's equations."""
 
     loss: float  # 1/ns
     absorbed: float  # 1/ns
     fca: float  # 1/ns per 1e23/m^3
     tpa: float  # 1/(ns fJ)
-    generation: float  # 1e23/m^3 per ns and fJ^2, g
+    g: float  # 1e23/m^3 per ns and fJ^2
     tau0: float  # ns
     a: float  # m^3/1e23
     b: float  # m^3/1e23
     thermal_shift: float  # rad/ns/K
-    coupling: float  # 1/ns, 2 gamma_e
-    fcd: Array  # rad/ns, coefficients c_k
-    exponents: Array  # p_k
 
 
-class Poles(NamedTuple):
-    """A Foster network in internal units."""
-
-    gain: Array  # K/fJ
-    rate: Array  # 1/ns
-
-
-def internal_rates(ring: RingResonator) -> Rates:
-    """Return the ring in internal units."""
-    coefficients, exponents = (np.array(column, dtype=float) for column in zip(*ring.fcd, strict=True))
-    return Rates(
+def internal_rates(ring: RingResonator) -> tuple[Rates, Array]:
+    """Return the ring in internal units and its free-carrier dispersion, rows (c_k in rad/ns, p_k)."""
+    rates = Rates(
         loss=ring.linear_rate * NS,
         absorbed=ring.loss_rate * NS,
         fca=ring.eta_fca * DENSITY * NS,
         tpa=ring.eta_tpa * FJ * NS,
-        generation=ring.g_tpa * FJ**2 * NS / DENSITY,
+        g=ring.g_tpa * FJ**2 * NS / DENSITY,
         tau0=ring.carriers.tau0 / NS,
         a=ring.carriers.a * DENSITY,
         b=ring.carriers.b * DENSITY,
         thermal_shift=ring.thermal_shift * NS,
-        coupling=2 * ring.bus_rate * NS,
-        fcd=ring.index_rate * NS * coefficients * DENSITY**exponents,
-        exponents=exponents,
     )
+    fcd = np.array(ring.fcd, dtype=float).reshape(-1, 2)
+    fcd[:, 0] *= ring.index_rate * NS * DENSITY ** fcd[:, 1]
+    return rates, fcd
 
 
-def internal_poles(model: Foster) -> Poles:
-    """Return the Foster network in internal units."""
+def internal_poles(model: Foster) -> Array:
+    """Return the Foster network in internal units, rows (gain_i in K/fJ, rate_i in 1/ns)."""
     R, tau = np.asarray(model.R, dtype=float), np.asarray(model.tau, dtype=float)
-    return Poles(gain=R * UW / (tau / NS), rate=NS / tau)
+    return np.array([R * UW * NS / tau, NS / tau])
 
 
 def internal_drive(ring: RingResonator, power: float) -> float:
@@ -96,12 +93,12 @@ def internal_detuning(detuning: float) -> float:
     return 2 * math.pi * detuning * NS
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def dispersion(N: float, rates: Rates) -> tuple[float, float]:
+@inlined
+def dispersion(N: float, fcd: Array) -> tuple[float, float]:
     """Return S(N) in rad/ns and dS/dN."""
     shift, slope = 0.0, 0.0
-    for k in range(rates.fcd.size):
-        c, p = rates.fcd[k], rates.exponents[k]
+    for k in range(fcd.shape[0]):
+        c, p = fcd[k, 0], fcd[k, 1]
         if p == 1.0:
             shift += c * N
             slope += c
@@ -113,73 +110,66 @@ def dispersion(N: float, rates: Rates) -> tuple[float, float]:
     return shift, slope
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inlined
 def absorbed_power(U: float, N: float, rates: Rates) -> float:
     """Return P_abs in uW."""
     return 2.0 * (rates.absorbed + rates.fca * N + rates.tpa * U) * U
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def optics(
-    ar: float, ai: float, N: float, dT: float, drive: float, detuning: float, rates: Rates
-) -> tuple[float, float, float, float]:
-    """Return d(Re a)/dt, d(Im a)/dt, dN/dt and P_abs."""
+@inlined
+def optics(ar: float, ai: float, N: float, dT: float, shift: float, drive: float, detuning: float, rates: Rates) -> Row:
+    """Return d(Re a)/dt, d(Im a)/dt, dN/dt and P_abs; ``shift`` is S(N)."""
     U = ar * ar + ai * ai
-    shift = dispersion(N, rates)[0]
     D = -rates.thermal_shift * dT - shift - detuning
     gamma = rates.loss + rates.fca * N + rates.tpa * U
     recombination = N * (1.0 + rates.b * N) / (rates.tau0 * (1.0 + rates.a * N))
-    return (
-        -gamma * ar - D * ai,
-        -gamma * ai + D * ar + drive,
-        rates.generation * U * U - recombination,
-        absorbed_power(U, N, rates),
-    )
+    heat = absorbed_power(U, N, rates)
+    return -gamma * ar - D * ai, -gamma * ai + D * ar + drive, rates.g * U * U - recombination, heat
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def optics_jacobian(ar: float, ai: float, N: float, dT: float, detuning: float, rates: Rates, J: Array) -> None:
-    """Fill J, shape (4, 4): the derivatives of what `optics` returns by (Re a, Im a, N, dT)."""
+@inlined
+def optics_jacobian(
+    ar: float, ai: float, N: float, dT: float, shift: float, slope: float, detuning: float, rates: Rates
+) -> Rows:
+    """Return the derivatives of what `optics` returns (rows) by Re a, Im a, N and dT (columns)."""
     U = ar * ar + ai * ai
-    shift, slope = dispersion(N, rates)
     D = -rates.thermal_shift * dT - shift - detuning
     gamma = rates.loss + rates.fca * N + rates.tpa * U
     saturation = 1.0 + rates.a * N
-    J[0, 0] = -gamma - 2.0 * rates.tpa * ar * ar
-    J[0, 1] = -D - 2.0 * rates.tpa * ar * ai
-    J[0, 2] = -rates.fca * ar + slope * ai
-    J[0, 3] = rates.thermal_shift * ai
-    J[1, 0] = D - 2.0 * rates.tpa * ar * ai
-    J[1, 1] = -gamma - 2.0 * rates.tpa * ai * ai
-    J[1, 2] = -rates.fca * ai - slope * ar
-    J[1, 3] = -rates.thermal_shift * ar
-    J[2, 0] = 4.0 * rates.generation * U * ar
-    J[2, 1] = 4.0 * rates.generation * U * ai
-    J[2, 2] = -(1.0 + rates.b * N * (2.0 + rates.a * N)) / (rates.tau0 * saturation * saturation)
-    J[2, 3] = 0.0
+    relaxation = (1.0 + rates.b * N * (2.0 + rates.a * N)) / (rates.tau0 * saturation * saturation)
+    cross = 2.0 * rates.tpa * ar * ai
     by_U = 2.0 * (rates.absorbed + rates.fca * N + 2.0 * rates.tpa * U)
-    J[3, 0] = 2.0 * by_U * ar
-    J[3, 1] = 2.0 * by_U * ai
-    J[3, 2] = 2.0 * rates.fca * U
-    J[3, 3] = 0.0
+    return (
+        (-gamma - 2.0 * rates.tpa * ar * ar, -D - cross, -rates.fca * ar + slope * ai, rates.thermal_shift * ai),
+        (D - cross, -gamma - 2.0 * rates.tpa * ai * ai, -rates.fca * ai - slope * ar, -rates.thermal_shift * ar),
+        (4.0 * rates.g * U * ar, 4.0 * rates.g * U * ai, -relaxation, 0.0),
+        (2.0 * by_U * ar, 2.0 * by_U * ai, 2.0 * rates.fca * U, 0.0),
+    )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def right_hand_side(y: Array, drive: float, detuning: float, rates: Rates, poles: Poles, out: Array) -> None:
-    """Fill ``out`` with dy/dt, both of shape (3 + n,)."""
-    out[0], out[1], out[2], heat = optics(y[0], y[1], y[2], y[3:].sum(), drive, detuning, rates)
-    for i in range(poles.rate.size):
-        out[3 + i] = poles.gain[i] * heat - poles.rate[i] * y[3 + i]
+@compiled
+def right_hand_side(y: Array, drive: float, detuning: float, rates: Rates, fcd: Array, poles: Array) -> Array:
+    """Return dy/dt, shape (3 + n,)."""
+    out = np.empty_like(y)
+    shift = dispersion(y[2], fcd)[0]
+    out[0], out[1], out[2], heat = optics(y[0], y[1], y[2], y[3:].sum(), shift, drive, detuning, rates)
+    for i in range(poles.shape[1]):
+        out[3 + i] = poles[0, i] * heat - poles[1, i] * y[3 + i]
+    return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def jacobian(y: Array, detuning: float, rates: Rates, poles: Poles, out: Array) -> None:
-    """Fill ``out``, shape (3 + n, 3 + n), with d(dy/dt)/dy: the blocks of `optics_jacobian` spread over the poles."""
-    block = np.empty((4, 4))
-    optics_jacobian(y[0], y[1], y[2], y[3:].sum(), detuning, rates, block)
-    out[:] = 0.0
-    out[:3, :3] = block[:3, :3]
-    for i in range(poles.rate.size):
-        out[:3, 3 + i] = block[:3, 3]
-        out[3 + i, :3] = poles.gain[i] * block[3, :3]
-        out[3 + i, 3 + i] = -poles.rate[i]
+@compiled
+def jacobian(y: Array, detuning: float, rates: Rates, fcd: Array, poles: Array) -> Array:
+    """Return d(dy/dt)/dy, shape (3 + n, 3 + n): the blocks of `optics_jacobian` spread over the poles."""
+    shift, slope = dispersion(y[2], fcd)
+    J = optics_jacobian(y[0], y[1], y[2], y[3:].sum(), shift, slope, detuning, rates)
+    out = np.zeros((y.size, y.size))
+    for i in range(3):
+        out[i, 0], out[i, 1], out[i, 2] = J[i][0], J[i][1], J[i][2]
+        for j in range(3, y.size):
+            out[i, j] = J[i][3]
+    for j in range(3, y.size):
+        gain = poles[0, j - 3]
+        out[j, 0], out[j, 1], out[j, 2] = gain * J[3][0], gain * J[3][1], gain * J[3][2]
+        out[j, j] = -poles[1, j - 3]
+    return out

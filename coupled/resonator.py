@@ -37,11 +37,11 @@ class RingResonator:
     loss_rate : float, 1/s
         gamma_i, amplitude decay rate by absorption at low power; all of it heats the core.
     refractive_index, group_index : float
-        n0 of the material, in the resonance shift and the two-photon rates; n_g of the mode, in free-carrier absorption.
+        n0 of the material, in the resonance shift and two-photon rates; n_g of the mode, in free-carrier absorption.
     thermo_optic : float, 1/K
         dn/dT.
     fcd : tuple of (coefficient, exponent); m^(3 exponent), 1
-        free-carrier dispersion, the index change sum_k c_k N^p_k with N in 1/m^3; carriers lower the index, so c_k <= 0.
+        free-carrier dispersion, the index change sum_k c_k N^p_k with N in 1/m^3; carriers lower it, so c_k <= 0.
     fca_cross_section : float, m^2
         sigma_FCA of free-carrier absorption.
     tpa_coefficient : float, m/W
@@ -94,7 +94,8 @@ class RingResonator:
         checks.between("tpa_coefficient", self.tpa_coefficient, 0, 1e-9, unit="m/W", hint=hint)
         for kind in ("tpa", "fca"):
             checks.between(f"{kind}_confinement", getattr(self, f"{kind}_confinement"), 0, 2)
-            checks.between(f"{kind}_volume", getattr(self, f"{kind}_volume"), 1e-22, 1e-12, unit="m^3", hint=_VOLUME_HINT)
+            volume = getattr(self, f"{kind}_volume")
+            checks.between(f"{kind}_volume", volume, 1e-22, 1e-12, unit="m^3", hint=_VOLUME_HINT)
         _check_dispersion(self.fcd)
         if self.lumped_fcd is not None:
             _check_dispersion(((self.lumped_fcd, 1.0),))
@@ -163,12 +164,16 @@ class RingResonator:
 
 def _check_dispersion(terms: tuple[tuple[float, float], ...]) -> None:
     """Raise InputError unless every term is (coefficient <= 0, exponent) and small at 1e23 carriers per m^3."""
+    if not terms:
+        raise checks.InputError("fcd is empty; for no free-carrier dispersion give ((0.0, 1.0),)")
     for term in terms:
         if len(term) != 2:
             raise checks.InputError(f"fcd holds {term!r}; every term is (coefficient, exponent)")
-        coefficient, exponent = checks.finite("fcd coefficient", term[0]), term[1]
-        checks.between("fcd exponent", exponent, 0.3, 3)
-        hint = "N counts per m^3; multiply a coefficient for cm^-3 by 1e-6 to the power of its exponent"
+        coefficient = checks.finite("fcd coefficient", term[0])
+        exponent = checks.between("fcd exponent", term[1], 0.3, 3)
         if coefficient > 0:
-            raise checks.InputError(f"fcd coefficient = {coefficient:g} is positive; free carriers lower the index, so it is < 0")
+            raise checks.InputError(
+                f"fcd coefficient = {coefficient:g} must be negative; free carriers lower the index"
+            )
+        hint = "N counts per m^3; multiply a coefficient for cm^-3 by 1e-6 to the power of its exponent"
         checks.between("fcd index change at 1e23 per m^3", coefficient * 1e23**exponent, -0.05, 0, hint=hint)

@@ -42,8 +42,8 @@ def second_order(
 
         dx_i/dt = -x_i/tau_i + c_i P/(m c_p),   c_f = (eta/tau_f - kappa)/(1/tau_f - 1/tau_s),   c_s = eta - c_f
 
-    Both driving terms are divided by m c_p here; the print divides only the first, which leaves eta with a unit that its
-    quoted value 0.31 does not have.
+    Both driving terms are divided by m c_p here; the print divides only the first, which leaves eta with a unit that
+    its quoted value 0.31 does not have.
 
     Parameters
     ----------

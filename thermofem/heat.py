@@ -131,7 +131,7 @@ def assemble(geometry: CrossSection, accuracy: float = 1e-3) -> HeatProblem:
     mesh = mesh_for(geometry, accuracy)
     materials = [geometry.material_of(name) for name in mesh.region_names]
     conductivity = np.array([m.conductivity for m in materials])[mesh.region]
-    heat_capacity = np.array([m.density * m.specific_heat for m in materials])[mesh.region]
+    heat_capacity = np.array([m.heat_capacity for m in materials])[mesh.region]
     held, convection = _boundaries(geometry, mesh)
     discretization = discretize(mesh, conductivity, heat_capacity, held=held, convection=convection)
     return HeatProblem(geometry, mesh, discretization, accuracy)

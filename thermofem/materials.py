@@ -80,18 +80,17 @@ LIBRARY: dict[str, Material] = {
             conductivity=130.0,
             density=2330.0,
             specific_heat=700.0,
-            source="crystalline silicon with the values that belong to the stack of Borghi et al., Opt. Express 29, 4363 "
-            "(2021); bulk at 300 K has 148 W/m/K and 712 J/kg/K (Incropera and DeWitt); films near 100 nm conduct about "
-            "half as well (Ju and Goodson, Appl. Phys. Lett. 74, 3005 (1999))",
+            source="crystalline silicon, values of the stack of Borghi et al., Opt. Express 29, 4363 (2021); bulk at "
+            "300 K has 148 W/m/K and 712 J/kg/K (Incropera and DeWitt), films near 100 nm conduct about half as well "
+            "(Ju and Goodson, Appl. Phys. Lett. 74, 3005 (1999))",
         ),
         Material(
             "SiO2",
             conductivity=1.38,
             density=2203.0,
             specific_heat=703.0,
-            source="fused silica with the values that belong to the stack of Borghi et al., Opt. Express 29, 4363 (2021); "
-            "Incropera and DeWitt give 1.38 W/m/K, 2220 kg/m^3, 745 J/kg/K; deposited oxides conduct less, down to about "
-            "1 W/m/K",
+            source="fused silica, values of the stack of Borghi et al., Opt. Express 29, 4363 (2021); Incropera and "
+            "DeWitt give 1.38 W/m/K, 2220 kg/m^3, 745 J/kg/K; deposited oxides conduct less, down to about 1 W/m/K",
         ),
         Material("air", conductivity=0.0263, density=1.1614, specific_heat=1007.0, source=f"{_INCROPERA}, 1 atm"),
         Material(VOID, conductivity=0.0, density=0.0, specific_heat=0.0, source="not meshed; its walls are insulated"),
@@ -100,8 +99,8 @@ LIBRARY: dict[str, Material] = {
             conductivity=19.2,
             density=5400.0,
             specific_heat=545.0,
-            source="H. O. Pierson, Handbook of Refractory Carbides and Nitrides (Noyes, 1996): 19.2 W/m/K, 5.40 g/cm^3, "
-            "33.74 J/mol/K; bulk values up to 29 W/m/K are published, sputtered films are often below 19",
+            source="Pierson, Handbook of Refractory Carbides and Nitrides (Noyes, 1996): 19.2 W/m/K, 5.40 g/cm^3, "
+            "33.74 J/mol/K; bulk values up to 29 W/m/K are published, sputtered films often conduct less than 19",
         ),
         Material(
             "Al",
@@ -115,8 +114,8 @@ LIBRARY: dict[str, Material] = {
             conductivity=3.2,
             density=3000.0,
             specific_heat=700.0,
-            source="silicon-rich LPCVD film: Mastrangelo, Tai and Muller, Sensors and Actuators A 23, 856 (1990); films "
-            "range from about 1.5 to 3.5 W/m/K, dense bulk ceramic has 10 W/m/K and more",
+            source="silicon-rich LPCVD film: Mastrangelo, Tai and Muller, Sensors and Actuators A 23, 856 (1990); "
+            "films range from about 1.5 to 3.5 W/m/K, dense bulk ceramic has 10 W/m/K and more",
         ),
     )
 }

@@ -1,18 +1,10 @@
-"""Triangle meshes of a cross-section: made by gmsh through pygmsh, written and read through meshio.
-
-Element size at (r, z), with d the distance to the outlines of the heated parts and d_c to their corners:
-
-    size = min(h + slope d, h_c + slope d_c, max(4 um, d/10))
-
-The heat flux has a singularity at the corners of the core, where the conductivity jumps, and so h_c decides the
-accuracy. Other parts have the same grading, made coarser with their distance to the heat.
-"""
+"""Triangle meshes of a cross-section: made by gmsh through pygmsh, written and read through meshio."""
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import importlib
-import math
 import os
 import re
 import threading
@@ -24,21 +16,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import checks
 from .checks import InputError, MissingLibraryError
+from .regions import GRID
+from .sizes import size_function, sizes
 
 if TYPE_CHECKING:
     from .geometry import CrossSection
     from .regions import Face
 
 VERSION = 1  # of the mesher: a new number where the same geometry gets another mesh
-LARGEST = 4e-6  # m, near the heat
 MICRON = 1e-6  # gmsh has absolute tolerances of 1e-8: it is given micrometres
 
 # shared libraries that the gmsh wheel links to, and the Debian package that brings each
 _PACKAGES = {
     "libGLU.so.1": "libglu1-mesa",
     "libGL.so.1": "libgl1",
+    "libOpenGL.so.0": "libopengl0",
     "libX11.so.6": "libx11-6",
     "libXext.so.6": "libxext6",
     "libXrender.so.1": "libxrender1",
@@ -46,11 +39,7 @@ _PACKAGES = {
     "libXfixes.so.3": "libxfixes3",
     "libXft.so.2": "libxft2",
     "libXinerama.so.1": "libxinerama1",
-    "libXi.so.6": "libxi6",
     "libfontconfig.so.1": "libfontconfig1",
-    "libfreetype.so.6": "libfreetype6",
-    "libSM.so.6": "libsm6",
-    "libICE.so.6": "libice6",
     "libgomp.so.1": "libgomp1",
 }
 _GMSH = threading.Lock()  # gmsh has one global state
@@ -95,9 +84,7 @@ class Mesh:
         tags = [(self.region + 1).astype(np.int32)]
         names = {name: np.array([k + 1, 2]) for k, name in enumerate(self.region_names)}
         points = np.column_stack([self.points, np.zeros(len(self.points))])
-        mesh = meshio.Mesh(
-            points, cells, cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags}, field_data=names
-        )
+        mesh = meshio.Mesh(points, cells, cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags}, field_data=names)
         temporary = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}")
         try:
             meshio.gmsh.write(temporary, mesh, fmt_version="2.2", binary=True)
@@ -105,7 +92,8 @@ class Mesh:
         except OSError as error:
             raise InputError(f"mesh file {str(path)!r} cannot be written: {error.strerror or error}") from None
         finally:
-            temporary.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                temporary.unlink(missing_ok=True)
 
 
 def load(path: str | Path) -> Mesh:
@@ -136,30 +124,6 @@ def load(path: str | Path) -> Mesh:
     return Mesh(points, triangles, np.searchsorted(used, tags), tuple(named[tag] for tag in used))
 
 
-@dataclass(frozen=True)
-class Sizes:
-    """Element sizes: ``h`` in m on the outline, growing by ``slope`` per length, ``h_c`` in m at the corners."""
-
-    h: float
-    slope: float
-    h_c: float
-
-
-def sizes(accuracy: float) -> Sizes:
-    """Sizes for a relative error of R_th and of the step response from 1 ns on.
-
-    A power law through the sizes measured to give 1e-3 (60 nm, .5, 10 nm) and 1e-4 (40 nm, .3, 2 nm).
-
-    Raises
-    ------
-    InputError
-        accuracy outside 1e-5 .. 1e-2.
-    """
-    hint = "it is the wanted relative error of the thermal resistance and the step response"
-    decades = -3 - math.log10(checks.between("accuracy", accuracy, 1e-5, 1e-2, hint=hint))
-    return Sizes(h=60e-9 * (40 / 60) ** decades, slope=0.5 * (0.3 / 0.5) ** decades, h_c=10e-9 * (2 / 10) ** decades)
-
-
 def mesh_for(geometry: CrossSection, accuracy: float) -> Mesh:
     """The committed mesh of this geometry where there is one, else a new one from gmsh.
 
@@ -182,13 +146,35 @@ def find_committed(geometry: CrossSection, accuracy: float) -> Path | None:
     return next((path for folder in (here / "meshes", here.parent / "meshes") for path in folder.glob(pattern)), None)
 
 
+def write_references(folder: str | Path) -> str:
+    """Make the meshes that are committed to meshes/, and return the rows of its table.
+
+    Raises
+    ------
+    InputError, MissingLibraryError
+        as `mesh_for`; a folder that cannot be written.
+    """
+    from .geometry import strip_ring
+
+    rows = []
+    for accuracy in (1e-3, 1e-4):
+        geometry = strip_ring()
+        mesh, key = make(geometry, accuracy), content_hash(geometry, accuracy)
+        path = Path(folder) / f"strip_ring-{accuracy:.0e}-{key}.msh"
+        mesh.save(path)
+        extent = f"{len(mesh.points)} | {len(mesh.triangles)} | {path.stat().st_size / 1024:.0f} kB"
+        rows.append(f"| `{path.name}` | `strip_ring()` | {accuracy:.0e} | {extent} |")
+    return "\n".join(rows)
+
+
 def content_hash(geometry: CrossSection, accuracy: float) -> str:
     """Twelve hexadecimal digits of what determines the mesh: outlines, their names, what is heated, sizes, mesher.
 
     Materials, boundary conditions and the geometry's name do not enter.
     """
+    role = {part.name: "heated" if part.heated else "part" for part in geometry.parts}
     faces = [
-        [face.owner, face.owner in geometry.heated, *(np.rint(ring / 1e-15).astype(int).tolist() for ring in face.rings)]
+        (face.owner, role.get(face.owner, "layer"), [np.rint(ring / GRID).astype(int).tolist() for ring in face.rings])
         for face in geometry.subdivision.faces
     ]
     text = repr((VERSION, f"{accuracy:.6e}", faces))
@@ -213,7 +199,7 @@ def make(geometry: CrossSection, accuracy: float) -> Mesh:
     faces = geometry.subdivision.faces
     with _GMSH:
         ours = not gmsh.isInitialized()
-        if ours:  # not through pygmsh's context manager: that installs a signal handler, which only the main thread may
+        if ours:  # not by pygmsh's context manager: it installs a signal handler, which only the main thread may do
             gmsh.initialize(readConfigFiles=False, interruptible=False)
         try:
             points, triangles, region, names = _triangulate(gmsh, pygmsh.geo.Geometry(), faces, size)
@@ -223,9 +209,10 @@ def make(geometry: CrossSection, accuracy: float) -> Mesh:
             if ours:
                 gmsh.finalize()
     mesh = Mesh(points, triangles, region, names)
+    meshed = mesh.volumes()
     for name, volume in geometry.volumes().items():
-        if abs(mesh.volumes()[name] - volume) > 1e-9 * volume:
-            raise InputError(f"gmsh cannot mesh {geometry.name!r}: region {name!r} is not filled; simplify the outlines there")
+        if abs(meshed[name] - volume) > 1e-9 * volume:
+            raise InputError(f"gmsh cannot mesh {geometry.name!r}: it leaves a gap in {name!r}; simplify its outline")
     return mesh
 
 
@@ -233,6 +220,7 @@ def _triangulate(
     gmsh: Any, builder: Any, faces: Sequence[Face], size: Callable[[float, float], float]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64], tuple[str, ...]]:
     """Points (m), triangles, region and region names of the faces, sharing points and lines."""
+    before = gmsh.model.getCurrent()  # the caller's, where gmsh was running already
     gmsh.model.add("thermofem")
     try:
         surfaces = _surfaces(builder, faces)
@@ -247,6 +235,7 @@ def _triangulate(
     finally:
         gmsh.model.mesh.removeSizeCallback()
         gmsh.model.remove()
+        gmsh.model.setCurrent(before)
     names = tuple(dict.fromkeys(face.owner for face in faces))
     region = np.repeat([names.index(face.owner) for face in faces], [len(cell) for cell in cells])
     order = np.argsort(tags)
@@ -277,69 +266,6 @@ def _surfaces(builder: Any, faces: Sequence[Face]) -> list[Any]:
     return [builder.add_plane_surface(loop(face.rings[0]), [loop(hole) for hole in face.rings[1:]]) for face in faces]
 
 
-def size_function(geometry: CrossSection, at: Sizes) -> Callable[[float, float], float]:
-    """The element size in m at (r, z) in m, as the module's docstring gives it.
-
-    Plain floats, no arrays: gmsh asks a few thousand times, one point at a time.
-    """
-    heated, other = _outline(geometry, heated=True), _outline(geometry, heated=False)
-    heated_corners, other_corners = _corners(heated), _corners(other) - _corners(heated)
-
-    def size(r: float, z: float) -> float:
-        to_heat = math.sqrt(_square_to_segments(heated, r, z))
-        to_corner = math.sqrt(_square_to_points(heated_corners, r, z))
-        result = min(at.h + at.slope * to_heat, at.h_c + at.slope * to_corner, max(LARGEST, to_heat / 10))
-        if other:
-            far = at.slope / 4 * to_heat
-            result = min(result, at.h + far + at.slope * math.sqrt(_square_to_segments(other, r, z)))
-            result = min(result, at.h_c + far + at.slope * math.sqrt(_square_to_points(other_corners, r, z)))
-        return result
-
-    return size
-
-
-Segment = tuple[float, float, float, float, float]  # r, z, dr, dz, dr^2 + dz^2
-
-
-def _outline(geometry: CrossSection, *, heated: bool) -> list[Segment]:
-    """Outlines of the heated parts, or of all others and of voids; not where they are cut by the axis or the outer side."""
-    cut = geometry.subdivision
-    parts = {part.name for part in geometry.parts if part.heated == heated}
-    edges = [face.edges() for face in cut.faces if face.owner in parts]
-    if not heated:
-        edges.append(cut.sides["wall"])
-    middle = [edge.mean(axis=0) for group in edges for edge in group]
-    if not middle:
-        return []
-    r, z = np.array(middle).T
-    kept = ~(cut.on_side("axis", r, z) | cut.on_side("outer", r, z))
-    segments = []
-    for (r0, z0), (r1, z1) in np.concatenate(edges)[kept].tolist():
-        segments.append((r0, z0, r1 - r0, z1 - z0, (r1 - r0) ** 2 + (z1 - z0) ** 2))
-    return segments
-
-
-def _corners(segments: Sequence[Segment]) -> set[tuple[float, float]]:
-    """Points where two segments meet; an end that meets nothing lies on the axis or the outer side and is no corner."""
-    ends = [(s[0], s[1]) for s in segments] + [(s[0] + s[2], s[1] + s[3]) for s in segments]
-    return {end for end in ends if end[0] > 0}
-
-
-def _square_to_segments(segments: Sequence[Segment], r: float, z: float) -> float:
-    nearest = math.inf
-    for r0, z0, dr, dz, square in segments:
-        x, y = r - r0, z - z0
-        share = (x * dr + y * dz) / square
-        share = 0.0 if share < 0 else 1.0 if share > 1 else share
-        x, y = x - share * dr, y - share * dz
-        nearest = min(nearest, x * x + y * y)
-    return nearest
-
-
-def _square_to_points(points: set[tuple[float, float]], r: float, z: float) -> float:
-    return min(((r - x) ** 2 + (z - y) ** 2 for x, y in points), default=math.inf)
-
-
 def gmsh_problem() -> str | None:
     """None where gmsh and pygmsh can be loaded, else one line that says what is missing and what brings it."""
     remedy = "the committed meshes of the reference cross-sections work without it"
@@ -347,12 +273,16 @@ def gmsh_problem() -> str | None:
         try:
             importlib.import_module(module)
         except ModuleNotFoundError as error:
-            return f"{module} cannot be loaded: the Python package {error.name} is missing (pip install {error.name}); {remedy}"
+            package = error.name
+            missing, brings = f"the Python package {package}", f"pip install {package}"
         except (ImportError, OSError) as error:
             library = re.match(r"(lib[\w.+-]+?\.so[.\d]*)", str(error))
             if library is None:
                 return f"{module} cannot be loaded: {error}; {remedy}"
             package = _PACKAGES.get(library[1])
-            brings = f"(Debian, Ubuntu: apt-get install {package})" if package else "(find its package with apt-file search)"
-            return f"{module} cannot be loaded: the shared library {library[1]} is missing {brings}; {remedy}"
+            missing = f"the shared library {library[1]}"
+            brings = f"Debian, Ubuntu: apt-get install {package}" if package else "apt-file search finds its package"
+        else:
+            continue
+        return f"{module} cannot be loaded: {missing} is missing ({brings}); {remedy}"
     return None

@@ -11,6 +11,8 @@ import re
 from functools import cache
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from .checks import InputError
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$", re.DOTALL)
@@ -102,7 +104,7 @@ def parse(text: Any, unit: str, *, name: str = "value") -> float:
     number, given = float(match[1]), match[2]
     if not given and unit:
         raise InputError(f"{name} = {text!r} has no unit; {_wanted(unit)}")
-    value = _convert(number, given, unit, f"{name} = {text!r}")
+    value = _convert(number, given, unit, f"{name} = {text!r}") if math.isfinite(number) else math.inf
     if not math.isfinite(value):
         raise InputError(f"{name} = {text!r} is not finite; {_wanted(unit)}")
     return value
@@ -136,8 +138,9 @@ def _convert(number: float, given: str, unit: str, what: str) -> float:
         raise InputError(f"{what}: {given!r} is not a unit; {_wanted(unit)}") from None
     if not fits:
         raise InputError(f"{what} has the wrong dimension; {_wanted(unit)}")
-    value = float(quantity.to(registry.parse_units(unit)).magnitude)
-    decades = math.log10(abs(value / number)) if value and number else 0.0
+    with np.errstate(over="ignore"):  # 1e9 dBm: the caller says that it is not finite
+        value = float(quantity.to(registry.parse_units(unit)).magnitude)
+    decades = math.log10(abs(value / number)) if value and number and math.isfinite(value) else 0.0
     if round(decades) and abs(decades - round(decades)) < 1e-12:  # a decimal prefix costs one rounding: undo it
         return float(f"{value:.15g}")
     return value

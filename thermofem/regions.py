@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,16 +38,26 @@ class Face:
     rings: tuple[Array, ...]
 
     @property
+    def area(self) -> float:
+        """Integral of dA in m^2."""
+        return self._moments()[1]
+
+    @property
     def volume(self) -> float:
         """Integral of 2 pi r dA in m^3, exact for a polygon (Pappus): 2 pi r_centroid A."""
-        origin = self.rings[0].mean(axis=0)  # near the face: nothing cancels
+        origin, area, moment = self._moments()
+        return 2 * np.pi * (origin * area + moment)
+
+    def _moments(self) -> tuple[float, float, float]:
+        """A radius near the face, the area, and the integral of (r - that radius) dA: nothing cancels."""
+        origin = self.rings[0].mean(axis=0)
         area = moment = 0.0
         for ring in self.rings:
             (r, z), (s, t) = (ring - origin).T, np.roll(ring - origin, -1, axis=0).T
             cross = r * t - s * z
-            area += cross.sum() / 2
-            moment += ((r + s) * cross).sum() / 6
-        return float(2 * np.pi * (origin[0] * area + moment))
+            area += float(cross.sum()) / 2
+            moment += float(((r + s) * cross).sum()) / 6
+        return float(origin[0]), area, moment
 
     def edges(self) -> Array:
         """All its edges in m, shape (n, 2 ends, 2)."""
@@ -79,7 +90,7 @@ class Subdivision:
 
 
 def distance(points: Array, edges: Array) -> Array:
-    """Distance in m from every point, shape (..., 2), to the nearest of the edges, shape (n, 2, 2); inf if there are none."""
+    """Distance in m from points, shape (..., 2), to the nearest of the edges, shape (n, 2, 2); inf without edges."""
     nearest = np.full(points.shape[:-1], np.inf)
     for start, stop in edges:
         along = stop - start
@@ -137,7 +148,9 @@ def _visible(geometry: CrossSection, outlines: dict[str, Array]) -> dict[str, An
         shown = shapes[part.name].difference(cover, grid_size=1)
         if shown.is_empty:
             later = [p.name for p in geometry.parts if shapes[p.name].intersects(shapes[part.name]) and p != part]
-            raise checks.InputError(f"part {part.name!r} is wholly covered by {', '.join(map(repr, later))}; change the order")
+            raise checks.InputError(
+                f"part {part.name!r} is wholly covered by {', '.join(map(repr, later))}; change the order"
+            )
         cover = cover.union(shapes[part.name], grid_size=1)
         if part.material != VOID:
             visible[part.name] = shown
@@ -157,30 +170,30 @@ def _face(owner: str, polygon: Any, exact: dict[int, float]) -> Face:
 
 
 def _check_thickness(face: Face) -> None:
+    """Raise InputError where a corner of the face comes too near to an edge that does not end there."""
     edges = face.edges()
-    lengths = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)
-    r, z = edges[:, 0].mean(axis=0)
-    thickness = 2 * face.volume / (2 * np.pi * max(r, THINNEST)) / lengths.sum()
-    if min(thickness, lengths.min()) < THINNEST:
-        raise checks.InputError(
-            f"{face.owner!r} has a sliver of {min(thickness, lengths.min()):.2g} m near r = {r:g} m, z = {z:g} m, thinner than "
-            "an atom; make the outlines that meet there agree"
-        )
+    corners = edges[:, 0]
+    for edge in edges:
+        others = corners[~(corners[:, None] == edge).all(axis=-1).any(axis=-1)]
+        gap = distance(others, edge[None])
+        if gap.min(initial=np.inf) < THINNEST:
+            r, z = others[gap.argmin()]
+            raise checks.InputError(
+                f"{face.owner!r} has a sliver of {gap.min():.2g} m near r = {r:g} m, z = {z:g} m, thinner than an atom; "
+                "make the outlines that meet there agree"
+            )
 
 
 def _sides(geometry: CrossSection, faces: list[tuple[str, Any]], exact: dict[int, float]) -> dict[str, Array]:
     """Sort the edges that belong to one face only by the side they lie on."""
-    import shapely
-
-    uses: Counter[frozenset[tuple[float, float]]] = Counter()
+    uses: Counter[tuple[Any, ...]] = Counter()
     for _, polygon in faces:
         for ring in (polygon.exterior, *polygon.interiors):
-            uses.update(frozenset(pair) for pair in zip(ring.coords[:-1], ring.coords[1:], strict=True))
-    filled = shapely.unary_union([shapely.Polygon(polygon.exterior) for _, polygon in faces] + _stack(geometry), grid_size=1)
-    skin = shapely.union_all([shape.exterior for shape in getattr(filled, "geoms", [filled])])
+            uses.update(tuple(sorted(pair)) for pair in pairwise(ring.coords))
+    skin = _skin(geometry, [polygon for _, polygon in faces])
     outer, bottom = round(geometry.outer_radius / GRID), round(geometry.bottom_z / GRID)
     sides: dict[str, list[Any]] = {side: [] for side in SIDES}
-    for edge in sorted(tuple(sorted(pair)) for pair, count in uses.items() if count == 1):
+    for edge in sorted(edge for edge, count in uses.items() if count == 1):
         (r0, z0), (r1, z1) = edge
         if r0 == r1 == 0:
             side = "axis"
@@ -189,15 +202,26 @@ def _sides(geometry: CrossSection, faces: list[tuple[str, Any]], exact: dict[int
         elif z0 == z1 == bottom:
             side = "bottom"
         else:
-            side = "top" if skin.distance(shapely.Point((r0 + r1) / 2, (z0 + z1) / 2)) <= 1 else "wall"
+            side = "top" if skin.distance(_middle(edge)) <= 1 else "wall"
         sides[side].append([[exact.get(round(x), x * GRID) for x in point] for point in edge])
     return {side: np.array(edges).reshape(-1, 2, 2) for side, edges in sides.items()}
 
 
-def _stack(geometry: CrossSection) -> list[Any]:
+def _skin(geometry: CrossSection, polygons: list[Any]) -> Any:
+    """The outline of everything, voids and enclosed gaps filled."""
     import shapely
 
-    return [shapely.box(0, *(round(x / GRID) for x in (geometry.bottom_z, geometry.outer_radius, geometry.top_z)))]
+    low, radius, high = (round(x / GRID) for x in (geometry.bottom_z, geometry.outer_radius, geometry.top_z))
+    solid = [shapely.Polygon(polygon.exterior) for polygon in polygons]
+    filled = shapely.unary_union([shapely.box(0, low, radius, high), *solid], grid_size=1)
+    return shapely.union_all([shape.exterior for shape in getattr(filled, "geoms", [filled])])
+
+
+def _middle(edge: Any) -> Any:
+    import shapely
+
+    (r0, z0), (r1, z1) = edge
+    return shapely.Point((r0 + r1) / 2, (z0 + z1) / 2)
 
 
 def check_places(geometry: CrossSection) -> None:
@@ -214,8 +238,8 @@ def check_places(geometry: CrossSection) -> None:
             raise checks.InputError(f"{where} lies outside the stack, which begins at z = {low:g} m")
         if part.material != VOID and part.bottom < high - slack and part.top > high + slack:
             raise checks.InputError(
-                f"{where} sticks out of the stack, which ends at z = {high:g} m; lower it, raise the top layer, or make it two "
-                "parts, one below and one above that height"
+                f"{where} sticks out of the stack, which ends at z = {high:g} m; lower it, raise the top layer, or "
+                "make it two parts, one below and one above that height"
             )
 
 
@@ -237,6 +261,6 @@ def check_held(geometry: CrossSection) -> None:
         if piece[k] not in held:
             r, z = face.rings[0].mean(axis=0)
             raise checks.InputError(
-                f"{face.owner!r} near r = {r:g} m, z = {z:g} m lies outside the stack or is cut off from it: it touches no side "
-                "that holds the temperature, so its heat has no way out"
+                f"{face.owner!r} near r = {r:g} m, z = {z:g} m lies outside the stack or is cut off from it: it "
+                "touches no side that holds the temperature, so its heat has no way out"
             )

@@ -13,8 +13,9 @@ from typing import Any
 
 from . import checks, quantity
 from .checks import InputError
-from .geometry import INSULATED, ISOTHERMAL, VERTICAL, Boundary, CrossSection, Interface, Layer, Part, ring
+from .geometry import CrossSection
 from .materials import LIBRARY, Material
+from .parts import INSULATED, ISOTHERMAL, VERTICAL, Boundary, Interface, Layer, Part, ring
 
 # key -> the SI unit of its text, or what else it holds
 _TEXT, _FLAG, _TABLE, _TABLES, _ANY = "text", "true or false", "table", "list of tables", "anything"

@@ -23,7 +23,7 @@ from .waveforms import Waveform, period_times
 
 Array = NDArray[np.float64]
 
-SAFETY = 0.25  # local error allowed, as a share of rtol; the accumulated error then stays below rtol (measured)
+SAFETY = 0.1  # local error allowed, as a share of rtol; the accumulated error then stays below rtol (measured)
 RELAXATION = 1 / 1.149  # middle of the interval 1..1.298 of the corrected period map
 PASSES = 30
 FINEST = 40  # rungs below the length of a piece before a run is given up
@@ -108,7 +108,7 @@ def integrate(
     kept = checks.array("snapshots", snapshots, increasing=True) if np.size(snapshots) else np.empty(0)
     checks.between("rtol", rtol, 1e-10, 0.1)
     if times[0] < 0 or (kept.size and kept[0] < 0):
-        raise checks.InputError(f"times start at {min(times[0], *kept[:1]):g} s, before the start of the run at t = 0")
+        raise checks.InputError(f"times start at {min([times[0], *kept[:1]]):g} s, before the start of the run at t = 0")
     stepper = Stepper(system, waves)
     x = np.zeros(system.order) if initial is None else np.array(initial, dtype=float)
     record = _Record(stepper, times, kept, ledger, x)

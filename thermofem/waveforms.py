@@ -258,9 +258,9 @@ class Sampled:
             raise checks.InputError(f"times holds {times[2:][times[2:] == times[:-2]][0]:g} s more than twice")
         if times[0] == times[1] or times[-1] == times[-2]:
             raise checks.InputError("times begins or ends with a jump; the first and last interval need a length")
-        checks.between("power", power[np.argmax(np.abs(power))], 0, 10, unit="W", hint=_POWER_HINT)
         if np.any(power < 0):
-            raise checks.InputError(f"power[{np.argmax(power < 0)}] = {power.min():g} W is negative; absorbed power heats")
+            raise checks.InputError(f"power[{np.argmin(power)}] = {power.min():g} W is negative; absorbed power heats")
+        checks.between("power", power.max(), 0, 10, unit="W", hint=_POWER_HINT)
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "power", power)
 

@@ -1,0 +1,188 @@
+"""Does a trace pulse, and how: regime, period, duty cycle and swing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem import checks
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+DUTY_LEVEL = 0.45  # of the drop power between its minimum and its maximum; the paper's definition, caption of Fig. 6
+QUIET = 1e-4  # relative range of the carriers that is no oscillation (at least ten times rtol)
+SETTLED = 0.02  # relative change of an amplitude, or of the carriers at the end, that counts as none
+
+
+class Regime(StrEnum):
+    """What a trace does at its end."""
+
+    SELF_PULSING = "self-pulsing"
+    STABLE = "stable"
+    SLOW_TRANSIENT = "slow transient"
+
+
+@dataclass(frozen=True)
+class Pulsing:
+    """What `pulsing` found.
+
+    Attributes
+    ----------
+    regime : Regime
+        equal to "self-pulsing", "stable" or "slow transient".
+    reason : str
+        why, in words.
+    period : float, s
+        of the last cycle; nan unless it pulses.
+    duty : float
+        fraction of the last cycle with the drop power above min + 0.45 (max - min); nan unless it pulses.
+    swing : float, K
+        largest minus smallest temperature rise in the last cycle; in the last half of the trace unless it pulses.
+    cycles : int
+        complete cycles in the trace.
+    """
+
+    regime: Regime
+    reason: str
+    period: float
+    duty: float
+    swing: float
+    cycles: int
+
+
+def pulsing(run: xr.Dataset) -> Pulsing:
+    """Classify a trace of `simulate` by its carriers and measure its last cycle.
+
+    Cycles are counted where the carriers rise through the middle of their range, since the drop power has two maxima a
+    cycle. The trace pulses if it has two complete cycles, goes on to its end, and its amplitude does not head for zero;
+    it is a slow transient if it is still under way, for instance within a period longer than the trace.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        time (s), carriers (1/m^3), drop (W) and delta_T (K), at 8 times or more.
+
+    Returns
+    -------
+    Pulsing
+
+    Raises
+    ------
+    InputError
+        a variable is missing or the trace is too short.
+
+    From the accepted steps at rtol = 1e-6, against rtol = 1e-9: period to 1e-8, duty to 3e-5, swing to 1e-4.
+
+    Source of the duty cycle: Borghi et al., Opt. Express 29, 4363 (2021), caption of Fig. 6.
+    """
+    t, N, drop, dT = (_values(run, name) for name in ("time", "carriers", "drop", "delta_T"))
+    swing = float(np.ptp(dT[t >= (t[0] + t[-1]) / 2]))
+    noise = min(max(QUIET, 10 * float(run.attrs.get("rtol", 0))), SETTLED)
+    for share in (1 / 2, 1 / 4):  # a slow drift may hide a small oscillation
+        late = N[t >= t[-1] - share * (t[-1] - t[0])]
+        if np.ptp(late) <= noise * late.max():
+            return _quiet(Regime.STABLE, f"the carriers are constant over the last {share:.0%}", swing)
+        up = crossings(t, N, (late.min() + late.max()) / 2)
+        if up.size >= 3 and t[-1] - up[-1] <= 1.5 * (up[-1] - up[-2]):
+            break
+    else:
+        return _under_way(t, N, swing, max(up.size - 1, 0))
+    edges = np.searchsorted(t, up)
+    heights = np.array([np.ptp(N[i:j]) for i, j in pairwise(edges)])
+    limit, seen = amplitude_limit(heights), f"{heights.size} cycles of "
+    if limit < 0.2 * heights[-1]:
+        return _quiet(Regime.STABLE, seen + "an oscillation that dies away", swing, heights.size)
+    change = limit / heights[heights.size // 3] - 1
+    begin, end = float(up[-2]), float(up[-1])
+    return Pulsing(
+        Regime.SELF_PULSING,
+        seen + ("steady" if abs(change) < SETTLED else "growing" if change > 0 else "still falling") + " amplitude",
+        period=end - begin,
+        duty=_duty(t, drop, begin, end),
+        swing=float(np.ptp(dT[(t >= begin) & (t <= end)])),
+        cycles=heights.size,
+    )
+
+
+def crossings(t: Array, x: Array, level: float) -> Array:
+    """Times at which ``x`` rises through ``level``, on the cubic through the four samples around each.
+
+    Parameters
+    ----------
+    t, x : array, shape (n,), n >= 4
+        times, increasing, and values.
+    level : float
+    """
+    at = np.flatnonzero((x[:-1] < level) & (x[1:] >= level))
+    first = np.clip(at - 1, 0, t.size - 4)
+    s, v = (np.stack([array[first + k] for k in range(4)]) for array in (t, x - level))
+    d1 = (v[1:] - v[:-1]) / (s[1:] - s[:-1])  # divided differences
+    d2 = (d1[1:] - d1[:-1]) / (s[2:] - s[:-2])
+    d3 = (d2[1] - d2[0]) / (s[3] - s[0])
+    left, right = t[at].copy(), t[at + 1].copy()
+    for _ in range(32):  # bisection, to 2e-10 of a step
+        middle = (left + right) / 2
+        below = v[0] + (middle - s[0]) * (d1[0] + (middle - s[1]) * (d2[0] + (middle - s[2]) * d3)) < 0
+        left, right = np.where(below, middle, left), np.where(below, right, middle)
+    return (left + right) / 2
+
+
+def amplitude_limit(heights: Array) -> float:
+    """Where a sequence of amplitudes is heading: C for ``C + A r^k``, from the means of three blocks of equal length.
+
+    The blocks cover the last two thirds, so the cold start does not count. The last amplitude where nothing is lost.
+    """
+    length = max(2 * heights.size // 9, 1)
+    if heights.size < 3:
+        return float(heights[-1]) if heights[-1] > (1 - SETTLED) * heights[0] else 0.0
+    first, middle, last = heights[-3 * length :].reshape(3, length).mean(axis=1)
+    if last > (1 - SETTLED) * first:
+        return float(heights[-1])
+    curvature = (last - middle) - (middle - first)
+    return max(float(last - (last - middle) ** 2 / curvature), 0.0) if curvature > 0 else 0.0
+
+
+def _duty(t: Array, drop: Array, begin: float, end: float) -> float:
+    """Fraction of [begin, end] with the drop power above min + 0.45 (max - min)."""
+    first, last = np.searchsorted(t, [begin, end])
+    level = drop[first:last].min() + DUTY_LEVEL * np.ptp(drop[first:last])
+    near = slice(max(first - 3, 0), last + 3)
+    t, drop = t[near], drop[near]
+    edges = np.concatenate([crossings(t, drop, level), crossings(t, -drop, -level)])
+    edges = np.sort(np.concatenate([[begin, end], edges[(edges > begin) & (edges < end)]]))
+    above = np.interp((edges[1:] + edges[:-1]) / 2, t, drop) > level
+    return float(np.sum(np.diff(edges)[above]) / (end - begin))
+
+
+def _under_way(t: Array, N: Array, swing: float, cycles: int) -> Pulsing:
+    """A trace with fewer than two cycles, or whose cycles have ended: at rest, or still moving."""
+    tail = N[t >= t[-1] - (t[-1] - t[0]) / 4]
+    before, after = np.diff(np.interp(t[-1] - (t[-1] - t[0]) * np.array([1 / 4, 1 / 8, 0]), t, N))
+    ratio = np.clip(after / before, 0, 0.95) if before else 0.0
+    change = float((np.ptp(tail) + abs(after) * ratio / (1 - ratio)) / tail.max())  # with what an exponential has left
+    if change <= SETTLED:
+        return _quiet(Regime.STABLE, f"the carriers move by {change:.1%} from the last quarter on", swing, cycles)
+    seen = f"{cycles} complete cycle{'s' if cycles != 1 else ''} and no more" if cycles else "no complete cycle"
+    return _quiet(Regime.SLOW_TRANSIENT, f"{seen}, yet still moving: simulate longer", swing, cycles)
+
+
+def _quiet(regime: Regime, reason: str, swing: float, cycles: int = 0) -> Pulsing:
+    return Pulsing(regime, reason, float("nan"), float("nan"), swing, cycles)
+
+
+def _values(run: xr.Dataset, name: str) -> Array:
+    """One variable as an array."""
+    if name not in getattr(run, "variables", {}):
+        raise checks.InputError(f"run has no variable {name!r}; give a Dataset from coupled.simulate")
+    values = checks.array(f"run.{name}", run[name].values, increasing=name == "time")
+    if values.size < 8:
+        raise checks.InputError(f"run.{name} has {values.size} samples; at least 8 are needed to tell a cycle")
+    return values

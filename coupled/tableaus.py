@@ -1,0 +1,48 @@
+"""Coefficients of the Rosenbrock methods, read from tableaus.json, which names their sources."""
+
+from __future__ import annotations
+
+import json
+from enum import StrEnum
+from functools import cache
+from importlib.resources import files
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Method(StrEnum):
+    """Which Rosenbrock method integrates; both are L-stable, with error estimate and dense output."""
+
+    RODAS4 = "rodas4"
+    """Order 4, 6 stages, dense output of order 3; the cheaper one down to rtol = 1e-6."""
+    RODAS5P = "rodas5p"
+    """Order 5, 8 stages, dense output of order 4; keeps its order on stiff problems, so the better one below."""
+
+
+class Tableau(NamedTuple):
+    """One method as `rosenbrock` takes it.
+
+    With s stages k_1 .. k_s,
+
+        (1/(gamma h) - J) k_i = f(y + sum_j a_ij k_j) + sum_j (c_ij/h) k_j,     j < i
+        y(t + h) = y + sum_j a_sj k_j + k_s,    error estimate k_s
+        y(t + x h) = (1 - x) y(t) + x [y(t + h) + (1 - x) (d_1 + x (d_2 + x d_3))],    d_m = sum_j dense_mj k_j
+    """
+
+    order: int
+    gamma: float
+    a: Array
+    c: Array
+    dense: Array
+
+
+@cache
+def tableau(method: Method) -> Tableau:
+    """Return the coefficients of ``method``; arrays of shape (s, s), (s, s) and (3, s)."""
+    table = json.loads(files(__package__).joinpath("tableaus.json").read_text())[method.value]
+    a, c, dense = (np.array(table[name]) for name in ("a", "c", "dense"))
+    return Tableau(table["order"], table["gamma"], a, c, dense)

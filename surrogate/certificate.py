@@ -1,0 +1,136 @@
+"""A rigorous bound on the error of a Galerkin reduction, at every frequency from 0 to infinity.
+
+With ports F (columns that heat and read), an M-orthonormal basis V that holds the static solutions, Kr = V^T K V and
+Y(s) = (Kr + s)^-1 V^T F, the residual of the reduced solution is
+
+    R(s) = F - (K + s M) V Y(s) = Rhat Phi(s),   Rhat = F - M V V^T F,   Phi(s) = 1 - G Y(s),
+
+always in the p-dimensional range of Rhat, because V spans a rational Krylov space. As V^T R = 0,
+
+    H - H_r = R^T (K + s M)^-1 R,   so for s = i w and every shift s_j >= 0 with a factor at hand
+    |H_ab - H_r,ab| <= |R_a|_j |R_b|_j / rho_j(w),     |r|_j^2 = r^H (K + s_j M)^-1 r,
+    rho_j = min over lambda >= 0 of sqrt(lambda^2 + w^2)/(lambda + s_j) = w / sqrt(w^2 + s_j^2),   and 1 for s_j = 0,
+
+which needs no eigenvalue of the full system: p solves with each factor give it at all frequencies.
+
+Between samples. For one port |Phi|^2 = prod_j (w^2 + s_j^2)/(w^2 + theta_j^2) over the shifts used and the k Ritz
+values: the logarithm of the bound has a second derivative above -k in ln w, so over an interval of length h it exceeds
+its larger end by at most k h^2/8. Below the first sample the bound falls with w (s = 0 is a shift), above the last
+every factor of |Phi|^2 is within 1e-6 of one. For several ports |R_a|_j^2 has the same denominator; its numerator is
+taken to curve no more than that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+PER_DECADE = 60
+BEYOND = 1e3  # the samples reach this factor below the slowest and above the fastest rate of the reduced model
+ROUND_OFF = 1e-10  # of the static gain: what solves of these matrices leave (measured 1e-12..3e-11); no bound is below it
+
+
+@dataclass(frozen=True, eq=False)
+class Projection:
+    """A reduced system between its ports, and what is left of the ports outside its basis.
+
+    Attributes
+    ----------
+    rate : array, shape (k,), 1/s
+        Ritz values theta_i, increasing.
+    ports : array, shape (k, p)
+        Z^T V^T F in modal coordinates.
+    remainder : array, shape (n, p)
+        Rhat.
+    mass_basis : array, shape (n, k)
+        M V.
+    vectors : array, shape (k, k)
+        Z, the eigenvectors of Kr.
+    """
+
+    rate: Array
+    ports: Array
+    remainder: Array
+    mass_basis: Array
+    vectors: Array
+
+    @property
+    def gain(self) -> Array:
+        """Static gain between the ports, shape (p, p), exact."""
+        return self.ports.T @ (self.ports / self.rate[:, None])
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """The bound of |H - H_r| for c pairs of ports.
+
+    Attributes
+    ----------
+    omega : array, shape (m,), rad/s
+    samples : array, shape (m, c), K/W
+        the bound at ``omega``.
+    top : array, shape (c,), K/W
+        not exceeded at any frequency.
+    """
+
+    omega: Array
+    samples: Array
+    top: Array
+
+
+def certify(
+    projection: Projection, shifts: Array, solutions: Sequence[Array], *, pairs: tuple[Array, Array]
+) -> Certificate:
+    """Bound the error of a projection.
+
+    Parameters
+    ----------
+    projection : Projection
+    shifts : array, 1/s
+        any of those at which the space was built.
+    solutions : sequence of array, shape (n, p)
+        (K + s_j M)^-1 Rhat for each of ``shifts``; fewer shifts give a looser bound.
+    pairs : two arrays of int, shape (c,)
+        the two ports of each channel.
+    """
+    rate, k = projection.rate, projection.rate.size
+    low, high = rate[0] / BEYOND, max(rate[-1], *shifts) * BEYOND
+    omega = np.geomspace(low, high, int(np.ceil(np.log10(high / low) * PER_DECADE)))
+    grams = [_symmetric(projection.remainder.T @ w) for w in solutions]
+    a, b = pairs
+    static = projection.gain.diagonal()
+    floor = ROUND_OFF * np.sqrt(static[a] * static[b])
+    if max(float((g.diagonal() / static).max()) for g in grams) <= ROUND_OFF:  # the basis holds everything
+        return Certificate(omega, np.tile(floor, (omega.size, 1)), floor)
+    phi = _phi(projection, float(shifts[0]), solutions[0], grams[0], omega)
+    bounds = []
+    for s, gram in zip(shifts, grams, strict=True):
+        norm = np.sqrt(np.maximum(np.einsum("mia,ij,mja->ma", phi.conj(), gram, phi).real, 0))
+        rho = omega / np.hypot(omega, s) if s > 0 else np.ones_like(omega)
+        bounds.append(norm[:, a] * norm[:, b] / rho[:, None])
+    each = np.maximum(bounds, floor)
+    step = np.log(omega[1] / omega[0])
+    between = np.maximum(each[:, 1:], each[:, :-1]).min(axis=0) * np.exp(k * step**2 / 8)
+    ends = np.maximum(each[:, 0].min(axis=0), each[:, -1].min(axis=0)) * (1 + k / BEYOND**2)
+    return Certificate(omega, each.min(axis=0), np.maximum(between.max(axis=0), ends))
+
+
+def _phi(projection: Projection, shift: float, solution: Array, gram: Array, omega: Array) -> NDArray[np.complex128]:
+    """Phi(i w) = 1 - G Y(i w), shape (m, p, p), from the modal residual D = K V - M V Kr = Rhat G.
+
+    With W = (K + s M)^-1 Rhat and V^T Rhat = 0:  W^T D = -(W^T M V)(Kr + s),  W^T Rhat = gram,  so G = gram^-1 W^T D.
+    """
+    D = -(solution.T @ projection.mass_basis @ projection.vectors) * (projection.rate + shift)
+    G = np.linalg.lstsq(gram, D, rcond=1e-13)[0]
+    Y = projection.ports / (projection.rate[:, None] + 1j * omega[:, None, None])
+    phi: NDArray[np.complex128] = np.eye(gram.shape[0]) - G @ Y
+    return phi
+
+
+def _symmetric(matrix: Array) -> Array:
+    return (matrix + matrix.T) / 2

@@ -1,0 +1,1 @@
+"""Compact models as files for other programs."""

@@ -1,0 +1,74 @@
+"""Heat problems for the tests of the compact models, on graded rectangles: no mesher is needed.
+
+The mesh is coarse: a reduction or a fit is compared with the very system it came from, so only that must be a heat
+problem with the right length and time scales.
+"""
+
+from functools import cache
+from types import SimpleNamespace
+
+import numpy as np
+import skfem
+
+import thermofem as th
+
+UM = 1e-6
+
+
+def graded(points, smallest, largest=8 * UM, growth=0.9):
+    """Coordinates through ``points``, finest beside each of them."""
+    pieces = []
+    for a, b in zip(points[:-1], points[1:], strict=True):
+        h, steps = smallest, [0.0]
+        while steps[-1] < (b - a) / 2:
+            steps.append(steps[-1] + h)
+            h = min(h * (1 + growth), largest)
+        half = np.array(steps) / steps[-1] * (b - a) / 2
+        pieces += [a + half, (b - half)[::-1]]
+    return np.unique(np.round(np.concatenate(pieces), 14))
+
+
+def discretized(*, radius=7.955, width=0.45, height=0.22, box=2.0, above=2.0, k_oxide=1.38, heater=False, smallest=0.06):
+    """Discretization of a strip ring, optionally with a heater on top of the oxide; lengths in um."""
+    wide = 2.0
+    edges = [0, radius - width / 2, radius + width / 2, 60]
+    if heater:
+        edges = sorted({*edges, radius - wide / 2, radius + wide / 2})
+    top = height + above
+    r = graded(np.array(edges) * UM, smallest * UM)
+    z = graded(np.array([-box - 30, -box, 0, height, top, *([top + 0.1] if heater else [])]) * UM, smallest * UM)
+    grid = skfem.MeshTri.init_tensor(r, z)
+    x, y = grid.p[:, grid.t].mean(axis=1) / UM
+    inside = (abs(x - radius) < width / 2) & (y > 0) & (y < height)
+    strip = y > top
+    if heater:
+        keep = ~strip | (abs(x - radius) < wide / 2)
+        grid = grid.restrict(np.flatnonzero(keep))
+        x, y, inside, strip = x[keep], y[keep], inside[keep], strip[keep]
+    region = np.select([inside, strip, y < -box, y < 0], [3, 4, 0, 1], 2)
+    names = ("substrate", "box", "cladding", "core", "heater")[: 5 if heater else 4]
+    mesh = SimpleNamespace(points=grid.p.T, triangles=grid.t.T, region=region, region_names=names)
+    k = np.array([130.0, k_oxide, k_oxide, 130.0, 25.0])[region]
+    rho_c = np.array([2330 * 700.0, 2203 * 703.0, 2203 * 703.0, 2330 * 700.0, 5400 * 600.0])[region]
+    held = grid.facets_satisfying(lambda p: np.isclose(p[1], -(box + 30) * UM))
+    return th.discretize(mesh, k, rho_c, held=held)
+
+
+@cache
+def strip(**geometry):
+    """StateSpace of a strip ring, core heated and read."""
+    return discretized(**geometry).state_space(("core",), ("core",))
+
+
+def geometries(count):
+    """Strip rings spread over what foundries make; always the same ones."""
+    rng = np.random.default_rng(20210204)
+    for _ in range(count):
+        yield {
+            "radius": rng.uniform(3, 20),
+            "width": rng.uniform(0.3, 2.0),
+            "height": rng.uniform(0.15, 0.5),
+            "box": rng.uniform(0.7, 3.5),
+            "above": rng.uniform(0.4, 4.0),
+            "k_oxide": rng.uniform(0.9, 1.5),
+        }

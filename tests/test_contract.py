@@ -1,0 +1,91 @@
+"""Every thermal model keeps the numbered contract of thermofem.model."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from models import MODELS
+
+import thermofem as th
+from thermofem.waveforms import period_times
+
+# Closed forms agree to round-off; the FEM integrates to its default rtol of 1e-5 of the largest rise.
+TOLERANCE = 1e-5
+
+
+@pytest.fixture(params=MODELS, scope="module")
+def model(request):
+    return MODELS[request.param]()
+
+
+@pytest.fixture(scope="module")
+def slowest(model):
+    """Long after every transient: the slowest time constant of the list is about 12 us and exp(-200/12) = 6e-8."""
+    return 200e-6
+
+
+def test_names_one_input_and_one_output(model):
+    assert model.inputs == ("core",)
+    assert model.outputs == ("core",)
+
+
+def test_step_response_rises_monotonically_to_the_thermal_resistance(model, slowest):
+    times = np.append(np.geomspace(1e-9, 50e-6, 40), slowest)
+    step = model.step_response(times)
+    assert np.all(np.diff(step) > -TOLERANCE * model.thermal_resistance)  # heat on: never cools (passive)
+    assert step[0] > 0
+    assert step[-1] == pytest.approx(model.thermal_resistance, rel=2 * TOLERANCE)
+
+
+def test_impedance_begins_at_the_thermal_resistance_and_falls(model):
+    z = model.impedance(np.array([0.0, 1e5, 1e6, 1e7, 1e8]))
+    assert z[0] == pytest.approx(model.thermal_resistance, rel=1e-9)  # one linear solve against another
+    assert np.all(np.diff(np.abs(z)) < 0)
+    assert np.all(z.imag[1:] < 0)  # a passive network lags
+
+
+def test_response_to_a_constant_is_the_step_response(model):
+    times = np.geomspace(1e-9, 20e-6, 25)
+    response = model.response(th.Constant(2e-3), times)
+    assert response == pytest.approx(2e-3 * model.step_response(times), rel=0, abs=TOLERANCE * response.max())
+
+
+def test_pulse_is_the_difference_of_two_steps(model):
+    times = np.linspace(0, 9e-6, 91)
+    pulse = model.response(th.Pulse(power=2e-3, width=3e-6, start=1e-6), times)
+    steps = [model.step_response(np.maximum(times - start, 0)) for start in (1e-6, 4e-6)]
+    assert pulse == pytest.approx(2e-3 * (steps[0] - steps[1]), rel=0, abs=2 * TOLERANCE * 2e-3 * model.thermal_resistance)
+
+
+def test_periodic_state_is_what_a_long_train_settles_to(model, slowest):
+    wave = th.SquareWave(power=2e-3, period=20e-6, duty=0.3)
+    times = period_times(wave, 41)
+    cycles = int(slowest / wave.period)
+    settled = model.response(wave, cycles * wave.period + times)
+    periodic = model.periodic_response(wave, 41)
+    assert settled == pytest.approx(periodic, rel=0, abs=3 * TOLERANCE * periodic.max())
+    assert periodic[0] == pytest.approx(periodic[-1], rel=0, abs=2 * TOLERANCE * periodic.max())
+
+
+def test_periodic_state_has_the_fourier_component_of_the_impedance(model):
+    """Mean = R_th x mean power, and the first harmonic of the rise = Z(1/T) x that of the power."""
+    wave = th.SquareWave(power=2e-3, period=1e-6, duty=0.3)
+    n = 4001
+    rise = model.periodic_response(wave, n)[:-1]
+    harmonic = np.exp(-2j * np.pi * np.arange(n - 1) / (n - 1))
+    # trapezoids over a continuous rise with kinks: error (pi/n)^2 of the swing, far below 1e-4
+    assert rise.mean() == pytest.approx(model.thermal_resistance * 0.6e-3, rel=1e-4)
+    power = 2e-3 * (1 - np.exp(-2j * np.pi * 0.3)) / (2j * np.pi)
+    assert abs(np.mean(rise * harmonic) / (model.impedance(1e6) * power) - 1) < 1e-4
+
+
+def test_a_20_ns_pulse_at_50_us_is_not_missed(model):
+    pulse = th.Pulse(power=2e-3, width=20e-9, start=50e-6)
+    late = model.response(pulse, [49e-6, 50.02e-6, 60e-6])
+    assert late[0] == 0
+    assert late[1] == pytest.approx(2e-3 * model.step_response(20e-9), rel=5e-5)
+
+
+def test_response_keeps_the_shape_of_the_times(model):
+    assert model.step_response(1e-6).shape == ()
+    assert model.impedance([1e6, 2e6]).shape == (2,)

@@ -1,0 +1,119 @@
+"""The ring and its published parameters: derived rates, variants, and slips of unit."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import coupled
+from coupled.parameters import borghi2021 as paper
+from thermofem import InputError
+
+RING = coupled.borghi2021()
+
+
+def test_derived_rates_are_those_of_the_paper():
+    # Computed by hand from the tables with CODATA constants; as many digits as are written here.
+    assert RING.thermal_shift == pytest.approx(6.46811e10, rel=1e-6)
+    assert RING.eta_fca == pytest.approx(1.022020e-13, rel=1e-6)
+    assert RING.eta_tpa == pytest.approx(5.55711e21, rel=1e-6)
+    assert RING.g_tpa == pytest.approx(9.87769e57, rel=1e-6)
+    assert RING.linear_rate == pytest.approx(91.5e9, rel=1e-12)
+
+
+def test_quality_factors_lie_within_the_measured_error_bars():
+    assert RING.loaded_q == pytest.approx(6.5e3, abs=0.2e3)  # Section 2: 6.5(2)e3
+    assert RING.intrinsic_q == pytest.approx(1.11e5, abs=0.08e5)  # Section 2: 1.11(8)e5
+
+
+@pytest.mark.parametrize(
+    ("ring", "tau0", "a"),
+    [(RING, 35.59162e-9, 1.6155486e-21), (RING.with_swapped_srh(), 23.41999e-9, 2.4551664e-21)],
+    ids=["printed", "swapped"],
+)
+def test_recombination_constants(ring, tau0, a):
+    # By hand from Eq. 4 and Table 2; the tolerance is one unit of the last digit written.
+    assert ring.carriers.tau0 == pytest.approx(tau0, rel=3e-7)
+    assert ring.carriers.a == pytest.approx(a, rel=3e-8)
+    assert ring.carriers.b == pytest.approx(9.9999975e-22, rel=3e-8)
+
+
+def test_lifetime_runs_from_tau0_to_the_sum_of_both():
+    # Eq. 4: tau0 a/b = tau_n + tau_p exactly, the limit of many carriers. At N = 1e28 it is 1/(bN) = 1e-7 short.
+    lifetime = RING.carriers.lifetime(np.array([0.0, 1e21, 1e28]))
+    assert lifetime[0] == RING.carriers.tau0
+    assert lifetime[0] < lifetime[1] < lifetime[2]
+    assert lifetime[2] == pytest.approx(57.5e-9, rel=2e-7)
+
+
+def test_variants_change_what_they_say_and_nothing_else():
+    lumped = RING.with_lumped_fcd()
+    assert lumped.fcd == ((-9.5e-27, 1.0),)
+    assert replace(lumped, fcd=RING.fcd, name=RING.name) == RING
+    swapped = RING.with_swapped_srh()
+    assert (swapped.carriers.tau_n, swapped.carriers.tau_p) == (22.5e-9, 35e-9)
+    assert replace(swapped, carriers=RING.carriers, name=RING.name) == RING
+    with pytest.raises(InputError, match="lumped_fcd"):
+        replace(RING, lumped_fcd=None).with_lumped_fcd()
+
+
+def test_thermal_parameter_sets_have_the_static_gain_the_paper_quotes():
+    # kappa tau_f tau_s / (m c_p) with the printed numbers, in K/W; caption of Fig. 5 and Section 5.
+    sets = (paper.SECOND_ORDER_FEM, paper.SECOND_ORDER_EXPERIMENT)
+    gains = [s.kappa * s.tau_f * s.tau_s / s.heat_capacity for s in sets]
+    assert gains == pytest.approx([7784.2, 7140.5], abs=0.05)
+    assert paper.NEWTON_FIT.heat_capacity == pytest.approx(6.9 * 7.63e-12, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"frequency": 192.88}, "192.88e12"),
+        ({"bus_rate": 43}, "43e9"),
+        ({"loss_rate": 5.5}, "1/s"),
+        ({"bus_rate": float("nan")}, "not finite"),
+        ({"tpa_volume": 5.35}, "um"),
+        ({"fca_volume": -1e-18}, "fca_volume"),
+        ({"tpa_coefficient": 0.81}, "cm/GW"),
+        ({"fca_cross_section": 1.5e-17}, "cm"),
+        ({"refractive_index": 0.0}, "refractive_index"),
+        ({"thermo_optic": 1.86}, "1/K"),
+        ({"fcd": ()}, "empty"),
+        ({"fcd": ((1e-27, 1.0),)}, "negative"),
+        ({"fcd": ((-9.5e-21, 1.0),)}, "cm"),
+        ({"fcd": ((-1e-27, 1.0, 2.0),)}, "exponent"),
+        ({"fcd": ((-1e-27, 0.0),)}, "exponent"),
+        ({"lumped_fcd": 9.5e-27}, "negative"),
+    ],
+)
+def test_slips_in_a_ring_are_named(change, message):
+    with pytest.raises(InputError, match=message):
+        replace(RING, **change)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"tau_n": 35}, "35e-9"),
+        ({"tau_p": 0.0}, "positive"),
+        ({"hole_density": 0}, "cm"),
+        ({"trap_energy": 660}, "eV"),
+        ({"thermal_energy": 293.15}, "k_B T"),
+    ],
+)
+def test_slips_in_the_recombination_are_named(change, message):
+    with pytest.raises(InputError, match=message):
+        replace(RING.carriers, **change)
+
+
+def test_import_is_light():
+    code = (
+        "import sys, coupled, coupled.parameters.borghi2021\n"
+        "print(*sorted({'numba', 'matplotlib', 'xarray', 'gmsh', 'surrogate'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""

@@ -1,0 +1,229 @@
+"""Runs as a user makes them: published regression values, balances, outputs, and slips of unit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from importlib import import_module
+
+import numpy as np
+import pytest
+
+import coupled
+import surrogate
+import thermofem as th
+from coupled.parameters import borghi2021 as paper
+from coupled.plot import plot_traces
+
+
+def second_order(s):
+    return surrogate.second_order(kappa=s.kappa, tau_f=s.tau_f, tau_s=s.tau_s, eta=s.eta, heat_capacity=s.heat_capacity)
+
+
+def newton(s):
+    return surrogate.newton(tau_th=s.tau_th, heat_capacity=s.heat_capacity)
+
+
+RING = coupled.borghi2021()
+EXPERIMENT, FEM = second_order(paper.SECOND_ORDER_EXPERIMENT), second_order(paper.SECOND_ORDER_FEM)
+
+
+def dbm(value):
+    return 1e-3 * 10 ** (value / 10)
+
+
+@pytest.fixture(scope="module")
+def run():
+    """The paper's main point, (8 dBm, 0 GHz)."""
+    return coupled.simulate(RING, EXPERIMENT, power=dbm(8), duration=20e-6)
+
+
+def test_weak_light_on_resonance_divides_as_a_linear_ring_does():
+    run = coupled.simulate(RING, EXPERIMENT, power=dbm(-40), duration=20e-6).isel(time=-1)
+    loss, power = 91.5, dbm(-40)
+    # Closed form of the linear ring. At 1 fJ the resonance moves by 1e-4 K x 65 rad/ns/K, 6e-5 of its width: 4e-9 of power;
+    # two-photon loss is 6e-6 of gamma, and what is left of the switch-on after 20 us is below rtol = 1e-6.
+    assert float(run["drop"]) / power == pytest.approx((86 / loss) ** 2, rel=2e-5)
+    assert float(run.through) / power == pytest.approx((5.5 / loss) ** 2, rel=4e-4)  # the square of a small difference
+    assert float(run.absorbed) / power == pytest.approx(4 * 43 * 5.5 / loss**2 , rel=2e-4)
+    assert float(run["drop"] + run.through + run.absorbed) / power == pytest.approx(1, abs=2e-6)
+
+
+# Rodas5P at rtol = 1e-9, cold start, last cycle of 20 us; by an implementation independent of this one.
+REGRESSION = [
+    (RING, EXPERIMENT, 7, -10, 499.334, 0.4117, 4.6393, 9.8403),
+    (RING, EXPERIMENT, 8, 0, 535.939, 0.2819, 5.9956, 10.5484),
+    (RING, EXPERIMENT, 10, 20, 725.112, 0.1271, 8.6442, 12.3597),
+    (RING, FEM, 8, 0, 686.002, 0.2396, 5.8995, 10.5034),
+    (RING.with_lumped_fcd(), newton(paper.NEWTON_MAPS), 7, -10, 588.395, 0.1562, 13.5693, 18.7454),
+    (RING, newton(paper.NEWTON_FIT), 8, 0, 762.696, 0.3549, 6.6477, 10.7682),
+]
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-8])
+@pytest.mark.parametrize(("ring", "model", "power", "detuning", "period", "duty", "swing", "highest"), REGRESSION)
+def test_regression(ring, model, power, detuning, period, duty, swing, highest, rtol):
+    run = coupled.simulate(ring, model, power=dbm(power), detuning=detuning * 1e9, duration=20e-6, rtol=rtol)
+    found = coupled.pulsing(run)
+    assert found.regime == "self-pulsing"
+    # Printed digits: period 1e-6, duty 2e-4, swing 1e-5. Integration at rtol = 1e-6: period below 1e-6. Reading extrema and
+    # edges off the accepted steps: duty 1e-4, swing and maximum 1e-4 (3 points across a maximum of the temperature).
+    assert found.period == pytest.approx(period * 1e-9, rel=3e-6)
+    assert found.duty == pytest.approx(duty, abs=3e-4)
+    assert found.swing == pytest.approx(swing, rel=3e-4)
+    last = run.delta_T.values[run.time.values > run.time.values[-1] - 1.5 * found.period]
+    assert last.max() == pytest.approx(highest, rel=3e-4)
+
+
+def test_newton_with_the_two_term_dispersion_does_not_pulse():
+    for power, detuning in ((7, -10e9), (8, 0), (10, 20e9)):
+        run = coupled.simulate(RING, newton(paper.NEWTON_MAPS), power=dbm(power), detuning=detuning)
+        assert coupled.pulsing(run).regime == "stable"
+
+
+def test_a_long_run_keeps_its_period(run):
+    """Fifty times longer, 1800 cycles: a limit cycle, so neither drift nor memory of the start."""
+    long = coupled.simulate(RING, EXPERIMENT, power=dbm(8), duration=1e-3)
+    # The cold start decays as fast as a cycle; what differs between cycles is their own error, below rtol = 1e-6.
+    assert coupled.pulsing(long).period == pytest.approx(coupled.pulsing(run).period, rel=1e-6)
+    assert coupled.pulsing(long).cycles > 1800
+
+
+def test_ports_and_heat_carry_off_the_light_of_a_cycle(run):
+    """Over one period the stored energy returns, so the means of drop, through and absorbed power sum to the input."""
+    period, n = coupled.pulsing(run).period, 20_000
+    times = 15e-6 + period * np.arange(n) / n  # 27 ps apart; the sharpest spike is 3 ns wide
+    cycle = coupled.simulate(RING, EXPERIMENT, power=dbm(8), times=times, rtol=1e-8)
+    mean = (cycle["drop"] + cycle.through + cycle.absorbed).values.mean()
+    assert mean == pytest.approx(dbm(8), rel=1e-6)  # period known to 1e-6, and dU/dt of 3 uW at the seam: 1e-9
+    assert cycle.absorbed.values.min() > 0
+
+
+def test_wanted_times_lie_on_the_trace_of_the_steps(run):
+    times = run.time.values[::7]
+    wanted = coupled.simulate(RING, EXPERIMENT, power=dbm(8), times=times)
+    assert wanted.sizes == {"time": times.size}
+    for name in run.data_vars:  # the same steps, so exactly their ends: x = 0 or 1 of the dense output, to round-off
+        assert wanted[name].values == pytest.approx(run[name].values[::7], rel=1e-9)
+
+
+def test_default_method_changes_below_1e_6(run):
+    assert run.attrs["method"] == "rodas4"
+    fine = coupled.simulate(RING, EXPERIMENT, power=dbm(8), duration=1e-6, rtol=9e-7)
+    assert fine.attrs["method"] == "rodas5p"
+    chosen = coupled.simulate(RING, EXPERIMENT, power=dbm(8), duration=1e-6, rtol=9e-7, method=coupled.Method.RODAS4)
+    assert chosen.attrs["method"] == "rodas4"
+
+
+def test_variables_say_what_they_are(run):
+    units = {"energy": "J", "carriers": "1/m^3", "delta_T": "K", "drop": "W", "through": "W", "absorbed": "W"}
+    assert {name: v.attrs["units"] for name, v in run.data_vars.items()} == units
+    assert run.time.attrs["units"] == "s"
+    assert all(v.attrs["long_name"] for v in run.variables.values())
+    assert run.attrs["input_power"] == dbm(8)
+    assert run.attrs["ring"] == RING.name
+    assert run.attrs["steps"] == run.sizes["time"] - 1
+    assert run.time.values[[0, -1]] == pytest.approx([0, 20e-6], rel=1e-15)
+
+
+def test_run_survives_netcdf(run, tmp_path):
+    back = th.load(th.save(run, tmp_path / "run.nc"))
+    assert back.identical(run) or back.equals(run)
+    assert back.attrs["ring_parameters"] == run.attrs["ring_parameters"]
+    assert coupled.pulsing(back) == coupled.pulsing(run)
+
+
+def test_a_state_space_is_the_foster_network_it_equals():
+    R, tau = np.asarray(EXPERIMENT.R), np.asarray(EXPERIMENT.tau)
+    # E = diag(c), A = -diag(1/r) with r_i = R_i, c_i = tau_i/R_i: two cells in series, the Foster network as a circuit.
+    system = th.StateSpace(E=np.diag(tau / R), A=-np.diag(1 / R), B=np.ones((2, 1)), C=np.ones((1, 2)))
+    times = np.linspace(0, 2e-6, 41)
+    a, b = (coupled.simulate(RING, m, power=dbm(8), duration=2e-6, times=times) for m in (EXPERIMENT, system))
+    # the eigenvectors' round-off, 1e-15, grown as in the splitting of poles
+    assert b.carriers.values == pytest.approx(a.carriers.values, rel=1e-7)
+
+
+def test_darkness_stays_dark():
+    run = coupled.simulate(RING, EXPERIMENT, power=0.0, duration=1e-6)
+    assert all(np.all(run[name].values == 0) for name in run.data_vars)
+    assert coupled.pulsing(run).regime == "stable" if run.sizes["time"] >= 8 else True
+
+
+def test_no_two_photon_absorption_leaves_no_carriers():
+    run = coupled.simulate(replace(RING, tpa_coefficient=0.0), EXPERIMENT, power=dbm(8), duration=5e-6)
+    assert np.all(run.carriers.values == 0)
+    assert float(run.delta_T[-1]) == pytest.approx(EXPERIMENT.thermal_resistance * float(run.absorbed[-1]), rel=0.02)
+
+
+@dataclass(frozen=True)
+class Nonlinear:
+    """A thermal model that is not a linear network."""
+
+    thermal_resistance: float = 7e3
+
+
+def large_system():
+    eye = np.eye(501)
+    return th.StateSpace(E=eye, A=-eye, B=np.ones((501, 1)), C=np.ones((1, 501)))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"detuning": -10}, r"detuning is in Hz \(did you mean -10e9\?\)"),
+        ({"detuning": 1000}, r"did you mean 1000e9\?"),
+        ({"detuning": 192.88e12}, "laser minus cold resonance"),
+        ({"detuning": float("nan")}, "detuning = nan is not finite"),
+        ({"power": 6.31}, "6.31e-3"),
+        ({"power": 8}, "8 dBm is 6.31e-3"),
+        ({"power": -40}, "powers are in W"),
+        ({"power": -1e-3}, "powers are in W"),
+        ({"power": float("nan")}, "power = nan"),
+        ({"power": None}, "power = None is not a number"),
+        ({"duration": 0}, "duration = 0 must be positive"),
+        ({"duration": -1e-6}, "must be positive"),
+        ({"duration": 20}, "20e-6 for 20 us"),
+        ({"duration": float("inf")}, "not finite"),
+        ({"rtol": 0}, "rtol"),
+        ({"rtol": 2.0}, "rtol"),
+        ({"times": [0, 30e-6]}, "between 0 and the duration"),
+        ({"times": [-1e-6, 1e-6]}, "between 0 and the duration"),
+        ({"times": [2e-6, 1e-6]}, "increase"),
+        ({"times": []}, "empty"),
+        ({"model": large_system()}, "reduce it first"),
+        ({"model": Nonlinear()}, "linear thermal model"),
+        ({"model": th.Foster(R=[9e3, -1e3], tau=[1e-7, 1e-6])}, "passive"),
+        ({"ring": EXPERIMENT}, "RingResonator"),
+    ],
+)
+def test_slips_are_named_in_one_line(change, message):
+    arguments = {"ring": RING, "model": EXPERIMENT, "power": 6.31e-3} | change
+    with pytest.raises(th.InputError, match=message) as error:
+        coupled.simulate(**arguments)
+    assert "\n" not in str(error.value)
+
+
+def test_round_off_around_zero_detuning_is_no_slip():
+    assert coupled.simulate(RING, EXPERIMENT, power=1e-3, detuning=-3.8e-6, duration=1e-9).sizes["time"] > 1
+
+
+def test_a_run_that_cannot_end_says_so(monkeypatch):
+    monkeypatch.setattr(import_module("coupled.simulate"), "MAX_STEPS", 50)
+    with pytest.raises(th.InputError, match="more than 50 steps"):
+        coupled.simulate(RING, EXPERIMENT, power=dbm(8))
+
+
+def test_plot_labels_itself_in_readable_units(run):
+    import matplotlib.pyplot as plt
+
+    _, ax = plt.subplots()
+    assert plot_traces(run, ax) is ax
+    right = next(other for other in ax.figure.axes if other is not ax)
+    assert (ax.get_xlabel(), ax.get_ylabel(), right.get_ylabel()) == (
+        "time (µs)",
+        "drop power (mW)",
+        "temperature rise (K)",
+    )
+    assert ax.lines[0].get_xdata()[-1] == pytest.approx(20)
+    assert 3 < ax.lines[0].get_ydata().max() < 6.31  # mW, and never more than comes in
+    assert plot_traces(run).figure is not ax.figure
+    plt.close("all")

@@ -1,0 +1,368 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import event, given, settings
+from hypothesis import strategies as st
+from sections import HEATER, STRIP
+
+from thermofem.checks import InputError
+from thermofem.geometry import INSULATED, ISOTHERMAL, Boundary, CrossSection, Layer, Part, strip_ring
+from thermofem.materials import LIBRARY
+
+ROUND_OFF = 1e-12  # 16 ulps of the largest coordinate (60 um) over the smallest thickness (100 nm), 2e-16 * 16 * 600
+
+
+def ring_volume(radius, width, height):
+    return 2 * math.pi * radius * width * height
+
+
+# --- what comes out ---------------------------------------------------------------------------------------------------
+
+
+def test_strip_ring_volumes_are_those_of_hollow_cylinders():
+    volumes = strip_ring().volumes()
+    core = ring_volume(7.955e-6, 450e-9, 220e-9)
+    disc = math.pi * (60e-6) ** 2
+    expected = {"substrate": disc * 30e-6, "box": disc * 2e-6, "cladding": disc * 2.22e-6 - core, "core": core}
+    assert list(volumes) == list(expected)
+    assert volumes == pytest.approx(expected, rel=ROUND_OFF)
+
+
+def test_the_reference_strip_in_toml_is_strip_ring():
+    geometry = CrossSection.from_toml_text(STRIP)
+    assert replace(geometry, name="strip ring") == strip_ring()
+    assert (geometry.bottom, geometry.top, geometry.outer) == (ISOTHERMAL, INSULATED, INSULATED)
+    assert geometry.ambient == 293.15
+    assert (geometry.bottom_z, geometry.top_z) == pytest.approx((-32e-6, 2.22e-6))
+
+
+def test_every_table_of_the_file_arrives():
+    geometry = CrossSection.from_toml_text(HEATER)
+    core, heater, undercut = geometry.parts
+    assert geometry.name == "strip with a heater"
+    assert geometry.heated == ("core", "heater")
+    assert geometry.region_names == ("substrate", "box", "cladding", "core", "heater")  # no void
+    assert core.sidewall_angle == pytest.approx(math.radians(80))
+    assert (undercut.inner_radius, undercut.outer_radius, undercut.bottom) == (4e-6, 12e-6, -12e-6)
+    assert geometry.interfaces[0].resistance == 1e-8
+    assert geometry.top == Boundary("convection", 1e4)
+    silicon = geometry.material_of("core")
+    assert (silicon.exponent, silicon.reference, silicon.conductivity) == (-1.3, 300.0, 130.0)
+    assert geometry.material_of("heater") is LIBRARY["TiN"]
+    with pytest.raises(InputError, match="region = 'coer' is unknown; did you mean 'core'"):
+        geometry.material_of("coer")
+
+
+@pytest.mark.parametrize("geometry", [strip_ring(), CrossSection.from_toml_text(HEATER)], ids=["strip", "heater"])
+def test_toml_round_trip(geometry, tmp_path):
+    (tmp_path / "ring.toml").write_text(geometry.to_toml(), encoding="utf-8")
+    again = CrossSection.from_toml(tmp_path / "ring.toml")
+    assert again == geometry
+    assert hash(again) == hash(geometry)
+    assert again.to_toml() == geometry.to_toml()
+
+
+def test_names_survive_toml_whatever_they_hold():
+    geometry = replace(strip_ring(), name='a "ring" with \\ and\ttab, Ω and \x7f')
+    assert CrossSection.from_toml_text(geometry.to_toml()) == geometry
+
+
+def test_an_override_keeps_what_it_leaves_out_and_says_so():
+    geometry = CrossSection.from_toml_text(STRIP + '[material.Si]\nconductivity = "60 W/m/K"\n')
+    silicon = geometry.material_of("core")
+    assert (silicon.conductivity, silicon.density, silicon.specific_heat) == (60, 2330, 700)
+    assert "density, specific_heat: " + LIBRARY["Si"].source in silicon.source
+
+
+def test_a_new_material():
+    text = STRIP.replace('material = "Si"\nradius', 'material = "SiC"\nradius') + (
+        '[material.SiC]\nconductivity = "370 W/m/K"\ndensity = "3210 kg/m^3"\nspecific_heat = "690 J/kg/K"\n'
+    )
+    assert CrossSection.from_toml_text(text).material_of("core").conductivity == 370
+
+
+# --- the planar subdivision -------------------------------------------------------------------------------------------
+
+
+def on_oxide(*parts, **changes):
+    layers = (Layer("bulk", "Si", 1e-6), Layer("oxide", "SiO2", 2e-6, datum=True), Layer("top", "SiO2", 1e-6))
+    return CrossSection("test", 4e-6, layers, parts, **changes)
+
+
+def core(**changes):
+    values = {"inner_radius": 1e-6, "outer_radius": 2e-6, "bottom": 0.0, "height": 400e-9, "heated": True}
+    return Part("core", "Si", **(values | changes))
+
+
+def test_a_trapezoid_keeps_its_width_at_half_height():
+    part = core(sidewall_angle=math.radians(60))
+    lean = 200e-9 / math.tan(math.radians(60))
+    foot, top = part.outline()[:2], part.outline()[2:]
+    assert foot == pytest.approx(np.array([(1e-6 - lean, 0), (2e-6 + lean, 0)]), abs=1e-18)
+    assert top == pytest.approx(np.array([(2e-6 - lean, 400e-9), (1e-6 + lean, 400e-9)]), abs=1e-18)
+    # symmetric about its centre line: the volume is that of the rectangle (Pappus)
+    assert on_oxide(part).volumes()["core"] == pytest.approx(ring_volume(1.5e-6, 1e-6, 400e-9), rel=ROUND_OFF)
+
+
+def test_a_tilted_disc_is_a_truncated_cone():
+    part = core(inner_radius=0.0, sidewall_angle=math.radians(60))
+    foot, top = part.outline()[1, 0], part.outline()[2, 0]
+    cone = math.pi * 400e-9 / 3 * (foot**2 + foot * top + top**2)
+    assert on_oxide(part).volumes()["core"] == pytest.approx(cone, rel=ROUND_OFF)
+
+
+def test_a_later_part_overwrites_an_earlier_one():
+    first, second = core(), Part("metal", "Al", 1.5e-6, 3e-6, bottom=200e-9, height=400e-9)
+    both = on_oxide(first, second).volumes()
+    assert both["metal"] == pytest.approx(ring_volume(2.25e-6, 1.5e-6, 400e-9), rel=ROUND_OFF)
+    left = ring_volume(1.5e-6, 1e-6, 400e-9) - ring_volume(1.75e-6, 500e-9, 200e-9)
+    assert both["core"] == pytest.approx(left, rel=ROUND_OFF)
+    assert on_oxide(second, first).volumes()["core"] == pytest.approx(ring_volume(1.5e-6, 1e-6, 400e-9), rel=ROUND_OFF)
+
+
+def test_a_void_takes_its_volume_away_and_leaves_walls():
+    hole = Part("hole", "void", 2.5e-6, 3e-6, bottom=-1e-6, height=500e-9)
+    geometry = on_oxide(core(), hole)
+    full = on_oxide(core()).volumes()
+    assert geometry.region_names == ("bulk", "oxide", "top", "core")
+    assert geometry.volumes()["oxide"] == pytest.approx(
+        full["oxide"] - ring_volume(2.75e-6, 500e-9, 500e-9), rel=ROUND_OFF
+    )
+    assert geometry.on_boundary("wall", [2.75e-6, 2.5e-6, 2.5e-6], [-1e-6, -0.7e-6, 0.5e-6]).tolist() == [1, 1, 0]
+
+
+def test_a_trench_open_to_the_top_has_walls_too():
+    geometry = on_oxide(core(), Part("trench", "void", 2.5e-6, 3e-6, bottom=-1e-6, height=3e-6))
+    assert geometry.on_boundary("wall", [2.5e-6, 2.75e-6], [0.5e-6, -1e-6]).all()
+    assert geometry.on_boundary("top", [1e-6, 2.75e-6], [1e-6, 1e-6]).tolist() == [True, False]
+
+
+def test_a_part_on_the_stack_belongs_to_the_top():
+    geometry = on_oxide(core(), Part("heater", "TiN", 1e-6, 2e-6, bottom=1e-6, height=100e-9))
+    assert geometry.volumes()["heater"] == pytest.approx(ring_volume(1.5e-6, 1e-6, 100e-9), rel=ROUND_OFF)
+    # left of it, its side, its roof; beneath it the stack's surface is inside
+    r, z = [0.5e-6, 1e-6, 1.5e-6, 1.5e-6], [1e-6, 1.05e-6, 1.1e-6, 1e-6]
+    assert geometry.on_boundary("top", r, z).tolist() == [True, True, True, False]
+    assert geometry.top_z == 1e-6
+
+
+def test_a_bridge_encloses_air_with_insulated_walls():
+    posts = [Part(f"post{k}", "Al", r, r + 200e-9, bottom=1e-6, height=200e-9) for k, r in enumerate((1e-6, 2e-6))]
+    deck = Part("deck", "Al", 1e-6, 2.2e-6, bottom=1.2e-6, height=100e-9)
+    geometry = on_oxide(core(), *posts, deck)
+    assert geometry.on_boundary("wall", [1.5e-6, 1.5e-6], [1e-6, 1.2e-6]).all()
+    assert geometry.on_boundary("top", [1.5e-6, 1.5e-6], [1e-6, 1.3e-6]).tolist() == [False, True]
+
+
+def test_sides_cover_the_outline_of_the_stack():
+    geometry = on_oxide(core())
+    r, z = [0, 4e-6, 2e-6, 2e-6, 2e-6], [0.5e-6, 0.5e-6, -3e-6, 1e-6, 0.0]
+    for k, side in enumerate(("axis", "outer", "bottom", "top")):
+        assert geometry.on_boundary(side, r, z).tolist() == [j == k for j in range(5)]
+    with pytest.raises(InputError, match="side = 'botom' is unknown; did you mean 'bottom'"):
+        geometry.on_boundary("botom", 0, 0)
+
+
+NM = 1e-9
+CELL = 50  # nm
+lattice = st.integers
+
+
+@st.composite
+def random_parts(draw):
+    parts = []
+    for k in range(draw(lattice(1, 4))):
+        left, low = draw(lattice(0, 60)), draw(lattice(-40, 10))
+        right, high = draw(lattice(left + 1, 80)), draw(lattice(low + 1, 20))
+        material = draw(st.sampled_from(["Si", "Al", "SiO2", "void"])) if k else "Si"
+        numbers = (left * CELL * NM, right * CELL * NM, low * CELL * NM, (high - low) * CELL * NM)
+        parts.append(Part(f"part{k}", material, *numbers, heated=k == 0))
+    return parts
+
+
+def painted_volumes(geometry):
+    """The same volumes by painting cells of 50 nm one after the other."""
+    r = (np.arange(80) + 0.5) * CELL
+    z = (np.arange(-60, 20) + 0.5) * CELL
+    owner = np.full((r.size, z.size), "", dtype=object)
+    for layer, low, high in zip(geometry.layers, geometry.layer_edges, geometry.layer_edges[1:], strict=False):
+        owner[:, (z > low / NM) & (z < high / NM)] = layer.name
+    for part in geometry.parts:
+        inside_r = (r > part.inner_radius / NM) & (r < part.outer_radius / NM)
+        owner[np.ix_(inside_r, (z > part.bottom / NM) & (z < part.top / NM))] = part.name
+    cell = np.broadcast_to(2 * np.pi * r[:, None] * NM * (CELL * NM) ** 2, owner.shape)
+    solid = {layer.name for layer in geometry.layers} | {p.name for p in geometry.parts if p.material != "void"}
+    return {name: cell[owner == name].sum() for name in set(owner.ravel().tolist()) & solid}
+
+
+@given(random_parts())
+@settings(max_examples=100, deadline=None)
+def test_any_overlap_gives_the_volumes_of_painting(parts):
+    try:
+        geometry = on_oxide(*parts)
+    except InputError as error:
+        assert any(name in str(error) for name in ("part", "bulk", "oxide", "top")), error
+        event("refused")
+        return
+    event("cut")
+    assert geometry.volumes() == pytest.approx(painted_volumes(geometry), rel=ROUND_OFF)
+
+
+# --- what cannot be ---------------------------------------------------------------------------------------------------
+
+
+def says(error, *words):
+    message = str(error.value)
+    assert all(word in message for word in words), message
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"width": 0.45}, ["width = 0.45 m is larger than radius = 7.955e-06 m", "did you mean 450e-9?"]),
+        ({"width": 450.0}, ["width = 450 m is larger than radius", "did you mean 450e-9?"]),
+        ({"radius": 7.955}, ["radius = 7.955", "did you mean 7.955e-6?"]),
+        ({"radius": 70e-6}, ["radius = 7e-05 m is larger than outer_radius = 6e-05 m"]),
+        ({"radius": 59.9e-6}, ["part 'core' reaches r = 6.0125e-05 m", "outer_radius"]),
+        ({"height": 0.22}, ["height = 0.22", "did you mean 220e-9?"]),
+        ({"height": 0.0}, ["height = 0 must be positive"]),
+        ({"box": -2e-6}, ["box = -2e-06 must be positive"]),
+        ({"cladding": 2.0}, ["cladding = 2", "did you mean 2e-6?"]),
+        ({"substrate": 30.0}, ["substrate = 30", "did you mean 30e-6?"]),
+        ({"outer_radius": 60.0}, ["outer_radius = 60", "did you mean 60e-6?"]),
+        ({"width": float("nan")}, ["width = nan is not finite"]),
+        ({"width": "450 nm"}, ["width = '450 nm' is not a number"]),
+    ],
+)
+def test_slips_of_units_in_strip_ring(change, words):
+    with pytest.raises(InputError) as error:
+        strip_ring(**change)
+    says(error, *words)
+
+
+BAD_FILES = [
+    ("outer_radius", "outer_radios", ["the file: key = 'outer_radios' is unknown; did you mean 'outer_radius'"]),
+    ("height = ", "heigth = ", ["part 'core': key = 'heigth' is unknown; did you mean 'height'"]),
+    ("thickness", "thicknes", ["layer 'substrate': key = 'thicknes' is unknown; did you mean 'thickness'"]),
+    ('material = "Si"\nr', 'material = "Sl"\nr', ["part 'core': material = 'Sl' is unknown; did you mean 'Si'"]),
+    ('material = "SiO2"', 'material = "SiO"', ["layer 'box': material = 'SiO' is unknown; did you mean 'SiO2'"]),
+    ('"450 nm"', "0.45", ["part 'core': width = 0.45 has no unit", '"450 nm"']),
+    ('"450 nm"', '"450"', ["part 'core': width = '450' has no unit"]),
+    ('"450 nm"', '"450 ns"', ["part 'core': width = '450 ns' has the wrong dimension; a length"]),
+    ('"450 nm"', '"0.45 m"', ["part 'core': width = 0.45 m is larger than radius", "450e-9"]),
+    ('"0 nm"', '"5 um"', ["'core'", "outside the stack"]),
+    ('"0 nm"', '"-40 um"', ["part 'core'", "outside the stack, which begins at z = -3.2e-05"]),
+    ('"0 nm"', '"2.1 um"', ["part 'core'", "sticks out of the stack, which ends at z = 2.22e-06"]),
+    ('radius = "7.955 um"', 'radius = "70 um"', ["part 'core' reaches r = 7.0225e-05 m, outside outer_radius"]),
+    ('width = "450 nm"\n', "", ["part 'core': give radius and width, or inner_radius and outer_radius (given: radius)"]),
+    ('width = "450 nm"', 'outer_radius = "8 um"', ["(given: outer_radius, radius)"]),
+    ('height = "220 nm"\n', "", ["part 'core': height is missing"]),
+    ("heated = true", 'heated = "yes"', ["part 'core': heated = 'yes' must be true or false"]),
+    ("heated = true", "", ["no part is heated"]),
+    ("heated = true", 'sidewall_angle = "10 deg"\nheated = true', ["sidewall_angle = 10", "deg"]),
+    ("heated = true", 'sidewall_angle = "1.5 um"\nheated = true', ["sidewall_angle = '1.5 um'", "an angle"]),
+    (", datum = true", "", ["0 layers have datum = true"]),
+    ('"Si", thickness', '"void", thickness', ["layer 'substrate' is void"]),
+    ('name = "core"', 'name = "box"', ["part 'box' has the same name as layer 'box'"]),
+    ('name = "core"', 'name = "a/b"', ["part name = 'a/b' is not usable"]),
+    ("[[part]]", "[part]", ["part must be tables, each opened by a line [[part]]"]),
+    ("[[part]]", "[[part]", ["not valid TOML", "line 8"]),
+    ("[[part]]", '[boundary]\nbottom = "isotermal"\n[[part]]', ["boundary bottom = 'isotermal'", "'isothermal'"]),
+    ("[[part]]", '[boundary]\nbottom = "insulated"\n[[part]]', ["all insulated", "no steady state"]),
+    ("[[part]]", '[boundary]\ntop = { convektion = "1 W/m^2/K" }\n[[part]]', ["did you mean 'convection'"]),
+    ("[[part]]", '[boundary]\ntop = { convection = "-1 W/m^2/K" }\n[[part]]', ["convection = -1 must be positive"]),
+    ("[[part]]", '[boundary]\nleft = "insulated"\n[[part]]', ["[boundary]: key = 'left' is unknown"]),
+    ("[[part]]", '[material.Si]\ndensity = "2330 kg"\n[[part]]', ["density = '2330 kg' has the wrong dimension"]),
+    ("[[part]]", '[material.SiC]\ndensity = "3 g/cm^3"\n[[part]]', ["[material.SiC]: conductivity is missing"]),
+    ("[[part]]", '[material.Si]\nconductivity = { value = "1 W/m/K", power = 1 }\n[[part]]', ["key = 'power'"]),
+    ("[[part]]", '[[interface]]\npart = "coer"\nresistance = "1e-8 m^2*K/W"\n[[part]]', ["did you mean 'core'"]),
+    ("[[part]]", '[[interface]]\npart = "core"\nresistance = "-1 m^2*K/W"\n[[part]]', ["resistance = -1"]),
+    ("[[part]]", "[[layer]]\n[[part]]", ["not valid TOML"]),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "words"), BAD_FILES, ids=[f"{k}" for k in range(len(BAD_FILES))])
+def test_bad_files_are_refused_in_one_line_that_begins_with_the_file(old, new, words, tmp_path):
+    assert old in STRIP
+    path = tmp_path / "ring.toml"
+    path.write_text(STRIP.replace(old, new, 1))
+    with pytest.raises(InputError) as error:
+        CrossSection.from_toml(path)
+    says(error, str(path), *words)
+
+
+def test_missing_unreadable_and_empty_files(tmp_path):
+    with pytest.raises(InputError, match=r"ring\.toml' does not exist"):
+        CrossSection.from_toml(tmp_path / "ring.toml")
+    with pytest.raises(InputError, match="cannot be read"):
+        CrossSection.from_toml(tmp_path)
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="not UTF-8"):
+        CrossSection.from_toml(tmp_path / "binary.toml")
+    with pytest.raises(InputError, match="outer_radius is missing"):
+        CrossSection.from_toml_text("")
+    with pytest.raises(InputError, match=r"add \[\[part\]\] tables"):
+        CrossSection.from_toml_text(STRIP[: STRIP.index("[[part]]")])
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ([core(), Part("lid", "Al", 0.0, 3e-6, bottom=-1e-6, height=2e-6)], ["'core' is wholly covered by 'lid'"]),
+        ([core(), Part("moat", "void", 0.0, 4e-6, bottom=-1.5e-6, height=500e-9)], ["cut off", "no way out"]),
+        ([core(bottom=2e-6)], ["'core'", "outside the stack"]),
+        ([core(height=1e-6 - 5e-11)], ["'top' has a sliver of 5e-11 m", "thinner than an atom"]),
+        ([core(), Part("film", "Al", 0.0, 4e-6, bottom=-5e-11, height=5e-11)], ["sliver of 5e-11 m"]),
+        ([core(), Part("void", "void", 1e-6, 2e-6, bottom=0.0, height=100e-9, heated=False)], None),
+    ],
+    ids=["covered", "moat", "floating", "gap", "film", "legal"],
+)
+def test_contradictions_name_what_contradicts(parts, words):
+    if words is None:
+        assert on_oxide(*parts).volumes()["core"] > 0
+        return
+    with pytest.raises(InputError) as error:
+        on_oxide(*parts)
+    says(error, *words)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"inner_radius": 2e-6}, ["inner_radius = 2e-06 m must be below outer_radius = 2e-06 m"]),
+        ({"inner_radius": -1e-6}, ["inner_radius = -1e-06"]),
+        ({"outer_radius": 1.1e-6, "height": 1e-6, "sidewall_angle": 1.0}, ["the sidewalls cross"]),
+        ({"bottom": math.inf}, ["bottom = inf is not finite"]),
+    ],
+)
+def test_impossible_parts(change, words):
+    with pytest.raises(InputError) as error:
+        core(**change)
+    says(error, "part 'core'", *words)
+
+
+def test_void_cannot_be_heated():
+    with pytest.raises(InputError, match="part 'hole': void cannot be heated"):
+        Part("hole", "void", 1e-6, 2e-6, 0.0, 1e-6, heated=True)
+
+
+def test_boundaries():
+    assert [Boundary(kind).holds for kind in ("isothermal", "insulated")] == [True, False]
+    assert Boundary("convection", 10.0).holds
+    with pytest.raises(InputError, match="convection = 0 must be positive"):
+        Boundary("convection")
+    with pytest.raises(InputError, match="takes no coefficient"):
+        Boundary("isothermal", 1.0)
+
+
+def test_what_this_version_cannot_solve_is_said_before_solving():
+    strip_ring().check_buildable()
+    geometry = CrossSection.from_toml_text(HEATER)
+    with pytest.raises(InputError, match=r"interface of 'core': .* not supported yet"):
+        geometry.check_buildable()
+    with pytest.raises(InputError, match=r"'Si' of 'substrate': temperature-dependent conductivity .* not supported yet"):
+        replace(geometry, interfaces=()).check_buildable()
+    replace(geometry, interfaces=(), materials=()).check_buildable()

@@ -1,0 +1,247 @@
+"""The weak forms against exact solutions and published benchmarks, none of them of our making."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+import pytest
+import skfem
+from grids import facets_where, graded, tensor_mesh
+
+import thermofem as th
+from thermofem.factor import factorize
+from thermofem.materials import Material
+from thermofem.transient import integrate
+
+# Converged reference of the strip (independent high-order code, 7 digits): R_th in K/W, rise in K/W at times in s,
+# peak-to-peak rise in K of the periodic state under 2 mW, duty 0.33.
+STRIP_RESISTANCE = 7867.156077
+STRIP_STEP = {
+    1.0e-9: 95.25475359712683,
+    3.257020655902e-9: 256.10066542191705,
+    10.608183551394e-9: 615.7793043981231,
+    34.55107294592e-9: 1281.4196202653092,
+    112.53355826008e-9: 2273.2144103383865,
+    366.52412370796e-9: 3489.0412882955046,
+    1.1937766417144e-6: 4807.102068670903,
+    3.888155180308e-6: 6176.297398081418,
+    12.663801734674e-6: 7415.615024510806,
+    100.0e-6: 7867.14205186074,
+}
+STRIP_SWING = {0.1e-6: 2.1834738, 0.2e-6: 3.2160334, 0.5e-6: 4.8984730, 1e-6: 6.3354375, 2e-6: 7.8521717, 5e-6: 9.9150667, 10e-6: 11.5372250}
+
+
+@pytest.fixture(scope="module", params=[1e-3, 1e-4], ids=["1e-3", "1e-4"])
+def strip(request):
+    return th.assemble(th.strip_ring(), accuracy=request.param)
+
+
+def test_strip_resistance_within_the_promised_accuracy(strip):
+    assert strip.thermal_resistance("core") == pytest.approx(STRIP_RESISTANCE, rel=strip.accuracy)
+
+
+def test_strip_step_within_the_promised_accuracy_from_1_ns_on(strip):
+    # pointwise; a tenth of the accuracy is left to the time integration
+    times = list(STRIP_STEP)
+    data = th.solve(strip, th.Constant(1e-3), times, rtol=strip.accuracy / 10)
+    assert data.delta_T.values * 1e3 == pytest.approx(np.array(list(STRIP_STEP.values())), rel=strip.accuracy)
+
+
+@pytest.mark.parametrize("period", STRIP_SWING)
+def test_strip_swing_within_the_promised_accuracy(strip, period):
+    data = th.solve_periodic(strip, th.SquareWave(2e-3, period, 0.33), rtol=strip.accuracy / 5)
+    assert np.ptp(data.delta_T.values) == pytest.approx(STRIP_SWING[period], rel=strip.accuracy)
+
+
+# Exact ring in layered media: a core with the oxide's own properties under an adiabatic surface, one oxide layer on a
+# semi-infinite silicon substrate; Hankel-Laplace transform, trusted to 1e-6. Rise in K/W.
+LAYERED = {
+    "R = 7, w = 0.45 um": (7e-6, 0.45e-6, 9669.310, [125.621, 857.583, 1714.767, 3004.346, 4349.758, 5897.089, 7346.707, 8885.878]),
+    "R = 5, w = 0.50 um": (5e-6, 0.50e-6, 13395.873, [159.097, 1099.384, 2228.376, 3977.900, 5839.837, 8002.453, 10047.186, 12279.202]),
+}
+LAYERED_TIMES = [1e-9, 10e-9, 30e-9, 100e-9, 300e-9, 1e-6, 3e-6, 10e-6]
+# A domain that ends at 2 mm instead of nowhere moves R_th by 4.9e-5 (converged, R = 7 um); the step up to 10 us, whose
+# heat has come 30 um far, by nothing.
+TRUNCATION = 5e-5
+
+
+@pytest.mark.parametrize("case", LAYERED)
+def test_ring_in_layered_media_against_the_exact_solution(case, layered_ring):
+    radius, width, resistance, step = LAYERED[case]
+    problem = layered_ring(radius, width)
+    assert problem.thermal_resistance() == pytest.approx(resistance, rel=problem.accuracy + TRUNCATION)
+    data = th.solve(problem, th.Constant(1e-3), LAYERED_TIMES, rtol=problem.accuracy / 10)
+    assert data.delta_T.values * 1e3 == pytest.approx(np.array(step), rel=problem.accuracy)
+
+
+@pytest.fixture
+def layered_ring(needs_mesher):
+    def build(radius, width):
+        geometry = th.strip_ring(radius=radius, width=width, substrate=2e-3, outer_radius=2e-3)
+        oxide = Material("SiO2", 1.38, 2203, 709, source="verification problem")
+        silicon = Material("Si", 148, 2330, 711, source="verification problem")
+        core = replace(geometry.parts[0], material="SiO2")
+        return th.assemble(replace(geometry, parts=(core,), materials=(oxide, silicon)), accuracy=1e-3)
+
+    return build
+
+
+def test_manufactured_solution_converges_with_order_three():
+    """T = (2 + cos(pi r/a)) sin(pi z/H), which does not vanish on the axis; held at both ends, insulated at r = a."""
+    a, H, k = 2.0, 1.0, 3.0
+
+    def exact(r, z):
+        return (2 + np.cos(np.pi * r / a)) * np.sin(np.pi * z / H)
+
+    def source(r, z):
+        q = np.pi / a
+        laplace = -(q**2) * np.cos(q * r) - q * q * np.sinc(q * r / np.pi)
+        return -k * np.sin(np.pi * z / H) * laplace + k * (np.pi / H) ** 2 * exact(r, z)
+
+    @skfem.LinearForm
+    def load(v, w):
+        return 2 * np.pi * w.x[0] * source(*w.x) * v
+
+    @skfem.Functional
+    def squared_error(w):
+        return 2 * np.pi * w.x[0] * (w["T"] - exact(*w.x)) ** 2
+
+    errors = []
+    for n in (4, 8, 16, 32):
+        mesh = tensor_mesh(np.linspace(0, a, 2 * n + 1), np.linspace(0, H, n + 1))
+        d = th.discretize(mesh, k, 1.0, held=facets_where(mesh, lambda r, z: np.isclose(z % H, 0)))
+        fine = d.basis.with_element(skfem.ElementTriP2())
+        b = load.assemble(skfem.Basis(fine.mesh, skfem.ElementTriP2(), intorder=8))
+        T = np.zeros(d.mass.shape[0])
+        T[d.free] = factorize(d.stiffness[d.free][:, d.free])(b[d.free])
+        accurate = skfem.Basis(fine.mesh, skfem.ElementTriP2(), intorder=8)
+        errors.append(np.sqrt(squared_error.assemble(accurate, T=accurate.interpolate(T))))
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.all(orders > 2.8)  # P2 in L2: 3
+    assert errors[-1] < 1e-4
+
+
+@dataclass(frozen=True)
+class CosineRate:
+    """d/dt of 100 sin(pi t/40) K: the rate at which the hot end of NAFEMS T3 moves."""
+
+    piecewise_linear: ClassVar[bool] = False
+    period: ClassVar[None] = None
+
+    def __call__(self, t):
+        return 100 * np.pi / 40 * np.cos(np.pi * np.asarray(t) / 40)
+
+    before = __call__
+
+    def breakpoints(self, start, stop):
+        return np.empty(0)
+
+    def mean(self, start, stop):
+        return 100 * (np.sin(np.pi * stop / 40) - np.sin(np.pi * start / 40)) / (stop - start)
+
+
+def probe(d, r, z):
+    """Row that reads the temperature at a point from the free unknowns."""
+    return np.asarray(d.basis.probes(np.array([[r], [z]])).todense())[:, d.free]
+
+
+def test_nafems_t3_transient_with_a_moving_end_temperature():
+    """NAFEMS T3: L = 0.1 m, T(0) = 0, T(L) = 100 sin(pi t/40) C, x = 0.08 m at 32 s: 36.60 C; series: 36.603116 C."""
+    L = 0.1
+    mesh = tensor_mesh(np.linspace(0.05, 0.055, 3), np.linspace(0, L, 81))  # any ring: the solution depends on z only
+    d = th.discretize(mesh, 35.0, 7200 * 440.5, held=facets_where(mesh, lambda r, z: np.isclose(z % L, 0)))
+    lift = d.basis.doflocs[1] / L  # T = w + g(t) z/L: the static shape of the moving end; M dw/dt = -K w - g' M lift
+    moving = th.StateSpace(
+        E=d.mass[d.free][:, d.free],
+        A=-d.stiffness[d.free][:, d.free],
+        B=-(d.mass @ lift)[d.free][:, None],
+        C=probe(d, 0.05, 0.08),
+        inputs=("hot end",),
+        outputs=("x = 0.08 m",),
+    )
+    w = integrate(moving, CosineRate(), [32.0], rtol=1e-6).outputs[0, 0]
+    # 4e-6 with these 80 quadratic elements, 28e-6 with 40 (order 3); backward Euler at 1 s would give 36.109
+    assert w + 0.8 * 100 * np.sin(np.pi * 32 / 40) == pytest.approx(36.603116, rel=1e-5)
+
+
+def test_nafems_annulus_with_a_heat_flux():
+    """Annulus r 0.02..0.1, z 0..0.14 m, k = 52, 5e5 W/m^2 on r = 0.02 for z 0.04..0.10, rest of it held at 273.15 K."""
+    mesh = tensor_mesh(graded(0.02, 0.1, finest=2e-4, growth=1.3), graded(0, 0.04, 0.1, 0.14, finest=2e-4, growth=1.3))
+    sides = facets_where(mesh, lambda r, z: np.isclose(r, 0.1) | np.isclose(z, 0) | np.isclose(z, 0.14))
+    d = th.discretize(mesh, 52.0, 1.0, held=sides)
+    flux = facets_where(mesh, lambda r, z: np.isclose(r, 0.02) & (z > 0.04) & (z < 0.10))
+
+    @skfem.LinearForm
+    def heating(v, w):
+        return 2 * np.pi * w.x[0] * 5e5 * v
+
+    T = np.zeros(d.mass.shape[0])
+    T[d.free] = factorize(d.stiffness[d.free][:, d.free])(heating.assemble(d.basis.boundary(flux))[d.free])
+    rise = (probe(d, 0.04, 0.04) @ T[d.free]).item()
+    # published 332.97 K; exact 332.970514 K, a rise of 59.820514 K
+    assert rise + 273.15 == pytest.approx(332.970514, abs=1e-4 * 59.82)
+
+
+def test_nafems_axisymmetric_transient():
+    """Cylinder R = 0.3, H = 0.4 m, k = 52, rho c = 7850 x 460, all faces 0 -> 1000 C: 186.485279 C at (0.1, 0.3), 190 s."""
+    mesh = tensor_mesh(np.linspace(0, 0.3, 25), np.linspace(0, 0.4, 33))
+    faces = facets_where(mesh, lambda r, z: np.isclose(r, 0.3) | np.isclose(z % 0.4, 0))
+    d = th.discretize(mesh, 52.0, 7850 * 460.0, held=faces)
+    n = d.free.size
+    cooling = th.StateSpace(
+        d.mass[d.free][:, d.free], -d.stiffness[d.free][:, d.free], np.zeros((n, 1)), probe(d, 0.1, 0.3)
+    )
+    deficit = integrate(cooling, th.Constant(0.0), [190.0], rtol=1e-6, initial=np.full(n, -1000.0)).outputs[0, 0]
+    assert 1000 + deficit == pytest.approx(186.485279, rel=1e-4)
+
+
+def test_cylinder_shell_with_convection():
+    """Rod heated on its axis part, convection outside: R_th = 1/(2 pi a L h) + ln(a/b)/(2 pi k L) + 1/(8 pi k L), exact."""
+    b, a, L, k, h = 1e-3, 5e-3, 2e-3, 20.0, 400.0
+    mesh = tensor_mesh(
+        np.append(np.linspace(0, b, 9), np.linspace(b, a, 33)[1:]), [0, L], lambda r, z: r > b, ("core", "shell")
+    )
+    outside = facets_where(mesh, lambda r, z: np.isclose(r, a))
+    d = th.discretize(mesh, k, 1e6, held=np.empty(0, dtype=int), convection={h: outside})
+    system = d.state_space(("core",), ("core",))
+    exact = 1 / (2 * np.pi * a * L * h) + np.log(a / b) / (2 * np.pi * k * L) + 1 / (8 * np.pi * k * L)
+    assert system.thermal_resistance == pytest.approx(exact, rel=1e-6)
+    # all heat leaves by convection: at the steady state the ledger's outflow is the power
+    state = factorize(-system.A)(system.B[:, 0])
+    assert d.ledger.drain_A @ state == pytest.approx(1.0, rel=1e-9)
+
+
+def test_reading_a_cold_part_is_reciprocal_and_smaller():
+    problem = th.assemble(th.strip_ring())
+    through = problem.thermal_resistance(heated="core", read="box")
+    assert 0 < through < problem.thermal_resistance("core")
+    data = th.solve(problem, th.Constant(1e-3), [100e-6], read=("core", "box"))
+    assert data.delta_T.dims == ("time", "probe")
+    # 100 us is 8 of the slowest time constants: exp(-8) of the far field is still missing
+    assert data.delta_T.sel(probe="box").item() == pytest.approx(1e-3 * through, rel=1e-3)
+
+
+def test_passive_and_monotone():
+    problem = th.assemble(th.strip_ring())
+    assert np.array_equal(problem.system.B, problem.system.C.T)  # the same functional heats and reads
+    data = th.solve(problem, th.Constant(2e-3), np.geomspace(1e-10, 50e-6, 200))
+    assert np.all(np.diff(data.delta_T.values) > 0)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda p: p.thermal_resistance("cor"), "heated = 'cor' is unknown; did you mean 'core'"),
+        (lambda p: p.thermal_resistance("core", "bx"), "read = 'bx' is unknown; did you mean 'box'"),
+        (lambda p: p.channels(read=()), "read is empty"),
+        (lambda p: th.solve(p, th.Constant(1e-3), [float("nan")]), r"times\[0\] = nan is not finite"),
+        (lambda p: th.solve_periodic(p, th.Constant(1e-3)), "Constant has no period"),
+        (lambda p: th.assemble(p.geometry, accuracy=2), "accuracy = 2 must lie between"),
+        (lambda p: p.channels("core", ("core", "box")).thermal_resistance, "pick one of each"),
+    ],
+)
+def test_bad_input(call, words):
+    with pytest.raises(th.InputError, match=words):
+        call(th.assemble(th.strip_ring()))

@@ -1,0 +1,149 @@
+"""Models as JSON files: exact round trip, and every unusable file refused with its reason."""
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import surrogate
+import thermofem as th
+
+PAPER = surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1200e-9, eta=0.31)
+
+
+def edited(path, **fields):
+    """The file with some fields replaced."""
+    content = json.loads(path.read_text())
+    path.write_text(json.dumps({**content, **fields}))
+    return path
+
+
+@pytest.fixture
+def saved(tmp_path):
+    provenance = {"training": ["square wave"], "power": np.float64(2e-3)}
+    return surrogate.save_model(PAPER, tmp_path / "model.json", provenance=provenance)
+
+
+positive = st.floats(min_value=1e-12, max_value=1e6)
+
+
+@given(R=st.lists(positive, min_size=1, max_size=12), data=st.data())
+def test_any_passive_network_survives_exactly(R, data, tmp_path_factory):
+    tau = data.draw(st.lists(positive, min_size=len(R), max_size=len(R)))
+    model = th.Foster(R=R, tau=tau, inputs=("heater",), outputs=("heater",))
+    back = surrogate.load_model(surrogate.save_model(model, tmp_path_factory.mktemp("m") / "m.json"))
+    # repr of a double is read back to the same double: no tolerance
+    assert np.array_equal(back.R, model.R)
+    assert np.array_equal(back.tau, model.tau)
+    assert (back.inputs, back.outputs) == (("heater",), ("heater",))
+
+
+def test_state_space_survives_exactly(tmp_path):
+    E, A = np.diag([1e-12, 3e-12]), -np.array([[2e-4, -1e-4], [-1e-4, 3e-4]])
+    model = th.StateSpace(E, A, np.eye(2), np.eye(2), inputs=("core", "heater"), outputs=("core", "heater"))
+    back = surrogate.load_model(surrogate.save_model(model, tmp_path / "m.json"))
+    for name in ("E", "A", "B", "C"):
+        assert np.array_equal(getattr(back, name), getattr(model, name))
+    assert back.outputs == ("core", "heater")
+
+
+def test_provenance_travels_with_the_model(saved):
+    assert surrogate.load_provenance(saved) == {"training": ["square wave"], "power": 2e-3}
+
+
+def test_a_transfer_between_two_parts_may_have_a_negative_R(tmp_path):
+    model = th.Foster(R=[-1.0, 3.0], tau=[1e-9, 1e-6], inputs=("heater",), outputs=("core",))
+    assert not surrogate.load_model(surrogate.save_model(model, tmp_path / "m.json")).passive
+
+
+@pytest.mark.parametrize(
+    ("fields", "reason"),
+    [
+        ({"schema": 2}, "update thermofem"),
+        ({"schema": "1"}, "whole number"),
+        ({"schema": True}, "whole number"),
+        ({"format": "a recipe"}, "not a thermal model"),
+        ({"kind": "Fosster"}, "did you mean 'Foster'"),
+        ({"poles": []}, "at least one"),
+        ({"poles": [{"R": 1.0}]}, "no 'tau'"),
+        ({"poles": [1.0]}, "not laid out"),
+        ({"poles": [{"R": "warm", "tau": 1e-6}]}, "not a number"),
+        ({"poles": [{"R": 1.0, "tau": -1e-6}], "thermal_resistance": None}, "must be positive"),
+        ({"poles": [{"R": -1.0, "tau": 1e-6}], "thermal_resistance": None}, "not passive"),
+        ({"poles": [{"R": 0.0, "tau": 1e-6}], "thermal_resistance": None}, "never warms up"),
+        ({"thermal_resistance": 7784.3}, "was a number edited"),
+        ({"inputs": "core"}, "list of names"),
+    ],
+)
+def test_an_unusable_file_is_refused_with_the_reason(saved, fields, reason):
+    path = edited(saved, **fields)
+    with pytest.raises(th.InputError, match=reason):
+        surrogate.load_model(path)
+
+
+def test_provenance_that_is_no_object_is_refused(saved):
+    path = edited(saved, provenance=3)
+    with pytest.raises(th.InputError, match="an object is needed"):
+        surrogate.load_provenance(path)
+
+
+@pytest.mark.parametrize("keep", [0.0, 0.3, 0.9])
+def test_a_torn_file_is_refused(saved, keep):
+    text = saved.read_text()
+    saved.write_text(text[: int(keep * len(text))])
+    with pytest.raises(th.InputError, match="not JSON"):
+        surrogate.load_model(saved)
+
+
+@pytest.mark.parametrize("content", [b"\xff\xfe", b'{"format": NaN}', b"[" * 100_000])
+def test_what_is_not_json_is_refused(saved, content):
+    saved.write_bytes(content)
+    with pytest.raises(th.InputError, match="not JSON"):
+        surrogate.load_model(saved)
+
+
+def test_a_missing_file_and_a_folder_are_named(tmp_path):
+    with pytest.raises(th.InputError, match="does not exist"):
+        surrogate.load_model(tmp_path / "none.json")
+    with pytest.raises(th.InputError, match="cannot be read"):
+        surrogate.load_model(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("matrices", "reason"),
+    [
+        ({"A": [[1.0]]}, "would not decay"),
+        ({"E": [[0.0]]}, "would not decay"),
+        ({"A": [[-1.0, 0.0]]}, "shape"),
+        ({"A": "abc"}, "tables of numbers"),
+        ({"B": [1.0]}, "table of rows"),
+    ],
+)
+def test_unphysical_matrices_are_refused(tmp_path, matrices, reason):
+    model = th.StateSpace(np.eye(1), -np.eye(1), np.eye(1), np.eye(1))
+    path = surrogate.save_model(model, tmp_path / "m.json")
+    edited(path, **matrices)
+    with pytest.raises(th.InputError, match=reason):
+        surrogate.load_model(path)
+
+
+def test_unsymmetric_matrices_are_refused(tmp_path):
+    model = th.StateSpace(np.eye(2), -np.array([[2.0, 0.5], [0.0, 1.0]]), np.ones((2, 1)), np.ones((1, 2)))
+    with pytest.raises(th.InputError, match="not a symmetric"):
+        surrogate.save_model(model, tmp_path / "m.json")
+
+
+def test_nothing_is_left_behind_when_a_model_cannot_be_written(tmp_path):
+    with pytest.raises(th.InputError, match="not passive"):
+        surrogate.save_model(th.Foster(R=[-1.0, 2.0], tau=[1e-9, 1e-6]), tmp_path / "m.json")
+    with pytest.raises(th.InputError, match="provenance"):
+        surrogate.save_model(PAPER, tmp_path / "m.json", provenance={"power": float("nan")})
+    with pytest.raises(th.InputError, match="provenance"):
+        surrogate.save_model(PAPER, tmp_path / "m.json", provenance={"power": object()})
+    with pytest.raises(th.InputError, match="not a folder"):
+        surrogate.save_model(PAPER, tmp_path / "none" / "m.json")
+    with pytest.raises(th.InputError, match="no JSON form"):
+        surrogate.save_model(object(), tmp_path / "m.json")
+    assert not list(tmp_path.iterdir())

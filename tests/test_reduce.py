@@ -1,0 +1,170 @@
+"""Certified reduction: the bound is above the true error, below the tolerance, and the physics survives."""
+
+import numpy as np
+import pytest
+from scipy.sparse import diags
+from scipy.sparse.linalg import splu
+from surrogate_systems import discretized, geometries, strip
+
+import surrogate
+import thermofem as th
+from surrogate.certificate import PER_DECADE, ROUND_OFF
+
+GEOMETRIES = list(geometries(8))
+FREQUENCY = np.geomspace(1e3, 1e12, 50)
+
+
+def bound_at(rom, frequency):
+    """The larger of the two samples around each frequency."""
+    k = np.clip(np.searchsorted(rom.frequency, frequency), 1, rom.frequency.size - 1)
+    return np.maximum(rom.bound[k - 1], rom.bound[k])
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+@pytest.mark.parametrize(("tolerance", "most"), [(1e-3, 14), (1e-5, 24)])
+def test_true_error_below_bound_below_tolerance(geometry, tolerance, most):
+    system = strip(**geometry)
+    rom = surrogate.reduce(system, tolerance)
+    exact = impedance(geometry)
+    error = abs(exact - rom.model.impedance(FREQUENCY)) / system.thermal_resistance
+    # between two samples (1/60 decade) the bound changes by less than its curvature allows
+    assert np.all(error <= bound_at(rom, FREQUENCY) * np.exp(rom.order * (np.log(10) / PER_DECADE) ** 2 / 8))
+    assert rom.bound.max() <= rom.error_bound <= tolerance
+    assert rom.order <= most
+    # effectivity: the bound of the brief is under 3 where the error is largest
+    assert bound_at(rom, FREQUENCY)[error.argmax()] < 3 * error.max()
+    assert rom.model.passive
+    # s = 0 is a shift: exact up to the round-off of the solves
+    assert rom.model.thermal_resistance == pytest.approx(system.thermal_resistance, rel=ROUND_OFF)
+
+
+EXACT = {}
+
+
+def impedance(geometry):
+    """Full-order impedance at FREQUENCY, solved once for each geometry."""
+    key = tuple(geometry.values())
+    if key not in EXACT:
+        EXACT[key] = strip(**geometry).impedance(FREQUENCY)
+    return EXACT[key]
+
+
+def test_bound_is_the_residual_norm_of_the_full_system():
+    """The closed form R = Rhat Phi against residuals formed from the full matrices, one frequency at a time."""
+    system = strip(smallest=0.1)
+    rom = surrogate.reduce(system, 1e-3)
+    K, M, b = -system.A.tocsc(), system.E.tocsc(), system.B[:, 0]
+    factors = [splu((K + s * M).tocsc()) for s in rom.shifts]
+    for i in range(150, rom.frequency.size - 150, 60):
+        omega = 2 * np.pi * rom.frequency[i]
+        z = np.asarray(rom.model.R) / (1 + 1j * omega * np.asarray(rom.model.tau))
+        r = b - (K + 1j * omega * M) @ rom.lift(z)
+        norms = [np.real(r.conj() @ (f.solve(r.real) + 1j * f.solve(r.imag))) for f in factors]
+        direct = min(q * (np.hypot(omega, s) / omega if s else 1) for q, s in zip(norms, rom.shifts, strict=True))
+        # r is the difference of vectors about 1e3 times larger, squared: 1e-16 x 1e6, and the lift adds its own
+        assert rom.bound[i] == pytest.approx(direct / system.thermal_resistance, rel=1e-6)
+
+
+def test_for_real_s_the_reduction_approaches_from_below():
+    system = strip()
+    K, M, b = -system.A.tocsc(), system.E.tocsc(), system.B[:, 0]
+    s = np.geomspace(1e3, 1e12, 20)
+    exact = np.array([b @ splu((K + x * M).tocsc()).solve(b) for x in s])
+    previous = np.zeros_like(s)
+    for tolerance in (1e-1, 1e-2, 1e-3, 1e-4, 1e-6):
+        model = surrogate.reduce(system, tolerance).model
+        H = (np.asarray(model.R) / (1 + s[:, None] * model.tau)).sum(axis=1)
+        slack = ROUND_OFF * system.thermal_resistance
+        assert np.all(previous <= H + slack)
+        assert np.all(H <= exact + slack)
+        previous = H
+
+
+def test_step_and_periodic_state_match_the_full_order_integrator():
+    system = strip()
+    model = surrogate.reduce(system, 1e-6).model
+    times = np.geomspace(1e-9, 1e-4, 40)
+    wave = th.SquareWave(power=2e-3, period=1e-6, duty=1 / 3)
+    step, periodic = system.step_response(times, rtol=1e-5), system.periodic_response(wave, 101, rtol=1e-5)
+    # the integrator is asked for 1e-5 of the largest rise; the reduction adds 1e-6 of R_th at any one frequency
+    assert np.abs(model.step_response(times) - step).max() < 2e-5 * step.max()
+    assert np.abs(model.periodic_response(wave, 101) - periodic).max() < 2e-5 * periodic.max()
+
+
+def test_lifted_states_are_the_field_of_the_full_system():
+    system = strip()
+    rom = surrogate.reduce(system, 1e-5)
+    wave = th.Pulse(power=2e-3, width=1e-6)
+    times = np.array([2e-7, 1e-6, 3e-6])
+    full = th.transient.integrate(system, wave, times, rtol=1e-6, snapshots=times).snapshots
+    lifted = rom.full_states(wave, times)
+    assert np.allclose(lifted @ system.C[0], rom.model.response(wave, times), rtol=1e-9)
+    # the mean over the core is certified; the field converges as the square root of the bound, here .003 of its peak
+    assert np.abs(lifted - full).max() < np.sqrt(rom.tolerance) * full.max()
+
+
+def test_heater_and_core_have_a_certificate_per_channel():
+    system = discretized(heater=True, smallest=0.1).state_space(("core", "heater"), ("core", "heater", "box"))
+    rom = surrogate.reduce(system, 1e-4)
+    assert rom.model.inputs == ("core", "heater")
+    assert rom.channel_bounds.shape == (3, 2)
+    assert rom.channel_bounds.max() == rom.error_bound <= 1e-4
+    frequency = np.geomspace(1e4, 1e10, 13)
+    for j, read in enumerate(system.outputs):
+        for i, heated in enumerate(system.inputs):
+            full, small = system.channel(heated, read), th.model.foster(rom.model.channel(heated, read))
+            error = abs(full.impedance(frequency) - small.impedance(frequency))
+            assert error.max() <= rom.channel_bounds[j, i] * full.thermal_resistance
+    # reciprocity survives the projection
+    assert rom.model.gain[0, 1] == pytest.approx(rom.model.gain[1, 0], rel=1e-9)
+    cross = surrogate.reduce(system.channel("heater", "core"), 1e-4)
+    assert cross.model.thermal_resistance == pytest.approx(system.gain[0, 1], rel=1e-8)
+    assert cross.error_bound <= 1e-4
+
+
+def test_slicot_heat_conduction():
+    """SLICOT's heat-cont (Chahlaoui, Van Dooren, 2002): A = 0.01 201^2 tridiag(1, -2, 1), collocated at state 67."""
+    n, at = 200, 66
+    A = 0.01 * 201**2 * diags([np.ones(n - 1), -2 * np.ones(n), np.ones(n - 1)], [-1, 0, 1])
+    e = np.eye(n)[at]
+    system = th.StateSpace(diags(np.ones(n)).tocsc(), A.tocsc(), e[:, None], e[None])
+    assert system.thermal_resistance == pytest.approx(0.1105583195, abs=5e-11)  # published with ten digits
+    frequency = np.geomspace(1e-4, 1e5, 50)
+    for tolerance in (1e-3, 1e-6):
+        rom = surrogate.reduce(system, tolerance)
+        error = abs(system.impedance(frequency) - rom.model.impedance(frequency)) / 0.1105583195
+        assert error.max() <= rom.error_bound <= tolerance
+        assert rom.model.thermal_resistance == pytest.approx(0.1105583195, abs=5e-11)
+
+
+def test_a_system_that_is_already_small_is_returned_exactly():
+    model = th.Foster(R=[1000.0, 2000.0, 5000.0], tau=[2e-8, 3e-7, 1e-5])
+    gain = np.sqrt(model.gain)
+    system = th.StateSpace(np.eye(3), -np.diag(1 / np.asarray(model.tau)), gain[:, None], gain[None])
+    rom = surrogate.reduce(system, 1e-6)
+    assert rom.order == 3
+    assert np.allclose(rom.model.R, model.R, rtol=1e-9)
+    assert np.allclose(rom.model.tau, model.tau, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"A": np.array([[-2.0, 0.5], [0.0, -1.0]])}, "A is not symmetric"),
+        ({"E": np.array([[2.0, 0.5], [0.0, 1.0]])}, "E is not symmetric"),
+        ({"A": np.diag([1.0, 2.0])}, "positive"),
+        ({"A": np.array([[-1.0, 2.0], [2.0, -1.0]])}, "positive"),
+        ({"E": np.diag([-1.0, 1.0])}, "positive"),
+        ({"B": np.zeros((2, 1))}, "zero everywhere"),
+    ],
+)
+def test_what_is_no_heat_problem_is_refused(change, reason):
+    parts = {"E": np.eye(2), "A": -np.diag([1.0, 2.0]), "B": np.ones((2, 1)), "C": np.ones((1, 2)), **change}
+    with pytest.raises(th.InputError, match=reason):
+        surrogate.reduce(th.StateSpace(**parts))
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 1e-12, 0.5, float("nan")])
+def test_tolerance_out_of_range(tolerance):
+    with pytest.raises(th.InputError, match="tolerance"):
+        surrogate.reduce(strip(), tolerance)

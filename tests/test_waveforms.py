@@ -1,0 +1,97 @@
+"""Waveforms know their edges and their exact means."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import thermofem as th
+from thermofem.waveforms import from_json, linear_pieces, period_times, to_json
+
+SAW = th.Sampled([0, 1e-6, 1e-6, 3e-6], [0, 2e-3, 1e-3, 0], repeat=True)
+WAVES = [
+    th.Constant(2e-3),
+    th.Pulse(2e-3, width=1.5e-6, start=0.4e-6),
+    th.SquareWave(2e-3, period=0.7e-6, duty=1 / 3),
+    th.Sampled([0, 1e-6, 1e-6, 9e-6], [0, 2e-3, 1e-3, 0]),
+    SAW,
+]
+spans = st.tuples(st.floats(0, 8e-6), st.floats(1e-9, 1e-6)).map(lambda s: (s[0], s[0] + s[1]))
+
+
+@pytest.mark.parametrize("wave", WAVES, ids=lambda w: type(w).__name__)
+@given(span=spans)
+def test_mean_is_the_integral_over_the_straight_pieces(wave, span):
+    edges, after, before = linear_pieces(wave, *span)
+    integral = np.sum(np.diff(edges) * (after + before)) / 2
+    # a piece shorter than 1e-12 of t is merged with its neighbour, so allow that share of the peak power
+    assert wave.mean(*span) * (span[1] - span[0]) == pytest.approx(integral, rel=1e-9, abs=2e-3 * 1e-11 * span[1])
+
+
+@pytest.mark.parametrize("wave", WAVES, ids=lambda w: type(w).__name__)
+@given(span=spans)
+def test_between_breakpoints_the_power_is_straight(wave, span):
+    edges = np.concatenate([[span[0]], wave.breakpoints(*span), [span[1]]])
+    for start, stop in zip(edges[:-1], edges[1:], strict=True):
+        t = start + (stop - start) * np.array([0.1, 0.5, 0.9])
+        p = wave(t)
+        assert p[1] == pytest.approx((p[0] + p[2]) / 2, rel=1e-6, abs=1e-12)
+
+
+def test_continuous_from_the_right_and_limit_from_the_left():
+    wave = th.SquareWave(2e-3, period=1e-6, duty=0.25)
+    assert wave([0.0, 0.25e-6, 1e-6]).tolist() == [2e-3, 0, 2e-3]
+    assert wave.before([0.25e-6, 1e-6]).tolist() == [2e-3, 0]
+    pulse = th.Pulse(1e-3, width=1e-6, start=1e-6)
+    assert pulse([1e-6, 2e-6]).tolist() == [1e-3, 0]
+    assert pulse.before([1e-6, 2e-6]).tolist() == [0, 1e-3]
+    assert SAW([1e-6, 3e-6]).tolist() == [1e-3, 0]
+    assert SAW.before([1e-6, 3e-6]).tolist() == [2e-3, 0]
+
+
+def test_period_times_hold_both_ends_and_every_edge():
+    wave = th.SquareWave(2e-3, period=1e-6, duty=0.3137)
+    times = period_times(wave, 101)
+    assert times.size == 101
+    assert times[0] == 0
+    assert times[-1] == 1e-6
+    assert wave.on_time in times
+    assert np.all(np.diff(times) > 0)
+
+
+@pytest.mark.parametrize("wave", WAVES, ids=lambda w: type(w).__name__)
+def test_json_round_trip(wave):
+    again = from_json(to_json(wave))
+    t = np.linspace(0, 8e-6, 321)
+    assert np.array_equal(again(t), wave(t))
+    assert again.period == wave.period
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: th.SquareWave(2e-3, 1e-6, -0.1), "duty = -0.1 must lie between 0 and 1"),
+        (lambda: th.SquareWave(2e-3, 1e-6, 1.0), "duty = 1 leaves no edge"),
+        (lambda: th.SquareWave(2.0e3, 1e-6, 0.3), r"power = 2000 must lie .* 2e-3 for 2 mW"),
+        (lambda: th.SquareWave(2e-3, -1e-6, 0.3), "period = -1e-06 must be positive"),
+        (lambda: th.Pulse(2e-3, 20.0), "width = 20 is larger than 10 .*did you mean 1e-6"),
+        (lambda: th.Pulse(float("nan"), 1e-6), "power = nan is not finite"),
+        (lambda: th.Constant("a lot"), "power = 'a lot' is not a number"),
+        (lambda: th.Sampled([0, 1e-6], [0, float("nan")]), r"power\[1\] = nan is not finite"),
+        (lambda: th.Sampled([0, 2e-6, 1e-6], [0, 1, 1]), r"times\[2\] = 1e-06 is before times\[1\]"),
+        (lambda: th.Sampled([0, 1e-6], [0, 1e-3, 0]), "times has 2 samples and power 3"),
+        (lambda: th.Sampled([0, 1e-6], [0, -1e-3]), r"power\[1\] = -0.001 W is negative"),
+        (lambda: th.Sampled([0, 1e-6, 1e-6, 1e-6, 2e-6], [0, 1, 0, 1, 0]), "more than twice"),
+        (lambda: th.Sampled([0, 1e-6], [0, 1e-3])(2e-6), "power asked at t = 2e-06 s, sampled from 0 to 1e-06"),
+        (lambda: period_times(th.Constant(1e-3), 11), "Constant has no period"),
+        (lambda: period_times(th.SquareWave(1e-3, 1e-6, 0.5), 3), "samples = 3 is too few"),
+        (lambda: from_json('{"kind": "SquareWav"}'), "did you mean 'SquareWave'"),
+        (lambda: from_json("{"), "cannot be read"),
+    ],
+)
+def test_bad_input_is_one_clear_line(make, words):
+    with pytest.raises(th.InputError, match=words) as caught:
+        make()
+    assert "\n" not in str(caught.value)

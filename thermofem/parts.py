@@ -1,0 +1,175 @@
+"""The pieces of a cross-section: layers, ring parts, boundaries and interfaces; all lengths in m."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import checks
+from .materials import VOID
+
+VERTICAL = math.pi / 2
+_LONGEST = 0.1  # m; nothing on a chip is longer
+_REGION_NAME = re.compile(r"\w[\w .+-]*")
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One layer of the stack.
+
+    Parameters
+    ----------
+    name, material : str
+    thickness : float, m
+    datum : bool
+        whether z = 0 lies at the top of this layer.
+    """
+
+    name: str
+    material: str
+    thickness: float
+    datum: bool = False
+
+    def __post_init__(self) -> None:
+        _check_name("layer", self.name)
+        if self.material == VOID:
+            raise checks.InputError(f"layer {self.name!r} is void; leave it out, or cut it with a void part")
+        length(f"layer {self.name!r}: thickness", self.thickness, typical=2e-6)
+
+
+@dataclass(frozen=True)
+class Part:
+    """A ring (a disc when ``inner_radius`` is 0) with a rectangular or trapezoidal cross-section.
+
+    Parameters
+    ----------
+    name, material : str
+        material "void" cuts a hole with insulated walls.
+    inner_radius, outer_radius : float, m
+        at half height.
+    bottom, height : float, m
+        bottom is counted from the datum.
+    sidewall_angle : float, rad
+        pi/2 is vertical; a smaller angle makes the part wider at its foot.
+    heated : bool
+        whether it may carry absorbed power. Every part and layer can be read.
+    """
+
+    name: str
+    material: str
+    inner_radius: float
+    outer_radius: float
+    bottom: float
+    height: float
+    sidewall_angle: float = VERTICAL
+    heated: bool = False
+
+    def __post_init__(self) -> None:
+        of = f"part {self.name!r}: "
+        _check_name("part", self.name)
+        checks.between(
+            f"{of}inner_radius", self.inner_radius, 0, _LONGEST, unit="m", hint=slip(self.inner_radius, 5e-6)
+        )
+        length(f"{of}outer_radius", self.outer_radius, typical=8e-6)
+        checks.between(f"{of}bottom", self.bottom, -_LONGEST, _LONGEST, unit="m", hint=slip(self.bottom, 1e-6))
+        length(f"{of}height", self.height, typical=220e-9)
+        if self.inner_radius >= self.outer_radius:
+            raise checks.InputError(
+                f"{of}inner_radius = {self.inner_radius:g} m must be below outer_radius = {self.outer_radius:g} m"
+            )
+        degrees = math.degrees(checks.finite(f"{of}sidewall_angle", self.sidewall_angle))
+        checks.between(f"{of}sidewall_angle", degrees, 30, 150, unit="deg", hint="90 deg is vertical")
+        outline = self.outline()
+        if np.any(np.diff(outline[:, 0])[[0, 2]] * [1, -1] <= 0) or outline[:, 0].min() < 0:
+            raise checks.InputError(f"{of}the sidewalls cross; the height is too large for a wall of {degrees:g} deg")
+        if self.heated and self.material == VOID:
+            raise checks.InputError(f"{of}void cannot be heated; give it a material or heated = false")
+
+    @property
+    def top(self) -> float:
+        """Height of its upper face in m."""
+        return self.bottom + self.height
+
+    def outline(self) -> NDArray[np.float64]:
+        """Corners (r, z) in m, counterclockwise from the inner foot, shape (4, 2)."""
+        vertical = abs(self.sidewall_angle - VERTICAL) < 1e-9
+        lean = 0.0 if vertical else self.height / 2 / math.tan(self.sidewall_angle)
+        inner_lean = lean if self.inner_radius else 0.0  # a disc has no inner wall
+        inner, outer = self.inner_radius, self.outer_radius
+        foot = [(inner - inner_lean, self.bottom), (outer + lean, self.bottom)]
+        return np.array([*foot, (outer - lean, self.top), (inner + inner_lean, self.top)])
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """What one side of the cross-section does: "isothermal" (held at ambient), "insulated" or "convection".
+
+    Convection carries off ``coefficient`` * (T - ambient) per area; ``coefficient`` is in W/m^2/K.
+    """
+
+    kind: str
+    coefficient: float = 0.0
+    KINDS: ClassVar[tuple[str, ...]] = ("isothermal", "insulated", "convection")
+
+    def __post_init__(self) -> None:
+        checks.choice("boundary", self.kind, self.KINDS)
+        if self.kind == "convection":
+            checks.positive("convection", self.coefficient, unit="W/m^2/K", at_most=1e12)
+        elif self.coefficient:
+            raise checks.InputError(f"boundary {self.kind!r} takes no coefficient; only convection does")
+
+    @property
+    def holds(self) -> bool:
+        """Whether it ties the temperature to ambient, so that a steady state exists."""
+        return self.kind != "insulated"
+
+
+ISOTHERMAL, INSULATED = Boundary("isothermal"), Boundary("insulated")
+
+
+@dataclass(frozen=True)
+class Interface:
+    """Thermal boundary resistance in m^2 K/W on the whole surface of one part."""
+
+    part: str
+    resistance: float
+
+    def __post_init__(self) -> None:
+        hint = "silicon on oxide has about 1e-8"
+        checks.between(f"interface of {self.part!r}: resistance", self.resistance, 0, 1, unit="m^2*K/W", hint=hint)
+
+
+def ring(radius: float, width: float, *, of: str = "") -> tuple[float, float]:
+    """Inner and outer radius in m of a ring from the radius to its centre and its width; ``of`` opens the message."""
+    checks.positive(f"{of}radius", radius, unit="m", hint=slip(radius, 8e-6))
+    checks.positive(f"{of}width", width, unit="m")
+    if width > 2 * radius:
+        raise checks.InputError(
+            f"{of}width = {width:g} m is larger than radius = {radius:g} m allows; {slip(width, 450e-9, radius)}"
+        )
+    return radius - width / 2, radius + width / 2
+
+
+def length(name: str, value: float, *, typical: float) -> float:
+    """A positive length in m that fits on a chip; the hint repairs a slip of units."""
+    return checks.positive(name, value, unit="m", at_most=_LONGEST, hint=slip(value, typical))
+
+
+def slip(value: float, typical: float, at_most: float = _LONGEST) -> str:
+    """Hint that says what a length in m may have been meant to be."""
+    hint = "lengths are in metres"
+    if not (isinstance(value, int | float) and at_most < abs(value) < math.inf):
+        return hint
+    meant = value * min((1e-3, 1e-6, 1e-9), key=lambda factor: abs(math.log(abs(value) * factor / typical)))
+    power = 3 * math.floor(math.log10(abs(meant)) / 3)
+    return f"{hint} (did you mean {meant / 10**power:g}e{power}?)"
+
+
+def _check_name(kind: str, name: str) -> None:
+    if not (isinstance(name, str) and _REGION_NAME.fullmatch(name)):
+        raise checks.InputError(f"{kind} name = {name!r} is not usable; take letters, digits, spaces and _ . + -")
