@@ -23,8 +23,9 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from .compiling import compiled, inlined
 
 if TYPE_CHECKING:
     from thermofem.model import Foster
@@ -37,12 +38,6 @@ Rows = tuple[Row, Row, Row, Row]
 
 NS, FJ, UW, DENSITY = 1e-9, 1e-15, 1e-6, 1e23  # the internal units in s, J, W, 1/m^3
 EPSILON = 1e15 / DENSITY  # eps of S(N); 1e15 per m^3 is six orders below the densities that matter
-
-
-compiled = njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz", "arcp"})
-inlined = njit(
-    cache=True, nogil=True, forceinline=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz", "arcp"}
-)
 
 
 class Rates(NamedTuple):

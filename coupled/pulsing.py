@@ -91,7 +91,8 @@ def pulsing(run: xr.Dataset) -> Pulsing:
         if np.ptp(late) <= noise * late.max():
             return _quiet(Regime.STABLE, f"the carriers are constant over the last {share:.0%}", swing)
         up = crossings(t, N, (late.min() + late.max()) / 2)
-        if up.size >= 3 and t[-1] - up[-1] <= 1.5 * (up[-1] - up[-2]):
+        waits = np.diff(up, append=t[-1])  # the last one is still running
+        if up.size >= 3 and waits[-2] <= 1.5 * waits[-3] and waits[-1] <= 1.5 * waits[-2]:
             break
     else:
         return _under_way(t, N, swing, max(up.size - 1, 0))

@@ -18,7 +18,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .equations import Array, Rates, compiled, dispersion, inlined, optics, optics_jacobian
+from . import equations
+from .compiling import compiled, forget_if_older, inlined
+from .equations import Array, Rates, dispersion, optics, optics_jacobian
 from .tableaus import Tableau
 
 DONE, TOO_MANY_STEPS, STEP_TOO_SMALL = 0, 1, 2  # how `integrate` ended
@@ -203,3 +205,7 @@ def integrate(
         h *= max(0.2, min(growth, factor))
         growth = 5.0
     return rows[:filled], y, t, np.array([accepted, rejected, DONE])
+
+
+for kernel in (step, integrate):
+    forget_if_older(kernel, equations.__file__)

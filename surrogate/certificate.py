@@ -29,10 +29,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 PER_DECADE = 60
 BEYOND = 1e3  # the samples reach this factor below the slowest and above the fastest rate of the reduced model
-ROUND_OFF = 1e-10  # of the static gain: what solves of these matrices leave (measured 1e-12..3e-11); no bound is below it
+ROUND_OFF = (
+    1e-10  # of the static gain: what solves of these matrices leave (measured 1e-12..3e-11); no bound is below it
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +87,7 @@ class Certificate:
 
 
 def certify(
-    projection: Projection, shifts: Array, solutions: Sequence[Array], *, pairs: tuple[Array, Array]
+    projection: Projection, shifts: Array, solutions: Sequence[Array], *, pairs: tuple[Indices, Indices]
 ) -> Certificate:
     """Bound the error of a projection.
 
@@ -128,8 +131,7 @@ def _phi(projection: Projection, shift: float, solution: Array, gram: Array, ome
     D = -(solution.T @ projection.mass_basis @ projection.vectors) * (projection.rate + shift)
     G = np.linalg.lstsq(gram, D, rcond=1e-13)[0]
     Y = projection.ports / (projection.rate[:, None] + 1j * omega[:, None, None])
-    phi: NDArray[np.complex128] = np.eye(gram.shape[0]) - G @ Y
-    return phi
+    return np.asarray(np.eye(gram.shape[0]) - G @ Y, dtype=complex)
 
 
 def _symmetric(matrix: Array) -> Array:

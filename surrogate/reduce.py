@@ -22,7 +22,7 @@ from thermofem.factor import factorize
 from thermofem.model import pole_responses
 from thermofem.waveforms import Waveform
 
-from .certificate import Certificate, Projection, certify
+from .certificate import Certificate, Indices, Projection, certify
 
 Array = NDArray[np.float64]
 
@@ -80,7 +80,7 @@ class Reduction:
 
         ``heat.field(rom.lift(states))`` is the temperature field on the mesh.
         """
-        return np.asarray(states, dtype=float) @ self.basis.T
+        return np.asarray(np.asarray(states) @ self.basis.T)
 
     def full_states(self, wave: Waveform, times: ArrayLike) -> Array:
         """States of the full system under a piecewise-linear waveform from rest, in closed form, shape (times, n)."""
@@ -118,7 +118,7 @@ def reduce(system: StateSpace, tolerance: float = 1e-4) -> Reduction:
     """
     checks.between("tolerance", tolerance, 1e-7, 0.1, hint="it is relative to the static gain")
     K, M, ports, heated, read = _parts(system)
-    pairs = (np.repeat(read, heated.size), np.tile(heated, read.size))
+    pairs: tuple[Indices, Indices] = (np.repeat(read, heated.size), np.tile(heated, read.size))
     space = _Space(K, M, ports, tolerance)
     projection, certificate = _grow(space, pairs, tolerance)
     scale, shape = _scale(projection, pairs), (read.size, heated.size)
@@ -137,7 +137,7 @@ def reduce(system: StateSpace, tolerance: float = 1e-4) -> Reduction:
     )
 
 
-def _grow(space: _Space, pairs: tuple[Array, Array], tolerance: float) -> tuple[Projection, Certificate]:
+def _grow(space: _Space, pairs: tuple[Indices, Indices], tolerance: float) -> tuple[Projection, Certificate]:
     """Extend the basis until its certificate meets the tolerance."""
     reached = np.inf
     while space.order < MOST:
@@ -206,7 +206,9 @@ class _Space:
         self.stiffness = np.block([[self.stiffness, across], [across.T, (corner + corner.T) / 2]])
         rate, Z = np.linalg.eigh(self.stiffness)
         if rate[0] <= 0:
-            raise checks.InputError(f"-A is not positive definite (a mode grows at {-rate[0]:g} 1/s); is a boundary held?")
+            raise checks.InputError(
+                f"-A is not positive definite (a mode grows at {-rate[0]:g} 1/s); is a boundary held?"
+            )
         inside = self.V.T @ self.ports
         self.remainder = self.ports - self.MV @ inside
         self.projection = Projection(rate, Z.T @ inside, self.remainder, self.MV, Z)
@@ -234,18 +236,20 @@ def _shifts(M: Any, static: Callable[[Array], Array], ports: Array, tolerance: f
         v = v / np.linalg.norm(v)
         w = static(M @ v)
         slowest, v = float(v @ (M @ w)) / float(w @ (M @ w)), w
+    if slowest <= 0:
+        raise checks.InputError(f"-A is not positive definite (a mode grows at {-slowest:g} 1/s); is a boundary held?")
     low = min(30 * slowest, fastest / 10)
     return np.concatenate([[0.0], np.geomspace(low, fastest, max(3, round(np.log10(fastest / low))))])
 
 
-def _scale(projection: Projection, pairs: tuple[Array, Array]) -> Array:
+def _scale(projection: Projection, pairs: tuple[Indices, Indices]) -> Array:
     """Static gain of each channel; a channel between parts that hardly feel each other counts as 1e-6 of their own."""
     gain, (a, b) = projection.gain, pairs
     return np.maximum(np.abs(gain[a, b]), 1e-6 * np.sqrt(gain[a, a] * gain[b, b]))
 
 
 def _model(
-    system: StateSpace, projection: Projection, modes: Array, heated: Array, read: Array
+    system: StateSpace, projection: Projection, modes: Array, heated: Indices, read: Indices
 ) -> tuple[Foster | StateSpace, Array]:
     """The reduced model, and the basis that takes its states to those of the full system."""
     rate, B, C = projection.rate[::-1], projection.ports[::-1, heated], projection.ports[::-1, read].T
@@ -255,14 +259,16 @@ def _model(
     return StateSpace(np.eye(rate.size), -np.diag(rate), B, C, **names), modes[:, ::-1]
 
 
-def _parts(system: StateSpace) -> tuple[Any, Any, Array, NDArray[np.intp], NDArray[np.intp]]:
+def _parts(system: StateSpace) -> tuple[Any, Any, Array, Indices, Indices]:
     """K, M, the different columns among B and C^T, and which of them each input and output is."""
     from scipy.sparse import csc_matrix
 
     K, M = -csc_matrix(system.A), csc_matrix(system.E)
     for name, matrix in (("E", M), ("A", K)):
         if abs(matrix - matrix.T).max() > SYMMETRY * abs(matrix).max():
-            raise checks.InputError(f"{name} is not symmetric; this reduction and its bound need the matrices of heat flow")
+            raise checks.InputError(
+                f"{name} is not symmetric; this reduction and its bound need the matrices of heat flow"
+            )
     ports: list[Array] = []
     where: list[int] = []
     for column in (*np.asarray(system.B, dtype=float).T, *np.asarray(system.C, dtype=float)):
@@ -273,4 +279,4 @@ def _parts(system: StateSpace) -> tuple[Any, Any, Array, NDArray[np.intp], NDArr
             ports.append(column)
         where.append(same[0] if same else len(ports) - 1)
     split = len(system.inputs)
-    return K, M, np.column_stack(ports), np.array(where[:split]), np.array(where[split:])
+    return K, M, np.column_stack(ports), np.array(where[:split], dtype=np.intp), np.array(where[split:], dtype=np.intp)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -29,7 +30,7 @@ def facets_where(mesh: th.Mesh, where: Callable) -> np.ndarray:
 def graded(*edges: float, finest: float, growth: float = 1.5) -> np.ndarray:
     """Coordinates from the first to the last edge, with each interval refined geometrically towards both its ends."""
     lines = []
-    for start, stop in zip(edges[:-1], edges[1:], strict=True):
+    for start, stop in itertools.pairwise(edges):
         half, step = [0.0], finest
         while half[-1] < (stop - start) / 2:
             half.append(half[-1] + step)

@@ -5,6 +5,7 @@ problem with the right length and time scales.
 """
 
 from functools import cache
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,10 +16,10 @@ import thermofem as th
 UM = 1e-6
 
 
-def graded(points, smallest, largest=8 * UM, growth=0.9):
+def graded(points, smallest, largest=12 * UM, growth=1.6):
     """Coordinates through ``points``, finest beside each of them."""
     pieces = []
-    for a, b in zip(points[:-1], points[1:], strict=True):
+    for a, b in pairwise(points):
         h, steps = smallest, [0.0]
         while steps[-1] < (b - a) / 2:
             steps.append(steps[-1] + h)
@@ -28,7 +29,9 @@ def graded(points, smallest, largest=8 * UM, growth=0.9):
     return np.unique(np.round(np.concatenate(pieces), 14))
 
 
-def discretized(*, radius=7.955, width=0.45, height=0.22, box=2.0, above=2.0, k_oxide=1.38, heater=False, smallest=0.06):
+def discretized(
+    *, radius=7.955, width=0.45, height=0.22, box=2.0, above=2.0, k_oxide=1.38, heater=False, smallest=0.08
+):
     """Discretization of a strip ring, optionally with a heater on top of the oxide; lengths in um."""
     wide = 2.0
     edges = [0, radius - width / 2, radius + width / 2, 60]

@@ -54,7 +54,9 @@ def test_pulse_is_the_difference_of_two_steps(model):
     times = np.linspace(0, 9e-6, 91)
     pulse = model.response(th.Pulse(power=2e-3, width=3e-6, start=1e-6), times)
     steps = [model.step_response(np.maximum(times - start, 0)) for start in (1e-6, 4e-6)]
-    assert pulse == pytest.approx(2e-3 * (steps[0] - steps[1]), rel=0, abs=2 * TOLERANCE * 2e-3 * model.thermal_resistance)
+    assert pulse == pytest.approx(
+        2e-3 * (steps[0] - steps[1]), rel=0, abs=2 * TOLERANCE * 2e-3 * model.thermal_resistance
+    )
 
 
 def test_periodic_state_is_what_a_long_train_settles_to(model, slowest):

@@ -54,7 +54,7 @@ def printed_equations(a, N, x, power, detuning, model):
     return da, -N / tau + g_tpa * U**2, (model.R * absorbed - x) / model.tau
 
 
-@pytest.mark.parametrize("power, detuning", [(6.31e-3, 0.0), (1e-2, -17e9)])
+@pytest.mark.parametrize(("power", "detuning"), [(6.31e-3, 0.0), (1e-2, -17e9)])
 def test_right_hand_side_is_the_printed_one_in_other_units(power, detuning):
     y = state(2)
     got = right_hand_side(y, power, detuning, RING, SECOND_ORDER) / eq.NS  # per second
@@ -132,8 +132,8 @@ def test_eigenvalues_at_that_fixed_point():
     ("U", "unstable", "focus"), [(10.100040, 0, False), (15.548322, 1, False), (21.760990, 2, True)]
 )
 def test_three_fixed_points_at_7_dbm_minus_28_ghz(U, unstable, focus):
-    # Stable node, saddle, unstable focus, from the same scan. N is the positive root of the carriers' balance, dT = R_th
-    # P_abs, so the power tells whether all of it fits: dP/P = 2 D dD/(gamma^2 + D^2) ~ 1e-6 for eight digits of U.
+    # Stable node, saddle, unstable focus, from the same scan. N is the positive root of the carriers' balance and
+    # dT = R_th P_abs, so the power tells whether all fits: dP/P = 2 D dD/(gamma^2 + D^2) ~ 1e-6 for eight digits of U.
     rates = eq.internal_rates(RING)[0]
     b, c = 1 - rates.a * rates.tau0 * rates.g * U**2, -rates.tau0 * rates.g * U**2
     N = (-b + math.sqrt(b * b - 4 * rates.b * c)) / (2 * rates.b)

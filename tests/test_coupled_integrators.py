@@ -77,7 +77,7 @@ def test_observed_order(method):
         for _ in range(n):
             y = one_step(y, duration / n, RING, SECOND_ORDER, method)[0]
         errors.append(np.abs(y - want).max())
-    # The next order contributes about h/tau = 0.13 of the leading one, so the observed order is off by log2(1.13) = 0.18.
+    # The next order contributes about h/tau = 0.13 of the leading one: the observed order is off by log2(1.13) = 0.18.
     assert np.log2(errors[0] / errors[1]) == pytest.approx(tableau(method).order, abs=0.2)
     assert errors[1] > 1e-12  # far from round-off, or the order would mean nothing
 
@@ -158,7 +158,7 @@ def test_it_gives_up_with_a_reason_instead_of_running_for_ever():
     assert counts[2] == TOO_MANY_STEPS
     assert counts[:2].sum() == 100
     assert reached == rows[-1, 0] < 20e3
-    drive, detuning, rates, fcd, poles = problem(RING, SECOND_ORDER)
+    drive, _, rates, fcd, poles = problem(RING, SECOND_ORDER)
     args = (tableau(Method.RODAS4), 1e-6, FLOOR, np.empty(0), 10**6)
     _, _, reached, counts = integrate(np.zeros(5), 1.0, drive, np.nan, rates, fcd, poles, *args)
     assert (reached, counts[2]) == (0, STEP_TOO_SMALL)

@@ -14,6 +14,9 @@ from thermofem.materials import LIBRARY
 ROUND_OFF = 1e-12  # 16 ulps of the largest coordinate (60 um) over the smallest thickness (100 nm), 2e-16 * 16 * 600
 
 
+# pytest.approx allows 1e-12 beside rel unless abs=0 is said: more than any volume in m^3 here
+
+
 def ring_volume(radius, width, height):
     return 2 * math.pi * radius * width * height
 
@@ -27,7 +30,7 @@ def test_strip_ring_volumes_are_those_of_hollow_cylinders():
     disc = math.pi * (60e-6) ** 2
     expected = {"substrate": disc * 30e-6, "box": disc * 2e-6, "cladding": disc * 2.22e-6 - core, "core": core}
     assert list(volumes) == list(expected)
-    assert volumes == pytest.approx(expected, rel=ROUND_OFF)
+    assert volumes == pytest.approx(expected, rel=ROUND_OFF, abs=0)
 
 
 def test_the_reference_strip_in_toml_is_strip_ring():
@@ -35,16 +38,17 @@ def test_the_reference_strip_in_toml_is_strip_ring():
     assert replace(geometry, name="strip ring") == strip_ring()
     assert (geometry.bottom, geometry.top, geometry.outer) == (ISOTHERMAL, INSULATED, INSULATED)
     assert geometry.ambient == 293.15
-    assert (geometry.bottom_z, geometry.top_z) == pytest.approx((-32e-6, 2.22e-6))
+    assert geometry.layer_edges == pytest.approx((-32e-6, -2e-6, 0.0, 2.22e-6), rel=1e-15, abs=0)
+    assert (geometry.bottom_z, geometry.top_z) == (geometry.layer_edges[0], 2.22e-6)
 
 
 def test_every_table_of_the_file_arrives():
     geometry = CrossSection.from_toml_text(HEATER)
-    core, heater, undercut = geometry.parts
+    core, _, undercut = geometry.parts
     assert geometry.name == "strip with a heater"
     assert geometry.heated == ("core", "heater")
     assert geometry.region_names == ("substrate", "box", "cladding", "core", "heater")  # no void
-    assert core.sidewall_angle == pytest.approx(math.radians(80))
+    assert core.sidewall_angle == pytest.approx(math.radians(80), rel=1e-15)
     assert (undercut.inner_radius, undercut.outer_radius, undercut.bottom) == (4e-6, 12e-6, -12e-6)
     assert geometry.interfaces[0].resistance == 1e-8
     assert geometry.top == Boundary("convection", 1e4)
@@ -103,23 +107,25 @@ def test_a_trapezoid_keeps_its_width_at_half_height():
     assert foot == pytest.approx(np.array([(1e-6 - lean, 0), (2e-6 + lean, 0)]), abs=1e-18)
     assert top == pytest.approx(np.array([(2e-6 - lean, 400e-9), (1e-6 + lean, 400e-9)]), abs=1e-18)
     # symmetric about its centre line: the volume is that of the rectangle (Pappus)
-    assert on_oxide(part).volumes()["core"] == pytest.approx(ring_volume(1.5e-6, 1e-6, 400e-9), rel=ROUND_OFF)
+    assert on_oxide(part).volumes()["core"] == pytest.approx(ring_volume(1.5e-6, 1e-6, 400e-9), rel=ROUND_OFF, abs=0)
 
 
 def test_a_tilted_disc_is_a_truncated_cone():
     part = core(inner_radius=0.0, sidewall_angle=math.radians(60))
     foot, top = part.outline()[1, 0], part.outline()[2, 0]
     cone = math.pi * 400e-9 / 3 * (foot**2 + foot * top + top**2)
-    assert on_oxide(part).volumes()["core"] == pytest.approx(cone, rel=ROUND_OFF)
+    assert on_oxide(part).volumes()["core"] == pytest.approx(cone, rel=ROUND_OFF, abs=0)
 
 
 def test_a_later_part_overwrites_an_earlier_one():
     first, second = core(), Part("metal", "Al", 1.5e-6, 3e-6, bottom=200e-9, height=400e-9)
     both = on_oxide(first, second).volumes()
-    assert both["metal"] == pytest.approx(ring_volume(2.25e-6, 1.5e-6, 400e-9), rel=ROUND_OFF)
+    assert both["metal"] == pytest.approx(ring_volume(2.25e-6, 1.5e-6, 400e-9), rel=ROUND_OFF, abs=0)
     left = ring_volume(1.5e-6, 1e-6, 400e-9) - ring_volume(1.75e-6, 500e-9, 200e-9)
-    assert both["core"] == pytest.approx(left, rel=ROUND_OFF)
-    assert on_oxide(second, first).volumes()["core"] == pytest.approx(ring_volume(1.5e-6, 1e-6, 400e-9), rel=ROUND_OFF)
+    assert both["core"] == pytest.approx(left, rel=ROUND_OFF, abs=0)
+    assert on_oxide(second, first).volumes()["core"] == pytest.approx(
+        ring_volume(1.5e-6, 1e-6, 400e-9), rel=ROUND_OFF, abs=0
+    )
 
 
 def test_a_void_takes_its_volume_away_and_leaves_walls():
@@ -128,7 +134,7 @@ def test_a_void_takes_its_volume_away_and_leaves_walls():
     full = on_oxide(core()).volumes()
     assert geometry.region_names == ("bulk", "oxide", "top", "core")
     assert geometry.volumes()["oxide"] == pytest.approx(
-        full["oxide"] - ring_volume(2.75e-6, 500e-9, 500e-9), rel=ROUND_OFF
+        full["oxide"] - ring_volume(2.75e-6, 500e-9, 500e-9), rel=ROUND_OFF, abs=0
     )
     assert geometry.on_boundary("wall", [2.75e-6, 2.5e-6, 2.5e-6], [-1e-6, -0.7e-6, 0.5e-6]).tolist() == [1, 1, 0]
 
@@ -141,7 +147,7 @@ def test_a_trench_open_to_the_top_has_walls_too():
 
 def test_a_part_on_the_stack_belongs_to_the_top():
     geometry = on_oxide(core(), Part("heater", "TiN", 1e-6, 2e-6, bottom=1e-6, height=100e-9))
-    assert geometry.volumes()["heater"] == pytest.approx(ring_volume(1.5e-6, 1e-6, 100e-9), rel=ROUND_OFF)
+    assert geometry.volumes()["heater"] == pytest.approx(ring_volume(1.5e-6, 1e-6, 100e-9), rel=ROUND_OFF, abs=0)
     # left of it, its side, its roof; beneath it the stack's surface is inside
     r, z = [0.5e-6, 1e-6, 1.5e-6, 1.5e-6], [1e-6, 1.05e-6, 1.1e-6, 1e-6]
     assert geometry.on_boundary("top", r, z).tolist() == [True, True, True, False]
@@ -202,12 +208,11 @@ def painted_volumes(geometry):
 def test_any_overlap_gives_the_volumes_of_painting(parts):
     try:
         geometry = on_oxide(*parts)
-    except InputError as error:
-        assert any(name in str(error) for name in ("part", "bulk", "oxide", "top")), error
+    except InputError:  # a later part covers an earlier one, or voids cut a piece off
         event("refused")
         return
     event("cut")
-    assert geometry.volumes() == pytest.approx(painted_volumes(geometry), rel=ROUND_OFF)
+    assert geometry.volumes() == pytest.approx(painted_volumes(geometry), rel=ROUND_OFF, abs=0)
 
 
 # --- what cannot be ---------------------------------------------------------------------------------------------------
@@ -257,7 +262,11 @@ BAD_FILES = [
     ('"0 nm"', '"-40 um"', ["part 'core'", "outside the stack, which begins at z = -3.2e-05"]),
     ('"0 nm"', '"2.1 um"', ["part 'core'", "sticks out of the stack, which ends at z = 2.22e-06"]),
     ('radius = "7.955 um"', 'radius = "70 um"', ["part 'core' reaches r = 7.0225e-05 m, outside outer_radius"]),
-    ('width = "450 nm"\n', "", ["part 'core': give radius and width, or inner_radius and outer_radius (given: radius)"]),
+    (
+        'width = "450 nm"\n',
+        "",
+        ["part 'core': give radius and width, or inner_radius and outer_radius (given: radius)"],
+    ),
     ('width = "450 nm"', 'outer_radius = "8 um"', ["(given: outer_radius, radius)"]),
     ('height = "220 nm"\n', "", ["part 'core': height is missing"]),
     ("heated = true", 'heated = "yes"', ["part 'core': heated = 'yes' must be true or false"]),
@@ -363,6 +372,8 @@ def test_what_this_version_cannot_solve_is_said_before_solving():
     geometry = CrossSection.from_toml_text(HEATER)
     with pytest.raises(InputError, match=r"interface of 'core': .* not supported yet"):
         geometry.check_buildable()
-    with pytest.raises(InputError, match=r"'Si' of 'substrate': temperature-dependent conductivity .* not supported yet"):
+    with pytest.raises(
+        InputError, match=r"'Si' of 'substrate': temperature-dependent conductivity .* not supported yet"
+    ):
         replace(geometry, interfaces=()).check_buildable()
     replace(geometry, interfaces=(), materials=()).check_buildable()

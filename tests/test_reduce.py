@@ -8,7 +8,8 @@ from surrogate_systems import discretized, geometries, strip
 
 import surrogate
 import thermofem as th
-from surrogate.certificate import PER_DECADE, ROUND_OFF
+from surrogate.certificate import PER_DECADE, ROUND_OFF, certify
+from surrogate.reduce import _parts, _Space
 
 GEOMETRIES = list(geometries(8))
 FREQUENCY = np.geomspace(1e3, 1e12, 50)
@@ -65,19 +66,41 @@ def test_bound_is_the_residual_norm_of_the_full_system():
         assert rom.bound[i] == pytest.approx(direct / system.thermal_resistance, rel=1e-6)
 
 
+def test_each_shift_alone_gives_a_looser_bound_with_the_known_zeros():
+    """After two rounds |Phi|^2 is the product over the shifts used and the Ritz values, whichever factor it is from."""
+    system = strip(smallest=0.1)
+    K, M, ports, *pairs = _parts(system)
+    space = _Space(K, M, ports, 1e-3)
+    for _ in range(8):
+        space.extend(space.solve_next()[1])
+    solutions = [space.solve(j) for j in range(space.shifts.size)]
+    together = certify(space.projection, space.shifts, solutions, pairs=pairs)
+    for shift, solution in zip(space.shifts, solutions, strict=True):
+        alone = certify(space.projection, np.array([shift]), [solution], pairs=pairs)
+        # the same residual from another factor, equal to the round-off of the solves
+        assert np.all(together.samples <= alone.samples * (1 + 1e-6))
+        rho = alone.omega / np.hypot(alone.omega, shift)
+        phi = alone.samples[:, 0] * rho / (space.remainder[:, 0] @ solution[:, 0])
+        poles, zeros = (
+            alone.omega[:, None] ** 2 + space.projection.rate**2,
+            alone.omega[:, None] ** 2 + np.tile(space.shifts, 2) ** 2,
+        )
+        above = alone.samples[:, 0] > 1e3 * alone.samples.min()  # where the bound is more than its floor
+        assert np.allclose(phi[above], np.prod(zeros / poles, axis=1)[above], rtol=1e-6)
+
+
 def test_for_real_s_the_reduction_approaches_from_below():
     system = strip()
     K, M, b = -system.A.tocsc(), system.E.tocsc(), system.B[:, 0]
     s = np.geomspace(1e3, 1e12, 20)
     exact = np.array([b @ splu((K + x * M).tocsc()).solve(b) for x in s])
-    previous = np.zeros_like(s)
+    left = np.inf
     for tolerance in (1e-1, 1e-2, 1e-3, 1e-4, 1e-6):
         model = surrogate.reduce(system, tolerance).model
-        H = (np.asarray(model.R) / (1 + s[:, None] * model.tau)).sum(axis=1)
-        slack = ROUND_OFF * system.thermal_resistance
-        assert np.all(previous <= H + slack)
-        assert np.all(H <= exact + slack)
-        previous = H
+        missing = exact - (np.asarray(model.R) / (1 + s[:, None] * model.tau)).sum(axis=1)
+        assert np.all(missing >= -ROUND_OFF * system.thermal_resistance)
+        assert 0 < missing.max() < left
+        left = missing.max()
 
 
 def test_step_and_periodic_state_match_the_full_order_integrator():
@@ -154,6 +177,7 @@ def test_a_system_that_is_already_small_is_returned_exactly():
         ({"E": np.array([[2.0, 0.5], [0.0, 1.0]])}, "E is not symmetric"),
         ({"A": np.diag([1.0, 2.0])}, "positive"),
         ({"A": np.array([[-1.0, 2.0], [2.0, -1.0]])}, "positive"),
+        ({"A": np.diag([1.0, -5.0]), "B": np.array([[0.1], [1.0]]), "C": np.array([[0.1, 1.0]])}, "a mode grows"),
         ({"E": np.diag([-1.0, 1.0])}, "positive"),
         ({"B": np.zeros((2, 1))}, "zero everywhere"),
     ],

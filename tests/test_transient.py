@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -48,27 +49,29 @@ def three_poles() -> th.StateSpace:
 def exact_under_cosine(t, omega):
     """From rest: sum g [ (1 - e^-rt)/r + (r cos wt + w sin wt - r e^-rt)/(r^2 + w^2) ]."""
     t = np.asarray(t)[..., None]
-    steady = (RATES * np.cos(omega * t) + omega * np.sin(omega * t) - RATES * np.exp(-RATES * t)) / (RATES**2 + omega**2)
+    steady = (RATES * np.cos(omega * t) + omega * np.sin(omega * t) - RATES * np.exp(-RATES * t)) / (
+        RATES**2 + omega**2
+    )
     return ((1 - np.exp(-RATES * t)) / RATES + steady) @ GAINS
 
 
 def test_tableau_satisfies_the_order_conditions():
-    """Row sums; b sums to moments 1, 1/2, 1/3, 1/4 (order 4) and the embedded ones to 1/3 (order 3, 12 digits given)."""
+    """Row sums; b has the moments 1, 1/2, 1/3, 1/4 (order 4), the embedded b to 1/3 (order 3, 12 digits given)."""
     A = STAGES + GAMMA * np.diag([0, 1, 1, 1, 1, 1])
     assert np.allclose(A.sum(axis=1), STAGE_TIMES, atol=1e-15)
     for power in range(4):
         assert WEIGHTS @ STAGE_TIMES**power == pytest.approx(1 / (power + 1), abs=1e-14)
-    assert WEIGHTS @ A @ STAGE_TIMES == pytest.approx(1 / 6, abs=1e-14)
-    assert WEIGHTS @ A @ A @ STAGE_TIMES == pytest.approx(1 / 24, abs=1e-14)
+    assert pytest.approx(1 / 6, abs=1e-14) == WEIGHTS @ A @ STAGE_TIMES
+    assert pytest.approx(1 / 24, abs=1e-14) == WEIGHTS @ A @ A @ STAGE_TIMES
     for power in range(3):
         assert EMBEDDED @ STAGE_TIMES**power == pytest.approx(1 / (power + 1), abs=1e-12)
-    assert EMBEDDED @ A @ STAGE_TIMES == pytest.approx(1 / 6, abs=1e-12)
+    assert pytest.approx(1 / 6, abs=1e-12) == EMBEDDED @ A @ STAGE_TIMES
 
 
 def fixed_steps(wave, edges, rung):
     """March with steps (piece length)/4^rung; the state at the end."""
     stepper = Stepper(three_poles(), wave)
-    plan = [_Plan(a, b, (rung,) * 4**rung) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    plan = [_Plan(a, b, (rung,) * 4**rung) for a, b in itertools.pairwise(edges)]
     nothing = np.empty(0)
     return float(_march(stepper, plan, np.zeros(3), _Record(stepper, nothing, nothing, None, np.zeros(3))).sum())
 
@@ -108,8 +111,12 @@ def test_error_stays_below_rtol_at_and_after_edges(wave, rtol):
 def test_error_is_proportional_to_the_tolerance():
     system, times = coarse_fem(), np.geomspace(1e-9, 20e-6, 60)
     exact = foster(system).step_response(times) * 1e-3
-    errors = [np.abs(integrate(system, th.Constant(1e-3), times, rtol=r).outputs[:, 0] - exact).max() for r in (1e-3, 1e-7)]
-    assert 1e2 < errors[0] / errors[1] < 1e6  # four decades asked; the ladder of steps leaves a factor of up to 4^4 each
+    errors = [
+        np.abs(integrate(system, th.Constant(1e-3), times, rtol=r).outputs[:, 0] - exact).max() for r in (1e-3, 1e-7)
+    ]
+    assert (
+        1e2 < errors[0] / errors[1] < 1e6
+    )  # four decades asked; the ladder of steps leaves a factor of up to 4^4 each
 
 
 def test_energy_balance_closes_to_round_off_of_the_solves():

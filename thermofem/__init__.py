@@ -8,12 +8,13 @@ from .heat import Discretization, HeatProblem, assemble, discretize
 from .mesh import Mesh
 from .model import Foster, StateSpace, ThermalModel
 from .solve import solve, solve_periodic
-from .waveforms import Constant, Pulse, Sampled, SquareWave, Waveform
+from .waveforms import Chirp, Constant, Pulse, Sampled, SquareWave, Telegraph, Waveform
 
 __version__ = "0.1.0"
 
 __all__ = [
     "Boundary",
+    "Chirp",
     "Constant",
     "CrossSection",
     "Discretization",
@@ -29,6 +30,7 @@ __all__ = [
     "Sampled",
     "SquareWave",
     "StateSpace",
+    "Telegraph",
     "ThermalModel",
     "Waveform",
     "assemble",

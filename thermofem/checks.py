@@ -61,7 +61,9 @@ def array(name: str, value: ArrayLike, *, increasing: bool = False, hint: str = 
         raise InputError(_line(f"{name}[{bad[0]}] = {result[bad[0]]} is not finite", "", hint))
     if increasing and np.any(np.diff(result) < 0):
         at = int(np.argmax(np.diff(result) < 0)) + 1
-        raise InputError(_line(f"{name}[{at}] = {result[at]:g} is before {name}[{at - 1}]; times must increase", "", hint))
+        raise InputError(
+            _line(f"{name}[{at}] = {result[at]:g} is before {name}[{at - 1}]; times must increase", "", hint)
+        )
     return result
 
 

@@ -1,12 +1,12 @@
 """Training data as xarray Datasets: one schema, netCDF in and out.
 
 Dimensions and variables
-    time (s); delta_T (K) over time, and over probe where several parts are read; power (W) over time, continuous from the
-    right at jumps. Where the temperature field was kept: field (K) over field_time and vertex, with the coordinates r, z
-    (m) of the vertices and triangles over (triangle, corner).
+    time (s); delta_T (K) over time, and over probe where several parts are read; power (W) over time, continuous from
+    the right at jumps. Where the temperature field was kept: field (K) over field_time and vertex, with the coordinates
+    r, z (m) of the vertices and triangles over (triangle, corner).
 Attributes
-    schema, thermofem_version, kind ("transient", from rest, or "periodic"), waveform (JSON), heated, read, and what made
-    the data: geometry (TOML), mesh_hash, materials, solver settings, energy balance.
+    schema, thermofem_version, kind ("transient", from rest, or "periodic"), waveform (JSON), heated, read, and what
+    made the data: geometry (TOML), mesh_hash, materials, solver settings, energy balance.
 
 Data measured or simulated elsewhere trains like our own once it has time, power and delta_T.
 """
@@ -132,7 +132,9 @@ def drive_of(data: xr.Dataset) -> Drive:
         wave = waveforms.from_json(data.attrs["waveform"])
     else:
         if "power" not in data:
-            raise checks.InputError("data has neither power nor a waveform attribute; a model needs to know what heated it")
+            raise checks.InputError(
+                "data has neither power nor a waveform attribute; a model needs to know what heated it"
+            )
         wave = waveforms.Sampled(times, data["power"].values)
     periodic = data.attrs.get("kind", "transient") == "periodic"
     return Drive(wave, times, rise, periodic, f"{_words(wave)}, {'periodic state' if periodic else 'from rest'}")
@@ -180,9 +182,13 @@ def load(path: str | Path) -> xr.Dataset:
         with xr.open_dataset(path, engine="h5netcdf") as opened:
             data = opened.load()
     except (OSError, ValueError, KeyError) as error:
-        raise checks.InputError(f"{path} cannot be read as netCDF ({str(error).splitlines()[0]}); is it complete?") from None
+        raise checks.InputError(
+            f"{path} cannot be read as netCDF ({str(error).splitlines()[0]}); is it complete?"
+        ) from None
     if data.attrs.get("schema", SCHEMA) > SCHEMA:
-        raise checks.InputError(f"{path} has schema {data.attrs['schema']}; this version reads up to {SCHEMA}, update thermofem")
+        raise checks.InputError(
+            f"{path} has schema {data.attrs['schema']}; this version reads up to {SCHEMA}, update thermofem"
+        )
     return data
 
 
@@ -213,3 +219,15 @@ def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask
+
+
+def make_folder(path: str | Path) -> Path:
+    """Make a folder to write into where it does not exist; InputError when that or writing is not possible."""
+    path = Path(path)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise checks.InputError(f"folder {path} cannot be made: {error.strerror}") from None
+    if not os.access(path, os.W_OK):
+        raise checks.InputError(f"folder {path} cannot be written")
+    return path

@@ -41,7 +41,14 @@ STAGES[5, :5] = [
 ]
 WEIGHTS = np.append(STAGES[5, :5], GAMMA)
 EMBEDDED = np.array(
-    [-0.09651334216818033, -0.09651334216818033, 0.5228199509962342, 0.5205678646221885, -0.08255805440762122, 0.23219692312555915]
+    [
+        -0.09651334216818033,
+        -0.09651334216818033,
+        0.5228199509962342,
+        0.5205678646221885,
+        -0.08255805440762122,
+        0.23219692312555915,
+    ]
 )
 
 _THIRDS = np.array([0, 1 / 3, 2 / 3])
@@ -53,6 +60,7 @@ _EXTRAPOLATE = np.array(
 )
 
 CACHE = 24  # factorizations kept
+
 
 class Stepper:
     """One linear system and its waveforms, with the factorizations of E - shift A; counts what it does."""

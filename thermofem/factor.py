@@ -26,10 +26,10 @@ def factorize(matrix: Any) -> Solve:
         try:
             import qdldl
 
-            return qdldl.Solver(matrix).solve  # type: ignore[no-any-return]
+            return qdldl.Solver(matrix).solve
         except ImportError:
             pass
     from scipy.sparse.linalg import splu
 
     options = {"SymmetricMode": True}
-    return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options).solve  # type: ignore[no-any-return]
+    return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options).solve

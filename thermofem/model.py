@@ -120,7 +120,7 @@ class Foster:
     def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
         """sum_i R_i / (1 + 2 pi i f tau_i) in K/W."""
         f = np.asarray(frequency, dtype=float)[..., None]
-        return np.asarray((np.asarray(self.R) / (1 + 2j * np.pi * f * self.tau)).sum(axis=-1))
+        return np.asarray((np.asarray(self.R) / (1 + 2j * np.pi * f * np.asarray(self.tau))).sum(axis=-1))
 
     @property
     def gain(self) -> Array:
@@ -171,9 +171,9 @@ def pole_responses(rate: Array, wave: waveforms.Waveform, times: ArrayLike, *, p
         at_edges[k + 1] = decay[k] * at_edges[k] + driven[k]
     if periodic:
         at_edges += np.exp(-rate * edges[:, None]) * at_edges[-1] / -np.expm1(-rate * edges[-1])
-    k = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, after.size - 1)
-    u = (t - edges[k])[:, None]
-    return np.exp(-rate * u) * at_edges[k] + after[k, None] * _phi1(rate, u) + slope[k] * _phi2(rate, u)
+    piece = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, after.size - 1)
+    u = (t - edges[piece])[:, None]
+    return np.exp(-rate * u) * at_edges[piece] + after[piece, None] * _phi1(rate, u) + slope[piece] * _phi2(rate, u)
 
 
 def _phi1(rate: Array, u: Array) -> Array:
@@ -256,7 +256,9 @@ class StateSpace:
         self._single()
         E, A = self._sparse("E"), self._sparse("A")
         f = np.atleast_1d(np.asarray(frequency, dtype=float))
-        z = [(self.C[0] @ splu((2j * np.pi * w) * E - A, permc_spec="MMD_AT_PLUS_A").solve(self.B[:, 0] + 0j)) for w in f]
+        z = [
+            (self.C[0] @ splu((2j * np.pi * w) * E - A, permc_spec="MMD_AT_PLUS_A").solve(self.B[:, 0] + 0j)) for w in f
+        ]
         return np.asarray(z, dtype=complex).reshape(np.shape(frequency))
 
     def response(self, wave: waveforms.Waveform, times: ArrayLike, *, rtol: float = 1e-5) -> Array:
@@ -276,7 +278,7 @@ class StateSpace:
     def _single(self) -> None:
         if (len(self.inputs), len(self.outputs)) != (1, 1):
             raise checks.InputError(
-                f"the system has inputs {self.inputs} and outputs {self.outputs}; pick one of each with .channel(heated, read)"
+                f"inputs {self.inputs} and outputs {self.outputs}: pick one of each with .channel(heated, read)"
             )
 
     def _sparse(self, name: str) -> csc_matrix:
@@ -297,11 +299,13 @@ def foster(system: StateSpace) -> Foster:
     from scipy.sparse import issparse
 
     if system.order > 2000:
-        raise checks.InputError(f"a system of {system.order} states is too large to diagonalise; surrogate.reduce it first")
+        raise checks.InputError(f"a system of {system.order} states is too large to diagonalise; reduce it first")
     system._single()
     E, A = (m.toarray() if issparse(m) else np.asarray(m) for m in (system.E, system.A))
     rate, modes = eigh(-A, E)
     if rate[0] <= 0:
-        raise checks.InputError(f"the slowest pole has rate {rate[0]:g} 1/s; every one must decay (is a boundary held?)")
+        raise checks.InputError(
+            f"the slowest pole has rate {rate[0]:g} 1/s; every one must decay (is a boundary held?)"
+        )
     R = (system.C[0] @ modes) * (modes.T @ system.B[:, 0]) / rate
     return Foster(R=R, tau=1 / rate, inputs=system.inputs, outputs=system.outputs)

@@ -100,7 +100,7 @@ def distance(points: Array, edges: Array) -> Array:
 
 
 def subdivide(geometry: CrossSection) -> Subdivision:
-    """Cut the plane: a part hides what lies under it, layers hide nothing, void leaves a hole.
+    """Cut the plane: a part hides what lies under it, and void leaves a hole.
 
     Raises
     ------
@@ -111,14 +111,12 @@ def subdivide(geometry: CrossSection) -> Subdivision:
     from shapely.geometry.polygon import orient
 
     outlines = _outlines(geometry)
-    visible = _visible(geometry, outlines)
-    lines = shapely.unary_union([shape.boundary for shape in visible.values()], grid_size=1)
-    faces = []
-    for polygon in shapely.polygonize([lines]).geoms:
-        inside = polygon.representative_point()
-        owner = next((name for name, shape in visible.items() if shape.contains(inside)), None)
-        if owner is not None:
-            faces.append((owner, orient(shapely.normalize(polygon))))
+    shapes = {name: shapely.Polygon(np.rint(outline / GRID)) for name, outline in outlines.items()}
+    faces = [
+        (owner, orient(shapely.normalize(polygon)))
+        for polygon in shapely.polygonize(_visible_edges(geometry, shapes)).geoms
+        if (owner := _owner(geometry, shapes, polygon)) is not None
+    ]
     order = list(outlines)
     faces.sort(key=lambda face: (order.index(face[0]), face[1].bounds))
     exact = {round(x / GRID): float(x) for outline in outlines.values() for x in outline.ravel()}
@@ -138,27 +136,38 @@ def _outlines(geometry: CrossSection) -> dict[str, Array]:
     return boxes | {part.name: part.outline() for part in geometry.parts}
 
 
-def _visible(geometry: CrossSection, outlines: dict[str, Array]) -> dict[str, Any]:
-    """What each solid layer and part shows once the later parts lie over it, on the grid."""
+def _visible_edges(geometry: CrossSection, shapes: dict[str, Any]) -> list[Any]:
+    """Edges of all outlines, cut where they meet, without those that have the same owner on both sides."""
     import shapely
 
-    shapes = {name: shapely.Polygon(np.rint(outline / GRID)) for name, outline in outlines.items()}
-    cover, visible = shapely.Polygon(), {}
-    for part in reversed(geometry.parts):
-        shown = shapes[part.name].difference(cover, grid_size=1)
-        if shown.is_empty:
-            later = [p.name for p in geometry.parts if shapes[p.name].intersects(shapes[part.name]) and p != part]
-            raise checks.InputError(
-                f"part {part.name!r} is wholly covered by {', '.join(map(repr, later))}; change the order"
-            )
-        cover = cover.union(shapes[part.name], grid_size=1)
-        if part.material != VOID:
-            visible[part.name] = shown
-    for layer in geometry.layers:
-        shown = shapes[layer.name].difference(cover, grid_size=1)
-        if not shown.is_empty:
-            visible[layer.name] = shown
-    return visible
+    lines = shapely.unary_union([shape.exterior for shape in shapes.values()], grid_size=1)
+    owners: dict[tuple[Any, ...], list[str | None]] = {}
+    shown = set()
+    for cell in shapely.polygonize([lines]).geoms:
+        shown.add(_owner(geometry, shapes, cell, void=True))
+        for edge in _edges(cell):
+            owners.setdefault(edge, []).append(_owner(geometry, shapes, cell))
+    for part in geometry.parts:
+        if part.name not in shown:
+            later = [other.name for other in geometry.parts if shapes[other.name].intersects(shapes[part.name])]
+            covers = ", ".join(repr(name) for name in later if name != part.name)
+            raise checks.InputError(f"part {part.name!r} is wholly covered by {covers}; change their order")
+    return [
+        shapely.LineString(edge) for edge, sides in owners.items() if len({*sides, *[None] * (2 - len(sides))}) == 2
+    ]
+
+
+def _owner(geometry: CrossSection, shapes: dict[str, Any], polygon: Any, *, void: bool = False) -> str | None:
+    """The last part, or else the layer, that contains the polygon; None for what is not meshed (but void if asked)."""
+    inside = polygon.representative_point()
+    name = next((name for name in reversed(shapes) if shapes[name].contains(inside)), None)
+    hole = any(part.name == name and part.material == VOID for part in geometry.parts)
+    return None if hole and not void else name
+
+
+def _edges(polygon: Any) -> list[tuple[Any, ...]]:
+    """Edges as pairs of points, the same for both polygons that share one."""
+    return [tuple(sorted(pair)) for ring in (polygon.exterior, *polygon.interiors) for pair in pairwise(ring.coords)]
 
 
 def _face(owner: str, polygon: Any, exact: dict[int, float]) -> Face:
@@ -179,8 +188,8 @@ def _check_thickness(face: Face) -> None:
         if gap.min(initial=np.inf) < THINNEST:
             r, z = others[gap.argmin()]
             raise checks.InputError(
-                f"{face.owner!r} has a sliver of {gap.min():.2g} m near r = {r:g} m, z = {z:g} m, thinner than an atom; "
-                "make the outlines that meet there agree"
+                f"{face.owner!r} has a sliver of {gap.min():.2g} m near r = {r:g} m, z = {z:g} m, thinner than an "
+                "atom; make the outlines that meet there agree"
             )
 
 
@@ -188,8 +197,7 @@ def _sides(geometry: CrossSection, faces: list[tuple[str, Any]], exact: dict[int
     """Sort the edges that belong to one face only by the side they lie on."""
     uses: Counter[tuple[Any, ...]] = Counter()
     for _, polygon in faces:
-        for ring in (polygon.exterior, *polygon.interiors):
-            uses.update(tuple(sorted(pair)) for pair in pairwise(ring.coords))
+        uses.update(_edges(polygon))
     skin = _skin(geometry, [polygon for _, polygon in faces])
     outer, bottom = round(geometry.outer_radius / GRID), round(geometry.bottom_z / GRID)
     sides: dict[str, list[Any]] = {side: [] for side in SIDES}
@@ -212,8 +220,7 @@ def _skin(geometry: CrossSection, polygons: list[Any]) -> Any:
     import shapely
 
     low, radius, high = (round(x / GRID) for x in (geometry.bottom_z, geometry.outer_radius, geometry.top_z))
-    solid = [shapely.Polygon(polygon.exterior) for polygon in polygons]
-    filled = shapely.unary_union([shapely.box(0, low, radius, high), *solid], grid_size=1)
+    filled = shapely.unary_union([shapely.box(0, low, radius, high), *polygons], grid_size=1)
     return shapely.union_all([shape.exterior for shape in getattr(filled, "geoms", [filled])])
 
 

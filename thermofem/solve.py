@@ -61,7 +61,7 @@ def solve(
 
     >>> data = solve(assemble(strip_ring()), Pulse(power=2e-3, width=20e-6), times=[1e-6, 20e-6, 21e-6])
     >>> data.delta_T.round(1).values
-    array([ 9.3, 15.4,  6.4])
+    array([ 9.2, 15.4,  6.2])
     """
     heated = heated or heat.heated[0]
     system = heat.channels(heated, read if read is not None else heated)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,7 +32,7 @@ FINEST = 40  # rungs below the length of a piece before a run is given up
 
 @dataclass(frozen=True, eq=False)
 class Ledger:
-    """Functionals of the state that close the energy balance: stored = storage x, outflow = drain_A x + drain_E dx/dt."""
+    """Closes the energy balance: heat stored = storage x, heat flowing out = drain_A x + drain_E dx/dt."""
 
     storage: Array
     drain_A: Array
@@ -108,13 +109,15 @@ def integrate(
     kept = checks.array("snapshots", snapshots, increasing=True) if np.size(snapshots) else np.empty(0)
     checks.between("rtol", rtol, 1e-10, 0.1)
     if times[0] < 0 or (kept.size and kept[0] < 0):
-        raise checks.InputError(f"times start at {min([times[0], *kept[:1]]):g} s, before the start of the run at t = 0")
+        raise checks.InputError(
+            f"times start at {min([times[0], *kept[:1]]):g} s, before the start of the run at t = 0"
+        )
     stepper = Stepper(system, waves)
     x = np.zeros(system.order) if initial is None else np.array(initial, dtype=float)
     record = _Record(stepper, times, kept, ledger, x)
     control = _Control(stepper, rtol, x)
     edges = stepper.edges(max(times[-1], kept[-1] if kept.size else 0.0))
-    for start, stop in zip(edges[:-1], edges[1:], strict=True):
+    for start, stop in pairwise(edges.tolist()):
         x, _ = _cross(stepper, control, record, x, start, stop)
     return record.trajectory(x)
 
@@ -134,8 +137,8 @@ def integrate_periodic(
 
         (x(T) - x(0)) + K^-1 M (x(T) - x(0)) / T,
 
-    which leaves at most 13 % of the error (z -> (1 - e^-z)(1 + z)/z lies in 1..1.3). The first pass, from ``initial`` or
-    the static state of the mean power, fixes the steps for all.
+    which leaves at most 13 % of the error (z -> (1 - e^-z)(1 + z)/z lies in 1..1.3). The first pass, from ``initial``
+    or the static state of the mean power, fixes the steps for all.
 
     Raises
     ------
@@ -147,7 +150,11 @@ def integrate_periodic(
     period = float(times[-1])
     stepper = Stepper(system, wave)
     solve_static = factorize(-stepper.A)
-    x = solve_static(stepper.B.sum(axis=1) * wave.mean(0.0, period)) if initial is None else np.array(initial, dtype=float)
+    x = (
+        solve_static(stepper.B.sum(axis=1) * wave.mean(0.0, period))
+        if initial is None
+        else np.array(initial, dtype=float)
+    )
     control = _Control(stepper, rtol, x)
     plan, end = _plan(stepper, control, times, x)
     for _ in range(PASSES):
@@ -158,7 +165,9 @@ def integrate_periodic(
         end = _march(stepper, plan, x, record)
         if control.error(correction, x) <= 1:
             return record.trajectory(end)
-    raise checks.InputError(f"the periodic state did not settle in {PASSES} passes; is the matrix A symmetric and definite?")
+    raise checks.InputError(
+        f"the periodic state did not settle in {PASSES} passes; is the matrix A symmetric and definite?"
+    )
 
 
 @dataclass(frozen=True)
@@ -185,7 +194,9 @@ def _cross(
         error = control.error(h * ((WEIGHTS - EMBEDDED) @ slopes), states[-1])
         if error > 1:
             if rung > FINEST:
-                raise checks.InputError(f"the step at t = {t:g} s shrinks without end; is rtol = {control.rtol:g} too small?")
+                raise checks.InputError(
+                    f"the step at t = {t:g} s shrinks without end; is rtol = {control.rtol:g} too small?"
+                )
             stepper.rejected += 1
             done, rung = 4 * done, rung + 1
             continue
@@ -204,7 +215,7 @@ def _plan(stepper: Stepper, control: _Control, times: Array, x: Array) -> tuple[
     """Steps of one period found with error control, and the state at its end."""
     edges, plan = stepper.edges(float(times[-1])), []
     record = _Record(stepper, times, np.empty(0), None, x)
-    for start, stop in zip(edges[:-1], edges[1:], strict=True):
+    for start, stop in pairwise(edges.tolist()):
         x, steps = _cross(stepper, control, record, x, start, stop)
         plan.append(steps)
     return plan, x
@@ -299,7 +310,8 @@ class _Record:
 def _between(times: Array, start: float, stop: float) -> NDArray[np.intp]:
     """Indices of the sorted ``times`` in (start, stop], with a hair of room at both ends."""
     hair = 1e-9 * (stop - start)
-    return np.arange(np.searchsorted(times, start + hair, side="right"), np.searchsorted(times, stop + hair, side="right"))
+    first, end = np.searchsorted(times, [start + hair, stop + hair], side="right")
+    return np.arange(first, end)
 
 
 def _hermite(u: Array, x0: Array, x1: Array, d0: Array, d1: Array) -> Array:

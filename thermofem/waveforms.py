@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -63,7 +64,8 @@ def linear_pieces(wave: Waveform, start: float, stop: float) -> tuple[Array, Arr
         raise checks.InputError(f"{type(wave).__name__} is not piecewise linear; sample it with th.Sampled first")
     edges = np.concatenate([[start], wave.breakpoints(start, stop), [stop]])
     length = np.diff(edges)
-    early, late = wave(edges[:-1] + length / 4), wave(edges[:-1] + 3 * length / 4)  # inside: no edge is hit by round-off
+    # read well inside each piece, where round-off hits no edge
+    early, late = wave(edges[:-1] + length / 4), wave(edges[:-1] + 3 * length / 4)
     return edges, early - (late - early) / 2, late + (late - early) / 2
 
 
@@ -107,7 +109,7 @@ class Constant:
 
     def __call__(self, t: ArrayLike) -> Array:
         """Power in W."""
-        return np.full(np.shape(t), self.power)
+        return np.full(np.shape(t), float(self.power))
 
     before = __call__
 
@@ -152,12 +154,12 @@ class Pulse:
     def __call__(self, t: ArrayLike) -> Array:
         """Power in W at ``t``, continuous from the right."""
         t = np.asarray(t, dtype=float)
-        return self.power * ((t >= self.start) & (t < self.stop))
+        return np.where((t >= self.start) & (t < self.stop), float(self.power), 0.0)
 
     def before(self, t: ArrayLike) -> Array:
         """Power in W just before ``t``."""
         t = np.asarray(t, dtype=float)
-        return self.power * ((t > self.start) & (t <= self.stop))
+        return np.where((t > self.start) & (t <= self.stop), float(self.power), 0.0)
 
     def breakpoints(self, start: float, stop: float) -> Array:
         """Both edges, where they lie inside."""
@@ -229,6 +231,109 @@ class SquareWave:
         return float(self.power * (cycle * self.on_time + min(t - cycle * self.period, self.on_time)))
 
 
+class _Switched:
+    """A power that is on or off, from the times at which it changes; it begins on."""
+
+    power: float
+    edges: Array  # off, on, off, ...
+    piecewise_linear: ClassVar[bool] = True
+    period: ClassVar[None] = None
+
+    def __call__(self, t: ArrayLike) -> Array:
+        """Power in W at ``t``, continuous from the right."""
+        return self.power * (np.searchsorted(self.edges, np.asarray(t, dtype=float), side="right") % 2 == 0)
+
+    def before(self, t: ArrayLike) -> Array:
+        """Power in W just before ``t``."""
+        return self.power * (np.searchsorted(self.edges, np.asarray(t, dtype=float), side="left") % 2 == 0)
+
+    def breakpoints(self, start: float, stop: float) -> Array:
+        """Every change inside."""
+        return _inside(self.edges, start, stop)
+
+    def mean(self, start: float, stop: float) -> float:
+        """From the exact energy of every piece."""
+        edges, after, before = linear_pieces(self, start, stop)
+        return float(np.sum(np.diff(edges) * (after + before)) / 2 / (stop - start))
+
+
+@dataclass(frozen=True)
+class Telegraph(_Switched):
+    """Random telegraph: on and off for exponentially distributed times; a drive that no training saw.
+
+    Parameters
+    ----------
+    power : float, W
+    dwell : float, s
+        mean time between changes.
+    duration : float, s
+        off for good afterwards.
+    seed : int
+        the same seed gives the same waveform.
+    """
+
+    power: float
+    dwell: float
+    duration: float
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        checks.between("power", self.power, 0, 10, unit="W", hint=_POWER_HINT)
+        checks.positive("dwell", self.dwell, unit="s", at_most=10, hint=_TIME_HINT)
+        checks.positive("duration", self.duration, unit="s", at_most=1e6 * self.dwell, hint=_TIME_HINT)
+
+    @cached_property
+    def edges(self) -> Array:  # type: ignore[override]
+        """Times of change in s."""
+        draw = np.random.default_rng(self.seed)
+        times = np.cumsum(draw.exponential(self.dwell, int(2 * self.duration / self.dwell) + 20))
+        times = times[times < self.duration]
+        return np.append(times, self.duration) if times.size % 2 == 0 else times
+
+
+@dataclass(frozen=True)
+class Chirp(_Switched):
+    """Square wave whose period goes from one value to another, each cycle by nearly the same factor.
+
+    The frequency is f(t) = f_0 (f_1/f_0)^(t/duration), and the power is on while the fraction of the phase
+    int f dt is below ``duty``.
+
+    Parameters
+    ----------
+    power : float, W
+    first, last : float, s
+        period at the start and at the end; different.
+    duration : float, s
+        off for good afterwards.
+    duty : float, 0 < duty < 1
+    """
+
+    power: float
+    first: float
+    last: float
+    duration: float
+    duty: float = 1 / 3
+
+    def __post_init__(self) -> None:
+        checks.between("power", self.power, 0, 10, unit="W", hint=_POWER_HINT)
+        checks.positive("first", self.first, unit="s", at_most=10, hint=_TIME_HINT)
+        checks.positive("last", self.last, unit="s", at_most=10, hint=_TIME_HINT)
+        checks.positive("duration", self.duration, unit="s", at_most=1e6 * min(self.first, self.last), hint=_TIME_HINT)
+        checks.between("duty", self.duty, 1e-3, 0.999, hint="the duty cycle is the fraction of the period that is on")
+        if self.first == self.last:
+            raise checks.InputError("first and last period are equal; take a SquareWave")
+
+    @cached_property
+    def edges(self) -> Array:  # type: ignore[override]
+        """Times of change in s."""
+        rate = np.log(self.first / self.last) / self.duration
+        cycles = np.expm1(rate * self.duration) / (rate * self.first)
+        phase = np.arange(np.ceil(cycles))[:, None] + [0.0, self.duty]
+        phase = phase.ravel()[1:]
+        times = np.log1p(phase[phase < cycles] * rate * self.first) / rate
+        return np.append(times, self.duration) if times.size % 2 == 0 else times
+
+
 @dataclass(frozen=True, eq=False)
 class Sampled:
     """P(t) through given samples, straight between them; two samples at one time make a jump.
@@ -253,7 +358,9 @@ class Sampled:
         times = checks.array("times", self.times, increasing=True, hint=_TIME_HINT)
         power = checks.array("power", self.power, hint=_POWER_HINT)
         if times.size != power.size or times.size < 2:
-            raise checks.InputError(f"times has {times.size} samples and power {power.size}; both need the same, at least 2")
+            raise checks.InputError(
+                f"times has {times.size} samples, power {power.size}; both need the same, at least 2"
+            )
         if np.any(times[2:] == times[:-2]):
             raise checks.InputError(f"times holds {times[2:][times[2:] == times[:-2]][0]:g} s more than twice")
         if times[0] == times[1] or times[-1] == times[-2]:
@@ -280,8 +387,8 @@ class Sampled:
         outside = (t < first - slack) | (t > last + slack)
         if np.any(outside):
             raise checks.InputError(
-                f"power asked at t = {np.atleast_1d(t)[np.atleast_1d(outside)][0]:g} s, sampled from {first:g} to {last:g} s; "
-                "give samples that cover the run, or repeat=True"
+                f"power asked at t = {np.atleast_1d(t)[np.atleast_1d(outside)][0]:g} s, sampled "
+                f"from {first:g} to {last:g} s; give samples that cover the run, or repeat=True"
             )
         return np.clip(t, first, last)
 
@@ -322,7 +429,7 @@ def _inside(times: Array, start: float, stop: float) -> Array:
     return times[(times > start + slack) & (times < stop - slack)]
 
 
-KINDS: dict[str, type] = {kind.__name__: kind for kind in (Constant, Pulse, SquareWave, Sampled)}
+KINDS: dict[str, type] = {kind.__name__: kind for kind in (Constant, Pulse, SquareWave, Telegraph, Chirp, Sampled)}
 
 
 def to_json(wave: Waveform) -> str:

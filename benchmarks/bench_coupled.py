@@ -1,0 +1,119 @@
+"""What an integrated microsecond costs: coupled.simulate's integrator against LSODA, error beside the time.
+
+    python benchmarks/bench_coupled.py [repeats]
+
+All integrate the same compiled right-hand side of the self-pulsing ring at (8 dBm, 0 GHz) over 20 us and give the same
+2001 output times. The error is the root mean square over field, carriers and temperature, each in units of its maximum,
+against Rodas5P at rtol = 1e-11. The candidates take turns, so that a busy machine slows them alike; times are medians
+of CPU time. Tolerances are chosen to give nearly equal errors. numbalsoda is left out where it is not installed.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from importlib.util import find_spec
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+import coupled
+import surrogate
+import thermofem as th
+from coupled import Method
+from coupled import equations as eq
+from coupled.rosenbrock import integrate
+from coupled.tableaus import tableau
+
+Array = NDArray[np.float64]
+
+DURATION = 20e3  # ns
+TIMES = np.linspace(0, DURATION, 2001)
+FLOOR = np.array([1e-3, 1e-4, 1e-3])
+RING = coupled.borghi2021()
+MODEL = surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)
+DRIVE = eq.internal_drive(RING, 10**0.8 * 1e-3)
+RATES, FCD = eq.internal_rates(RING)
+SIXTEEN = th.Foster(R=np.repeat(MODEL.R, 8) / 8, tau=np.repeat(MODEL.tau, 8))  # the same physics in 16 poles
+
+
+def ours(method: Method, rtol: float, model: th.Foster = MODEL) -> Array:
+    args = (eq.internal_poles(model), tableau(method), rtol, FLOOR, TIMES, 10**7)
+    return integrate(np.zeros(3 + model.order), DURATION, DRIVE, 0.0, RATES, FCD, *args)[0][:, 1:]
+
+
+def columns(states: Array) -> Array:
+    """Re a, Im a, N and dT out of (times, states)."""
+    return np.column_stack([states[:, :3], states[:, 3:].sum(axis=1)])
+
+
+def scipy_lsoda(rtol: float) -> Array:
+    poles = eq.internal_poles(MODEL)
+
+    def f(_: float, y: Array) -> Array:
+        return eq.right_hand_side(y, DRIVE, 0.0, RATES, FCD, poles)
+
+    run = solve_ivp(f, (0, DURATION), np.zeros(5), method="LSODA", t_eval=TIMES, rtol=rtol, atol=1e-3 * rtol)
+    return columns(run.y.T)
+
+
+def numbalsoda_runner() -> Callable[[float], Array]:
+    from numba import carray, cfunc
+    from numbalsoda import lsoda, lsoda_sig
+
+    rates, fcd, poles = RATES, FCD, eq.internal_poles(MODEL)
+    drive, gain, rate = DRIVE, poles[0], poles[1]
+    dispersion, optics = eq.dispersion, eq.optics
+
+    @cfunc(lsoda_sig)
+    def f(t, u_pointer, du_pointer, data):  # type: ignore[no-untyped-def]
+        u, du = carray(u_pointer, (5,)), carray(du_pointer, (5,))
+        shift = dispersion(u[2], fcd)[0]
+        du[0], du[1], du[2], heat = optics(u[0], u[1], u[2], u[3] + u[4], shift, drive, 0.0, rates)
+        du[3] = gain[0] * heat - rate[0] * u[3]
+        du[4] = gain[1] * heat - rate[1] * u[4]
+
+    def run(rtol: float) -> Array:
+        return columns(lsoda(f.address, np.zeros(5), TIMES, rtol=rtol, atol=1e-3 * rtol)[0])
+
+    return run
+
+
+def candidates() -> dict[str, Callable[[], Array]]:
+    """Name and run of each, at tolerances that give errors of about 1e-5."""
+    table: dict[str, Callable[[], Array]] = {
+        "Rodas4, rtol 1e-5, 2 poles": lambda: ours(Method.RODAS4, 1e-5),
+        "Rodas4, rtol 1e-5, 16 poles": lambda: ours(Method.RODAS4, 1e-5, SIXTEEN),
+        "Rodas5P, rtol 5e-7, 2 poles": lambda: ours(Method.RODAS5P, 5e-7),
+        "Rodas5P, rtol 5e-7, 16 poles": lambda: ours(Method.RODAS5P, 5e-7, SIXTEEN),
+        "solve_ivp LSODA, rtol 5e-8": lambda: scipy_lsoda(5e-8),
+    }
+    if find_spec("numbalsoda"):
+        lsoda = numbalsoda_runner()
+        table["numbalsoda, rtol 5e-8"] = lambda: lsoda(5e-8)
+    return table
+
+
+def main() -> None:
+    repeats = int(sys.argv[1]) if len(sys.argv) > 1 else 5
+    reference = ours(Method.RODAS5P, 1e-11)
+    table = candidates()
+    size = np.abs(reference).max(axis=0)
+    errors = {name: float(np.sqrt(np.mean(((run() - reference) / size) ** 2))) for name, run in table.items()}
+    seconds: dict[str, list[float]] = {name: [] for name in table}
+    for _ in range(repeats):
+        for name, run in table.items():
+            start = time.process_time()
+            run()
+            seconds[name].append(time.process_time() - start)
+    cost = {name: 1e3 * float(np.median(s)) / (DURATION / 1e3) for name, s in seconds.items()}
+    first = next(iter(cost))
+    print(f"{'':32}{'rms error':>10}{'ms per us':>11}{'times the first':>17}")
+    for name in table:
+        print(f"{name:32}{errors[name]:10.1e}{cost[name]:11.4f}{cost[name] / cost[first]:17.1f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,71 @@
+"""Sums of exponentials fitted to a cooling curve, as in the paper's Fig. 5(a)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thermofem import checks
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Decay:
+    """dT(t) = sum_i amplitude_i exp(-t/tau_i).
+
+    Attributes
+    ----------
+    amplitude, tau : array, shape (n,), K and s
+        fastest first.
+    residual : float, K
+        rms.
+    """
+
+    amplitude: Array
+    tau: Array
+    residual: float
+
+    def __call__(self, times: ArrayLike) -> Array:
+        """Rise in K at ``times`` after the start of the cooling."""
+        return np.exp(-np.asarray(times, dtype=float)[..., None] / self.tau) @ self.amplitude
+
+
+def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
+    """Fit ``order`` exponentials to a cooling curve by variable projection in the logarithms of the time constants.
+
+    Parameters
+    ----------
+    times : array, shape (n,), s
+        after the power went off, increasing from about 0.
+    rise : array, shape (n,), K
+    order : int, 1 to 5
+
+    Raises
+    ------
+    InputError
+        too few samples, times that do not increase, numbers that are not finite.
+
+    Source of the form: Borghi et al., Opt. Express 29, 4363 (2021), Section 5, C_s exp(-t/tau_s) + C_f exp(-t/tau_f).
+    """
+    from scipy.optimize import least_squares
+
+    t, y = checks.array("times", times, increasing=True), checks.array("rise", rise)
+    checks.between("order", order, 1, 5)
+    if t.size != y.size or t.size <= 2 * order:
+        raise checks.InputError(
+            f"times has {t.size} samples and rise {y.size}; both need the same, more than {2 * order}"
+        )
+
+    def misfit(log_tau: Array) -> Array:
+        columns = np.exp(-t[:, None] / np.exp(log_tau))
+        return y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
+
+    span = np.ptp(t)
+    start = np.log(np.geomspace(span / 40, span / 3, order) if order > 1 else [span / 5])
+    tau = np.exp(np.sort(least_squares(misfit, start, xtol=1e-12, ftol=1e-12).x))
+    columns = np.exp(-t[:, None] / tau)
+    amplitude = np.linalg.lstsq(columns, y, rcond=None)[0]
+    return Decay(amplitude, tau, float(np.sqrt(np.mean((y - columns @ amplitude) ** 2))))

@@ -1,0 +1,241 @@
+"""How far a compact model can be trusted: period error, held-out drives, range of validity.
+
+Source of the period error: Borghi et al., Opt. Express 29, 4363 (2021), Section 6 and Fig. 7.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thermofem import Chirp, Constant, Foster, Pulse, SquareWave, Telegraph, ThermalModel, Waveform, checks
+from thermofem.dataset import in_words
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+SHIFT = 10.294e9  # Hz/K: (nu_0/n_0) dn/dT of the paper's ring at 1555 nm, Appendix A
+WAVELENGTH = 1555e-9  # m
+SAMPLES = 301  # of one period, or of a transient between two edges of it
+FARTHEST = 1e4  # a period this many times longer or shorter than the reference's counts as never reached
+
+
+def period_error(
+    model: ThermalModel,
+    reference: ThermalModel,
+    periods: ArrayLike,
+    *,
+    power: float = 2e-3,
+    duty: float = 1 / 3,
+) -> xr.Dataset:
+    """Error of a model on the self-pulsing period, by the paper's method.
+
+    For each period T the reference's periodic state under a square wave has some swing; T_model is the period at which
+    the model has that swing under the same power and duty:
+
+        error = T - T_model,      swing_model(T_model) = swing_reference(T)
+
+    Parameters
+    ----------
+    model : ThermalModel
+    reference : ThermalModel
+        the FEM or, a thousand times faster, its certified reduction.
+    periods : array, shape (n,), s
+    power : float, W
+    duty : float
+
+    Returns
+    -------
+    Dataset
+        over ``period`` (s): ``period_model``, ``error`` (s), ``relative_error``, ``swing`` (K). Where no period gives
+        the model that swing, period_model is inf (or 0, when it always has more). ``attrs["validity"]`` says in words
+        where the error is within 10 %.
+
+    Raises
+    ------
+    InputError
+        periods that are not positive or do not increase.
+    """
+    import xarray as xr
+
+    periods = checks.array("periods", periods, increasing=True, hint="periods are in s (did you mean 1e-6?)")
+    checks.positive("periods[0]", periods[0], unit="s")
+    swing = np.array([_swing(reference, t, power, duty) for t in periods])
+    found = np.array([_period(model, s, t, power, duty) for s, t in zip(swing, periods, strict=True)])
+    error = periods - found
+    variables = {
+        "period_model": ("period", found, {"units": "s", "long_name": "period at which the model has the swing"}),
+        "error": ("period", error, {"units": "s", "long_name": "period error"}),
+        "relative_error": ("period", error / periods, {"units": "1", "long_name": "period error over period"}),
+        "swing": ("period", swing, {"units": "K", "long_name": "swing of the temperature rise"}),
+    }
+    coords = {"period": ("period", periods, {"units": "s", "long_name": "period"})}
+    curve = xr.Dataset(variables, coords=coords, attrs={"power": power, "duty": duty})
+    return curve.assign_attrs(validity=validity(curve))
+
+
+def valid_range(curve: xr.Dataset, *, within: float = 0.1) -> tuple[float, float]:
+    """Shortest and longest period (s) of the stretch around the smallest error where |relative error| <= ``within``.
+
+    The ends are interpolated between the curve's periods, in their logarithm; an end of the curve that is still within
+    stays the end. (nan, nan) where the model is never within.
+    """
+    checks.positive("within", within, hint="0.1 is ten percent")
+    x, y = np.log(curve["period"].values), np.abs(curve["relative_error"].values)
+    best = int(np.argmin(y))
+    if y[best] > within:
+        return float("nan"), float("nan")
+    ends = []
+    for step in (-1, 1):
+        k = best
+        while 0 <= k + step < x.size and y[k + step] <= within:
+            k += step
+        if 0 <= k + step < x.size and np.isfinite(y[k + step]):
+            ends.append(x[k] + (within - y[k]) / (y[k + step] - y[k]) * (x[k + step] - x[k]))
+        else:
+            ends.append(x[k])
+    return float(np.exp(ends[0])), float(np.exp(ends[1]))
+
+
+def validity(curve: xr.Dataset, *, within: float = 0.1) -> str:
+    """`valid_range` in words: 'within 10 % from 0.6 to 1.45 us'."""
+    low, high = valid_range(curve, within=within)
+    if not low <= high:
+        return f"nowhere within {within:.3g} of the period" if within < 0.01 else f"nowhere within {100 * within:g} %"
+    return f"within {100 * within:g} % from {low * 1e6:.3g} to {high * 1e6:.3g} us"
+
+
+def compare(
+    models: Mapping[str, ThermalModel],
+    reference: ThermalModel,
+    drives: Sequence[Waveform] | None = None,
+    *,
+    shift: float = SHIFT,
+    wavelength: float = WAVELENGTH,
+) -> xr.Dataset:
+    """Error of several models on drives that their training did not see.
+
+    Parameters
+    ----------
+    models : mapping from a name to a ThermalModel
+    reference : ThermalModel
+    drives : sequence of Waveform
+        periodic ones are compared in the periodic state, the others from rest over their own length; default
+        `held_out_drives`.
+    shift : float, Hz/K
+        resonance shift per kelvin.
+    wavelength : float, m
+
+    Returns
+    -------
+    Dataset
+        over ``model`` and ``drive``: ``rms``, ``peak`` (K), ``rms_relative``, ``peak_relative`` (of the reference's
+        swing), ``frequency_shift`` (Hz) and ``wavelength_shift`` (m) of the peak error; over ``model``: ``states``.
+
+    Raises
+    ------
+    InputError
+        no model, or a drive under which the reference does not move.
+    """
+    import xarray as xr
+
+    drives = held_out_drives() if drives is None else list(drives)
+    if not models or not drives:
+        raise checks.InputError("compare needs at least one model and one drive")
+    exact = [_answer(reference, drive) for drive in drives]
+    swing = np.array([np.ptp(y) for y in exact])
+    if np.any(swing <= 0):
+        raise checks.InputError(f"the reference does not move under drive {int(np.argmin(swing))}; is its power zero?")
+    misfit = [[_answer(m, d) - y for d, y in zip(drives, exact, strict=True)] for m in models.values()]
+    rms = np.array([[np.sqrt(np.mean(e**2)) for e in row] for row in misfit])
+    peak = np.array([[np.max(np.abs(e)) for e in row] for row in misfit])
+    light = 299792458.0
+    fields = {
+        "rms": (rms, "K", "rms error"),
+        "peak": (peak, "K", "largest error"),
+        "rms_relative": (rms / swing, "1", "rms error over swing"),
+        "peak_relative": (peak / swing, "1", "largest error over swing"),
+        "frequency_shift": (peak * shift, "Hz", "largest error of the resonance frequency"),
+        "wavelength_shift": (peak * shift * wavelength**2 / light, "m", "largest error of the resonance wavelength"),
+    }
+    variables = {
+        name: (("model", "drive"), value, {"units": unit, "long_name": words})
+        for name, (value, unit, words) in fields.items()
+    }
+    states = [float(getattr(m, "order", np.nan)) for m in models.values()]
+    return xr.Dataset(
+        {**variables, "states": ("model", states, {"units": "1", "long_name": "number of states"})},
+        coords={"model": list(models), "drive": [in_words(d) for d in drives]},
+    )
+
+
+def square_waves(power: float = 2e-3, periods: int = 11, duties: Sequence[float] = (0.1, 0.2, 1 / 3, 0.45, 0.6)) -> list[Waveform]:
+    """Square waves from 0.1 to 10 us at every duty: 55 by default, on which orders of models are compared."""
+    return [SquareWave(power, t, d) for t in np.geomspace(1e-7, 1e-5, periods) for d in duties]
+
+
+def held_out_drives(power: float = 2e-3) -> list[Waveform]:
+    """Drives of every kind that no training uses: square waves 0.1..10 us, pulses, random telegraph, chirp."""
+    pulses = [Pulse(power, width) for width in (2e-8, 2e-7, 2e-6, 2e-5)]
+    noise: list[Waveform] = [Telegraph(power, 2e-7, 2e-5, seed=1), Telegraph(power, 2e-6, 1e-4, seed=2)]
+    return [*square_waves(power, periods=5, duties=(0.1, 1 / 3, 0.6)), *pulses, *noise, Chirp(power, 1e-7, 1e-5, 1e-4)]
+
+
+def _answer(model: ThermalModel, drive: Waveform) -> Array:
+    """The periodic state, or the transient from rest over the drive and half as long again, edges included."""
+    if drive.period is not None:
+        return model.periodic_response(drive, SAMPLES)
+    length = _length(drive)
+    edges = drive.breakpoints(0.0, 1.5 * length)
+    times = np.unique(np.concatenate([np.linspace(0, 1.5 * length, 4 * SAMPLES), edges]))
+    return model.response(drive, times)
+
+
+def _length(drive: Waveform) -> float:
+    """How long a drive without a period lasts, s."""
+    match drive:
+        case Pulse():
+            return drive.stop
+        case Telegraph() | Chirp():
+            return drive.duration
+        case Constant():
+            return 1e-4
+    raise checks.InputError(f"how long a {type(drive).__name__} lasts is not known; give it repeat=True")
+
+
+def _swing(model: ThermalModel, period: float, power: float, duty: float) -> float:
+    """Largest minus smallest rise of the periodic state; a passive network has them at the two edges.
+
+        swing = P sum_i R_i (1 - e^-a)(1 - e^-b)/(1 - e^-(a+b)),   a = duty T/tau_i,  b = (1 - duty) T/tau_i
+    """
+    if isinstance(model, Foster) and model.passive:
+        on, off = -duty * period / np.asarray(model.tau), -(1 - duty) * period / np.asarray(model.tau)
+        return float(-power * np.asarray(model.R) @ (np.expm1(on) * np.expm1(off) / np.expm1(on + off)))
+    return float(np.ptp(model.periodic_response(SquareWave(power, period, duty), SAMPLES)))
+
+
+def _period(model: ThermalModel, swing: float, near: float, power: float, duty: float) -> float:
+    """The period at which the model has a swing: bracketed from ``near``, then by Brent's method in its logarithm."""
+    from scipy.optimize import brentq
+
+    def excess(log_period: float) -> float:
+        return _swing(model, float(np.exp(log_period)), power, duty) - swing
+
+    low = high = float(np.log(near))
+    step, farthest = np.log(1.5), np.log(FARTHEST)
+    if excess(low) > 0:
+        while excess(low) > 0:
+            low, high, step = low - step, low, 1.5 * step
+            if low < np.log(near) - farthest:
+                return 0.0
+    else:
+        while excess(high) < 0:
+            low, high, step = high, high + step, 1.5 * step
+            if high > np.log(near) + farthest:
+                return float("inf")
+    return float(np.exp(brentq(excess, low, high, xtol=1e-10))) if low < high else near

@@ -1,0 +1,137 @@
+"""The command line, through real processes."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import thermofem as th
+
+GEOMETRY = th.strip_ring().to_toml()
+
+
+def thermofem(*arguments: str, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    import os
+
+    code = "from thermofem.cli import main; main()"
+    return subprocess.run(
+        [sys.executable, "-c", code, *arguments],
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        env={**os.environ, "COLUMNS": "200", **environment},
+        check=False,
+    )
+
+
+def test_help_and_version(tmp_path):
+    done = thermofem("--help", cwd=tmp_path)
+    assert done.returncode == 0
+    for command in ("solve", "reproduce", "doctor"):
+        assert command in done.stdout
+    assert thermofem("--version", cwd=tmp_path).stdout.strip() == th.__version__
+
+
+def test_solve_writes_what_the_library_computes(tmp_path):
+    (tmp_path / "ring.toml").write_text(GEOMETRY)
+    arguments = [
+        "ring.toml",
+        "--power",
+        "1 mW",
+        "--pulse",
+        "1 us",
+        "--duration",
+        "2 us",
+        "--samples",
+        "11",
+        "--read",
+        "core",
+    ]
+    done = thermofem(
+        "solve", *arguments, "-o", "heat.nc", "--figure", "heat.png", "--preview", "mesh.png", cwd=tmp_path
+    )
+    assert done.returncode == 0, done.stderr
+    data = th.load(tmp_path / "heat.nc")
+    expected = th.solve(th.assemble(th.strip_ring()), th.Pulse(1e-3, 1e-6), np.linspace(0, 2e-6, 11))
+    assert np.array_equal(data.delta_T, expected.delta_T)
+    for picture in ("heat.png", "mesh.png"):
+        assert (tmp_path / picture).read_bytes().startswith(b"\x89PNG")
+
+
+def test_solve_periodic(tmp_path):
+    done = thermofem("solve", "--square", "1 us", "--duty", "0.33", "--periodic", "--samples", "101", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    data = th.load(tmp_path / "heat.nc")
+    assert data.attrs["kind"] == "periodic"
+    assert np.ptp(data.delta_T.values) == pytest.approx(6.3354375, rel=1e-3)  # converged reference at accuracy 1e-3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["solve", "missing.toml"], "missing.toml"),
+        (["solve", "bad_key.toml"], "thicknes"),
+        (["solve", "bad_material.toml"], "SiO3"),
+        (["solve", "wide.toml"], "0.45"),
+        (["solve", "--power", "2 mV"], "--power"),
+        (["solve", "--power", "2 parsnips"], "parsnips"),
+        (["solve", "--power", "2"], "--power"),
+        (["solve", "--square", "1 us", "--duty", "-0.3"], "duty = -0.3"),
+        (["solve", "--square", "1 us", "--pulse", "1 us"], "exclude each other"),
+        (["solve", "--samples", "1"], "--samples = 1"),
+        (["solve", "--accuracy", "7"], "accuracy = 7"),
+        (["solve", "--read", "cor"], "did you mean 'core'"),
+        (["solve", "--periodic"], "has no period"),
+        (["solve", "-o", "nowhere/heat.nc"], "nowhere is not a folder"),
+        (["solve", "--nonsense"], "--nonsense"),
+        (["reproduce", "--quick", "-o", "bad_key.toml/out"], "cannot be made"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(arguments, words, tmp_path):
+    (tmp_path / "bad_key.toml").write_text(GEOMETRY.replace("thickness", "thicknes", 1))
+    (tmp_path / "bad_material.toml").write_text(GEOMETRY.replace('"SiO2"', '"SiO3"', 1))
+    (tmp_path / "wide.toml").write_text(GEOMETRY.replace("450 nm", "0.45 m"))
+    before = sorted(tmp_path.iterdir())
+    done = thermofem(*arguments, cwd=tmp_path)
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr
+    assert sorted(tmp_path.iterdir()) == before  # nothing half-written
+
+
+def test_doctor_names_the_missing_library(tmp_path):
+    """gmsh that cannot load its shared library: doctor says which, and the reference strip still solves."""
+    (tmp_path / "gmsh.py").write_text(
+        "raise OSError('libGLU.so.1: cannot open shared object file: No such file or directory')"
+    )
+    done = thermofem("doctor", cwd=tmp_path, PYTHONPATH=str(tmp_path))
+    assert done.returncode == 1
+    assert "libGLU.so.1" in done.stdout
+    assert "libglu1-mesa" in done.stdout
+    new = tmp_path / "new.toml"
+    new.write_text(GEOMETRY.replace("220 nm", "250 nm"))
+    done = thermofem("solve", str(new), cwd=tmp_path, PYTHONPATH=str(tmp_path))
+    assert done.returncode == 2
+    assert "libglu1-mesa" in done.stderr
+    done = thermofem("solve", "--duration", "1 us", "--samples", "3", cwd=tmp_path, PYTHONPATH=str(tmp_path))
+    assert done.returncode == 0, done.stderr
+
+
+def test_reproduce_quick_writes_data_models_and_figures(tmp_path):
+    done = thermofem("reproduce", "--quick", "-o", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    out = tmp_path / "out"
+    pulse = th.load(out / "pulse.nc")
+    assert pulse.delta_T.max().item() == pytest.approx(15.4, abs=0.05)  # converged reference: 15.4 K
+    model = json.loads((out / "second_order.json").read_text())
+    assert sum(pole["R"] for pole in model["poles"]) == pytest.approx(7890, rel=0.02)
+    for figure in ("fig5a_pulse.png", "fig5b_square.png", "traces_8dBm_0GHz.png"):
+        assert (out / figure).stat().st_size > 50_000
+    assert "763 ns" in done.stdout  # Newton with the paper's own fit: 762.695 ns, a regression value of another code
+    assert "686 ns" in done.stdout  # the paper's FEM-trained set: 686.002 ns
+    assert len(list(out.glob("traces_*.nc"))) == 5

@@ -1,0 +1,81 @@
+"""Datasets on disk: whole or not at all, and enough for the next stage."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import thermofem as th
+
+
+@pytest.fixture(scope="module")
+def data():
+    heat = th.assemble(th.strip_ring())
+    return th.solve(
+        heat, th.Pulse(2e-3, 1e-6), np.linspace(0, 2e-6, 21), field_times=[0.5e-6, 1e-6], read=("core", "box")
+    )
+
+
+def test_schema(data):
+    assert data.delta_T.dims == ("time", "probe")
+    assert data.delta_T.attrs["units"] == "K"
+    assert data.time.attrs["units"] == "s"
+    assert data.power.attrs["units"] == "W"
+    assert data.power.values[9:11].tolist() == [2e-3, 0]  # continuous from the right
+    for name in (
+        "geometry",
+        "mesh_hash",
+        "materials",
+        "thermofem_version",
+        "waveform",
+        "accuracy",
+        "rtol",
+        "heat_imbalance",
+    ):
+        assert name in data.attrs
+
+
+def test_round_trip_keeps_everything(data, tmp_path):
+    again = th.load(th.save(data, tmp_path / "heat.nc"))
+    assert again.identical(data)
+    assert th.CrossSection.from_toml_text(again.attrs["geometry"]) == th.strip_ring()
+
+
+def test_field_and_mean_agree(data):
+    """The field's hottest vertex lies in or above the core, and above the core's mean."""
+    hottest = data.field.isel(field_time=1).argmax("vertex").item()
+    mean = data.delta_T.sel(probe="core").interp(time=1e-6).item()
+    assert mean < data.field.isel(field_time=1, vertex=hottest).item() < 1.2 * mean
+    assert abs(data.r[hottest].item() - 7.955e-6) < 0.3e-6
+
+
+def test_an_interrupted_write_leaves_the_old_file(data, tmp_path, monkeypatch):
+    path = th.save(data, tmp_path / "heat.nc")
+    before = path.read_bytes()
+
+    def full_disk(self, target, *args, **options):
+        target.write_bytes(b"half")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(type(data), "to_netcdf", full_disk)
+    with pytest.raises(th.InputError, match="No space left on device"):
+        th.save(data, path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_unreadable_files(data, tmp_path):
+    with pytest.raises(th.InputError, match="does not exist"):
+        th.load(tmp_path / "none.nc")
+    (tmp_path / "text.nc").write_text("not netCDF")
+    with pytest.raises(th.InputError, match=r"text.nc cannot be read as netCDF"):
+        th.load(tmp_path / "text.nc")
+    whole = th.save(data, tmp_path / "heat.nc").read_bytes()
+    (tmp_path / "half.nc").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(th.InputError, match=r"half.nc cannot be read"):
+        th.load(tmp_path / "half.nc")
+    th.save(data.assign_attrs(schema=99), tmp_path / "new.nc")
+    with pytest.raises(th.InputError, match="schema 99; this version reads up to"):
+        th.load(tmp_path / "new.nc")
+    with pytest.raises(th.InputError, match="is not a folder"):
+        th.save(data, tmp_path / "no" / "heat.nc")

@@ -1,0 +1,111 @@
+"""The command line: ``thermofem solve | reproduce | doctor``.
+
+This package is the only place that knows thermofem, surrogate and coupled at once. Everything heavy is imported inside
+the commands, so that ``thermofem --help`` answers at once.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..checks import InputError, MissingLibraryError
+
+app = typer.Typer(
+    help="Self-heating of silicon microring resonators: training data, compact models, self-pulsing.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+Out = Annotated[Path, typer.Option("--output", "-o", help="File (netCDF) or folder to write.")]
+
+
+def main() -> None:
+    """Run the command line; a user's error is one line on stderr and exit code 2."""
+    try:
+        app()
+    except (InputError, MissingLibraryError) as error:
+        print(f"thermofem: error: {error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        print("thermofem: interrupted", file=sys.stderr)
+        sys.exit(130)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from .. import __version__
+
+        print(__version__)
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Options of the whole program."""
+
+
+@app.command()
+def solve(
+    geometry: Annotated[Path | None, typer.Argument(help="Geometry file (TOML); default: the reference strip.")] = None,
+    power: Annotated[str, typer.Option(help="Absorbed power.")] = "2 mW",
+    pulse: Annotated[str | None, typer.Option(help="Heat for this long, e.g. '20 us'.")] = None,
+    square: Annotated[str | None, typer.Option(help="Square wave of this period, e.g. '1 us'.")] = None,
+    duty: Annotated[float, typer.Option(help="Duty cycle of the square wave.")] = 1 / 3,
+    periodic: Annotated[bool, typer.Option(help="One period of the periodic state, not a start from rest.")] = False,
+    duration: Annotated[str, typer.Option(help="Length of the transient.")] = "40 us",
+    samples: Annotated[int, typer.Option(help="Number of times in the result.")] = 801,
+    heated: Annotated[str | None, typer.Option(help="Part that carries the power; default: the first heated.")] = None,
+    read: Annotated[list[str] | None, typer.Option(help="Part or layer to read; may be repeated.")] = None,
+    accuracy: Annotated[float, typer.Option(help="Wanted relative error of the mesh.")] = 1e-3,
+    rtol: Annotated[float, typer.Option(help="Relative error of the time integration.")] = 1e-4,
+    figure: Annotated[Path | None, typer.Option(help="Also draw the response into this image.")] = None,
+    preview: Annotated[Path | None, typer.Option(help="Draw cross-section and mesh into this image.")] = None,
+    output: Out = Path("heat.nc"),
+) -> None:
+    """Solve the heat equation of one geometry and write training data (netCDF).
+
+    Heating is a step of POWER unless --pulse or --square is given.
+    """
+    from .solve import run
+
+    run(
+        geometry,
+        drive=(power, pulse, square, duty),
+        sampling=(periodic, duration, samples),
+        probes=(heated, tuple(read or ())),
+        errors=(accuracy, rtol),
+        files=(output, figure, preview),
+    )
+
+
+@app.command()
+def reproduce(
+    output: Out = Path("out"),
+    quick: Annotated[
+        bool, typer.Option("--quick", help="The one-minute version: Fig. 5 and the traces at (8 dBm, 0).")
+    ] = False,
+) -> None:
+    """Reproduce the paper from our own FEM: data, models, figures and a table next to its numbers."""
+    from .reproduce import run
+
+    if not quick:
+        raise InputError("only the quick version exists so far; run: thermofem reproduce --quick")
+    run(output)
+
+
+@app.command()
+def doctor() -> None:
+    """Say what works on this machine, and what is missing for what does not."""
+    from .doctor import run
+
+    if not run():
+        raise typer.Exit(1)

@@ -1,0 +1,89 @@
+"""``thermofem doctor``: what works on this machine."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import platform
+import sys
+from collections.abc import Callable
+
+from rich.console import Console
+from rich.table import Table
+
+from ..geometry import strip_ring
+from ..mesh import find_committed, gmsh_problem
+
+PACKAGES = (
+    "scikit-fem", "meshio", "pygmsh", "gmsh", "shapely", "numpy", "scipy", "qdldl",
+    "numba", "xarray", "h5netcdf", "pint", "matplotlib",
+)  # fmt: skip
+
+
+def run() -> bool:
+    """Print one line for each check; whether all of them passed."""
+    table = Table("check", "", "what was found", box=None)
+    passed = True
+    for name, check in CHECKS.items():
+        found, problem = check()
+        passed &= not problem
+        table.add_row(name, "[red]missing[/]" if problem else "[green]ok[/]", problem or found)
+    Console().print(table)
+    return passed
+
+
+def _python() -> tuple[str, str | None]:
+    return f"{platform.python_version()} on {platform.system()}", None if sys.version_info >= (
+        3,
+        11,
+    ) else "3.11 or newer is needed"
+
+
+def _packages() -> tuple[str, str | None]:
+    found, missing = [], []
+    for name in PACKAGES:
+        try:
+            found.append(f"{name} {importlib.metadata.version(name)}")
+        except importlib.metadata.PackageNotFoundError:
+            missing.append(name)
+    return ", ".join(found), f"pip install {' '.join(missing)}" if missing else None
+
+
+def _meshes() -> tuple[str, str | None]:
+    missing = [a for a in (1e-3, 1e-4) if find_committed(strip_ring(), a) is None]
+    return (
+        "reference strip at 1e-3 and 1e-4",
+        f"no mesh of the reference strip at {missing}; reinstall" if missing else None,
+    )
+
+
+def _mesher() -> tuple[str, str | None]:
+    return "gmsh can mesh new geometries", gmsh_problem()
+
+
+def _netcdf() -> tuple[str, str | None]:
+    try:
+        import h5netcdf
+        import h5py
+    except ImportError as error:
+        return "", str(error)
+    return f"HDF5 {h5py.version.hdf5_version}, h5netcdf {h5netcdf.__version__}", None
+
+
+def _compiler() -> tuple[str, str | None]:
+    import numba
+
+    try:
+        answer = numba.njit(lambda x: x + 1)(1)
+    except Exception as error:  # whatever keeps LLVM from working is worth one line
+        return "", f"numba cannot compile: {error}"
+    return f"numba {numba.__version__} compiles", None if answer == 2 else "numba compiles wrongly"
+
+
+CHECKS: dict[str, Callable[[], tuple[str, str | None]]] = {
+    "python": _python,
+    "packages": _packages,
+    "committed meshes": _meshes,
+    "mesher": _mesher,
+    "netCDF": _netcdf,
+    "compiler": _compiler,
+}

@@ -1,0 +1,136 @@
+"""Pictures of cross-sections, fields and responses; the only module of the package that imports matplotlib.
+
+Every function draws into ``ax`` (a new figure by default), labels its axes with units, and returns the Axes.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.tri import Triangulation
+
+from .checks import InputError
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+
+    from .geometry import CrossSection
+    from .mesh import Mesh
+
+# Okabe and Ito: apart for every kind of colour vision, and in grey
+INK, BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE = (
+    "#222222", "#0072B2", "#D55E00", "#009E73", "#E69F00", "#56B4E9", "#CC79A7",
+)  # fmt: skip
+_MATERIALS = {
+    "Si": "#7d8ea3",
+    "SiO2": "#e6edf3",
+    "Si3N4": "#b8d8b0",
+    "TiN": "#d9a441",
+    "Al": "#c0c0c8",
+    "air": "#ffffff",
+}
+_OTHER = ("#d4b9da", "#fdd0a2", "#c7e9c0")
+
+
+def plot_response(data: xr.Dataset, ax: Axes | None = None, *, label: str | None = None, style: Any = "-") -> Axes:
+    """Temperature rise (K) against time (us); several probes give one line each."""
+    ax = _axes(ax)
+    time, rise = data["time"].values * 1e6, data["delta_T"]
+    if "probe" in rise.dims:
+        for name in rise["probe"].values:
+            ax.plot(time, rise.sel(probe=name), style, label=str(name))
+        ax.legend(frameon=False)
+    else:
+        ax.plot(time, rise, style, color=INK, label=label)
+        if label:
+            ax.legend(frameon=False)
+    ax.set(xlabel="time (µs)", ylabel="temperature rise (K)")
+    ax.margins(x=0)
+    return ax
+
+
+def plot_field(data: xr.Dataset, ax: Axes | None = None, *, at: int = 0, half_width: float = 4e-6) -> Axes:
+    """Temperature field on the cross-section around the hottest place.
+
+    Parameters
+    ----------
+    data : Dataset
+        from `solve` with ``field_times``.
+    at : int
+        which of the kept times.
+    half_width : float, m
+        of the window drawn.
+    """
+    if "field" not in data:
+        raise InputError("data holds no field; solve with field_times=[...] keeps it")
+    ax = _axes(ax, figsize=(4.2, 3.4))
+    field, r, z = data["field"].isel(field_time=at).values, data["r"].values * 1e6, data["z"].values * 1e6
+    hottest, half = int(np.argmax(field)), half_width * 1e6
+    window = (np.abs(r - r[hottest]) < 1.6 * half) & (np.abs(z - z[hottest]) < 1.6 * half)
+    grid = Triangulation(r, z, data["triangles"].values)
+    hot = float(field[window].max())
+    picture = ax.tripcolor(grid, field, shading="gouraud", cmap="inferno", vmin=0, vmax=hot)
+    ax.set(xlim=(max(0, r[hottest] - half), r[hottest] + half), xlabel="r (µm)", ylabel="z (µm)")
+    ax.set_ylim(max(z.min(), z[hottest] - half), min(z.max(), z[hottest] + half))
+    ax.set_aspect("equal")
+    ax.set_title(f"t = {float(data['field_time'][at]) * 1e6:.4g} µs", fontsize="small")
+    for face in _geometry(data).subdivision.faces:
+        for ring in face.rings:
+            ax.plot(*(np.vstack([ring, ring[:1]]).T * 1e6), color="white", linewidth=0.5, alpha=0.7)
+    ax.figure.colorbar(picture, cax=ax.inset_axes((1.03, 0, 0.05, 1)), label="rise (K)")
+    return ax
+
+
+def _geometry(data: xr.Dataset) -> CrossSection:
+    """The cross-section that a dataset was made from."""
+    from .geometry import CrossSection
+
+    return CrossSection.from_toml_text(data.attrs["geometry"])
+
+
+def plot_cross_section(
+    geometry: CrossSection, mesh: Mesh | None = None, ax: Axes | None = None, *, half_width: float = 4e-6
+) -> Axes:
+    """Layers and parts by material around the first heated part, with the mesh over them when one is given."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
+    ax = _axes(ax, figsize=(6, 4.2))
+    colours: dict[str, str] = {}
+    for face in geometry.subdivision.faces:
+        name = geometry.material_of(face.owner).name
+        colour = colours.setdefault(name, _MATERIALS.get(name, _OTHER[len(colours) % len(_OTHER)]))
+        rings = [np.vstack([ring, ring[:1]]) * 1e6 for ring in face.rings]
+        path = Path.make_compound_path(*(Path(ring, closed=True) for ring in rings))
+        ax.add_patch(PathPatch(path, facecolor=colour, edgecolor=INK, linewidth=0.6))
+    if mesh is not None:
+        ax.triplot(*(mesh.points.T * 1e6), mesh.triangles, color=INK, linewidth=0.15)
+    part = next(p for p in geometry.parts if p.heated)
+    centre, half = (part.inner_radius + part.outer_radius) / 2e-6, half_width * 1e6
+    middle = (part.bottom + part.height / 2) * 1e6
+    ax.set(xlim=(max(0.0, centre - half), centre + half), ylim=(middle - 0.75 * half, middle + 0.75 * half))
+    ax.set(xlabel="r (µm)", ylabel="z (µm)", title=geometry.name)
+    ax.set_aspect("equal")
+    handles = [plt.Rectangle((0, 0), 1, 1, facecolor=c, edgecolor=INK, linewidth=0.6) for c in colours.values()]
+    ax.legend(handles, list(colours), loc="upper right", fontsize="small")
+    return ax
+
+
+def save_figure(ax: Axes, path: Any) -> None:
+    """Write the figure of ``ax`` as an image at 200 dots per inch, whole or not at all, and close it."""
+    from .dataset import write_whole
+
+    figure = ax.get_figure(root=True)
+    if figure is None:
+        raise InputError("ax belongs to no figure; nothing to save")
+    write_whole(path, lambda p: figure.savefig(p, dpi=200))
+    plt.close(figure)
+
+
+def _axes(ax: Axes | None, figsize: tuple[float, float] = (6.0, 3.6)) -> Axes:
+    if ax is None:
+        _, ax = plt.subplots(figsize=figsize, layout="constrained")
+    return ax
