@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -16,11 +17,8 @@ GEOMETRY = th.strip_ring().to_toml()
 
 
 def thermofem(*arguments: str, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    import os
-
-    code = "from thermofem.cli import main; main()"
     return subprocess.run(
-        [sys.executable, "-c", code, *arguments],
+        [sys.executable, "-m", "thermofem", *arguments],
         capture_output=True,
         text=True,
         cwd=cwd,

@@ -128,6 +128,11 @@ def test_a_later_part_overwrites_an_earlier_one():
     )
 
 
+def test_hidden_outlines_do_not_cut_what_hides_them():
+    geometry = on_oxide(core(), Part("metal", "Al", 1.5e-6, 3e-6, bottom=200e-9, height=400e-9))
+    assert sorted(face.owner for face in geometry.subdivision.faces) == ["bulk", "core", "metal", "oxide", "top"]
+
+
 def test_a_void_takes_its_volume_away_and_leaves_walls():
     hole = Part("hole", "void", 2.5e-6, 3e-6, bottom=-1e-6, height=500e-9)
     geometry = on_oxide(core(), hole)
