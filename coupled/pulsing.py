@@ -79,7 +79,7 @@ def pulsing(run: xr.Dataset) -> Pulsing:
     InputError
         a variable is missing or the trace is too short.
 
-    From the accepted steps at rtol = 1e-6, against rtol = 1e-9: period to 1e-8, duty to 3e-5, swing to 1e-4.
+    Measured on accepted steps at rtol = 1e-6 against 1e-10, six rings: period to 2e-7, duty to 5e-5, swing to 6e-5.
 
     Source of the duty cycle: Borghi et al., Opt. Express 29, 4363 (2021), caption of Fig. 6.
     """

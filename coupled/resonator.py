@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from scipy import constants
-
 from thermofem import checks
 
 from .carriers import ShockleyReadHall
@@ -133,7 +131,9 @@ class RingResonator:
     @property
     def eta_fca(self) -> float:
         """c sigma_FCA / n_g in m^3/s: amplitude loss rate for a unit carrier density."""
-        return constants.c * self.fca_cross_section / self.group_index
+        from scipy.constants import c
+
+        return c * self.fca_cross_section / self.group_index
 
     @property
     def eta_tpa(self) -> float:
@@ -143,12 +143,16 @@ class RingResonator:
     @property
     def g_tpa(self) -> float:
         """Gamma_FC c^2 beta / (2 n0^2 hbar w0 V_FCA^2) in 1/(m^3 s J^2): carriers made by a unit energy squared."""
-        return self.fca_confinement * self._two_photon / (constants.hbar * self.omega * self.fca_volume**2)
+        from scipy.constants import hbar
+
+        return self.fca_confinement * self._two_photon / (hbar * self.omega * self.fca_volume**2)
 
     @property
     def _two_photon(self) -> float:
         """c^2 beta / (2 n0^2) in m^3/(s J)."""
-        return constants.c**2 * self.tpa_coefficient / (2 * self.refractive_index**2)
+        from scipy.constants import c
+
+        return c**2 * self.tpa_coefficient / (2 * self.refractive_index**2)
 
     def with_lumped_fcd(self) -> RingResonator:
         """Return the ring with free-carrier dispersion lumped into one linear term, as it belongs to Newton's law."""

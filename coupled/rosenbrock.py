@@ -107,7 +107,7 @@ def step(
 
 
 @inlined
-def _error(y: Array, out: Array, dT: float, dT_new: float, k: Array, rtol: float, floor: Array) -> float:
+def step_error(y: Array, out: Array, dT: float, dT_new: float, k: Array, rtol: float, floor: Array) -> float:
     """Return the error of a step in units of the tolerance.
 
     Root mean square over field, carriers and temperature, so that neither the number of poles nor a zero of Re a
@@ -146,6 +146,19 @@ def integrate(
 ) -> tuple[Array, Array, float, NDArray[np.int64]]:  # fmt: skip
     """Integrate from ``y`` at t = 0 to ``duration`` ns under a constant drive and detuning.
 
+    Parameters
+    ----------
+    y : array, shape (3 + n,)
+        Re a, Im a (sqrt(fJ)), N (1e23/m^3) and the temperatures of the poles (K).
+    drive, detuning : float; sqrt(fJ)/ns, rad/ns
+    rates, fcd, poles : Rates, array of shape (terms, 2), array of shape (2, n)
+        from `equations.internal_rates` and `internal_poles`.
+    method, rtol, floor : Tableau, float, array of shape (3,)
+        error per step in field, carriers and temperature, relative to their size, or to ``floor`` where that is larger.
+    times : array, ns
+        wanted output times, or empty.
+    max_steps : int
+
     Returns
     -------
     rows : array, shape (m, 5)
@@ -174,9 +187,9 @@ def integrate(
         if last:
             h = duration - t
         dT, dT_new = step(y, h, drive, detuning, rates, fcd, poles, method, out, k, total, damping)
-        error = max(_error(y, out, dT, dT_new, k, rtol, floor), 1e-8)
-        size = error ** (1.0 / method.order)  # of the step, in units of the one that the tolerance allows
-        if not error <= 1.0:
+        error = step_error(y, out, dT, dT_new, k, rtol, floor)
+        size = max(error, 1e-8) ** (1.0 / method.order)  # of the step, in units of the one that the tolerance allows
+        if not error <= 1.0:  # nan too
             rejected += 1
             growth = 1.0
             h *= max(0.2, 0.9 / size) if error < math.inf else 0.2

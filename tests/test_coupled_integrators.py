@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -10,7 +13,8 @@ from test_coupled_equations import LAWS, MODELS, RING, SECOND_ORDER, printed_equ
 import thermofem as th
 from coupled import Method
 from coupled import equations as eq
-from coupled.rosenbrock import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS, dense_output, integrate, step
+from coupled.compiling import forget_if_older
+from coupled.rosenbrock import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS, dense_output, integrate, step, step_error
 from coupled.tableaus import tableau
 
 POWER = 10**0.8 * 1e-3
@@ -99,6 +103,19 @@ def test_order_of_the_dense_output(method):
     assert errors[2] > 1e-13
 
 
+@pytest.mark.parametrize("poles", [1, 4])
+@pytest.mark.parametrize(("part", "size"), [("field", 5.0), ("carriers", 2.0), ("heat", 7.0)])
+def test_field_carriers_and_heat_weigh_alike_in_the_error(part, size, poles):
+    y, out = np.array([3.0, 4.0, 2.0, *np.full(poles, 7 / poles)]), np.zeros(3 + poles)
+    k = np.zeros((6, 3 + poles))
+    at = {"field": np.array([0.6, -0.8, 0]), "carriers": np.array([0, 0, -1.0]), "heat": np.zeros(3)}[part]
+    k[-1] = [*at, *np.full(poles, (part == "heat") / poles) * (-1) ** np.arange(poles)]  # an error of 1 in all
+    want = 1 / size / np.sqrt(3) / 1e-6  # round-off decides the tolerance
+    assert step_error(y, out, 7.0, 0.0, k, 1e-6, FLOOR) == pytest.approx(want, rel=1e-14)
+    assert step_error(out, y, 0.0, 7.0, k, 1e-6, FLOOR) == pytest.approx(want, rel=1e-14)
+    assert step_error(y, out, 7.0, 0.0, k, 1e-6, np.full(3, 100.0)) == pytest.approx(want * size / 100, rel=1e-14)
+
+
 TIMES = np.linspace(0, 20e3, 2001)
 
 
@@ -163,3 +180,18 @@ def test_it_gives_up_with_a_reason_instead_of_running_for_ever():
     _, _, reached, counts = integrate(np.zeros(5), 1.0, drive, np.nan, rates, fcd, poles, *args)
     assert (reached, counts[2]) == (0, STEP_TOO_SMALL)
     assert run(Method.RODAS4, 1e-4, duration=1.0)[3][2] == DONE
+
+
+def test_machine_code_older_than_what_it_calls_is_forgotten(tmp_path):
+    kernel = SimpleNamespace(__name__="run", stats=SimpleNamespace(cache_path=str(tmp_path)))
+    names = ("called.py", "here.run-7.py311.nbi", "here.other-7.py311.nbi")
+    called, index, other = (tmp_path / name for name in names)
+    for path, age in ((called, 0), (index, 1), (other, -1)):  # seconds by which the edit of called.py is older
+        path.touch()
+        os.utime(path, (1e9 + age, 1e9 + age))
+    forget_if_older(kernel, str(called))
+    assert index.exists()
+    os.utime(called, (1e9 + 2, 1e9 + 2))
+    forget_if_older(kernel, str(called))
+    assert not index.exists()
+    assert other.exists()
