@@ -1,5 +1,7 @@
 # Each target does its own set-up: a virtual environment in .venv with the project installed.
 PYTHON ?= python3
+# the vectors are short: more threads only get in each other's way
+export OMP_NUM_THREADS ?= 1
 BIN := .venv/bin
 
 .PHONY: demo test check lint types bench clean

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Chirp, Constant, Foster, Pulse, SquareWave, Telegraph, ThermalModel, Waveform, checks
-from thermofem.dataset import in_words
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -59,12 +58,14 @@ def period_error(
     Raises
     ------
     InputError
-        periods that are not positive or do not increase.
+        periods that are not positive or do not increase, a power that is not positive, a duty outside 0..1.
     """
     import xarray as xr
 
     periods = checks.array("periods", periods, increasing=True, hint="periods are in s (did you mean 1e-6?)")
     checks.positive("periods[0]", periods[0], unit="s")
+    checks.positive("power", power, unit="W", at_most=10, hint="powers are in W (did you mean 2e-3 for 2 mW?)")
+    checks.between("duty", duty, 1e-6, 1 - 1e-6, hint="the duty cycle is the fraction of the period that is on")
     swing = np.array([_swing(reference, t, power, duty) for t in periods])
     found = np.array([_period(model, s, t, power, duty) for s, t in zip(swing, periods, strict=True)])
     error = periods - found
@@ -80,33 +81,35 @@ def period_error(
 
 
 def valid_range(curve: xr.Dataset, *, within: float = 0.1) -> tuple[float, float]:
-    """Shortest and longest period (s) of the stretch around the smallest error where |relative error| <= ``within``.
+    """Shortest and longest period (s) of the widest stretch where |relative error| <= ``within``.
 
-    The ends are interpolated between the curve's periods, in their logarithm; an end of the curve that is still within
-    stays the end. (nan, nan) where the model is never within.
+    Its ends are interpolated between the curve's periods, in their logarithm; where the curve ends within, so does the
+    stretch. (nan, nan) where the model is never within.
     """
     checks.positive("within", within, hint="0.1 is ten percent")
     x, y = np.log(curve["period"].values), np.abs(curve["relative_error"].values)
-    best = int(np.argmin(y))
-    if y[best] > within:
+    good = np.concatenate([[False], y <= within, [False]])
+    first, last = np.flatnonzero(~good[:-1] & good[1:]), np.flatnonzero(good[:-1] & ~good[1:]) - 1
+    if not first.size:
         return float("nan"), float("nan")
-    ends = []
-    for step in (-1, 1):
-        k = best
-        while 0 <= k + step < x.size and y[k + step] <= within:
-            k += step
-        if 0 <= k + step < x.size and np.isfinite(y[k + step]):
-            ends.append(x[k] + (within - y[k]) / (y[k + step] - y[k]) * (x[k + step] - x[k]))
-        else:
-            ends.append(x[k])
-    return float(np.exp(ends[0])), float(np.exp(ends[1]))
+
+    def crossing(inside: int, outside: int) -> float:
+        if not (0 <= outside < x.size and np.isfinite(y[outside])):
+            return float(x[inside])
+        share = (within - y[inside]) / (y[outside] - y[inside])
+        return float(x[inside] + share * (x[outside] - x[inside]))
+
+    pairs = zip(first.tolist(), last.tolist(), strict=True)
+    stretches = [(crossing(i, i - 1), crossing(j, j + 1)) for i, j in pairs]
+    low, high = max(stretches, key=lambda ends: ends[1] - ends[0])
+    return float(np.exp(low)), float(np.exp(high))
 
 
 def validity(curve: xr.Dataset, *, within: float = 0.1) -> str:
     """`valid_range` in words: 'within 10 % from 0.6 to 1.45 us'."""
     low, high = valid_range(curve, within=within)
     if not low <= high:
-        return f"nowhere within {within:.3g} of the period" if within < 0.01 else f"nowhere within {100 * within:g} %"
+        return f"nowhere within {100 * within:g} %"
     return f"within {100 * within:g} % from {low * 1e6:.3g} to {high * 1e6:.3g} us"
 
 
@@ -170,11 +173,13 @@ def compare(
     states = [float(getattr(m, "order", np.nan)) for m in models.values()]
     return xr.Dataset(
         {**variables, "states": ("model", states, {"units": "1", "long_name": "number of states"})},
-        coords={"model": list(models), "drive": [in_words(d) for d in drives]},
+        coords={"model": list(models), "drive": [_words(d) for d in drives]},
     )
 
 
-def square_waves(power: float = 2e-3, periods: int = 11, duties: Sequence[float] = (0.1, 0.2, 1 / 3, 0.45, 0.6)) -> list[Waveform]:
+def square_waves(
+    power: float = 2e-3, *, periods: int = 11, duties: Sequence[float] = (0.1, 0.2, 1 / 3, 0.45, 0.6)
+) -> list[Waveform]:
     """Square waves from 0.1 to 10 us at every duty: 55 by default, on which orders of models are compared."""
     return [SquareWave(power, t, d) for t in np.geomspace(1e-7, 1e-5, periods) for d in duties]
 
@@ -205,13 +210,27 @@ def _length(drive: Waveform) -> float:
             return drive.duration
         case Constant():
             return 1e-4
-    raise checks.InputError(f"how long a {type(drive).__name__} lasts is not known; give it repeat=True")
+    raise checks.InputError(f"how long a {type(drive).__name__} lasts is not known; give one that repeats")
+
+
+def _words(drive: Waveform) -> str:
+    """A drive in few words, as labels show it."""
+    match drive:
+        case SquareWave():
+            return f"square {drive.period * 1e6:.3g} us, duty {drive.duty:.2g}"
+        case Pulse():
+            return f"pulse {drive.width * 1e6:.3g} us"
+        case Telegraph():
+            return f"telegraph {drive.dwell * 1e6:.3g} us"
+        case Chirp():
+            return f"chirp {drive.first * 1e6:.3g} to {drive.last * 1e6:.3g} us"
+    return type(drive).__name__.lower()
 
 
 def _swing(model: ThermalModel, period: float, power: float, duty: float) -> float:
     """Largest minus smallest rise of the periodic state; a passive network has them at the two edges.
 
-        swing = P sum_i R_i (1 - e^-a)(1 - e^-b)/(1 - e^-(a+b)),   a = duty T/tau_i,  b = (1 - duty) T/tau_i
+    swing = P sum_i R_i (1 - e^-a)(1 - e^-b)/(1 - e^-(a+b)),   a = duty T/tau_i,  b = (1 - duty) T/tau_i
     """
     if isinstance(model, Foster) and model.passive:
         on, off = -duty * period / np.asarray(model.tau), -(1 - duty) * period / np.asarray(model.tau)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -9,22 +10,68 @@ from grids import facets_where, graded, tensor_mesh
 
 import surrogate
 import thermofem as th
+from thermofem.matrices import capacity, conduction
 from thermofem.model import foster
+from thermofem.nonlinear import NonlinearSystem, lift
 
 
 @cache
-def coarse_fem() -> th.StateSpace:
-    """The reference strip on a very coarse mesh (some hundred unknowns): an exact model of itself."""
+def coarse(growth: float = 8) -> tuple[th.Mesh, th.Discretization]:
+    """The reference strip on a very coarse mesh."""
     um = 1e-6
     mesh = tensor_mesh(
-        graded(0, 7.73 * um, 8.18 * um, 60 * um, finest=0.22 * um, growth=8),
-        graded(-32 * um, -2 * um, 0, 0.22 * um, 2.22 * um, finest=0.11 * um, growth=8),
+        graded(0, 7.73 * um, 8.18 * um, 60 * um, finest=0.22 * um, growth=growth),
+        graded(-32 * um, -2 * um, 0, 0.22 * um, 2.22 * um, finest=0.11 * um, growth=growth),
         lambda r, z: np.where((abs(r - 7.955 * um) < 0.225 * um) & (z > 0) & (z < 0.22 * um), 2, z > -2 * um),
         ("substrate", "oxide", "core"),
     )
     k, c = np.array([130, 1.38, 130])[mesh.region], np.array([2330 * 700, 2203 * 703, 2330 * 700])[mesh.region]
     held = facets_where(mesh, lambda r, z: np.isclose(z, -32 * um))
-    return th.discretize(mesh, k, c, held=held).state_space(("core",), ("core",))
+    return mesh, th.discretize(mesh, k, c, held=held)
+
+
+def coarse_fem() -> th.StateSpace:
+    """An exact model of itself."""
+    return coarse()[1].state_space(("core",), ("core",))
+
+
+def coarse_warm_fem() -> NonlinearSystem:
+    """The same with k and c_p of every region following laws around 300 K."""
+    mesh, d = coarse(growth=300)
+    flows, contents = [], []
+    for regions, k, c, k_law, c_law in (
+        ((0, 2), 130, 2330 * 700, th.Power(-1.3), th.Power(0.4)),
+        ((1,), 1.38, 2203 * 703, th.Power(0.3), th.Polynomial((1e-3,))),
+    ):
+        cells = np.isin(mesh.region, regions)
+        flows.append((conduction(d.basis, k * cells), k_law))
+        contents.append((capacity(d.basis, c * cells), c_law))
+    flow, content = lift(flows, 0 * d.stiffness, d.free, 300.0), lift(contents, 0 * d.mass, d.free, 300.0)
+    return NonlinearSystem(
+        d.state_space(("core",), ("core",)),
+        replace(flow, matrix=flow.matrix[d.free]),
+        replace(content, matrix=content.matrix[d.free]),
+    )
+
+
+@cache
+def warm_fem() -> th.HeatProblem:
+    """The reference strip with k(T) and c_p(T), on its committed mesh."""
+    film, oxide = th.materials.find("Si(T)"), th.materials.find("SiO2(T)")
+    materials = (replace(film, name="Si"), replace(oxide, name="SiO2"))
+    return th.assemble(replace(th.strip_ring(), materials=materials))
+
+
+def reduced_fem() -> th.Foster:
+    """Its certified reduction."""
+    return surrogate.reduce(coarse_fem(), tolerance=1e-4).model
+
+
+def trained_foster() -> th.Foster:
+    """Five poles trained on a step of it."""
+    times = np.geomspace(1e-9, 60e-6, 120)
+    step = 1e-3 * foster(coarse_fem()).step_response(times)
+    return surrogate.fit_foster(th.dataset.build(times, step, th.Constant(1e-3)), order=5).model
 
 
 MODELS = {
@@ -32,5 +79,8 @@ MODELS = {
     "second order": lambda: surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1200e-9, eta=0.31),
     "foster of five": lambda: th.Foster(R=[600, 1500, 2500, 2000, 1200], tau=[3e-9, 30e-9, 200e-9, 1.5e-6, 8e-6]),
     "fem": coarse_fem,
+    "fem, reduced": reduced_fem,
+    "foster, trained": trained_foster,
     "fem, diagonalised": lambda: foster(coarse_fem()),
+    "fem, k(T) and c_p(T)": coarse_warm_fem,
 }

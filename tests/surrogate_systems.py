@@ -74,4 +74,5 @@ def geometries(count):
             "box": rng.uniform(0.7, 3.5),
             "above": rng.uniform(0.4, 4.0),
             "k_oxide": rng.uniform(0.9, 1.5),
+            "smallest": 0.3,
         }

@@ -30,7 +30,7 @@ def thermofem(*arguments: str, cwd: Path, **environment: str) -> subprocess.Comp
 def test_help_and_version(tmp_path):
     done = thermofem("--help", cwd=tmp_path)
     assert done.returncode == 0
-    for command in ("solve", "reproduce", "doctor"):
+    for command in ("solve", "campaign", "reproduce", "doctor"):
         assert command in done.stdout
     assert thermofem("--version", cwd=tmp_path).stdout.strip() == th.__version__
 
@@ -128,8 +128,57 @@ def test_reproduce_quick_writes_data_models_and_figures(tmp_path):
     assert pulse.delta_T.max().item() == pytest.approx(15.4, abs=0.05)  # converged reference: 15.4 K
     model = json.loads((out / "second_order.json").read_text())
     assert sum(pole["R"] for pole in model["poles"]) == pytest.approx(7890, rel=0.02)
-    for figure in ("fig5a_pulse.png", "fig5b_square.png", "traces_8dBm_0GHz.png"):
+    for figure in ("fig5a_pulse.png", "fig5b_square.png", "fig7_period_error.png", "traces_8dBm_0GHz.png"):
         assert (out / figure).stat().st_size > 50_000
     assert "763 ns" in done.stdout  # Newton with the paper's own fit: 762.695 ns, a regression value of another code
     assert "686 ns" in done.stdout  # the paper's FEM-trained set: 686.002 ns
-    assert len(list(out.glob("traces_*.nc"))) == 5
+    assert "680 ns" in done.stdout  # the FEM itself, nothing fitted: 680 ns by an independent code
+    assert "+12, +4, +19" in done.stdout  # period error of Eq. 3 by the same code, agreement within 1.5 points
+    assert len(list(out.glob("traces_*.nc"))) == 6
+
+
+def test_solve_preview_alone_writes_no_data(tmp_path):
+    done = thermofem("solve", "--preview", "ring.png", "--no-solve", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["ring.png"]
+    assert (tmp_path / "ring.png").read_bytes().startswith(b"\x89PNG")
+    done = thermofem("solve", "--no-solve", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "add --preview" in done.stderr
+
+
+def test_solve_writes_fields(tmp_path):
+    arguments = ["solve", "--duration", "1 us", "--samples", "3", "--field-times", "0.2 us, 1 us"]
+    done = thermofem(*arguments, "--paraview", "heat.xdmf", "--animation", "heat.gif", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    data = th.load(tmp_path / "heat.nc")
+    assert data.field_time.values.tolist() == [0.2e-6, 1e-6]
+    assert "Time Value" in (tmp_path / "heat.xdmf").read_text()
+    assert (tmp_path / "heat.gif").read_bytes().startswith(b"GIF89a")
+    done = thermofem("solve", "--square", "1 us", "--periodic", "--field-times", "1 us", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "--periodic keeps no fields" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["campaign", "missing.toml"], "campaign file 'missing.toml' does not exist"),
+        (["campaign", "bad.toml"], "not valid TOML"),
+        (["campaign", "empty.toml"], "geometry is missing"),
+        (["campaign", "good.toml", "-o", "bad.toml/out"], "cannot be made"),
+        (["campaign", "good.toml", "--workers", "0"], "workers = 0"),
+        (["campaign", "good.toml", "--workers", "2", "--scheduler", "tcp://x:1"], "exclude each other"),
+    ],
+)
+def test_bad_campaigns_are_one_line_and_exit_code_2(arguments, words, tmp_path):
+    (tmp_path / "bad.toml").write_text("geometry = ")
+    (tmp_path / "empty.toml").write_text("")
+    (tmp_path / "ring.toml").write_text(GEOMETRY)
+    (tmp_path / "good.toml").write_text('geometry = "ring.toml"\n[[drive]]\npower = "1 mW"\n')
+    before = sorted(tmp_path.iterdir())
+    done = thermofem(*arguments, cwd=tmp_path)
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert words in " ".join(done.stderr.split())
+    assert "Traceback" not in done.stderr
+    assert sorted(tmp_path.iterdir()) == before

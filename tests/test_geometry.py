@@ -8,8 +8,11 @@ from hypothesis import strategies as st
 from sections import HEATER, STRIP
 
 from thermofem.checks import InputError
-from thermofem.geometry import INSULATED, ISOTHERMAL, Boundary, CrossSection, Layer, Part, strip_ring
+from thermofem.geometry import INSULATED, ISOTHERMAL, OPEN, Boundary, CrossSection, Layer, Part, Probe, strip_ring
+from thermofem.laws import Polynomial, Power
 from thermofem.materials import LIBRARY
+from thermofem.mesh import content_hash
+from thermofem.rings import disc, heated_ring, rib_ring
 
 ROUND_OFF = 1e-12  # 16 ulps of the largest coordinate (60 um) over the smallest thickness (100 nm), 2e-16 * 16 * 600
 
@@ -53,7 +56,7 @@ def test_every_table_of_the_file_arrives():
     assert geometry.interfaces[0].resistance == 1e-8
     assert geometry.top == Boundary("convection", 1e4)
     silicon = geometry.material_of("core")
-    assert (silicon.exponent, silicon.reference, silicon.conductivity) == (-1.3, 300.0, 130.0)
+    assert (silicon.conductivity_law, silicon.conductivity) == (Power(-1.3, 300.0), 130.0)
     assert geometry.material_of("heater") is LIBRARY["TiN"]
     with pytest.raises(InputError, match="region = 'coer' is unknown; did you mean 'core'"):
         geometry.material_of("coer")
@@ -372,13 +375,86 @@ def test_boundaries():
         Boundary("isothermal", 1.0)
 
 
-def test_what_this_version_cannot_solve_is_said_before_solving():
-    strip_ring().check_buildable()
-    geometry = CrossSection.from_toml_text(HEATER)
-    with pytest.raises(InputError, match=r"interface of 'core': .* not supported yet"):
-        geometry.check_buildable()
-    with pytest.raises(
-        InputError, match=r"'Si' of 'substrate': temperature-dependent conductivity .* not supported yet"
-    ):
-        replace(geometry, interfaces=()).check_buildable()
-    replace(geometry, interfaces=(), materials=()).check_buildable()
+# --- common rings, probes, open sides ---------------------------------------------------------------------------------
+
+
+def test_common_rings_are_valid_and_hold_what_they_say():
+    rib, disc_, heated = rib_ring(), disc(), heated_ring()
+    assert rib.volumes()["slab"] == pytest.approx(ring_volume(7.955e-6, 4e-6, 90e-9), rel=ROUND_OFF, abs=0)
+    assert rib.volumes()["core"] == pytest.approx(ring_volume(7.955e-6, 500e-9, 130e-9), rel=ROUND_OFF, abs=0)
+    silicon = disc_.volumes()["core"] + disc_.volumes()["disc"]
+    assert silicon == pytest.approx(math.pi * (5e-6) ** 2 * 220e-9, rel=ROUND_OFF, abs=0)
+    assert heated.volumes()["heater"] == pytest.approx(ring_volume(7.955e-6, 2e-6, 100e-9), rel=ROUND_OFF, abs=0)
+    for geometry in (rib, disc_, heated):
+        assert CrossSection.from_toml_text(geometry.to_toml()) == geometry
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: rib_ring(slab=220e-9), "slab = 2.2e-07 m must be thinner than height"),
+        (lambda: rib_ring(slab_width=100e-9), "slab_width = 1e-07 m must be wider than width"),
+        (lambda: disc(rim=5e-6), "rim = 5e-06 m must be narrower than radius"),
+        (lambda: heated_ring(heater_width=20e-6), "heater: width = 2e-05 m is larger"),
+        (lambda: Probe("near", "core", 0.3), r"shell = 0.3 .*did you mean 300e-9"),
+        (lambda: replace(strip_ring(), probes=(Probe("near", "cor", 3e-7),)), "did you mean 'core'"),
+        (lambda: replace(strip_ring(), probes=(Probe("box", "core", 3e-7),)), "same name as layer 'box'"),
+        (lambda: replace(strip_ring(), top=OPEN), "only bottom and outer can be open"),
+    ],
+)
+def test_contradictions_of_rings_and_probes(call, words):
+    with pytest.raises(InputError, match=words):
+        call()
+
+
+def test_probes_and_open_sides_in_toml():
+    text = STRIP + '[[probe]]\nname = "near"\npart = "core"\nshell = "0.3 um"\n[boundary]\nouter = "open"\n'
+    geometry = CrossSection.from_toml_text(text)
+    assert (geometry.probes, geometry.outer) == ((Probe("near", "core", 3e-7),), OPEN)
+    assert CrossSection.from_toml_text(geometry.to_toml()) == geometry
+
+
+def test_a_void_of_zero_height_changes_nothing():
+    nothing = Part("nothing", "void", 1.2e-6, 3e-6, bottom=100e-9, height=0.0)
+    with_it, without = on_oxide(core(), nothing), on_oxide(core())
+    assert with_it.volumes() == without.volumes()
+    assert CrossSection.from_toml_text(with_it.to_toml()) == with_it
+    assert content_hash(with_it, 1e-3) == content_hash(without, 1e-3)  # the same mesh, so the same numbers
+    with pytest.raises(InputError, match="height = 0 must be positive"):
+        replace(nothing, material="Al")
+
+
+# --- laws of temperature ----------------------------------------------------------------------------------------------
+
+LAWS = """
+[material.Si]
+conductivity = { value = "130 W/m/K", polynomial = [-3e-3, 5e-6], reference = "293.15 K" }
+specific_heat = { temperature = ["200 K", "300 K", "400 K"], values = ["556 J/kg/K", "712 J/kg/K", "790 J/kg/K"] }
+[material.SiO2]
+conductivity = { r = "1.38 W/m/K", z = "1.1 W/m/K", exponent = 0.3 }
+"""
+
+
+def test_laws_in_toml():
+    geometry = CrossSection.from_toml_text(STRIP + LAWS)
+    silicon, oxide = geometry.material_of("core"), geometry.material_of("box")
+    assert silicon.conductivity_law == Polynomial((-3e-3, 5e-6), 293.15)
+    assert (silicon.specific_heat, silicon.specific_heat_law.values) == (712, (556, 712, 790))
+    assert (oxide.conductivity, oxide.conductivity_z, oxide.conductivity_law) == (1.38, 1.1, Power(0.3))
+    assert CrossSection.from_toml_text(geometry.to_toml()) == geometry
+
+
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [
+        ("{ exponent = -1.3 }", "conductivity: value is missing"),
+        ('{ value = "1 W/m/K", exponent = 1, polynomial = [1] }', "give exponent, or polynomial, or temperature"),
+        ('{ value = "1 W/m/K", polynomial = 1 }', "polynomial = 1 must be a list"),
+        ('{ temperature = ["300 K"], values = ["1 W/m/K"] }', "conductivity: table of 1 temperatures and 1 values"),
+        ('{ temperature = ["300 K", "200 K"], values = ["1 W/m/K", "2 W/m/K"] }', "increasing temperatures"),
+        ('{ value = "1 W/m/K", r = "1 W/m/K" }', "value and r are the same"),
+    ],
+)
+def test_bad_laws(law, words):
+    with pytest.raises(InputError, match=words):
+        CrossSection.from_toml_text(STRIP + f"[material.Si]\nconductivity = {law}\n")

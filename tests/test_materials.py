@@ -1,7 +1,9 @@
 import pytest
+from scipy.integrate import quad
 
 from thermofem.checks import InputError
-from thermofem.materials import LIBRARY, Material, find
+from thermofem.laws import Polynomial, Power, Table
+from thermofem.materials import LIBRARY, Material, find, silicon_film
 
 
 def test_the_library_holds_the_reference_stack():
@@ -45,8 +47,7 @@ def test_an_unknown_material_suggests_the_nearest():
         ({"density": -2330.0}, "density = -2330"),
         ({"density": 2.33e6}, "density"),
         ({"specific_heat": 0.7}, "specific_heat = 0.7"),
-        ({"exponent": 1000.0}, "exponent"),
-        ({"reference": 0.0}, "reference"),
+        ({"conductivity_z": 0.0}, "conductivity_z = 0"),
     ],
 )
 def test_values_no_material_has_are_refused(change, words):
@@ -62,3 +63,42 @@ def test_values_no_material_has_are_refused(change, words):
 def test_void_has_no_properties():
     with pytest.raises(InputError, match="void"):
         Material("void", conductivity=1.0, density=1.0, specific_heat=1.0)
+
+
+def test_thin_films_conduct_less():
+    # published: 22 W/m/K at 20 nm (Liu and Asheghi 2004); about half of bulk at 100 nm (Ju and Goodson 1999)
+    assert silicon_film(20e-9).conductivity == pytest.approx(22, rel=0.05)
+    assert silicon_film(100e-9).conductivity == pytest.approx(148 / 2, rel=0.1)
+    assert silicon_film(1e-3).conductivity == pytest.approx(148, rel=1e-3)
+    assert find("Si 220 nm") == silicon_film(220e-9)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        Power(-1.3),
+        Power(-1.0, 350.0),
+        Polynomial((1e-3, -2e-6, 1e-9)),
+        Table((250, 300, 350, 500), (3.0, 2.0, 1.5, 1.2)),
+    ],
+    ids=lambda law: type(law).__name__,
+)
+def test_a_law_is_one_at_its_reference_and_its_integral_is_its_integral(law):
+    assert law.factor(law.reference) == pytest.approx(1, rel=1e-14)
+    for start, rise in ((293.15, 150.0), (293.15, -30.0), (400.0, 200.0)):
+        expected = quad(law.factor, start, start + rise, points=[300, 350, 500] if rise > 0 else None, epsabs=1e-12)[0]
+        assert law.integral(start, rise) == pytest.approx(expected, rel=1e-9)  # quad's own error
+    # small rises do not cancel away: integral -> factor * rise, next term 1e-6 K * |f'|/2 < 1e-8
+    tiny = 1e-6 if isinstance(law, Power) else 1e-3
+    assert law.integral(310.0, tiny) == pytest.approx(float(law.factor(310.0)) * tiny, rel=2e-5)
+
+
+def test_a_table_is_held_beyond_its_ends():
+    law = Table((250, 300, 350), (3.0, 2.0, 1.5))
+    assert law.factor([100, 250, 350, 900]) == pytest.approx([1.5, 1.5, 0.75, 0.75], rel=1e-14)
+
+
+def test_laws_no_material_has():
+    for bad in (lambda: Power(1000.0), lambda: Power(-1.3, 0.0), lambda: Table((300, 300), (1, 1))):
+        with pytest.raises(InputError):
+            bad()

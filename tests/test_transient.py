@@ -108,6 +108,18 @@ def test_error_stays_below_rtol_at_and_after_edges(wave, rtol):
     assert np.all(np.abs(got - exact) <= rtol * np.maximum.accumulate(exact))
 
 
+@pytest.mark.parametrize("rtol", [1e-1, 1e-2, 1e-4])
+def test_a_first_time_long_after_every_transient_is_the_static_rise(rtol):
+    """One L-stable step across the whole rise would end right and interpolate nonsense inside."""
+    system = coarse_fem()
+    for times in ([1.0, 10.0], [1e-3, 1e-2], np.linspace(0, 20, 11)[1:]):
+        rise = integrate(system, th.Constant(2e-3), times, rtol=rtol).outputs[:, 0]
+        assert rise == pytest.approx(2e-3 * system.thermal_resistance, rel=rtol)
+    slow = integrate_periodic(system, th.SquareWave(2e-3, 10.0, 0.3), 21, rtol=1e-4).outputs[:, 0]
+    assert slow.min() > -1e-4 * slow.max()
+    assert slow.max() == pytest.approx(2e-3 * system.thermal_resistance, rel=1e-3)
+
+
 def test_error_is_proportional_to_the_tolerance():
     system, times = coarse_fem(), np.geomspace(1e-9, 20e-6, 60)
     exact = foster(system).step_response(times) * 1e-3

@@ -1,19 +1,26 @@
 """Self-heating of silicon microring resonators: cross-section to training data."""
 
 from . import checks, dataset, waveforms
+from .campaign import Campaign, open_campaign
 from .checks import InputError, MissingLibraryError
 from .dataset import load, save
-from .geometry import Boundary, CrossSection, Interface, Layer, Part, strip_ring
+from .fields import write_fields
+from .geometry import Boundary, CrossSection, Interface, Layer, Part, Probe, strip_ring
 from .heat import Discretization, HeatProblem, assemble, discretize
+from .laws import Polynomial, Power, Table
+from .materials import Material, silicon_film
 from .mesh import Mesh
 from .model import Foster, StateSpace, ThermalModel
+from .rings import disc, heated_ring, rib_ring
 from .solve import solve, solve_periodic
+from .tables import read_csv
 from .waveforms import Chirp, Constant, Pulse, Sampled, SquareWave, Telegraph, Waveform
 
 __version__ = "0.1.0"
 
 __all__ = [
     "Boundary",
+    "Campaign",
     "Chirp",
     "Constant",
     "CrossSection",
@@ -23,24 +30,36 @@ __all__ = [
     "InputError",
     "Interface",
     "Layer",
+    "Material",
     "Mesh",
     "MissingLibraryError",
     "Part",
+    "Polynomial",
+    "Power",
+    "Probe",
     "Pulse",
     "Sampled",
     "SquareWave",
     "StateSpace",
+    "Table",
     "Telegraph",
     "ThermalModel",
     "Waveform",
     "assemble",
     "checks",
     "dataset",
+    "disc",
     "discretize",
+    "heated_ring",
     "load",
+    "open_campaign",
+    "read_csv",
+    "rib_ring",
     "save",
+    "silicon_film",
     "solve",
     "solve_periodic",
     "strip_ring",
     "waveforms",
+    "write_fields",
 ]

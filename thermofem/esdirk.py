@@ -114,11 +114,15 @@ class Stepper:
         """dx/dt at the start of a smooth piece."""
         return self.solve(0.0, self.A @ x + self.B @ self.powers(t, h, stop)[0])
 
+    def rate(self, x: Array, slope: Array) -> Array:
+        """dx/dt at the state ``x`` from a slope of `step`: the slope itself, as the system is linear."""
+        return slope
+
     def norm(self, x: Array) -> float:
         """Energy norm sqrt(x^T E x)."""
         return float(np.sqrt(max(x @ (self.E @ x), 0.0)))
 
-    def step(self, x: Array, slope: Array, h: float, powers: Array) -> tuple[Array, Array]:
+    def step(self, x: Array, slope: Array, h: float, powers: Array) -> tuple[Array, Array] | None:
         """One ESDIRK step: slopes and states of the six stages, each (6, n); the last state is the new x."""
         slopes, states = np.empty((6, x.size)), np.empty((6, x.size))
         slopes[0], states[0] = slope, x

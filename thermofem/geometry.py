@@ -15,10 +15,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import checks
 from .materials import VOID, Material, find
-from .parts import INSULATED, ISOTHERMAL, Boundary, Interface, Layer, Part, length, ring, slip
+from .parts import INSULATED, ISOTHERMAL, OPEN, Boundary, Interface, Layer, Part, Probe, length, ring, slip
 from .regions import Subdivision, check_held, check_places, subdivide
 
-__all__ = ["INSULATED", "ISOTHERMAL", "Boundary", "CrossSection", "Interface", "Layer", "Part", "strip_ring"]
+__all__ = [
+    "INSULATED",
+    "ISOTHERMAL",
+    "OPEN",
+    "Boundary",
+    "CrossSection",
+    "Interface",
+    "Layer",
+    "Part",
+    "Probe",
+    "strip_ring",
+]
 
 
 @dataclass(frozen=True)
@@ -36,10 +47,12 @@ class CrossSection:
         a later one overwrites earlier ones and the layers.
     interfaces : tuple of Interface
     bottom, top, outer : Boundary
-        "top" is everything that faces up or sideways above the stack, ridges included.
+        "top" is everything that faces up or sideways above the stack, ridges included; it cannot be open.
     materials : tuple of Material
         overrides of, and additions to, `materials.LIBRARY`.
     ambient : float, K
+    probes : tuple of Probe
+        shells that can be read beside the layers and parts.
 
     Raises
     ------
@@ -57,9 +70,10 @@ class CrossSection:
     outer: Boundary = INSULATED
     materials: tuple[Material, ...] = ()
     ambient: float = 293.15
+    probes: tuple[Probe, ...] = ()
 
     def __post_init__(self) -> None:
-        for field in ("layers", "parts", "interfaces", "materials"):
+        for field in ("layers", "parts", "interfaces", "materials", "probes"):
             object.__setattr__(self, field, tuple(getattr(self, field)))
         length("outer_radius", self.outer_radius, typical=60e-6)
         checks.between("ambient", self.ambient, 1, 3000, unit="K")
@@ -72,6 +86,8 @@ class CrossSection:
                 f"{self.name!r}: bottom, top and outer are all insulated, so heat has no way out and no steady state "
                 "exists; make one of them isothermal or convective"
             )
+        if self.top.kind == "open":
+            raise checks.InputError("top = 'open': only bottom and outer can be open; give top a convection")
         check_held(self)
 
     def _check_names(self) -> None:
@@ -91,6 +107,13 @@ class CrossSection:
         solid = [part.name for part in self.parts if part.material != VOID]
         for interface in self.interfaces:
             checks.choice("interface: part", interface.part, solid)
+        for probe in self.probes:
+            checks.choice(f"probe {probe.name!r}: part", probe.part, solid)
+            if probe.name in seen:
+                raise checks.InputError(
+                    f"probe {probe.name!r} has the same name as {seen[probe.name]}; every probe needs its own"
+                )
+            seen[probe.name] = f"probe {probe.name!r}"
 
     @property
     def bottom_z(self) -> float:
@@ -138,21 +161,6 @@ class CrossSection:
     def on_boundary(self, side: str, r: ArrayLike, z: ArrayLike) -> NDArray[np.bool_]:
         """Which of the points (r, z) in m lie on ``side``: "bottom", "top", "outer", "axis" or "wall" (of a void)."""
         return self.subdivision.on_side(side, np.asarray(r, dtype=float), np.asarray(z, dtype=float))
-
-    def check_buildable(self) -> None:
-        """Raise InputError for what the schema allows and this version cannot solve."""
-        for interface in self.interfaces:
-            if interface.resistance:
-                raise checks.InputError(
-                    f"interface of {interface.part!r}: thermal boundary resistance is not supported yet in this version"
-                )
-        for region in self.region_names:
-            material = self.material_of(region)
-            if material.exponent:
-                raise checks.InputError(
-                    f"material {material.name!r} of {region!r}: temperature-dependent conductivity (exponent = "
-                    f"{material.exponent:g}) is not supported yet in this version"
-                )
 
     @classmethod
     def from_toml(cls, path: str | Path) -> CrossSection:

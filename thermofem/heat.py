@@ -3,27 +3,35 @@
     rho c_p dT/dt = div(k grad T) + q,    q = P / V_part in a heated part,    dT = mean of T - T0 over a part
 
 With the weight 2 pi r everywhere and P2 triangles this is  M dx/dt = -K x + c P,  dT = c^T x: the same functional c
-(volume mean over the part) heats and reads, so the system is symmetric and passive.
+(volume mean over the part) heats and reads, so the system is symmetric and passive. Where k or c_p depend on T, these
+are the matrices at the ambient temperature T0, and `HeatProblem.model` is the nonlinear system around them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import checks
 from .factor import Solve, factorize
+from .interface import contacts, split
+from .laws import Law, is_constant
+from .matrices import Discretization, Surfaces, build, capacity, conduction, discretize, skfem_mesh
 from .model import StateSpace
+from .nonlinear import Lift, NonlinearLedger, NonlinearSystem, lift, rows
 from .transient import Ledger
 
 if TYPE_CHECKING:
     from .geometry import CrossSection
+    from .materials import Material
     from .mesh import Mesh
+
+__all__ = ["Discretization", "HeatProblem", "Surfaces", "assemble", "discretize", "skfem_mesh"]
 
 Array = NDArray[np.float64]
 
@@ -57,6 +65,11 @@ class HeatProblem:
         return self.mesh.region_names
 
     @property
+    def readable(self) -> tuple[str, ...]:
+        """Names of everything that can be read: regions and probes."""
+        return (*self.regions, *(probe.name for probe in self.geometry.probes))
+
+    @property
     def unknowns(self) -> int:
         """Number of temperatures solved for."""
         return int(self.discretization.free.size)
@@ -76,16 +89,72 @@ class HeatProblem:
         heated : str or sequence of str
             heated parts; default all of them.
         read : str or sequence of str
-            layers or parts whose mean is read; default the heated ones.
+            layers, parts or probes whose mean is read; default the heated ones.
 
         Raises
         ------
         InputError
-            a name that is no heated part, or no region.
+            a name that is no heated part, or nothing that can be read.
         """
         inputs = _names("heated", heated, self.heated, self.heated)
-        outputs = _names("read", read, self.regions, inputs)
+        outputs = _names("read", read, self.readable, inputs)
         return self.discretization.state_space(inputs, outputs)
+
+    @cached_property
+    def nonlinear(self) -> bool:
+        """Whether k or c_p of a material that is there depend on temperature."""
+        return any(self.geometry.material_of(name).varies for name in self.regions)
+
+    def model(
+        self, heated: str | Sequence[str] | None = None, read: str | Sequence[str] | None = None
+    ) -> StateSpace | NonlinearSystem:
+        """As `channels`, with k(T) and c_p(T) where materials have them."""
+        linear = self.channels(heated, read)
+        return (
+            NonlinearSystem(linear, self._flow_and_content[0], self._flow_and_content[1]) if self.nonlinear else linear
+        )
+
+    @cached_property
+    def ledger(self) -> Ledger | NonlinearLedger:
+        """What closes the energy balance of a transient of `model`."""
+        if not self.nonlinear:
+            return self.discretization.ledger
+        d = self.discretization
+        flow, content = self._everywhere
+        ones = np.ones((1, d.mass.shape[0]))
+        held = np.zeros_like(ones)
+        held[0, d.held] = 1
+        return NonlinearLedger(rows(content, ones), rows(content, held), rows(flow, ones - held))
+
+    def audit(self, heated: str) -> Ledger | NonlinearLedger:
+        """The ledger with ``heated`` carrying the power, part of which a held boundary may take at once."""
+        return replace(self.ledger, direct=float(self.discretization.means[heated][self.discretization.held].sum()))
+
+    @cached_property
+    def _everywhere(self) -> tuple[Lift, Lift]:
+        """F and H with the rows of all unknowns, held ones included."""
+        d, (k, c) = self.discretization, properties(self.geometry, self.mesh)
+        flows, contents = [], []
+        for law, cells in self._cells("conductivity_law").items():
+            flows.append((conduction(d.basis, k * cells), law))
+        for law, cells in self._cells("specific_heat_law").items():
+            contents.append((capacity(d.basis, c * cells), law))
+        rest = d.stiffness - sum(matrix for matrix, _ in flows), d.mass - sum(matrix for matrix, _ in contents)
+        T0 = self.geometry.ambient
+        return lift(flows, rest[0], d.free, T0), lift(contents, rest[1], d.free, T0)
+
+    @cached_property
+    def _flow_and_content(self) -> tuple[Lift, Lift]:
+        free = self.discretization.free
+        flow, content = self._everywhere
+        return replace(flow, matrix=flow.matrix[free]), replace(content, matrix=content.matrix[free])
+
+    def _cells(self, kind: str) -> dict[Law, NDArray[np.bool_]]:
+        """Which triangles follow each law of temperature that is not constant."""
+        laws = [getattr(self.geometry.material_of(name), kind) for name in self.regions]
+        return {
+            law: np.array([other == law for other in laws])[self.mesh.region] for law in laws if not is_constant(law)
+        }
 
     @cached_property
     def _static(self) -> Solve:
@@ -96,11 +165,54 @@ class HeatProblem:
     def thermal_resistance(self, heated: str | None = None, read: str | None = None) -> float:
         """Steady mean rise of ``read`` per watt in ``heated``, in K/W; defaults: the first heated part, and itself.
 
+        At small power, where conductivities depend on temperature; `steady_rise` takes any power.
+
         >>> round(assemble(strip_ring()).thermal_resistance("core") / 1e3, 2)  # K/mW
         7.86
         """
         channel = self.channels(heated or self.heated[0], read or heated or self.heated[0])
         return float(channel.C[0] @ self._static(channel.B[:, 0]))
+
+    def steady_rise(self, power: float, heated: str | None = None, read: str | None = None) -> float:
+        """Steady mean rise of ``read`` in K at a power in W in ``heated``; k(T) is taken into account.
+
+        Raises
+        ------
+        InputError
+            no steady state is found, see `nonlinear.NonlinearSystem.steady_state`.
+        """
+        heated = heated or self.heated[0]
+        checks.finite("power", power, unit="W")
+        model = self.model(heated, read or heated)
+        if isinstance(model, NonlinearSystem):
+            return float(model.steady_rise(power)[0])
+        return power * self.thermal_resistance(heated, read)
+
+    @cached_property
+    def _errors(self) -> dict[tuple[str, str], tuple[float, float]]:
+        return {}
+
+    def errors(self, heated: str | None = None, read: str | None = None) -> tuple[float, float]:
+        """Relative errors of R_th by the mesh and by the end of the domain, see `thermofem.accuracy`.
+
+        Warns in the log, once, where the domain moves R_th by more than ``accuracy``.
+        """
+        from . import accuracy
+
+        heated = checks.choice("heated", heated or self.heated[0], self.heated)
+        read = checks.choice("read", read or heated, self.readable)
+        if (heated, read) not in self._errors:
+            mesh, domain = (estimate(self, heated, read) for estimate in accuracy.ESTIMATES)
+            if domain > self.accuracy and not any(other > self.accuracy for _, other in self._errors.values()):
+                accuracy.log.warning(
+                    "%s: with bottom and outer side where they are, R_th is %.1e off that of a stack that goes on, "
+                    'more than accuracy = %g; if it does, make them "open" or move them outwards',
+                    self.geometry.name,
+                    domain,
+                    self.accuracy,
+                )
+            self._errors[heated, read] = mesh, domain
+        return self._errors[heated, read]
 
     def field(self, state: ArrayLike) -> Array:
         """Temperature rise in K at every vertex of the mesh, from states of shape (..., unknowns) of the system."""
@@ -123,37 +235,60 @@ def assemble(geometry: CrossSection, accuracy: float = 1e-3) -> HeatProblem:
     Raises
     ------
     InputError
-        accuracy out of range, or a feature that this version does not build.
+        accuracy out of range, or a probe around a part of which nothing is left.
     MissingLibraryError
         a mesh must be made and gmsh cannot be loaded.
     """
     from .mesh import mesh_for
+    from .shell import shell_mean
 
-    geometry.check_buildable()
-    mesh = mesh_for(geometry, accuracy)
-    materials = [geometry.material_of(name) for name in mesh.region_names]
-    conductivity = np.array([m.conductivity for m in materials])[mesh.region]
-    heat_capacity = np.array([m.heat_capacity for m in materials])[mesh.region]
-    held, convection = _boundaries(geometry, mesh)
-    discretization = discretize(mesh, conductivity, heat_capacity, held=held, convection=convection)
+    resistance: dict[str, float] = {}
+    for interface in geometry.interfaces:
+        resistance[interface.part] = resistance.get(interface.part, 0.0) + interface.resistance
+    mesh = split(mesh_for(geometry, accuracy), resistance)
+    conductivity, heat_capacity = properties(geometry, mesh)
+    discretization = build(mesh, conductivity, heat_capacity, _surfaces(geometry, mesh, resistance))
+    shells = {probe.name: shell_mean(geometry, mesh, discretization.basis, probe) for probe in geometry.probes}
+    discretization = replace(discretization, means={**discretization.means, **shells})
     return HeatProblem(geometry, mesh, discretization, accuracy)
 
 
-def _boundaries(geometry: CrossSection, mesh: Mesh) -> tuple[NDArray[np.intp], dict[float, NDArray[np.intp]]]:
-    """Held facets, and the facets of every convection coefficient."""
+def properties(geometry: CrossSection, mesh: Mesh) -> tuple[Array, Array]:
+    """k_r, k_z in W/(m K), shape (2, triangles), and rho c_p in J/(m^3 K), at the ambient temperature."""
+    T0 = geometry.ambient
+
+    def k(material: Material) -> list[float]:
+        along_z = material.conductivity if material.conductivity_z is None else material.conductivity_z
+        return [value * float(material.conductivity_law.factor(T0)) for value in (material.conductivity, along_z)]
+
+    materials = [geometry.material_of(name) for name in mesh.region_names]
+    capacities = [m.heat_capacity * float(m.specific_heat_law.factor(T0)) for m in materials]
+    return np.array([k(m) for m in materials]).T[:, mesh.region], np.array(capacities)[mesh.region]
+
+
+def _surfaces(geometry: CrossSection, mesh: Mesh, resistance: dict[str, float]) -> Surfaces:
+    """Held, convective and open facets, and contacts."""
     grid = skfem_mesh(mesh)
     facets = grid.boundary_facets()
     r, z = grid.p[:, grid.facets[:, facets]].mean(axis=1)
-    held: list[NDArray[np.intp]] = [np.empty(0, dtype=np.intp)]
+    none = np.empty(0, dtype=np.intp)
+    where = {"isothermal": none, "open": none, "insulated": none}
     convection: dict[float, NDArray[np.intp]] = {}
     for side in ("bottom", "top", "outer"):
         boundary = getattr(geometry, side)
-        where = facets[geometry.on_boundary(side, r, z)]
-        if boundary.kind == "isothermal":
-            held.append(where)
-        elif boundary.kind == "convection":
-            convection[boundary.coefficient] = np.append(convection.get(boundary.coefficient, held[0]), where)
-    return np.concatenate(held), convection
+        there = facets[geometry.on_boundary(side, r, z)]
+        if boundary.kind == "convection":
+            convection[boundary.coefficient] = np.append(convection.get(boundary.coefficient, none), there)
+        else:
+            where[boundary.kind] = np.append(where[boundary.kind], there)
+    heat = next(part for part in geometry.parts if part.heated)
+    return Surfaces(
+        held=where["isothermal"],
+        convection=convection,
+        open=where["open"],
+        source=heat.bottom + heat.height / 2,
+        contacts=contacts(mesh, resistance),
+    )
 
 
 def _names(
@@ -164,128 +299,3 @@ def _names(
     if not names:
         raise checks.InputError(f"{argument} is empty; give at least one of {', '.join(known)}")
     return tuple(checks.choice(argument, name, known) for name in names)
-
-
-@dataclass(frozen=True, eq=False)
-class Discretization:
-    """Matrices of the heat equation on all unknowns, before any temperature is held.
-
-    Attributes
-    ----------
-    basis : skfem.CellBasis
-        P2 on triangles.
-    mass, stiffness : sparse, shape (n, n); J/K and W/K
-        stiffness includes the convective boundaries.
-    means : dict from region name to array, shape (n,)
-        functional of the volume mean; its entries sum to one.
-    held : array of int
-        unknowns at the ambient temperature.
-    """
-
-    basis: Any
-    mass: Any
-    stiffness: Any
-    means: Mapping[str, Array]
-    held: NDArray[np.intp]
-
-    @cached_property
-    def free(self) -> NDArray[np.intp]:
-        """Unknowns that are not held."""
-        return np.setdiff1d(np.arange(self.mass.shape[0]), self.held)
-
-    def state_space(self, heated: tuple[str, ...], read: tuple[str, ...]) -> StateSpace:
-        """E = M, A = -K on the free unknowns; B and C from the volume means."""
-        free = self.free
-        return StateSpace(
-            E=self.mass[free][:, free],
-            A=-self.stiffness[free][:, free],
-            B=np.column_stack([self.means[name][free] for name in heated]),
-            C=np.vstack([self.means[name][free] for name in read]),
-            inputs=heated,
-            outputs=read,
-        )
-
-    @cached_property
-    def ledger(self) -> Ledger:
-        """Heat stored is 1^T M x; heat leaves through held unknowns and convective boundaries.
-
-        The rows of the held unknowns, left out of the system, give their reaction: -(M dx/dt + K x) is the heat that
-        flows out there; 1^T K x over all rows is the convective loss, as K of pure conduction has zero column sums.
-        """
-        free, held = self.free, self.held
-        convective = np.asarray(self.stiffness.sum(axis=0)).ravel()[free]
-        return Ledger(
-            storage=np.asarray(self.mass.sum(axis=0)).ravel()[free],
-            drain_A=convective - np.asarray(self.stiffness[held].sum(axis=0)).ravel()[free],
-            drain_E=-np.asarray(self.mass[held].sum(axis=0)).ravel()[free],
-        )
-
-
-def discretize(
-    mesh: Mesh,
-    conductivity: ArrayLike,
-    heat_capacity: ArrayLike,
-    *,
-    held: NDArray[np.intp],
-    convection: Mapping[float, NDArray[np.intp]] | None = None,
-) -> Discretization:
-    """Assemble M, K and the volume means.
-
-        M_ij = int 2 pi r rho c_p u_i u_j dA,   K_ij = int 2 pi r k grad u_i . grad u_j dA + int 2 pi r h u_i u_j ds
-
-    Parameters
-    ----------
-    mesh : Mesh
-    conductivity, heat_capacity : array, shape (triangles,) or scalar; W/(m K) and J/(m^3 K)
-    held : array of int
-        boundary facets at the ambient temperature (numbered as `facets` does).
-    convection : dict from h in W/(m^2 K) to an array of facets
-    """
-    import skfem
-    from skfem.helpers import dot, grad
-
-    grid = skfem_mesh(mesh)
-    basis = skfem.Basis(grid, skfem.ElementTriP2(), intorder=5)
-    cells = np.ones(grid.nelements)
-
-    @skfem.BilinearForm
-    def capacity(u, v, w):  # type: ignore[no-untyped-def]
-        return 2 * np.pi * w.x[0] * w["rho_c"] * u * v
-
-    @skfem.BilinearForm
-    def conduction(u, v, w):  # type: ignore[no-untyped-def]
-        return 2 * np.pi * w.x[0] * w["k"] * dot(grad(u), grad(v))
-
-    @skfem.BilinearForm
-    def exchange(u, v, w):  # type: ignore[no-untyped-def]
-        return 2 * np.pi * w.x[0] * w["h"] * u * v
-
-    @skfem.LinearForm
-    def volume(v, w):  # type: ignore[no-untyped-def]
-        return 2 * np.pi * w.x[0] * w["inside"] * v
-
-    def per_cell(values: ArrayLike) -> Array:
-        """A value in each triangle, spread over its quadrature points."""
-        return np.broadcast_to((np.asarray(values) * cells)[:, None], basis.dx.shape)
-
-    stiffness = conduction.assemble(basis, k=per_cell(conductivity))
-    for h, where in (convection or {}).items():
-        stiffness = stiffness + exchange.assemble(basis.boundary(where), h=h)
-    means = {}
-    for index, name in enumerate(mesh.region_names):
-        integral = volume.assemble(basis, inside=per_cell(mesh.region == index))
-        means[name] = integral / integral.sum()
-    return Discretization(
-        basis=basis,
-        mass=capacity.assemble(basis, rho_c=per_cell(heat_capacity)).tocsr(),
-        stiffness=stiffness.tocsr(),
-        means=means,
-        held=basis.get_dofs(held).all() if len(held) else np.empty(0, dtype=np.intp),
-    )
-
-
-def skfem_mesh(mesh: Mesh) -> Any:
-    """The triangles as scikit-fem holds them."""
-    import skfem
-
-    return skfem.MeshTri(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.triangles.T))

@@ -1,4 +1,4 @@
-"""The pieces of a cross-section: layers, ring parts, boundaries and interfaces; all lengths in m."""
+"""The pieces of a cross-section: layers, ring parts, boundaries, interfaces and probes; all lengths in m."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Part:
     inner_radius, outer_radius : float, m
         at half height.
     bottom, height : float, m
-        bottom is counted from the datum.
+        bottom is counted from the datum; a void of height 0 is no void at all.
     sidewall_angle : float, rad
         pi/2 is vertical; a smaller angle makes the part wider at its foot.
     heated : bool
@@ -77,7 +77,8 @@ class Part:
         )
         length(f"{of}outer_radius", self.outer_radius, typical=8e-6)
         checks.between(f"{of}bottom", self.bottom, -_LONGEST, _LONGEST, unit="m", hint=slip(self.bottom, 1e-6))
-        length(f"{of}height", self.height, typical=220e-9)
+        if self.material != VOID or self.height != 0:
+            length(f"{of}height", self.height, typical=220e-9)
         if self.inner_radius >= self.outer_radius:
             raise checks.InputError(
                 f"{of}inner_radius = {self.inner_radius:g} m must be below outer_radius = {self.outer_radius:g} m"
@@ -107,14 +108,16 @@ class Part:
 
 @dataclass(frozen=True)
 class Boundary:
-    """What one side of the cross-section does: "isothermal" (held at ambient), "insulated" or "convection".
+    """What one side of the cross-section does: "isothermal" (held at ambient), "insulated", "convection" or "open".
 
-    Convection carries off ``coefficient`` * (T - ambient) per area; ``coefficient`` is in W/m^2/K.
+    Convection carries off ``coefficient`` * (T - ambient) per area; ``coefficient`` is in W/m^2/K. Beyond an open side
+    the material goes on: far from the heat T - ambient falls as 1/d, with d the distance from the axis at the height of
+    the heat, so that k (n . d)/d^2 (T - ambient) per area crosses it.
     """
 
     kind: str
     coefficient: float = 0.0
-    KINDS: ClassVar[tuple[str, ...]] = ("isothermal", "insulated", "convection")
+    KINDS: ClassVar[tuple[str, ...]] = ("isothermal", "insulated", "convection", "open")
 
     def __post_init__(self) -> None:
         checks.choice("boundary", self.kind, self.KINDS)
@@ -129,7 +132,7 @@ class Boundary:
         return self.kind != "insulated"
 
 
-ISOTHERMAL, INSULATED = Boundary("isothermal"), Boundary("insulated")
+ISOTHERMAL, INSULATED, OPEN = Boundary("isothermal"), Boundary("insulated"), Boundary("open")
 
 
 @dataclass(frozen=True)
@@ -142,6 +145,28 @@ class Interface:
     def __post_init__(self) -> None:
         hint = "silicon on oxide has about 1e-8"
         checks.between(f"interface of {self.part!r}: resistance", self.resistance, 0, 1, unit="m^2*K/W", hint=hint)
+
+
+@dataclass(frozen=True)
+class Probe:
+    """A shell to be read: everything within ``shell`` of a part that is not the part itself, voids left out.
+
+    Parameters
+    ----------
+    name : str
+    part : str
+        the part around which the shell lies.
+    shell : float, m
+        its thickness.
+    """
+
+    name: str
+    part: str
+    shell: float
+
+    def __post_init__(self) -> None:
+        _check_name("probe", self.name)
+        length(f"probe {self.name!r}: shell", self.shell, typical=0.3e-6)
 
 
 def ring(radius: float, width: float, *, of: str = "") -> tuple[float, float]:

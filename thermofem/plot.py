@@ -5,13 +5,16 @@ Every function draws into ``ax`` (a new figure by default), labels its axes with
 
 from __future__ import annotations
 
+from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.tri import Triangulation
 
-from .checks import InputError
+from .checks import InputError, choice, positive
+from .dataset import write_whole
+from .fields import check_field
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -64,8 +67,7 @@ def plot_field(data: xr.Dataset, ax: Axes | None = None, *, at: int = 0, half_wi
     half_width : float, m
         of the window drawn.
     """
-    if "field" not in data:
-        raise InputError("data holds no field; solve with field_times=[...] keeps it")
+    check_field(data)
     ax = _axes(ax, figsize=(4.2, 3.4))
     field, r, z = data["field"].isel(field_time=at).values, data["r"].values * 1e6, data["z"].values * 1e6
     hottest, half = int(np.argmax(field)), half_width * 1e6
@@ -82,6 +84,53 @@ def plot_field(data: xr.Dataset, ax: Axes | None = None, *, at: int = 0, half_wi
             ax.plot(*(np.vstack([ring, ring[:1]]).T * 1e6), color="white", linewidth=0.5, alpha=0.7)
     ax.figure.colorbar(picture, cax=ax.inset_axes((1.03, 0, 0.05, 1)), label="rise (K)")
     return ax
+
+
+def animate_field(
+    data: xr.Dataset, path: str | FilePath, *, frames_per_second: int = 10, half_width: float = 4e-6
+) -> FilePath:
+    """Write the temperature field as a film, one frame for each kept time, all with one colour scale and window.
+
+    Parameters
+    ----------
+    data : Dataset
+        from `solve` with ``field_times``.
+    path : str or Path
+        ".gif", or ".mp4" where ffmpeg is installed.
+    frames_per_second : int
+    half_width : float, m
+        of the window drawn.
+
+    Raises
+    ------
+    InputError
+        no field in the data, another ending, no ffmpeg for .mp4, or a folder that cannot be written.
+    """
+    from matplotlib import animation
+
+    path = FilePath(path)
+    check_field(data)
+    kind = choice("film: ending", path.suffix, (".gif", ".mp4"))
+    if kind == ".mp4" and not animation.FFMpegWriter.isAvailable():
+        raise InputError(f"{path.name} needs ffmpeg, which is not installed; .gif works without it")
+    positive("frames_per_second", frames_per_second, at_most=50, hint="a GIF cannot be faster")
+    writer = (animation.PillowWriter if kind == ".gif" else animation.FFMpegWriter)(fps=frames_per_second)
+    hottest = int(np.argmax(data["field"].values.max(axis=1)))
+    figure = plt.figure(figsize=(4.8, 3.6), layout="constrained")
+    ax = plot_field(data, figure.add_subplot(), at=hottest, half_width=half_width)  # its scale is everyone's
+    picture = ax.collections[0]
+
+    def draw(at: int) -> tuple[Any, ...]:
+        picture.set_array(data["field"].isel(field_time=at).values)
+        ax.set_title(f"t = {float(data['field_time'][at]) * 1e6:.4g} µs", fontsize="small")
+        return (picture,)
+
+    film = animation.FuncAnimation(figure, draw, frames=data.sizes["field_time"])
+    try:
+        write_whole(path, lambda p: film.save(p, writer=writer, dpi=120))
+    finally:
+        plt.close(figure)
+    return path
 
 
 def _geometry(data: xr.Dataset) -> CrossSection:
@@ -119,10 +168,49 @@ def plot_cross_section(
     return ax
 
 
+def plot_preview(geometry: CrossSection, mesh: Mesh) -> Axes:
+    """All parts with their names on the left, the mesh around the first heated part on the right; the left Axes."""
+    figure, (left, right) = plt.subplots(1, 2, figsize=(10.5, 4.6), layout="constrained")
+    heated = next(part for part in geometry.parts if part.heated)
+    plot_cross_section(geometry, ax=left)
+    low, high = min(p.bottom for p in geometry.parts), max(geometry.top_z, *(p.top for p in geometry.parts))
+    inner, outer = min(p.inner_radius for p in geometry.parts), max(p.outer_radius for p in geometry.parts)
+    room = max(0.3 * (high - low), 0.3 * (outer - inner), 1.5e-6)
+    left.set_xlim(max(inner - room, 0) * 1e6, (outer + room) * 1e6)
+    left.set_ylim(max(low - room, geometry.bottom_z) * 1e6, (high + 0.8 * room) * 1e6)
+    size = max(heated.outer_radius - heated.inner_radius, heated.height)
+    plot_cross_section(geometry, mesh, right, half_width=min(max(2.5 * size, 1e-6), 10e-6))
+    _name_parts(geometry, left)
+    legend = left.get_legend()
+    if legend is not None:
+        names = [text.get_text() for text in legend.get_texts()]
+        figure.legend(legend.legend_handles, names, loc="outside lower center", ncols=8, frameon=False)
+        legend.remove()
+    if (other := right.get_legend()) is not None:
+        other.remove()
+    figure.suptitle(geometry.name)
+    left.set_title("")
+    right.set_title(f"{len(mesh.triangles)} triangles", fontsize="small")
+    return left
+
+
+def _name_parts(geometry: CrossSection, ax: Axes) -> None:
+    """Write the name of every part at its edge, heated ones marked."""
+    for number, part in enumerate(geometry.parts):
+        at = ((part.inner_radius + part.outer_radius) / 2e-6, (part.bottom + part.height / 2) * 1e6)
+        ax.annotate(
+            f"{part.name} (heated)" if part.heated else part.name,
+            at,
+            xytext=(14 + 10 * (number % 2), 14 + 12 * (number % 3)),
+            textcoords="offset points",
+            fontsize="small",
+            arrowprops={"arrowstyle": "-", "color": INK, "linewidth": 0.7},
+            bbox={"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "alpha": 0.85},
+        )
+
+
 def save_figure(ax: Axes, path: Any) -> None:
     """Write the figure of ``ax`` as an image at 200 dots per inch, whole or not at all, and close it."""
-    from .dataset import write_whole
-
     figure = ax.get_figure(root=True)
     if figure is None:
         raise InputError("ax belongs to no figure; nothing to save")

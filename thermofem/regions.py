@@ -133,7 +133,7 @@ def _outlines(geometry: CrossSection) -> dict[str, Array]:
         layer.name: np.array([(0.0, z[k]), (r, z[k]), (r, z[k + 1]), (0.0, z[k + 1])])
         for k, layer in enumerate(geometry.layers)
     }
-    return boxes | {part.name: part.outline() for part in geometry.parts}
+    return boxes | {part.name: part.outline() for part in geometry.parts if part.height}
 
 
 def _visible_edges(geometry: CrossSection, shapes: dict[str, Any]) -> list[Any]:
@@ -148,7 +148,7 @@ def _visible_edges(geometry: CrossSection, shapes: dict[str, Any]) -> list[Any]:
         for edge in _edges(cell):
             owners.setdefault(edge, []).append(_owner(geometry, shapes, cell))
     for part in geometry.parts:
-        if part.name not in shown:
+        if part.name in shapes and part.name not in shown:
             later = [other.name for other in geometry.parts if shapes[other.name].intersects(shapes[part.name])]
             covers = ", ".join(repr(name) for name in later if name != part.name)
             raise checks.InputError(f"part {part.name!r} is wholly covered by {covers}; change their order")

@@ -64,9 +64,8 @@ def solve(
     array([ 9.2, 15.4,  6.2])
     """
     heated = heated or heat.heated[0]
-    system = heat.channels(heated, read if read is not None else heated)
-    ledger = heat.discretization.ledger
-    run = integrate(system, wave, times, rtol=rtol, snapshots=field_times, ledger=ledger)
+    system = heat.model(heated, read if read is not None else heated)
+    run = integrate(system, wave, times, rtol=rtol, snapshots=field_times, ledger=heat.audit(heated))
     return _dataset(heat, wave, run, heated, read, rtol, field_times)
 
 
@@ -101,8 +100,8 @@ def solve_periodic(
         a waveform without a period, too few samples for its edges.
     """
     heated = heated or heat.heated[0]
-    system = heat.channels(heated, read if read is not None else heated)
-    run = integrate_periodic(system, wave, samples, rtol=rtol, ledger=heat.discretization.ledger)
+    system = heat.model(heated, read if read is not None else heated)
+    run = integrate_periodic(system, wave, samples, rtol=rtol, ledger=heat.audit(heated))
     return _dataset(heat, wave, run, heated, read, rtol, (), periodic=True)
 
 
@@ -136,9 +135,12 @@ def _dataset(
 def _provenance(heat: HeatProblem, run: Trajectory, heated: str, read: str, rtol: float) -> dict[str, Any]:
     """What made the data: geometry, mesh, materials, solver, energy balance."""
     materials = {heat.geometry.material_of(name).name: heat.geometry.material_of(name).source for name in heat.regions}
+    mesh_error, domain_error = heat.errors(heated, read)
     return {
         "heated": heated,
         "thermal_resistance": heat.thermal_resistance(heated, read),
+        "discretization_error": mesh_error,
+        "domain_error": domain_error,
         "geometry": heat.geometry.to_toml(),
         "mesh_hash": mesh_hash(heat.mesh),
         "accuracy": heat.accuracy,

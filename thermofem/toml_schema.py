@@ -15,7 +15,8 @@ from . import checks, quantity
 from .checks import InputError
 from .geometry import CrossSection
 from .materials import LIBRARY, Material
-from .parts import INSULATED, ISOTHERMAL, VERTICAL, Boundary, Interface, Layer, Part, ring
+from .parts import INSULATED, ISOTHERMAL, VERTICAL, Boundary, Interface, Layer, Part, Probe, ring
+from .property_toml import LAW_KEYS, PROPERTIES, read_property, write_property
 
 # key -> the SI unit of its text, or what else it holds
 _TEXT, _FLAG, _TABLE, _TABLES, _ANY = "text", "true or false", "table", "list of tables", "anything"
@@ -26,6 +27,7 @@ _TOP = {
     "layer": _TABLES,
     "part": _TABLES,
     "interface": _TABLES,
+    "probe": _TABLES,
     "boundary": _TABLE,
     "material": _TABLE,
 }
@@ -43,11 +45,10 @@ _PART = {
     "heated": _FLAG,
 }
 _INTERFACE = {"part": _TEXT, "resistance": "m^2*K/W"}
+_PROBE = {"name": _TEXT, "part": _TEXT, "shell": "m"}
 _BOUNDARY = {"bottom": _ANY, "top": _ANY, "outer": _ANY}
 _CONVECTION = {"convection": "W/m^2/K"}
-_MATERIAL = {"conductivity": _ANY, "density": "kg/m^3", "specific_heat": "J/kg/K", "source": _TEXT}
-_PROPERTIES = ("conductivity", "density", "specific_heat")
-_CONDUCTIVITY = {"value": "W/m/K", "exponent": "", "reference": "K"}
+_MATERIAL = {"conductivity": _ANY, "density": "kg/m^3", "specific_heat": _ANY, "source": _TEXT}
 
 
 def read_file(path: str | Path) -> CrossSection:
@@ -79,6 +80,7 @@ def read_text(text: str) -> CrossSection:
         layers=tuple(_layer(item, k) for k, item in enumerate(top["layer"], 1)),
         parts=tuple(_part(item, k) for k, item in enumerate(top["part"], 1)),
         interfaces=tuple(_interface(item, k) for k, item in enumerate(top.get("interface", []), 1)),
+        probes=tuple(_probe(item, k) for k, item in enumerate(top.get("probe", []), 1)),
         bottom=_boundary(boundary, "bottom", ISOTHERMAL),
         top=_boundary(boundary, "top", INSULATED),
         outer=_boundary(boundary, "outer", INSULATED),
@@ -140,6 +142,10 @@ def _interface(table: dict[str, Any], k: int) -> Interface:
     return Interface(**_read(table, _INTERFACE, _where("interface of", table, k), required=("part", "resistance")))
 
 
+def _probe(table: dict[str, Any], k: int) -> Probe:
+    return Probe(**_read(table, _PROBE, _where("probe", table, k), required=("name", "part", "shell")))
+
+
 def _boundary(table: dict[str, Any], side: str, default: Boundary) -> Boundary:
     value = table.get(side)
     if value is None:
@@ -148,23 +154,26 @@ def _boundary(table: dict[str, Any], side: str, default: Boundary) -> Boundary:
         values = _read(value, _CONVECTION, f"boundary {side}", required=("convection",))
         return Boundary("convection", values["convection"])
     hint = 'convection is written { convection = "1e4 W/m^2/K" }'
-    return Boundary(checks.choice(f"boundary {side}", value, ("isothermal", "insulated"), hint=hint))
+    return Boundary(checks.choice(f"boundary {side}", value, ("isothermal", "insulated", "open"), hint=hint))
 
 
 def _material(name: str, table: Any) -> Material:
-    """A material of the file; for one of the library, what is left out keeps its value."""
+    """A material of the file; for one of the library, what is left out keeps its value and its law."""
     where = f"[material.{name}]"
-    required = () if name in LIBRARY else _PROPERTIES
-    values = _read(table, _MATERIAL, where, required=required)
-    if "conductivity" in values:
-        given = values.pop("conductivity")
-        if isinstance(given, dict):
-            law = _read(given, _CONDUCTIVITY, f"{where} conductivity", required=("value",))
-            values |= {"conductivity": law.pop("value"), **law}
-        else:
-            values |= {"conductivity": quantity.parse(given, "W/m/K", name=f"{where} conductivity")}
-    kept = {key: getattr(LIBRARY[name], key) for key in _PROPERTIES if key not in values}
-    source = "geometry file" + (f" ({', '.join(kept)}: {LIBRARY[name].source})" if kept else "")
+    values = _read(table, _MATERIAL, where, required=() if name in LIBRARY else PROPERTIES)
+    for key, unit in (("conductivity", "W/m/K"), ("specific_heat", "J/kg/K")):
+        if key in values:
+            given = values.pop(key)
+            if isinstance(given, dict):
+                given = _read(given, LAW_KEYS[key], f"{where} {key}")
+            values |= read_property(key, given, unit, where)
+    missing = [key for key in PROPERTIES if key not in values]
+    kept = {key: getattr(LIBRARY[name], key) for key in missing}
+    for key in {"conductivity", "specific_heat"} & kept.keys():
+        kept |= {f"{key}_law": getattr(LIBRARY[name], f"{key}_law")}
+    if "conductivity" in kept:
+        kept |= {"conductivity_z": LIBRARY[name].conductivity_z}
+    source = "geometry file" + (f" ({', '.join(missing)}: {LIBRARY[name].source})" if missing else "")
     return Material(**{"name": name, "source": source, **kept, **values})
 
 
@@ -183,6 +192,9 @@ def write_text(geometry: CrossSection) -> str:
     for interface in geometry.interfaces:
         lines += ["", "[[interface]]", f"part = {_quoted(interface.part)}"]
         lines += [f"resistance = {_quantity(interface.resistance, 'm^2*K/W')}"]
+    for probe in geometry.probes:
+        lines += ["", "[[probe]]", f"name = {_quoted(probe.name)}", f"part = {_quoted(probe.part)}"]
+        lines += [f"shell = {_quantity(probe.shell, 'm')}"]
     lines += ["", "[boundary]"]
     for side in ("bottom", "top", "outer"):
         boundary: Boundary = getattr(geometry, side)
@@ -209,11 +221,10 @@ def _part_lines(part: Part) -> list[str]:
 
 
 def _material_lines(material: Material) -> list[str]:
-    law = f"value = {_quantity(material.conductivity, 'W/m/K')}, exponent = {material.exponent!r}"
     return [
-        f"conductivity = {{ {law}, reference = {_quantity(material.reference, 'K')} }}",
+        f"conductivity = {write_property(material, 'conductivity', 'W/m/K')}",
         f"density = {_quantity(material.density, 'kg/m^3')}",
-        f"specific_heat = {_quantity(material.specific_heat, 'J/kg/K')}",
+        f"specific_heat = {write_property(material, 'specific_heat', 'J/kg/K')}",
         f"source = {_quoted(material.source)}",
     ]
 

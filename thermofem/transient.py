@@ -18,8 +18,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import checks
 from .esdirk import EMBEDDED, WEIGHTS, Stepper
-from .factor import factorize
+from .factor import Solve, factorize
 from .model import StateSpace
+from .newton_stages import NewtonStepper
+from .nonlinear import NonlinearLedger, NonlinearSystem
 from .waveforms import Waveform, period_times
 
 Array = NDArray[np.float64]
@@ -32,11 +34,23 @@ FINEST = 40  # rungs below the length of a piece before a run is given up
 
 @dataclass(frozen=True, eq=False)
 class Ledger:
-    """Closes the energy balance: heat stored = storage x, heat flowing out = drain_A x + drain_E dx/dt."""
+    """Closes the energy balance: heat stored = storage x, heat flowing out = drain_A x + drain_E dx/dt + direct P.
+
+    ``direct`` is the share of the power that enters at held unknowns, where a heated part touches a held boundary.
+    """
 
     storage: Array
     drain_A: Array
     drain_E: Array
+    direct: float = 0.0
+
+    def content(self, x: Array) -> float:
+        """Heat in the field in J."""
+        return float(self.storage @ x)
+
+    def outflow(self, h: float, weights: Array, states: Array, slopes: Array) -> float:
+        """Heat in J that left during one step."""
+        return h * float(weights @ (states @ self.drain_A + slopes @ self.drain_E))
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,20 +88,20 @@ class Trajectory:
 
 
 def integrate(
-    system: StateSpace,
+    system: StateSpace | NonlinearSystem,
     waves: Waveform | Sequence[Waveform],
     times: ArrayLike,
     *,
     rtol: float = 1e-4,
     initial: Array | None = None,
     snapshots: ArrayLike = (),
-    ledger: Ledger | None = None,
+    ledger: Ledger | NonlinearLedger | None = None,
 ) -> Trajectory:
     """Integrate E dx/dt = A x + B P(t) from t = 0 and read C x at ``times``.
 
     Parameters
     ----------
-    system : StateSpace
+    system : StateSpace or NonlinearSystem
     waves : Waveform, or one for each input
     times : array, s
         increasing, not negative.
@@ -97,7 +111,7 @@ def integrate(
         rise at t = 0; default none.
     snapshots : array, s
         times whose whole state is kept.
-    ledger : Ledger
+    ledger : Ledger or NonlinearLedger
         closes the energy balance, see `Trajectory.imbalance`.
 
     Raises
@@ -107,15 +121,15 @@ def integrate(
     """
     times = checks.array("times", times, increasing=True)
     kept = checks.array("snapshots", snapshots, increasing=True) if np.size(snapshots) else np.empty(0)
-    checks.between("rtol", rtol, 1e-10, 0.1)
+    rtol = checks.between("rtol", rtol, 1e-10, 0.1)
     if times[0] < 0 or (kept.size and kept[0] < 0):
         raise checks.InputError(
             f"times start at {min([times[0], *kept[:1]]):g} s, before the start of the run at t = 0"
         )
-    stepper = Stepper(system, waves)
+    stepper = _stepper(system, waves, rtol)
     x = np.zeros(system.order) if initial is None else np.array(initial, dtype=float)
     record = _Record(stepper, times, kept, ledger, x)
-    control = _Control(stepper, rtol, x)
+    control = _Control(stepper, rtol, x, factorize(-stepper.A))
     edges = stepper.edges(max(times[-1], kept[-1] if kept.size else 0.0))
     for start, stop in pairwise(edges.tolist()):
         x, _ = _cross(stepper, control, record, x, start, stop)
@@ -123,13 +137,13 @@ def integrate(
 
 
 def integrate_periodic(
-    system: StateSpace,
+    system: StateSpace | NonlinearSystem,
     wave: Waveform,
     samples: int,
     *,
     rtol: float = 1e-4,
     initial: Array | None = None,
-    ledger: Ledger | None = None,
+    ledger: Ledger | NonlinearLedger | None = None,
 ) -> Trajectory:
     """One period of the periodic state, at `waveforms.period_times`.
 
@@ -146,16 +160,16 @@ def integrate_periodic(
         as `integrate`; a waveform without a period.
     """
     times = period_times(wave, samples)
-    checks.between("rtol", rtol, 1e-10, 0.1)
+    rtol = checks.between("rtol", rtol, 1e-10, 0.1)
     period = float(times[-1])
-    stepper = Stepper(system, wave)
+    stepper = _stepper(system, wave, rtol)
     solve_static = factorize(-stepper.A)
     x = (
         solve_static(stepper.B.sum(axis=1) * wave.mean(0.0, period))
         if initial is None
         else np.array(initial, dtype=float)
     )
-    control = _Control(stepper, rtol, x)
+    control = _Control(stepper, rtol, x, solve_static)
     plan, end = _plan(stepper, control, times, x)
     for _ in range(PASSES):
         defect = end - x
@@ -168,6 +182,12 @@ def integrate_periodic(
     raise checks.InputError(
         f"the periodic state did not settle in {PASSES} passes; is the matrix A symmetric and definite?"
     )
+
+
+def _stepper(system: StateSpace | NonlinearSystem, waves: Waveform | Sequence[Waveform], rtol: float) -> Stepper:
+    if isinstance(system, NonlinearSystem):
+        return NewtonStepper(system, waves, SAFETY * rtol)
+    return Stepper(system, waves)
 
 
 @dataclass(frozen=True)
@@ -190,8 +210,11 @@ def _cross(
     while done < 4**rung:
         h = length / 4**rung
         t = start + done * h
-        slopes, states = stepper.step(x, slope, h, stepper.powers(t, h, stop))
-        error = control.error(h * ((WEIGHTS - EMBEDDED) @ slopes), states[-1])
+        tried = stepper.step(x, slope, h, stepper.powers(t, h, stop))
+        error = np.inf
+        if tried is not None:
+            slopes, states = tried
+            error = control.error(h * ((WEIGHTS - EMBEDDED) @ slopes), states[-1])
         if error > 1:
             if rung > FINEST:
                 raise checks.InputError(
@@ -228,7 +251,10 @@ def _march(stepper: Stepper, plan: Sequence[_Plan], x: Array, record: _Record) -
         slope = stepper.start_slope(x, t, length, piece.stop)
         for rung in piece.rungs:
             h = length / 4**rung
-            slopes, states = stepper.step(x, slope, h, stepper.powers(t, h, piece.stop))
+            done = stepper.step(x, slope, h, stepper.powers(t, h, piece.stop))
+            if done is None:
+                raise checks.InputError(f"the step at t = {t:g} s does not converge; take a smaller rtol")
+            slopes, states = done
             record.add(t, h, slopes, states)
             x, slope, t = states[-1], slopes[-1], t + h
         record.deliver(piece.start, piece.stop)
@@ -238,10 +264,11 @@ def _march(stepper: Stepper, plan: Sequence[_Plan], x: Array, record: _Record) -
 class _Control:
     """Error of a step in units of the tolerance, and the first step of a piece."""
 
-    def __init__(self, stepper: Stepper, rtol: float, x: Array) -> None:
+    def __init__(self, stepper: Stepper, rtol: float, x: Array, solve_static: Solve) -> None:
         self.stepper, self.rtol = stepper, rtol
         self.outputs, self.field = np.abs(stepper.C @ x), stepper.norm(x)
         self.first_step = np.inf
+        self.shortest_rise = _shortest_rise(stepper, solve_static)
 
     def error(self, estimate: Array, x: Array) -> float:
         """Worst ratio of error to tolerance over the outputs and the field; both scales grow with every state tried."""
@@ -252,14 +279,31 @@ class _Control:
         return float(max(field, ratios.max(initial=0.0)) / (SAFETY * self.rtol))
 
     def first_rung(self, length: float, wanted: float) -> int:
-        """Rung of the first step: no longer than the first wanted time, nor 16 times the last piece's first step."""
-        return max(0, int(np.ceil(np.log(length / min(wanted, 16 * self.first_step)) / np.log(4) - 1e-9)))
+        """Rung of the first step.
+
+        No longer than the first wanted time, than 16 times the last piece's first step, nor than the shortest rise: an
+        L-stable step across a whole transient ends right but knows nothing of what lies inside, nor does its estimate.
+        """
+        first = min(wanted, 16 * self.first_step, self.shortest_rise)
+        return max(0, int(np.ceil(np.log(length / first) / np.log(4) - 1e-9)))
+
+
+def _shortest_rise(stepper: Stepper, solve_static: Solve) -> float:
+    """Shortest time in which the initial slope would reach the static rise: R_th times the part's heat capacity."""
+    heat = stepper.B.sum(axis=1)
+    static, slope = solve_static(heat), stepper.solve(0.0, heat)
+    rises = np.append(np.abs(stepper.C @ static), stepper.norm(static))
+    slopes = np.append(np.abs(stepper.C @ slope), stepper.norm(slope))
+    moving = (slopes > 0) & (rises > 0)
+    return float(np.min(rises[moving] / slopes[moving], initial=np.inf))
 
 
 class _Record:
     """Outputs at the wanted times by cubic Hermite interpolation, snapshots, and the energy balance."""
 
-    def __init__(self, stepper: Stepper, times: Array, kept: Array, ledger: Ledger | None, x: Array) -> None:
+    def __init__(
+        self, stepper: Stepper, times: Array, kept: Array, ledger: Ledger | NonlinearLedger | None, x: Array
+    ) -> None:
         self.stepper, self.times, self.kept, self.ledger = stepper, times, kept, ledger
         self.outputs = np.tile(stepper.C @ x, (times.size, 1))  # right where times are 0, overwritten elsewhere
         self.snapshots = np.tile(x, (kept.size, 1))
@@ -274,20 +318,20 @@ class _Record:
     def add(self, t: float, h: float, slopes: Array, states: Array) -> None:
         """Take in one step."""
         C = self.stepper.C
-        ends = (states[0], states[-1], h * slopes[0], h * slopes[-1])
-        inside = _between(self.times, t, t + h)
-        if inside.size:
-            self.outputs[inside] = _hermite((self.times[inside] - t) / h, *(C @ v for v in ends))
-        inside = _between(self.kept, t, t + h)
-        if inside.size:
-            self.snapshots[inside] = _hermite((self.kept[inside] - t) / h, *ends)
+        read, kept = _between(self.times, t, t + h), _between(self.kept, t, t + h)
+        if read.size or kept.size:
+            rates = [h * self.stepper.rate(states[k], slopes[k]) for k in (0, -1)]
+            ends = (states[0], states[-1], *rates)
+            self.outputs[read] = _hermite((self.times[read] - t) / h, *(C @ v for v in ends))
+            self.snapshots[kept] = _hermite((self.kept[kept] - t) / h, *ends)
         if self.ledger:
-            outflow = states @ self.ledger.drain_A + slopes @ self.ledger.drain_E
-            self.heat_out += h * float(WEIGHTS @ outflow)
+            self.heat_out += self.ledger.outflow(h, WEIGHTS, states, slopes)
 
     def deliver(self, start: float, stop: float) -> None:
         """Count the exact energy of one piece."""
-        self.heat_in += (stop - start) * sum(wave.mean(start, stop) for wave in self.stepper.waves)
+        energy = (stop - start) * sum(wave.mean(start, stop) for wave in self.stepper.waves)
+        self.heat_in += energy
+        self.heat_out += energy * (self.ledger.direct if self.ledger else 0.0)
 
     def trajectory(self, x: Array) -> Trajectory:
         """Close the books."""
@@ -298,7 +342,7 @@ class _Record:
             final=x,
             snapshots=self.snapshots,
             heat_in=self.heat_in if audited else np.nan,
-            heat_stored=float(self.ledger.storage @ (x - self.start)) if self.ledger else np.nan,
+            heat_stored=self.ledger.content(x) - self.ledger.content(self.start) if self.ledger else np.nan,
             heat_out=self.heat_out if audited else np.nan,
             steps=s.steps,
             rejected=s.rejected,

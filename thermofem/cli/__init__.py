@@ -1,4 +1,4 @@
-"""The command line: ``thermofem solve | reproduce | doctor``.
+"""The command line: ``thermofem solve | campaign | fit | reduce | validate | simulate | reproduce | doctor``.
 
 This package is the only place that knows thermofem, surrogate and coupled at once. Everything heavy is imported inside
 the commands, so that ``thermofem --help`` answers at once.
@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from ..checks import InputError, MissingLibraryError
+from . import models
 
 app = typer.Typer(
     help="Self-heating of silicon microring resonators: training data, compact models, self-pulsing.",
@@ -69,22 +70,54 @@ def solve(
     rtol: Annotated[float, typer.Option(help="Relative error of the time integration.")] = 1e-4,
     figure: Annotated[Path | None, typer.Option(help="Also draw the response into this image.")] = None,
     preview: Annotated[Path | None, typer.Option(help="Draw cross-section and mesh into this image.")] = None,
+    no_solve: Annotated[bool, typer.Option("--no-solve", help="Only draw the --preview.")] = False,
+    field_times: Annotated[list[str] | None, typer.Option(help="Keep the field at '1 us, 5 us, ...'.")] = None,
+    paraview: Annotated[Path | None, typer.Option(help="Write the fields for ParaView (.xdmf, .pvd, .vtu).")] = None,
+    animation: Annotated[Path | None, typer.Option(help="Write the field as a film (.gif, .mp4).")] = None,
     output: Out = Path("heat.nc"),
 ) -> None:
     """Solve the heat equation of one geometry and write training data (netCDF).
 
     Heating is a step of POWER unless --pulse or --square is given.
     """
+    from .solve import preview as draw_preview
     from .solve import run
 
+    if no_solve:
+        if preview is None:
+            raise InputError("--no-solve needs an image to draw; add --preview mesh.png")
+        draw_preview(geometry, accuracy, preview)
+        return
     run(
         geometry,
         drive=(power, pulse, square, duty),
         sampling=(periodic, duration, samples),
         probes=(heated, tuple(read or ())),
         errors=(accuracy, rtol),
-        files=(output, figure, preview),
+        fields=tuple(field_times or ()),
+        files=(output, figure, preview, paraview, animation),
     )
+
+
+@app.command()
+def campaign(
+    file: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).")],
+    output: Out = Path("campaign"),
+    workers: Annotated[int | None, typer.Option(help="Worker processes; default: one for each CPU.")] = None,
+    scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to compute on.")] = None,
+    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Take geometries that failed again.")] = False,
+) -> None:
+    """Solve many geometries: one netCDF file for each, one index, one training collection.
+
+    Started again, it goes on where it was, however it ended.
+    """
+    from .campaign import run
+
+    run(file, output, workers=workers, scheduler=scheduler, retry_failed=retry_failed)
+
+
+for command in (models.fit, models.reduce, models.validate, models.simulate):
+    app.command()(command)
 
 
 @app.command()

@@ -91,6 +91,15 @@ def traces_figure(results: Results, path: Path) -> None:
     save_figure(axes[0, 0], path)
 
 
+def period_figure(results: Results, path: Path) -> None:
+    """Fig. 7: period error of the models trained at 1 us against the FEM."""
+    from surrogate.plot import plot_period_error
+
+    _, ax = plt.subplots(figsize=(6.4, 4.0), layout="constrained")
+    plot_period_error(results.curves, ax)
+    save_figure(ax, path)
+
+
 def _last_cycles(carriers: np.ndarray, time: np.ndarray, length: float) -> slice:
     """The last ``length`` seconds that begin where the carriers rise through their middle."""
     late = time > time[-1] / 2

@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
 
 from .. import dataset, quantity, waveforms
 from ..checks import InputError
+from ..fields import write_fields
 from ..geometry import CrossSection, strip_ring
 from ..heat import assemble
+from ..mesh import Mesh, mesh_for
 from ..solve import solve, solve_periodic
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 Drive = tuple[str, str | None, str | None, float]
+Files = tuple[Path | None, Path | None, Path | None, Path | None]  # figure, preview, ParaView, animation
+
+FRAMES = 60  # of an animation whose times are not given
 
 
 def run(
@@ -23,7 +32,8 @@ def run(
     sampling: tuple[bool, str, int],
     probes: tuple[str | None, tuple[str, ...]],
     errors: tuple[float, float],
-    files: tuple[Path, Path | None, Path | None],
+    fields: tuple[str, ...],
+    files: tuple[Path, *Files],
 ) -> None:
     """Check everything that can be checked, then solve and write."""
     console = Console(stderr=True)
@@ -32,37 +42,76 @@ def run(
     wave = waveform(*drive)
     if samples < 2:
         raise InputError(f"--samples = {samples} is too few; at least 2 are needed")
-    for path in files:
-        if path and not path.parent.is_dir():
-            raise InputError(f"{path.parent} is not a folder; make it first to write {path.name}")
+    output, figure, preview_file, paraview, animation = files
+    _check_folders(files)
+    length = quantity.parse(duration, "s", name="--duration")
+    field_times = _field_times(fields, length, wanted=bool(paraview or animation), periodic=periodic)
     heated, read = probes
     with console.status("meshing and assembling"):
         heat = assemble(section, errors[0])
-    output, figure, preview = files
-    if preview:
-        from .. import plot
-
-        plot.save_figure(plot.plot_cross_section(section, heat.mesh), preview)
-        console.print(f"wrote {preview}")
+    if preview_file:
+        _draw_preview(section, heat.mesh, preview_file)
     wanted = read[0] if len(read) == 1 else read or None
     with console.status(f"solving with {heat.unknowns} unknowns"):
         if periodic:
             data = solve_periodic(heat, wave, samples, heated=heated, read=wanted, rtol=errors[1])
         else:
-            times = np.linspace(0, quantity.parse(duration, "s", name="--duration"), samples)
-            data = solve(heat, wave, times, heated=heated, read=wanted, rtol=errors[1])
+            times = np.linspace(0, length, samples)
+            data = solve(heat, wave, times, heated=heated, read=wanted, rtol=errors[1], field_times=field_times)
     dataset.save(data, output)
-    if figure:
-        from .. import plot
-
-        plot.save_figure(plot.plot_response(data), figure)
+    _draw(data, figure, paraview, animation)
     console.print(
         f"R_th = {data.attrs['thermal_resistance'] / 1e3:.4g} K/mW, largest rise {float(data['delta_T'].max()):.4g} K, "
         f"energy imbalance {data.attrs['heat_imbalance']:.0e}"
     )
-    for path in (output, figure):
+    for path in files:
         if path:
             console.print(f"wrote {path}")
+
+
+def preview(geometry: Path | None, accuracy: float, path: Path) -> None:
+    """Draw cross-section and mesh, and solve nothing."""
+    section = CrossSection.from_toml(geometry) if geometry else strip_ring()
+    _check_folders((path,))
+    mesh = mesh_for(section, accuracy)
+    _draw_preview(section, mesh, path)
+    console = Console(stderr=True)
+    console.print(f"{section.name}: {', '.join(mesh.region_names)}; {len(mesh.triangles)} triangles; wrote {path}")
+
+
+def _check_folders(files: tuple[Path | None, ...]) -> None:
+    for path in files:
+        if path and not path.parent.is_dir():
+            raise InputError(f"{path.parent} is not a folder; make it first to write {path.name}")
+
+
+def _field_times(texts: tuple[str, ...], duration: float, *, wanted: bool, periodic: bool) -> tuple[float, ...]:
+    """Times at which the field is kept: those given ("1 us, 5 us"), or evenly spread ones where a film wants them."""
+    given = [part.strip() for text in texts for part in text.split(",") if part.strip()]
+    if periodic and (given or wanted):
+        raise InputError("--periodic keeps no fields; leave out --field-times, --paraview and --animation, or it")
+    if not given:
+        return tuple(map(float, np.linspace(0, duration, FRAMES + 1)[1:])) if wanted else ()
+    return tuple(sorted(quantity.parse(text, "s", name="--field-times") for text in given))
+
+
+def _draw_preview(section: CrossSection, mesh: Mesh, path: Path) -> None:
+    from .. import plot
+
+    plot.save_figure(plot.plot_preview(section, mesh), path)
+
+
+def _draw(data: xr.Dataset, figure: Path | None, paraview: Path | None, animation: Path | None) -> None:
+    """Write every picture and field file that is wanted."""
+    if paraview:
+        write_fields(data, paraview)
+    if figure or animation:
+        from .. import plot
+
+        if figure:
+            plot.save_figure(plot.plot_response(data), figure)
+        if animation:
+            plot.animate_field(data, animation)
 
 
 def waveform(power: str, pulse: str | None, square: str | None, duty: float) -> waveforms.Waveform:

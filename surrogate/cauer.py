@@ -1,0 +1,153 @@
+"""Foster network to Cauer ladder and back, and the structure function of a heat path.
+
+A Cauer ladder is what heat meets on its way: a capacity C_1 at the source, a resistance R_1, a capacity C_2, ...,
+
+    Z(s) = 1 / (s C_1 + 1 / (R_1 + 1 / (s C_2 + 1 / (R_2 + ...))))
+
+so that the running sums of its R and C (the cumulative structure function) show the layers: steep where heat capacity
+is large, flat where little capacity conducts badly.
+
+Source: V. Szekely, T. Van Bien, Solid-State Electronics 31, 1363 (1988); JEDEC JESD51-14.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from decimal import Decimal, localcontext
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thermofem import Foster, checks
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+DIGITS = 40  # decimal digits kept, and
+DIGITS_PER_POLE = 12  # more for each pole: the continued fraction loses up to the square of the ratio of neighbours
+
+
+@dataclass(frozen=True, eq=False)
+class Cauer:
+    """Ladder of resistances to the next node and capacities to the ambient, from the heated part outwards.
+
+    Parameters
+    ----------
+    R : array, shape (n,), K/W
+    C : array, shape (n,), J/K
+
+    Raises
+    ------
+    InputError
+        lengths that differ, or values that are not positive.
+    """
+
+    R: ArrayLike
+    C: ArrayLike
+
+    def __post_init__(self) -> None:
+        R, C = checks.array("R", self.R), checks.array("C", self.C)
+        if R.size != C.size:
+            raise checks.InputError(f"R has {R.size} entries and C {C.size}; each node needs one of both")
+        if min(R.min(), C.min()) <= 0:
+            raise checks.InputError("R and C of a ladder must be positive")
+        object.__setattr__(self, "R", R)
+        object.__setattr__(self, "C", C)
+
+    @property
+    def order(self) -> int:
+        """Number of nodes."""
+        return int(np.size(self.R))
+
+    @property
+    def thermal_resistance(self) -> float:
+        """R_th = sum of R in K/W."""
+        return float(np.sum(self.R))
+
+
+def cauer(model: Foster) -> Cauer:
+    """The ladder of a passive Foster network, by continued fractions in decimals of many digits.
+
+    Raises
+    ------
+    InputError
+        a network that is not passive; poles of zero R are left out, equal time constants merged.
+    """
+    if not model.passive:
+        raise checks.InputError("the network is not passive (an R is negative); it has no ladder")
+    R, tau = np.asarray(model.R), np.asarray(model.tau)
+    tau, group = np.unique(tau[R > 0], return_inverse=True)
+    R = np.bincount(group, weights=R[R > 0])
+    ladder_R, ladder_C = [], []
+    with localcontext() as context:
+        context.prec = DIGITS + DIGITS_PER_POLE * R.size
+        top, bottom = _polynomials([Decimal(float(x)) for x in R], [Decimal(float(x)) for x in tau])
+        while top:
+            C = bottom[-1] / top[-1]  # 1/Z = s C + rest
+            bottom = _minus(bottom, [Decimal(0)] + [C * x for x in top])
+            ladder_C.append(float(C))
+            resistance = top[-1] / bottom[-1]  # 1/rest = R + next Z
+            top = _minus(top, [resistance * x for x in bottom])
+            ladder_R.append(float(resistance))
+    return Cauer(ladder_R, ladder_C)
+
+
+def _polynomials(R: list[Decimal], tau: list[Decimal]) -> tuple[list[Decimal], list[Decimal]]:
+    """Z = top/bottom = sum_i R_i/(1 + s tau_i), coefficients of rising powers of s."""
+    top: list[Decimal] = []
+    bottom = [Decimal(1)]
+    for r, t in zip(R, tau, strict=True):
+        top = [a + b for a, b in zip(_times(top, t), [r * x for x in bottom] + [Decimal(0)], strict=False)]
+        top = top or [r]
+        bottom = _times(bottom, t)
+    return top, bottom
+
+
+def _times(polynomial: list[Decimal], tau: Decimal) -> list[Decimal]:
+    """polynomial (1 + s tau)."""
+    shifted = [Decimal(0)] + [tau * x for x in polynomial]
+    return [a + b for a, b in zip([*polynomial, Decimal(0)], shifted, strict=True)] if polynomial else []
+
+
+def _minus(a: list[Decimal], b: list[Decimal]) -> list[Decimal]:
+    """a - b, whose leading coefficient vanishes by construction and is dropped."""
+    return [x - y for x, y in zip(a, b, strict=True)][:-1]
+
+
+def foster_of(ladder: Cauer) -> Foster:
+    """The Foster network of a ladder.
+
+    With the ladder's incidence D (bidiagonal), C dx/dt = -D^T R^-1 D x + e_1 P. The singular values of
+    R^-1/2 D C^-1/2 are the square roots of the rates, which keeps the slow ones accurate.
+    """
+    R, C = np.asarray(ladder.R), np.asarray(ladder.C)
+    D = np.eye(R.size) - np.eye(R.size, k=1)
+    _, sigma, modes = np.linalg.svd(D / np.sqrt(R)[:, None] / np.sqrt(C))
+    tau = 1 / sigma**2
+    return Foster(R=modes[:, 0] ** 2 / C[0] * tau, tau=tau)
+
+
+def structure_function(model: Foster) -> xr.Dataset:
+    """Cumulative structure function: capacity reached against resistance passed, from the heated part outwards.
+
+    Parameters
+    ----------
+    model : Foster
+        passive; best a fine spectrum from `surrogate.fit_spectrum`.
+
+    Returns
+    -------
+    Dataset
+        over ``node``: ``resistance`` (K/W), ``capacity`` (J/K), both cumulative.
+    """
+    import xarray as xr
+
+    ladder = cauer(model)
+    fields = {
+        "resistance": (np.cumsum(ladder.R), "K/W", "cumulative thermal resistance"),
+        "capacity": (np.cumsum(ladder.C), "J/K", "cumulative heat capacity"),
+    }
+    return xr.Dataset({k: ("node", v, {"units": u, "long_name": w}) for k, (v, u, w) in fields.items()})

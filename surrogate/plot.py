@@ -1,0 +1,101 @@
+"""Pictures of compact models and their errors; the only module of the package that imports matplotlib.
+
+Every function draws into ``ax`` (a new figure by default), labels its axes with units, and returns the Axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from thermofem.plot import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, VERMILION
+
+from .validate import valid_range
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+
+    from .reduce import Reduction
+
+COLOURS = (VERMILION, BLUE, GREEN, ORANGE, PURPLE, SKY)
+
+
+def plot_period_error(
+    curves: Mapping[str, xr.Dataset], ax: Axes | None = None, *, within: float = 0.1, absolute: bool = False
+) -> Axes:
+    """Period error against period (us), relative in % or absolute in us, the 10 % band shaded: the paper's Fig. 7.
+
+    Parameters
+    ----------
+    curves : mapping from the model's name to a Dataset of `surrogate.period_error`
+    within : float
+        half width of the band.
+    absolute : bool
+        T - T_model itself, as the paper's solid line.
+    """
+    ax = _axes(ax)
+    periods = np.sort(np.concatenate([curve["period"].values for curve in curves.values()])) * 1e6
+    band = within * (periods if absolute else 100 * np.ones_like(periods))
+    ax.fill_between(periods, -band, band, color=SKY, alpha=0.18, linewidth=0)
+    ax.axhline(0, color=INK, linewidth=0.6)
+    for (name, curve), colour in zip(curves.items(), _cycle(len(curves)), strict=True):
+        error = curve["error"].values * 1e6 if absolute else curve["relative_error"].values * 100
+        low, high = valid_range(curve, within=within)
+        words = f"{name}: {low * 1e6:.3g} to {high * 1e6:.3g} µs" if np.isfinite(low) else name
+        ax.plot(curve["period"].values * 1e6, np.where(np.isfinite(error), error, np.nan), color=colour, label=words)
+    bottom, top = ax.get_ylim()
+    limit = 1.0 if absolute else 100.0
+    ax.set_ylim(max(bottom, -limit), min(top, limit))
+    ax.set(xscale="log", xlabel="period of the reference (µs)", ylabel=f"period error ({'µs' if absolute else '%'})")
+    ax.set_title(f"shaded, and the range named: within {100 * within:g} %", fontsize="small", loc="left", color=INK)
+    ax.margins(x=0)
+    ax.legend(frameon=False, fontsize="small")
+    return ax
+
+
+def plot_error_against_states(comparison: xr.Dataset, ax: Axes | None = None) -> Axes:
+    """Rms error over swing (%) of every model against its number of states: one dot a model, a line over the drives.
+
+    Parameters
+    ----------
+    comparison : Dataset
+        from `surrogate.compare`.
+    """
+    ax = _axes(ax)
+    states, error = comparison["states"].values, 100 * comparison["rms_relative"].values
+    typical = np.sqrt(np.mean(error**2, axis=1))
+    families = [str(name).split(" (")[0] for name in comparison["model"].values]
+    for family, colour in zip(dict.fromkeys(families), _cycle(len(set(families))), strict=True):
+        own = [i for i, f in enumerate(families) if f == family]
+        ax.vlines(states[own], error[own].min(axis=1), error[own].max(axis=1), color=colour, linewidth=1, alpha=0.5)
+        ax.plot(states[own], typical[own], "o-" if len(own) > 1 else "o", color=colour, markersize=5, label=family)
+    ax.set(yscale="log", xlabel="number of states", ylabel="rms error (% of swing)")
+    ax.set_xlim(0, states.max() + 1)
+    ax.legend(frameon=False, fontsize="small")
+    return ax
+
+
+def plot_certificate(rom: Reduction, ax: Axes | None = None) -> Axes:
+    """Guaranteed error of a one-channel reduction (relative to R_th) against frequency, and its tolerance."""
+    ax = _axes(ax)
+    shown = rom.bound > 1e-4 * rom.error_bound
+    ax.loglog(rom.frequency[shown], rom.bound[shown], color=BLUE, label=f"bound, {rom.order} states")
+    ax.axhline(rom.tolerance, color=INK, linewidth=0.8, linestyle="--", label="tolerance")
+    ax.set(xlabel="frequency (Hz)", ylabel="error over $R_\\mathrm{th}$")
+    ax.legend(frameon=False, fontsize="small")
+    return ax
+
+
+def _axes(ax: Axes | None) -> Axes:
+    if ax is None:
+        _, ax = plt.subplots(figsize=(6.0, 3.6), layout="constrained")
+    return ax
+
+
+def _cycle(count: int) -> Sequence[str]:
+    """Enough colours, repeated where there are more lines than colours."""
+    return [COLOURS[i % len(COLOURS)] for i in range(count)]

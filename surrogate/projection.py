@@ -1,0 +1,201 @@
+"""Variable projection: the best poles of a thermal model for given data.
+
+A model of n poles is linear in its gains g_i and nonlinear only in its rates,
+
+    dT(t) = sum_i g_i phi(t; lambda_i),     dphi/dt = -lambda phi + P(t),
+
+so the gains are eliminated by linear least squares and what is left is searched in the logarithms of the rates
+(G. H. Golub, V. Pereyra, SIAM J. Numer. Anal. 10, 413 (1973); the Jacobian after L. Kaufman, BIT 15, 49 (1975)). phi is
+closed form for every piecewise-linear drive, from rest as well as in the periodic state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem import checks
+from thermofem.dataset import Drive
+from thermofem.model import pole_responses
+
+Array = NDArray[np.float64]
+
+STATIC_WEIGHT = 1e3  # of the static-gain row over all samples together; the last 1e-6 are rescaled away
+STEP = 1e-6  # in ln(rate), of the difference quotient of a column: square root of round-off
+SCANNED = 3  # up to this order all sets of grid rates are tried for the start; beyond, log-spaced starts
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """Best rates and gains, rates increasing.
+
+    Attributes
+    ----------
+    log_rate : array, shape (n,)
+    gain : array, shape (n,), K/J
+    covariance : array, shape (2n, 2n)
+        of (log_rate, gain), from the Jacobian and the residual's variance.
+    residual : float, K
+        rms over all samples.
+    relative_residual : float
+        rms of residual over swing.
+    """
+
+    log_rate: Array
+    gain: Array
+    covariance: Array
+    residual: float
+    relative_residual: float
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Samples of one or several drives, each divided by its swing, and what is known beforehand.
+
+    Attributes
+    ----------
+    drives : sequence of Drive
+    thermal_resistance : float, K/W, or None
+        imposed on sum_i g_i/lambda_i.
+    positive : bool
+        every gain >= 0.
+    """
+
+    drives: Sequence[Drive]
+    thermal_resistance: float | None = None
+    positive: bool = False
+    weight: Array = field(init=False)
+    target: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        weight = np.concatenate([np.full(d.rise.size, 1 / d.swing) for d in self.drives])
+        target = np.concatenate([d.rise / d.swing for d in self.drives])
+        if self.thermal_resistance is not None:
+            target = np.append(target, STATIC_WEIGHT * np.sqrt(target.size))
+        object.__setattr__(self, "weight", weight)
+        object.__setattr__(self, "target", target)
+
+    def columns(self, log_rate: Array) -> Array:
+        """Answer of every pole at every sample, in swings per unit gain; last the static-gain row."""
+        rate = np.exp(log_rate)
+        answers = [pole_responses(rate, d.wave, d.times, periodic=d.periodic) for d in self.drives]
+        phi = np.concatenate(answers) * self.weight[:, None]
+        if self.thermal_resistance is None:
+            return phi
+        return np.vstack([phi, self.target[-1] / (rate * self.thermal_resistance)])
+
+    def gains(self, phi: Array) -> Array:
+        """Linear least squares, with gains >= 0 where asked."""
+        from scipy.optimize import nnls
+
+        norm = np.linalg.norm(phi, axis=0)
+        if self.positive:
+            return np.asarray(nnls(phi / norm, self.target, maxiter=30 * norm.size)[0] / norm)
+        return np.asarray(np.linalg.lstsq(phi / norm, self.target, rcond=None)[0] / norm)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Shortest and longest time (s) that the samples show."""
+        shortest = []
+        for d in self.drives:
+            edges = np.append(0.0, d.wave.breakpoints(0.0, float(d.times[-1])))
+            since = d.times - edges[np.searchsorted(edges, d.times, side="right") - 1]
+            steps = np.diff(np.unique(d.times))
+            shortest.append(max(float(steps.min()), float(since[since > 0].min())))
+        return min(shortest), max(float(np.ptp(d.times)) for d in self.drives)
+
+
+def optimum(problem: Problem, order: int) -> Optimum:
+    """Best ``order`` poles, from several starts.
+
+    Raises
+    ------
+    InputError
+        fewer samples than unknowns.
+    """
+    samples = problem.weight.size
+    if samples < 2 * order:
+        raise checks.InputError(f"data has {samples} samples; {order} poles need at least {2 * order}")
+    ends = [_descend(problem, start) for start in _starts(problem, order)]
+    return _conclude(problem, min(ends, key=lambda end: end[1])[0])
+
+
+def polish(problem: Problem, log_rate: Array) -> Optimum:
+    """The optimum next to given rates."""
+    return _conclude(problem, _descend(problem, log_rate)[0])
+
+
+def _descend(problem: Problem, start: Array) -> tuple[Array, float]:
+    """Least squares in the logarithms of the rates; the end and its sum of squares."""
+    from scipy.optimize import least_squares
+
+    shortest, longest = problem.span
+    low, high = np.log(1e-3 / longest), np.log(30 / shortest)
+
+    def misfit(p: Array) -> Array:
+        phi = problem.columns(p)
+        return problem.target - phi @ problem.gains(phi)
+
+    def jacobian(p: Array) -> Array:
+        phi = problem.columns(p)
+        gain = problem.gains(phi)
+        active = gain != 0
+        moved = (problem.columns(p + STEP) - phi) / STEP * gain
+        Q = np.linalg.qr(phi[:, active])[0]
+        return np.asarray(Q @ (Q.T @ moved) - moved)
+
+    inside = np.clip(start, low + 1e-6, high - 1e-6)
+    end = least_squares(
+        misfit, inside, jacobian, bounds=(low, high), x_scale=1.0, xtol=1e-10, ftol=1e-12, gtol=1e-14, max_nfev=200
+    )
+    return end.x, float(end.cost)
+
+
+def _starts(problem: Problem, order: int) -> list[Array]:
+    """For few poles the best set of grid rates, by trying all; for more, log-spaced rates over several spans."""
+    shortest, longest = problem.span
+    if order <= SCANNED:
+        grid = np.log(np.geomspace(0.3 / longest, 0.3 / shortest, 14))
+        return [grid[_best_columns(problem.columns(grid), problem.target, order)]]
+    slow, fast = np.log(1 / longest), np.log(1 / shortest)
+    spans = [(0.0, 0.0), (0.2, 0.2)]
+    return [np.linspace(slow + a * (fast - slow), fast - b * (fast - slow), order) for a, b in spans]
+
+
+def _best_columns(columns: Array, target: Array, count: int) -> list[int]:
+    """The ``count`` columns that together explain the target best, by trying all."""
+    phi = columns / np.linalg.norm(columns, axis=0)
+    gram, right = phi.T @ phi, phi.T @ target
+
+    def explained(pick: list[int]) -> float:
+        return float(right[pick] @ np.linalg.lstsq(gram[np.ix_(pick, pick)], right[pick], rcond=1e-12)[0])
+
+    return max((list(pick) for pick in combinations(range(phi.shape[1]), count)), key=explained)
+
+
+def _conclude(problem: Problem, log_rate: Array) -> Optimum:
+    """Gains, covariance and residuals at the rates found."""
+    log_rate = np.sort(log_rate)
+    phi = problem.columns(log_rate)
+    gain = problem.gains(phi)
+    if problem.thermal_resistance is not None and np.any(gain):
+        gain = gain * problem.thermal_resistance / np.sum(gain / np.exp(log_rate))
+    misfit = (problem.target - phi @ gain)[: problem.weight.size]
+    moved = (problem.columns(log_rate + STEP) - phi) / STEP * gain
+    jacobian = np.hstack([moved, phi])
+    scale = np.linalg.norm(jacobian, axis=0)
+    scale[scale == 0] = 1.0  # a pole without gain: its rate has no effect
+    unknowns = 2 * log_rate.size - (problem.thermal_resistance is not None)
+    freedom = max(misfit.size - unknowns, 1)
+    inverse = np.linalg.pinv((jacobian / scale).T @ (jacobian / scale), hermitian=True) / np.outer(scale, scale)
+    return Optimum(
+        log_rate=log_rate,
+        gain=gain,
+        covariance=inverse * (misfit @ misfit) / freedom,
+        residual=float(np.sqrt(np.mean((misfit / problem.weight) ** 2))),
+        relative_residual=float(np.sqrt(np.mean(misfit**2))),
+    )

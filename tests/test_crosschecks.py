@@ -1,0 +1,162 @@
+"""Closed forms of conduction, reciprocity, and random geometries: none of the numbers are of our making.
+
+One-term values at Fo = 0.2 are infinite series summed; see Carslaw and Jaeger, Conduction of Heat in Solids, 2nd ed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import skfem
+from grids import facets_where, tensor_mesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import thermofem as th
+from thermofem.factor import factorize
+from thermofem.heat import HeatProblem
+from thermofem.transient import integrate
+
+FOURIER = 0.2  # k t/(rho c a^2), with all of them 1
+
+
+def cooling(mesh, where, place, *, convection=False):
+    """Temperature at ``place`` at Fo = 0.2 of a body at 1 whose faces ``where`` go to 0, or lose heat with Bi = 1."""
+    faces = facets_where(mesh, where)
+    none = np.empty(0, dtype=int)
+    held, losing = (none, {1.0: faces}) if convection else (faces, None)
+    d = th.discretize(mesh, 1.0, 1.0, held=held, convection=losing)
+    at = np.asarray(d.basis.probes(np.array([[place[0]], [place[1]]])).todense())[:, d.free]
+    n = d.free.size
+    system = th.StateSpace(d.mass[d.free][:, d.free], -d.stiffness[d.free][:, d.free], np.zeros((n, 1)), at)
+    return integrate(system, th.Constant(0.0), [FOURIER], rtol=1e-6, initial=np.ones(n)).outputs[0, 0]
+
+
+# 24 quadratic elements a radius: (1/24)^3 ~ 7e-5 of the highest mode that is left, itself well below one
+
+
+def test_infinite_cylinder():
+    mesh = tensor_mesh(np.linspace(0, 1, 25), [0, 0.5])
+    assert cooling(mesh, lambda r, z: np.isclose(r, 1), (0, 0.25)) == pytest.approx(0.501487, rel=1e-4)
+
+
+def test_infinite_cylinder_with_convection():
+    mesh = tensor_mesh(np.linspace(0, 1, 25), [0, 0.5])
+    centre = cooling(mesh, lambda r, z: np.isclose(r, 1), (0, 0.25), convection=True)
+    assert centre == pytest.approx(0.870174, rel=1e-4)
+
+
+def test_finite_cylinder_is_the_product_of_cylinder_and_slab():
+    """Half height 1 = radius: the centre is 0.501487 x 0.772312."""
+    mesh = tensor_mesh(np.linspace(0, 1, 25), np.linspace(0, 1, 25))
+    centre = cooling(mesh, lambda r, z: np.isclose(r, 1) | np.isclose(z, 1), (0, 0))
+    assert centre == pytest.approx(0.387304, rel=1e-4)
+
+
+def test_sphere():
+    """A half disc in (r, z), with 96 chords for its arc, which take (pi/192)^2/3 = 9e-5 off the mean radius."""
+    grid = skfem.MeshTri.init_tensor(np.linspace(0, 1, 25), np.linspace(0, 1, 97))
+    rho, angle = grid.p[0], np.pi * grid.p[1]
+    points = np.column_stack([rho * np.sin(angle), -rho * np.cos(angle)])
+    used, index = np.unique(np.round(points, 12), axis=0, return_inverse=True)
+    triangles = index.ravel()[grid.t.T]
+    a, b, c = (used[triangles[:, k]] for k in range(3))
+    twice = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1])
+    triangles[twice < 0] = triangles[twice < 0][:, ::-1]
+    triangles = triangles[np.abs(twice) > 1e-12]
+    used[np.abs(used[:, 0]) < 1e-10, 0] = 0.0
+    mesh = th.Mesh(used, triangles, np.zeros(len(triangles), dtype=np.int64), ("body",))
+    centre = cooling(mesh, lambda r, z: (r > 0) & (np.hypot(r, z) > 0.99), (0, 0.0))
+    # the smaller radius raises Fo by 1.8e-4; d ln T/d ln Fo = -pi^2 Fo = -2
+    assert centre == pytest.approx(0.277078, rel=4.5e-4)
+
+
+def test_anisotropic_manufactured_solution_converges_with_order_three():
+    """T = (2 + cos(pi r/a)) sin(pi z/H) with k_r = 3, k_z = 0.5."""
+    a, H, k_r, k_z = 2.0, 1.0, 3.0, 0.5
+
+    def exact(r, z):
+        return (2 + np.cos(np.pi * r / a)) * np.sin(np.pi * z / H)
+
+    def source(r, z):
+        q = np.pi / a
+        radial = -(q**2) * np.cos(q * r) - q * q * np.sinc(q * r / np.pi)
+        return -k_r * np.sin(np.pi * z / H) * radial + k_z * (np.pi / H) ** 2 * exact(r, z)
+
+    errors = []
+    for n in (4, 8, 16):
+        mesh = tensor_mesh(np.linspace(0, a, 2 * n + 1), np.linspace(0, H, n + 1))
+        k = np.array([k_r, k_z])[:, None] * np.ones(len(mesh.triangles))
+        d = th.discretize(mesh, k, 1.0, held=facets_where(mesh, lambda r, z: np.isclose(z % H, 0)))
+        fine = skfem.Basis(d.basis.mesh, skfem.ElementTriP2(), intorder=8)
+        load = skfem.LinearForm(lambda v, w: 2 * np.pi * w.x[0] * source(*w.x) * v).assemble(fine)
+        T = np.zeros(d.mass.shape[0])
+        T[d.free] = factorize(d.stiffness[d.free][:, d.free])(load[d.free])
+        errors.append(np.abs(T - exact(*d.basis.doflocs)).max())
+    assert np.all(np.log2(np.array(errors[:-1]) / errors[1:]) > 2.8)  # P2: 3
+    assert errors[-1] < 1e-3
+
+
+def test_an_anisotropic_box_reaches_the_matrices():
+    strip = th.strip_ring()
+    oxide = th.materials.find("SiO2")
+    slow = [
+        th.assemble(replace(strip, materials=(replace(oxide, **change),))).thermal_resistance()
+        for change in (
+            {},
+            {"conductivity_z": 1.0},
+            {"conductivity": 1.0, "conductivity_z": 1.38},
+            {"conductivity": 1.0},
+        )
+    ]
+    assert slow[0] < slow[2] < slow[1] < slow[3]  # heat leaves downwards rather than sideways
+    assert slow[3] == pytest.approx(10800, rel=2e-3)  # published sensitivity: 10.80 K/mW at 1.0 W/m/K
+
+
+def test_heater_and_core_are_reciprocal(needs_mesher):
+    heat = th.assemble(th.heated_ring())
+    there, back = heat.thermal_resistance("core", "heater"), heat.thermal_resistance("heater", "core")
+    assert there == pytest.approx(back, rel=1e-10)  # two solves with one symmetric matrix
+    data = [
+        th.solve(heat, th.Constant(1e-3), [1e-7, 1e-6], heated=one, read=other, rtol=1e-6).delta_T.values
+        for one, other in (("core", "heater"), ("heater", "core"))
+    ]
+    assert data[0] == pytest.approx(data[1], rel=1e-5)
+
+
+um = st.integers
+
+
+@st.composite
+def cross_sections(draw):
+    """A core and up to two more parts on a lattice of 100 nm, any boundaries, sometimes a contact resistance."""
+    parts = []
+    for k in range(draw(um(1, 3))):
+        left, low = draw(um(0, 30)), draw(um(-20, 4))
+        size = draw(um(1, 12)), draw(um(1, 6))
+        material = draw(st.sampled_from(["Si", "Al", "SiO2", "void"])) if k else "Si"
+        numbers = (left * 1e-7, (left + size[0]) * 1e-7, low * 1e-7, size[1] * 1e-7)
+        parts.append(th.Part(f"part{k}", material, *numbers, heated=k == 0))
+    layers = (th.Layer("bulk", "Si", 1e-6), th.Layer("oxide", "SiO2", 2e-6, datum=True), th.Layer("top", "SiO2", 1e-6))
+    kinds = [th.Boundary("isothermal"), th.Boundary("insulated"), th.Boundary("convection", 1e5), th.Boundary("open")]
+    contact = draw(st.sampled_from([(), (th.Interface("part0", 1e-8),)]))
+    top, outer = draw(st.sampled_from(kinds[:3])), draw(st.sampled_from(kinds))
+    return layers, tuple(parts), contact, top, outer
+
+
+@given(cross_sections())
+@settings(max_examples=25, deadline=None)
+def test_any_geometry_is_refused_or_meshed_exactly_and_keeps_its_heat(pieces):
+    layers, parts, contact, top, outer = pieces
+    try:
+        geometry = th.CrossSection("random", 5e-6, layers, parts, contact, top=top, outer=outer)
+        geometry.volumes()
+    except th.InputError:  # what contradicts itself, named in test_geometry
+        return
+    heat: HeatProblem = th.assemble(geometry, accuracy=1e-2)
+    assert heat.mesh.volumes() == pytest.approx(geometry.volumes(), rel=1e-11, abs=0)  # sums of a thousand triangles
+    run = integrate(heat.model(), th.Pulse(1e-3, 1e-7), [1e-7, 1e-6], rtol=1e-2, ledger=heat.audit("part0"))
+    assert abs(run.imbalance) < 1e-8  # solves of matrices with a condition of 1e8
+    assert 0 < run.outputs[-1, 0] < 1e-3 * heat.thermal_resistance()

@@ -1,0 +1,276 @@
+"""Training of Foster networks and spectra, against the models that made the data and against published tables."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from surrogate_systems import strip
+
+import surrogate
+import thermofem as th
+from surrogate.fit import Training
+from surrogate.projection import polish
+
+MEASURED = Path(__file__).parents[2] / "shared" / "reference" / "measured" / "thermal_steps"
+
+
+@pytest.fixture(scope="module")
+def reference():
+    return surrogate.reduce(strip(), 1e-6).model
+
+
+@pytest.fixture(scope="module")
+def step(reference):
+    """2 mW switched on, sampled evenly in log t from 1 ns to 1 ms, with the static gain known."""
+    return from_rest(reference, th.Constant(2e-3), np.geomspace(1e-9, 1e-3, 121), reference.thermal_resistance)
+
+
+def from_rest(model, wave, times, thermal_resistance=None):
+    known = {} if thermal_resistance is None else {"thermal_resistance": thermal_resistance}
+    return th.dataset.build(times, model.response(wave, times), wave, attributes=known)
+
+
+def periodic(model, period, duty=0.33):
+    wave = th.SquareWave(2e-3, period, duty)
+    times = th.waveforms.period_times(wave, 301)
+    return th.dataset.build(times, model.periodic_response(wave, 301), wave, periodic=True)
+
+
+def error_on_squares(model, reference):
+    """Rms over 55 square waves, in % of swing."""
+    return 100 * float(
+        np.sqrt((surrogate.compare({"": model}, reference, surrogate.square_waves()).rms_relative ** 2).mean())
+    )
+
+
+# kappa 1/ns, tau_f ns, tau_s ns, eta, Newton's tau ns, its c_p over silicon's: an independent code on the same ring
+TABLE = {
+    "1 us": (1.278e-3, 45.2, 1042, 0.379, 445, 7.64),
+    "0.8 us": (1.66e-3, 39.5, 916, 0.401, 409, 6.95),
+    "0.5, 1 and 2 us": (8.88e-4, 52.3, 1294, 0.342, None, None),
+    "20 cycles from cold": (2.56e-4, 82.3, 2705, 0.254, 361, 7.1),
+    "20 us pulse": (4.60e-5, 235, 5500, 0.144, 1699, 30),
+}
+
+
+@pytest.mark.parametrize("drive", TABLE)
+def test_the_parameters_follow_the_drive_as_published(reference, drive):
+    data = {
+        "1 us": lambda: periodic(reference, 1e-6),
+        "0.8 us": lambda: periodic(reference, 0.8e-6),
+        "0.5, 1 and 2 us": lambda: [periodic(reference, t) for t in (0.5e-6, 1e-6, 2e-6)],
+        "20 cycles from cold": lambda: from_rest(reference, th.SquareWave(2e-3, 1e-6, 0.33), np.arange(4001) * 5e-9),
+        "20 us pulse": lambda: from_rest(reference, th.Pulse(2e-3, 20e-6), np.arange(9001) * 5e-9),
+    }[drive]()
+    kappa, tau_f, tau_s, eta, tau, ratio = TABLE[drive]
+    fit = surrogate.fit_second_order(data)
+    found = fit.parameters
+    # the table's stated margin; mesh and domain move the parameters by under 1 %
+    assert found["kappa"] == pytest.approx(kappa * 1e9, rel=0.02)
+    assert (found["tau_f"], found["tau_s"]) == pytest.approx((tau_f * 1e-9, tau_s * 1e-9), rel=0.02)
+    assert found["eta"] == pytest.approx(eta, rel=0.02)
+    if tau is not None:
+        newton = surrogate.fit_newton(data).parameters
+        assert newton["tau_th"] == pytest.approx(tau * 1e-9, rel=0.02)
+        assert newton["heat_capacity_ratio"] == pytest.approx(ratio, rel=0.02)
+
+
+def test_a_hundred_random_starts_reach_one_optimum(reference):
+    problem = Training.of(periodic(reference, 1e-6, 1 / 3)).problem
+    best = surrogate.fit_second_order(periodic(reference, 1e-6, 1 / 3))
+    draw = np.random.default_rng(1)
+    for start in draw.uniform(np.log(1e5), np.log(1e9), (100, 2)):
+        found = polish(problem, start)
+        # least squares stops when the sum of squares changes by 1e-12, which leaves about its root in the parameters
+        assert np.exp(-found.log_rate[0]) == pytest.approx(best.parameters["tau_s"], rel=1e-4)
+        assert found.residual == pytest.approx(best.residual, rel=1e-6)
+
+
+@pytest.mark.parametrize(("order", "percent"), [(2, 12), (3, 3.5), (4, 1.4), (5, 0.54), (6, 0.22), (8, 0.05)])
+def test_foster_networks_reach_the_published_error_on_square_waves(step, reference, order, percent):
+    fit = surrogate.fit_foster(step, order)
+    assert error_on_squares(fit.model, reference) < 1.3 * percent  # the table's stated margin
+    assert fit.model.order == order
+    assert fit.model.passive
+    # imposed exactly: the weighted row leaves 1e-6, which is rescaled away
+    assert fit.model.thermal_resistance == pytest.approx(reference.thermal_resistance, rel=1e-12)
+    assert fit.notes == ()
+
+
+@pytest.mark.parametrize("order", [1, 3, 6])
+def test_training_recovers_the_network_that_made_the_data(order):
+    tau = np.geomspace(1e-8, 1e-5, order) if order > 1 else np.array([3e-7])
+    true = th.Foster(R=np.linspace(500, 2000, order), tau=tau)
+    fit = surrogate.fit_foster(from_rest(true, th.Constant(1e-3), np.geomspace(1e-9, 1e-4, 200)), order)
+    # six poles two per decade: least squares at 1e-16 of the squares leaves up to 1e-4 in the least determined pole
+    assert fit.model.tau == pytest.approx(true.tau, rel=1e-3)
+    assert pytest.approx(true.R, rel=1e-3) == fit.model.R
+    assert fit.relative_residual < 1e-6
+
+
+def test_standard_errors_and_correlations_are_those_of_repeated_noise():
+    true = th.Foster(R=[2000.0, 5000.0], tau=[5e-8, 1e-6])
+    times, draw = np.linspace(0, 6e-6, 601), np.random.default_rng(2)
+    clean = true.response(th.Constant(2e-3), times)
+    fits = []
+    for _ in range(60):
+        noisy = th.dataset.build(times, clean + 0.1 * draw.standard_normal(times.size), th.Constant(2e-3))
+        fits.append(surrogate.fit_foster(noisy, 2))
+    values = np.array([list(f.parameters.values()) for f in fits])
+    expected = np.mean([list(f.standard_errors.values()) for f in fits], axis=0)
+    # the standard deviation of 60 samples has itself a deviation of 1/sqrt(118) = 9 %; four of them
+    assert values.std(axis=0, ddof=1) == pytest.approx(expected, rel=0.37)
+    seen, told = np.corrcoef(values.T), np.mean([f.correlations for f in fits], axis=0)
+    # a correlation from 60 samples has a deviation of at most 1/sqrt(60) = .13; four of them
+    assert np.abs(seen - told).max() < 0.52
+    assert np.allclose(told.diagonal(), 1)
+    assert all(f.notes == () for f in fits)
+    assert np.mean([f.residual for f in fits]) == pytest.approx(0.1, rel=0.02)  # 36000 samples of deviation 0.1 K
+
+
+def test_a_fit_says_what_its_data_cannot_see(reference):
+    true = th.Foster(R=[2000.0, 5000.0], tau=[5e-8, 1e-5])
+    early = from_rest(true, th.Constant(2e-3), np.linspace(0, 3e-7, 301))
+    noise = 0.05 * np.random.default_rng(3).standard_normal(301)
+    noisy = th.dataset.build(early.time, early.delta_T.values + noise, th.Constant(2e-3))
+    (note,) = surrogate.fit_foster(noisy, 2).notes
+    assert note.startswith("the data can't see tau = ")
+    short = from_rest(reference, th.Constant(2e-3), np.linspace(0, 1e-7, 101))
+    imposed = surrogate.fit_foster(short, 3, thermal_resistance=reference.thermal_resistance)
+    assert any("extrapolation: the data last" in note for note in imposed.notes)
+
+
+def test_the_static_gain_is_taken_from_the_data_the_caller_or_not_at_all(step, reference):
+    known = reference.thermal_resistance
+    assert surrogate.fit_foster(step, 3).model.thermal_resistance == pytest.approx(known, rel=1e-12)
+    told = surrogate.fit_foster(step, 3, thermal_resistance=7000.0)
+    assert told.model.thermal_resistance == pytest.approx(7000, rel=1e-12)
+    free = from_rest(reference, th.Constant(2e-3), np.geomspace(1e-9, 1e-3, 121))
+    off = abs(surrogate.fit_foster(free, 3).model.thermal_resistance / known - 1)
+    assert 1e-6 < off < 1e-2
+
+
+def test_the_swarm_alone_is_worse_and_polished_it_is_the_same(reference):
+    data = periodic(reference, 1e-6)
+    plain, swarm = surrogate.fit_second_order(data), surrogate.fit_second_order(data, method="pso")
+    assert swarm.swarm_residual > 1.2 * swarm.residual
+    assert plain.swarm_residual is None
+    assert list(swarm.parameters.values()) == pytest.approx(list(plain.parameters.values()), rel=1e-5)
+    assert surrogate.fit_newton(data, method="pso").model.tau == pytest.approx(surrogate.fit_newton(data).model.tau)
+    assert surrogate.fit_foster(data, 2, method="pso").residual == pytest.approx(plain.residual, rel=1e-6)
+
+
+def test_the_spectrum_is_passive_and_survives_noise(step, reference):
+    fit = surrogate.fit_spectrum(step, per_decade=8)
+    assert fit.model.passive
+    assert error_on_squares(fit.model, reference) < 0.02  # published prototype
+    assert fit.model.thermal_resistance == pytest.approx(reference.thermal_resistance, rel=1e-12)
+    wave, times = th.Pulse(2e-3, 20e-6), np.arange(4001) * 5e-9
+    noise = 0.1 * np.random.default_rng(0).standard_normal(times.size)
+    attributes = {"thermal_resistance": reference.thermal_resistance}
+    noisy = th.dataset.build(times, reference.response(wave, times) + noise, wave, attributes=attributes)
+    fit = surrogate.fit_spectrum(noisy)
+    assert error_on_squares(fit.model, reference) < 1
+    assert fit.model.thermal_resistance == pytest.approx(reference.thermal_resistance, rel=1e-12)
+    assert fit.residual == pytest.approx(0.1, rel=0.05)  # 4001 samples: the deviation of a deviation is 1.1 %
+
+
+def test_provenance_goes_into_the_model_file(step, tmp_path):
+    fit = surrogate.fit_foster(step, 3)
+    path = surrogate.save_model(fit.model, tmp_path / "m.json", provenance=fit.provenance)
+    kept = surrogate.load_provenance(path)
+    assert kept["training"] == ["step 2 mW, from rest"]
+    assert kept["parameters"] == fit.parameters
+    assert set(kept["standard_errors"]) == {"R_1", "R_2", "R_3", "tau_1", "tau_2", "tau_3"}
+
+
+RATIO = st.floats(min_value=1.5, max_value=30)
+RESISTANCE = st.floats(min_value=1.0, max_value=1e4)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(RATIO, RESISTANCE), min_size=1, max_size=15))
+def test_foster_to_cauer_to_foster(poles):
+    model = th.Foster(R=[r for _, r in poles], tau=1e-9 * np.cumprod([q for q, _ in poles]))
+    ladder = surrogate.cauer(model)
+    assert ladder.order == model.order
+    assert ladder.thermal_resistance == pytest.approx(model.thermal_resistance, rel=1e-12)
+    # the slope at t = 0 is what the first capacity alone allows
+    assert 1 / np.asarray(ladder.C)[0] == pytest.approx(model.gain.sum(), rel=1e-12)
+    frequency = np.geomspace(1e-2 / np.max(model.tau), 1e2 / np.min(model.tau), 25)
+    back = surrogate.foster_of(ladder)
+    # a singular value carries 1e-16 of the largest, squared: 1e-16 x the root of the spread of the time constants
+    spread = np.sqrt(np.max(model.tau) / np.min(model.tau))
+    assert np.allclose(back.impedance(frequency), model.impedance(frequency), rtol=1e-13 * max(spread, 10), atol=0)
+
+
+def test_ladder_of_two_by_hand():
+    """Z = 1/(s C1 + 1/(R1 + 1/(s C2 + 1/R2))) with R = 1, 2 and C = 3, 4."""
+    ladder = surrogate.Cauer(R=[1.0, 2.0], C=[3.0, 4.0])
+    model = surrogate.foster_of(ladder)
+    s = 2j * np.pi * 0.1
+    assert model.impedance(0.1) == pytest.approx(1 / (3 * s + 1 / (1 + 1 / (4 * s + 1 / 2))), rel=1e-13)
+    assert pytest.approx([1, 2], rel=1e-12) == surrogate.cauer(model).R
+    assert pytest.approx([3, 4], rel=1e-12) == surrogate.cauer(model).C
+    structure = surrogate.structure_function(model)
+    assert structure.resistance.values == pytest.approx([1, 3])
+    assert structure.capacity.values == pytest.approx([3, 7])
+
+
+def test_structure_function_begins_with_the_core(reference):
+    structure = surrogate.structure_function(reference)
+    core = 2330 * 700 * 2 * np.pi * 7.955e-6 * 0.45e-6 * 0.22e-6
+    # the first capacity is the core and the oxide that follows it within the fastest pole of 1e-6 of R_th
+    assert core < structure.capacity.values[0] < 1.3 * core
+    assert np.all(np.diff(structure.capacity) > 0)
+    assert structure.resistance.values[-1] == pytest.approx(reference.thermal_resistance)
+
+
+# rms in % of the last value for one to six poles, as the README of the data gives it
+STEPS = {
+    "led_t3ster": (7.58, 2.73, 0.90, 0.35, 0.16, 0.07),
+    "led_t3ster_2": (7.71, 2.72, 0.90, 0.35, 0.16, 0.07),
+    "mosfet_dry": (6.06, 2.46, 0.82, 0.34, 0.14, 0.08),
+    "mosfet_tim": (9.43, 2.63, 1.02, 0.45, 0.23, 0.12),
+}
+
+
+@pytest.mark.parametrize("name", STEPS)
+def test_measured_devices(name):
+    """Cooling curves of packaged devices (github.com/nizie002/PyRth, tests/data, MIT, (c) 2024 N. J. Ziegeler)."""
+    path = MEASURED / f"{name}.csv"
+    if not path.is_file():
+        pytest.skip(f"the measured curves are not part of the project: {path} is absent")
+    time, rise, _ = np.loadtxt(path, delimiter=",", skiprows=1, unpack=True)
+    data = th.dataset.build(time, rise, th.Constant(1.0))
+    for order, percent in enumerate(STEPS[name], start=1):
+        fit = surrogate.fit_foster(data, order)
+        assert 100 * fit.residual / rise[-1] < 1.2 * percent
+        assert fit.model.passive
+    assert fit.model.thermal_resistance == pytest.approx(rise[-1], rel=0.003)
+
+
+@pytest.mark.parametrize(
+    ("call", "reason"),
+    [
+        (lambda d: surrogate.fit_foster(d, 0), "order"),
+        (lambda d: surrogate.fit_foster(d, 13), "order"),
+        (lambda d: surrogate.fit_foster([], 2), "data is empty"),
+        (lambda d: surrogate.fit_foster(d, 2, method="pos"), "did you mean 'pso'"),
+        (lambda d: surrogate.fit_foster(d, 2, thermal_resistance=-1), "thermal_resistance"),
+        (lambda d: surrogate.fit_foster(d.isel(time=slice(0, 5)), 4), "at least 8"),
+        (lambda d: surrogate.fit_foster(d.assign(delta_T=-d.delta_T), 2), "no pole of the fit heats"),
+        (lambda d: surrogate.fit_newton(d.assign(delta_T=-d.delta_T)), "cools when heated"),
+        (lambda d: surrogate.fit_spectrum(d.assign(delta_T=-d.delta_T)), "no pole of the spectrum heats"),
+        (lambda d: surrogate.fit_spectrum(d, per_decade=1), "per_decade"),
+        (lambda d: surrogate.cauer(th.Foster(R=[-1.0, 2.0], tau=[1e-9, 1e-6])), "not passive"),
+        (lambda d: surrogate.Cauer(R=[1.0], C=[0.0]), "must be positive"),
+        (lambda d: surrogate.Cauer(R=[1.0, 2.0], C=[1.0]), "each node needs"),
+    ],
+)
+def test_bad_input_is_one_clear_line(call, reason):
+    model = th.Foster(R=[2000.0, 5000.0], tau=[5e-8, 1e-6])
+    with pytest.raises(th.InputError, match=reason):
+        call(from_rest(model, th.Constant(1e-3), np.geomspace(1e-9, 1e-5, 50)))

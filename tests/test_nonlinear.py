@@ -1,0 +1,217 @@
+"""k(T) and c_p(T): closed forms, manufactured solutions, limits, energy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+import pytest
+import skfem
+from grids import facets_where, tensor_mesh
+from models import coarse_warm_fem, warm_fem
+
+import thermofem as th
+from thermofem import newton_stages
+from thermofem.laws import Power
+from thermofem.nonlinear import NonlinearSystem, lift
+from thermofem.transient import integrate, integrate_periodic
+
+T0 = 300.0
+
+
+def nonlinear(d, k, c, k_law, c_law, *, heated="body"):
+    """One material with laws of temperature on a discretization of constants k, c at T0."""
+    linear = d.state_space((heated,), (heated,))
+    flow = lift([(d.stiffness, k_law)], 0 * d.stiffness, d.free, T0)
+    content = lift([(d.mass, c_law)] if c_law else [], d.mass * (0 if c_law else 1), d.free, T0)
+    return NonlinearSystem(
+        linear, replace(flow, matrix=flow.matrix[d.free]), replace(content, matrix=content.matrix[d.free])
+    )
+
+
+def rod(n, k=2.0, c=3.0):
+    """A column 0 < z < 1 held at both ends, nothing varies along r."""
+    mesh = tensor_mesh(np.linspace(0, 1, max(n // 2, 1) + 1), np.linspace(0, 1, n + 1))
+    return th.discretize(mesh, k, c, held=facets_where(mesh, lambda r, z: np.isclose(z % 1, 0)))
+
+
+@pytest.mark.parametrize("law", [Power(-1.3), Power(0.8), th.Polynomial((2e-3, 1e-5))], ids=str)
+def test_kirchhoff_slab_in_closed_form(law):
+    """Heated evenly, q = P/pi: g(T) = q z (1 - z)/(2 k), so that the mean of g is q/(12 k), at the nodes exactly."""
+    d = rod(8)
+    system = nonlinear(d, 2.0, 3.0, law, None)
+    power = 2.0 * np.pi * 8 * 60  # g in the middle is 60 K
+    x = np.zeros(d.mass.shape[0])
+    x[d.free] = system.steady_state(power)
+    z = d.basis.doflocs[1]
+    g = power / np.pi * z * (1 - z) / (2 * 2.0)
+    # the parabola is in the space of the elements: exact to the tolerance of Newton's method
+    assert law.integral(T0, x) / law.factor(T0) == pytest.approx(g, rel=1e-9, abs=1e-9 * 60)
+
+
+def test_static_strip_follows_kirchhoff_where_one_law_rules_all():
+    """With k ~ 1/T in everything the Kirchhoff variable g solves the linear problem: T = T0 exp(g/T0)."""
+    strip = th.strip_ring()
+    law = Power(-1.0, strip.ambient)
+    materials = tuple(replace(th.materials.find(name), conductivity_law=law) for name in ("Si", "SiO2"))
+    warm, cold = th.assemble(replace(strip, materials=materials)), th.assemble(strip)
+    power = 10e-3
+    g = power * cold._static(cold.system.B[:, 0])
+    exact = cold.system.C[0] @ (strip.ambient * np.expm1(g / strip.ambient))
+    assert warm.steady_rise(power) == pytest.approx(exact, rel=1e-10)
+    assert warm.steady_rise(power) > 1.1 * power * cold.thermal_resistance()
+
+
+@dataclass(frozen=True)
+class Manufactured:
+    """The power that makes T - T0 = A sin(pi z) (1 - cos w t) in a rod with k ~ f(T): see `heating`."""
+
+    piecewise_linear: ClassVar[bool] = False
+    period: ClassVar[None] = None
+    omega: float = 3.0
+
+    def __call__(self, t):
+        return 1 - np.cos(self.omega * np.asarray(t, dtype=float))
+
+    before = __call__
+
+    def breakpoints(self, start, stop):
+        return np.empty(0)
+
+    def mean(self, start, stop):
+        return 1 - (np.sin(self.omega * stop) - np.sin(self.omega * start)) / (self.omega * (stop - start))
+
+
+def manufactured_error(n, rtol, a=2e-3, b=3e-3):
+    """k = k0 (1 + b T), c = c0 (1 + a T) with the rise T = A s(t) sin(pi z), s = 1 - cos w t; one input per time shape.
+
+    c0 (1 + a T) T_t - k0 ((1 + b T) T_z)_z = c0 A s' (sin + a A s sin^2)
+                                              + k0 pi^2 (A s sin - b A^2 s^2 (cos^2 - sin^2))
+    """
+    A, k0, c0, w = 100.0, 0.2, 1.0, 3.0
+    d = rod(n, k0, c0)
+    base = nonlinear(d, k0, c0, th.Polynomial((b,), T0), th.Polynomial((a,), T0))
+    basis = skfem.Basis(d.basis.mesh, skfem.ElementTriP2(), intorder=8)
+
+    def load(shape):
+        form = skfem.LinearForm(lambda v, x: 2 * np.pi * x.x[0] * shape(np.pi * x.x[1]) * v)
+        return form.assemble(basis)[d.free]
+
+    columns = [
+        load(lambda x: c0 * A * np.sin(x)),
+        load(lambda x: c0 * a * A**2 * np.sin(x) ** 2),
+        load(lambda x: k0 * np.pi**2 * A * np.sin(x)),
+        load(lambda x: -k0 * np.pi**2 * b * A**2 * np.cos(2 * x)),
+    ]
+    s = Manufactured(w)
+    waves = (
+        Shaped(lambda t: w * np.sin(w * t)),
+        Shaped(lambda t: w * np.sin(w * t) * s(t)),
+        s,
+        Shaped(lambda t: s(t) ** 2),
+    )
+    linear = replace(base.linear, B=np.column_stack(columns), inputs=("a", "b", "c", "d"))
+    end = 2.0
+    run = integrate(replace(base, linear=linear), waves, [end], rtol=rtol)
+    exact = A * float(s(end)) * np.sin(np.pi * d.basis.doflocs[1][d.free])
+    return np.abs(run.final - exact).max() / exact.max()
+
+
+@dataclass(frozen=True)
+class Shaped(Manufactured):
+    shape: object = None
+
+    def __init__(self, shape):
+        object.__setattr__(self, "shape", shape)
+
+    def __call__(self, t):
+        return self.shape(np.asarray(t, dtype=float))
+
+    before = __call__
+
+    def mean(self, start, stop):
+        t, weight = np.polynomial.legendre.leggauss(12)
+        return float(weight @ self((start + stop) / 2 + (stop - start) / 2 * t) / 2)
+
+
+def test_manufactured_transient_converges_with_order_three_in_space():
+    errors = np.array([manufactured_error(n, 1e-5) for n in (4, 8, 16)])
+    orders = np.log2(errors[:-1] / errors[1:])
+    assert np.all(orders > 2.8)  # P2 at its nodes: 3
+    assert errors[-1] < 2e-4
+
+
+def test_manufactured_transient_follows_the_tolerance_in_time():
+    mesh_error = manufactured_error(8, 1e-6)
+    for rtol in (1e-3, 1e-4):
+        assert manufactured_error(8, rtol) == pytest.approx(mesh_error, abs=rtol)
+
+
+def test_a_small_amplitude_recovers_the_linear_run():
+    heat, times = warm_fem(), np.geomspace(1e-8, 20e-6, 15)
+    pulse = th.Pulse(1e-6, 10e-6)  # 8 mK: k moves by some 1e-5 of itself
+    linear = integrate(heat.channels(), pulse, times, rtol=1e-6).outputs[:, 0]
+    found = heat.model().response(pulse, times, rtol=1e-6)
+    assert found == pytest.approx(linear, rel=0, abs=2e-5 * linear.max())
+    assert heat.steady_rise(1e-6) == pytest.approx(1e-6 * heat.thermal_resistance(), rel=2e-5, abs=0)
+
+
+def test_energy_closes_at_100_kelvin():
+    data = th.solve(warm_fem(), th.Pulse(15e-3, 5e-6), times=[5e-6, 20e-6], rtol=1e-3)
+    assert data.delta_T.values[0] > 80
+    assert 0 < data.attrs["heat_out"] < data.attrs["heat_in"]
+    # enthalpy balances as exactly as the stages are solved: 0.1 x 0.01 x rtol each
+    assert abs(data.attrs["heat_imbalance"]) < 1e-4
+    assert data.attrs["heat_imbalance"] != 0
+
+
+def test_long_runs_end_in_the_steady_state():
+    heat = warm_fem()
+    data = th.solve(heat, th.Constant(10e-3), [300e-6], rtol=1e-4)
+    assert data.delta_T.item() == pytest.approx(heat.steady_rise(10e-3), rel=1e-4)
+    assert heat.steady_rise(10e-3) != pytest.approx(10e-3 * heat.thermal_resistance(), rel=5e-3)
+
+
+def test_the_periodic_state_is_what_a_train_settles_to():
+    model, wave = coarse_warm_fem(), th.SquareWave(20e-3, 10e-6, 0.3)
+    periodic = integrate_periodic(model, wave, 21, rtol=1e-3)
+    settled = integrate(model, wave, 100e-6 + np.linspace(0, 10e-6, 21), rtol=1e-3)
+    # both to rtol; exp(-100/12) = 2e-4 of the slowest mode is below it
+    assert np.abs(periodic.outputs - settled.outputs).max() < 2e-3 * periodic.outputs.max()
+    assert periodic.outputs.max() > 50
+
+
+def test_renewed_factors_serve_where_the_frozen_ones_stall(monkeypatch):
+    model, pulse, times = coarse_warm_fem(), th.Pulse(15e-3, 2e-6), [0.5e-6, 2e-6, 3e-6]
+    expected = integrate(model, pulse, times, rtol=1e-3).outputs
+    monkeypatch.setattr(newton_stages, "ITERATIONS", 4)
+    made = []
+    renew = newton_stages.NewtonStepper._renew
+    monkeypatch.setattr(newton_stages.NewtonStepper, "_renew", lambda self, x: made.append(renew(self, x)))
+    again = integrate(model, pulse, times, rtol=1e-3).outputs
+    assert made
+    assert again == pytest.approx(expected, rel=2e-3)  # both to rtol
+
+
+def test_ambient_temperature_is_respected():
+    geometry = warm_fem().geometry
+    hot = th.assemble(replace(geometry, ambient=400.0))
+    # 98.9 and 1.51 W/m/K of the table at 400 K, 148 and 1.38 at 300 K
+    exact = replace(
+        th.strip_ring(),
+        materials=(
+            th.Material("Si", 98.9, 2330, 790),
+            th.Material("SiO2", 1.51, 2220, 905),
+        ),
+    )
+    assert hot.thermal_resistance() == pytest.approx(th.assemble(exact).thermal_resistance(), rel=1e-12)
+
+
+def test_where_no_steady_state_exists_it_says_so():
+    strip = th.strip_ring()
+    runaway = tuple(replace(th.materials.find(n), conductivity_law=Power(-3.0)) for n in ("Si", "SiO2"))
+    heat = th.assemble(replace(strip, materials=runaway))
+    # g is bounded by T0/2 = 147 K: 40 mW would need 315 K of it
+    with pytest.raises(th.InputError, match=r"power = 0.04 W: no steady state"):
+        heat.steady_rise(40e-3)

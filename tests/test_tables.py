@@ -1,0 +1,150 @@
+"""Tables of other people: COMSOL probe tables, oscilloscope traces, published measurements."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import surrogate
+import thermofem as th
+
+TIMES = np.linspace(0, 10e-6, 101)
+MODEL = th.Foster(R=[2000.0, 5000.0], tau=[50e-9, 1e-6])
+WAVE = th.Pulse(2e-3, 5e-6)
+RISE = MODEL.response(WAVE, TIMES)
+MEASURED = Path(__file__).resolve().parents[2] / "shared" / "reference" / "measured"
+
+COMSOL = """% Model:              ring.mph
+% Version:            COMSOL 5.6.0.341
+% Date:               Nov 20 2020, 10:11
+% Table:              Table 1 - Domain Probe 1
+% Time (s)                Temperature (K), Domain Probe 1  Absorbed power (mW), Global Variable Probe 1
+"""
+
+
+def write(path: Path, head: str, columns: list[np.ndarray], divider: str = ",") -> Path:
+    rows = zip(*columns, strict=True)
+    path.write_text(head + "\n".join(divider.join(f"{float(x)!r}" for x in row) for row in rows) + "\n")
+    return path
+
+
+def test_comsol_probe_table_trains_like_our_own(tmp_path):
+    path = write(tmp_path / "probe.txt", COMSOL, [TIMES, 293.15 + RISE, 1e3 * WAVE(TIMES)], " " * 8)
+    data = th.read_csv(path, time="Time", temperature="Temperature", power="Absorbed power", ambient="20 degC")
+    # 293.15 + 15 K is written with all digits of a float: eps * 300 K is left after the subtraction
+    np.testing.assert_allclose(data.delta_T, RISE, rtol=0, atol=1e-13 * 300)
+    np.testing.assert_allclose(data.power, WAVE(TIMES), rtol=1e-15)
+    assert data.delta_T.attrs["units"] == "K"
+    assert data.attrs["source"] == "probe.txt"
+    known = th.read_csv(path, time="Time", temperature="Temperature", power=WAVE, ambient=293.15)
+    fit = surrogate.fit_second_order(known)
+    # data of a two-pole network: the fit finds it again, to the fits' own stopping tolerance
+    assert fit.model.thermal_resistance == pytest.approx(7000, rel=1e-4, abs=0)
+    again = th.load(th.save(data, tmp_path / "probe.nc"))
+    assert again.identical(data)
+
+
+@pytest.mark.parametrize(
+    ("head", "divider"),
+    [
+        ("Model,DSO1012\nRecord length,101\n\nX,CH1\n(us),(mV)\n", ","),
+        ("X,CH1\nmicrosecond,Volt\n", ","),
+        ("X [us];CH1 [mV]\n", ";"),
+        ("X (us)\tCH1 (mV)\n", "\t"),
+    ],
+)
+def test_oscilloscope_trace(head, divider, tmp_path):
+    """Trigger at 2 us on the scope's clock, 10 mV a kelvin: same rise, time from the trigger on."""
+    before = np.linspace(-1e-6, -0.1e-6, 10)
+    clock = np.append(before, TIMES) + 2e-6
+    volts = np.append(np.zeros(10), RISE * 10e-3)
+    path = write(tmp_path / "scope.csv", head, [clock * 1e6, volts * 1e3], divider)
+    units = {"temperature": "0.1 K"}  # of one millivolt
+    data = th.read_csv(path, time="X", temperature="CH1", power=WAVE, units=units, start="2 us")
+    # 1e-6 * eps-sized rounding of microseconds; RISE moves by less than R/tau P = 180 MK/s times that
+    np.testing.assert_allclose(data.time, TIMES, rtol=0, atol=1e-20 + 4e-15 * 12e-6)
+    np.testing.assert_allclose(data.delta_T, RISE, rtol=1e-12)
+    assert data.attrs["waveform"] == th.waveforms.to_json(WAVE)
+
+
+def test_a_table_without_header_and_with_decimal_commas(tmp_path):
+    path = tmp_path / "bare.csv"
+    path.write_text("0;0,0\n1;1,5\n2;2,25\n")
+    data = th.read_csv(path, time="1", temperature="2", power=1e-3, units={"time": "ns", "temperature": "K"})
+    assert data.delta_T.values.tolist() == [0, 1.5, 2.25]
+    assert data.time.values.tolist() == [0, 1e-9, 2e-9]
+    assert data.power.values.tolist() == [1e-3] * 3
+
+
+GOOD = "Time (us),T (K),P (mW)\n0,0,1\n1,1,1\n2,2,1\n"
+
+
+def test_degrees_celsius_have_an_offset(tmp_path):
+    (tmp_path / "table.csv").write_text("Time (us),T (degC)\n0,20\n1,21.5\n2,22\n")
+    for ambient in ("20 degC", "293.15 K"):
+        data = th.read_csv(tmp_path / "table.csv", time="Time", temperature="T", power=1e-3, ambient=ambient)
+        np.testing.assert_allclose(data.delta_T, [0, 1.5, 2], rtol=0, atol=1e-13 * 300)  # eps * 300 K
+    with pytest.raises(th.InputError, match=r"begins at 293.15 K"):
+        th.read_csv(tmp_path / "table.csv", time="Time", temperature="T", power=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "change", "words"),
+    [
+        (GOOD, {"temperature": "Temp"}, "temperature: column = 'Temp' is unknown"),
+        (GOOD, {"time": "Tme"}, "did you mean 'Time'"),
+        (GOOD, {"power": "Power"}, "power: column = 'Power' is unknown"),
+        (GOOD.replace("(us)", ""), {}, "column 'Time' states no unit"),
+        (GOOD.replace("(K)", "(V)"), {}, "wrong dimension; a temperature is needed"),
+        (GOOD, {"units": {"time": "parsec"}}, "wrong dimension; a time is needed"),
+        (GOOD, {"units": {"temperature": "parsnip"}}, "'parsnip' is unknown"),
+        (GOOD, {"units": {"T": "K"}}, "units: key = 'T' is unknown"),
+        (GOOD.replace("(mW)", "(dBm)"), {}, "no straight scale"),
+        (GOOD.replace("1,1,1", "1,nan,1"), {}, "line 3: 'T' is empty or not finite"),
+        (GOOD.replace("1,1,1", "1,,1"), {}, "line 3"),
+        (GOOD.replace("2,2,1", "0.5,2,1"), {}, "line 4: time 5e-07 s is before 1e-06 s of line 3"),
+        (GOOD.replace("1,1,1", "1,1"), {}, "line 3 = '1,1' is no row of 3 numbers"),
+        (GOOD + "broken off", {}, "line 5 = 'broken off'"),
+        (GOOD.replace("0,0,1", "0,293.15,1"), {}, "a temperature and no rise"),
+        (GOOD, {"start": "5 us"}, "leaves 0 rows"),
+        (GOOD, {"start": "5"}, "start = '5' has no unit"),
+        (GOOD.replace("1,1,1", "1,1,-1"), {}, "negative"),
+        ("a,b\nc,d\n", {}, "no line of at least two numbers"),
+        ("T (K),Time (us),T (K) 2\n1,2,3\n2,3,4", {"power": 1.0}, "names 2 columns"),
+    ],
+)
+def test_what_cannot_be_read_says_why(text, change, words, tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text(text)
+    arguments = {"time": "Time", "temperature": "T", "power": "P", **change}
+    with pytest.raises(th.InputError) as error:
+        th.read_csv(path, **arguments)
+    assert words in str(error.value)
+    assert str(error.value).startswith(f"{path}: ") or words.startswith("units")
+    assert "\n" not in str(error.value)
+
+
+def test_missing_file(tmp_path):
+    with pytest.raises(th.InputError, match="does not exist"):
+        th.read_csv(tmp_path / "none.csv", time="t", temperature="T", power=1e-3)
+
+
+@pytest.mark.parametrize("name", ["led_t3ster", "led_t3ster_2", "mosfet_dry", "mosfet_tim"])
+def test_published_measurements(name):
+    """Cooling curves of packaged devices, averaged in 20 bins a decade, already turned into rises from 0."""
+    path = MEASURED / "thermal_steps" / f"{name}.csv"
+    if not path.is_file():
+        pytest.skip(f"the measured traces are not here: {path}")
+    rise = "zth_K_per_W" if name.startswith("led") else "temperature_drop_K"
+    data = th.read_csv(path, time="time_s", temperature=rise, power=1.0, units={"time": "s", "temperature": "K"})
+    with path.open() as opened:
+        rows = list(csv.DictReader(opened))
+    assert data.delta_T.values.tolist() == [float(row[rise]) for row in rows]
+    assert data.time.values.tolist() == [float(row["time_s"]) for row in rows]
+    # the best second-order network of each trace misses 2.46 to 2.73 % rms of the last value (another code's fits),
+    # so its R_th cannot be further off than a few of these
+    fit = surrogate.fit_second_order(data)
+    assert fit.model.thermal_resistance == pytest.approx(data.delta_T.values[-1], rel=0.1, abs=0)

@@ -1,0 +1,198 @@
+"""Validation of compact models: period error, held-out drives, range of validity, and their figures."""
+
+import numpy as np
+import pytest
+from surrogate_systems import strip
+
+import surrogate
+import thermofem as th
+
+FAST, SLOW = th.Foster(R=[5000.0], tau=[1e-7]), th.Foster(R=[5000.0], tau=[2e-7])
+PERIODS = np.geomspace(1e-7, 1e-5, 25)
+
+
+@pytest.fixture(scope="module")
+def reference():
+    return surrogate.reduce(strip(), 1e-6).model
+
+
+@pytest.fixture(scope="module")
+def trained(reference):
+    """The paper's training: 2 mW, 33 %, 1 us, periodic state."""
+    wave = th.SquareWave(2e-3, 1e-6, 1 / 3)
+    times = th.waveforms.period_times(wave, 301)
+    data = th.dataset.build(times, reference.periodic_response(wave, 301), wave, periodic=True)
+    return {"Newton": surrogate.fit_newton(data).model, "second order": surrogate.fit_second_order(data).model}
+
+
+def test_a_model_twice_as_slow_needs_twice_the_period():
+    curve = surrogate.period_error(SLOW, FAST, PERIODS[:10])
+    # one pole: the swing depends on T/tau alone; Brent's method stops at 1e-10 in ln T
+    assert curve.period_model.values == pytest.approx(2 * PERIODS[:10], rel=1e-9)
+    assert curve.error.values == pytest.approx(-PERIODS[:10], rel=1e-8)
+    assert curve.relative_error.values == pytest.approx(-1, rel=1e-8)
+
+
+def test_a_model_has_no_error_against_itself_in_closed_form_or_by_samples(reference):
+    assert np.abs(surrogate.period_error(reference, reference, PERIODS).relative_error).max() < 1e-9
+    # two opposite poles make the network formally not passive, so that its periodic state is sampled, edges included
+    sampled = th.Foster(R=[*reference.R, 1e-6, -1e-6], tau=[*reference.tau, 1e-6, 1e-6])
+    assert np.abs(surrogate.period_error(sampled, reference, PERIODS[::6]).relative_error).max() < 1e-7
+
+
+def test_the_full_order_system_can_be_the_reference(reference):
+    system = strip()
+    exact = surrogate.period_error(reference, system, [1e-6], power=2e-3, duty=0.33)
+    # the integrator's default is 1e-5 of the rise, about 3e-5 of the swing; T grows as about swing^2.5
+    assert abs(exact.relative_error.item()) < 1e-4
+
+
+def test_second_order_errs_as_published(trained, reference):
+    """Prototype on the reference ring: +12, +4, +19, +32 % at .5, 1, 2, 3 us; within 1.5 points is agreement."""
+    curve = surrogate.period_error(trained["second order"], reference, [0.5e-6, 1e-6, 2e-6, 3e-6])
+    assert 100 * curve.relative_error.values == pytest.approx([12, 4, 19, 32], abs=1.5)
+    assert np.all(np.diff(curve.error.values / curve.period.values, 2) != 0)
+    curve = surrogate.period_error(trained["second order"], reference, PERIODS)
+    low, high = surrogate.valid_range(curve)
+    assert low == pytest.approx(0.6e-6, rel=0.1)  # .6 and 1.45 us are given with two digits
+    assert high == pytest.approx(1.45e-6, rel=0.1)
+    assert (
+        curve.attrs["validity"]
+        == surrogate.validity(curve)
+        == f"within 10 % from {low * 1e6:.3g} to {high * 1e6:.3g} us"
+    )
+
+
+def test_a_swing_never_reached_is_infinite_and_one_always_exceeded_zero():
+    weak, strong = th.Foster(R=[1000.0], tau=[1e-7]), th.Foster(R=[5000.0], tau=[1e-7])
+    assert surrogate.period_error(weak, strong, [1e-5]).period_model.item() == np.inf
+    # a part that answers at once: its swing does not fall with the period
+    instant = th.Foster(R=[1000.0, 5000.0], tau=[1e-16, 1e-7])
+    slow = surrogate.period_error(instant, weak, [1e-8])
+    assert slow.period_model.item() == 0
+    assert slow.attrs["validity"] == "nowhere within 10 %"
+    assert np.isnan(surrogate.valid_range(slow)).all()
+
+
+def test_the_widest_stretch_is_interpolated():
+    import xarray as xr
+
+    error = [0.15, 0.05, 0.05, 0.3, 0.0, 0.2]
+    curve = xr.Dataset({"relative_error": ("period", error)}, coords={"period": np.geomspace(1e-7, 1e-2, 6)})
+    low, high = surrogate.valid_range(curve)
+    # .15 -> .05 passes .1 after half of the decade, .05 -> .3 after a fifth
+    assert (low, high) == pytest.approx((1e-7 * 10**0.5, 1e-5 * 10**0.2))
+    assert surrogate.valid_range(curve, within=1.0) == pytest.approx((1e-7, 1e-2))
+
+
+def test_compare_measures_a_known_difference(reference):
+    slower = th.Foster(R=1.01 * np.asarray(reference.R), tau=reference.tau)
+    result = surrogate.compare({"one percent": slower, "itself": reference}, reference)
+    assert result.sizes == {"model": 2, "drive": 22}
+    exact = result.sel(model="itself")
+    assert exact.rms.max() == exact.peak.max() == 0
+    off = result.sel(model="one percent")
+    drive = th.SquareWave(2e-3, 1e-7, 0.1)
+    rise = reference.periodic_response(drive, 301)
+    assert off.peak.values[0] == pytest.approx(0.01 * rise.max(), rel=1e-9)
+    assert off.peak_relative.values[0] == pytest.approx(0.01 * rise.max() / np.ptp(rise), rel=1e-9)
+    assert off.rms.values[0] == pytest.approx(0.01 * np.sqrt(np.mean(rise**2)), rel=1e-9)
+    assert off.rms_relative.values[0] == pytest.approx(off.rms.values[0] / np.ptp(rise), rel=1e-9)
+    # the paper: dn/dT = 1.86e-4 /K, n = 3.485 at 1555 nm: (nu/n) dn/dT, and lambda/n dn/dT
+    assert off.frequency_shift.values == pytest.approx(
+        off.peak.values * 299792458 / 1555e-9 / 3.485 * 1.86e-4, rel=1e-3
+    )
+    assert off.wavelength_shift.values == pytest.approx(off.peak.values * 1555e-9 / 3.485 * 1.86e-4, rel=1e-3)
+    assert result.states.values.tolist() == [reference.order] * 2
+    for name in result.data_vars:
+        assert result[name].attrs["units"]
+
+
+def test_held_out_drives_hold_no_training_drive_and_all_kinds():
+    drives = surrogate.held_out_drives()
+    kinds = {type(d).__name__ for d in drives}
+    assert kinds == {"SquareWave", "Pulse", "Telegraph", "Chirp"}
+    squares = surrogate.square_waves()
+    assert len(squares) == 55
+    assert min(s.period for s in squares) == pytest.approx(1e-7)
+    assert max(s.period for s in squares) == pytest.approx(1e-5)
+
+
+@pytest.mark.parametrize(
+    "wave",
+    [*(th.Telegraph(2e-3, 1e-6, 2e-5, seed=s) for s in range(4)), th.Chirp(2e-3, 2e-7, 2e-6, 2e-5, duty=0.4)],
+)
+def test_switched_waveforms_know_their_edges_and_their_mean(wave):
+    assert np.all(np.diff(wave.edges) > 0)
+    assert wave.edges[-1] <= wave.duration
+    for edge in wave.edges:
+        assert {float(wave.before(edge)), float(wave(edge))} == {0.0, 2e-3}
+    assert wave.breakpoints(0.0, 1.0) == pytest.approx(wave.edges)
+    on = np.diff(np.concatenate([[0.0], wave.edges]))[::2].sum()
+    assert wave.mean(0.0, 4e-5) == pytest.approx(2e-3 * on / 4e-5, rel=1e-12)
+    assert wave(3e-5) == 0
+    again = th.waveforms.from_json(th.waveforms.to_json(wave))
+    assert np.array_equal(again.edges, wave.edges)
+
+
+def test_chirp_sweeps_its_period_and_keeps_its_duty():
+    wave = th.Chirp(2e-3, 1e-7, 1e-6, 1e-3, duty=0.25)
+    rise = np.concatenate([[0.0], wave.edges[1::2]])
+    periods = np.diff(rise)
+    # a cycle's length differs from the period at its start by its own relative change, 1e-7..1e-6 of ln(10)/1e-3
+    assert periods[0] == pytest.approx(1e-7, rel=1e-3)
+    assert periods[-1] == pytest.approx(1e-6, rel=5e-3)
+    assert (wave.edges[::2][: periods.size] - rise[:-1]) / periods == pytest.approx(0.25, rel=2e-3)
+
+
+def test_telegraph_dwells_as_long_as_it_says():
+    wave = th.Telegraph(1e-3, 1e-6, 1e-2, seed=5)
+    dwell = np.diff(wave.edges)
+    # the mean of n exponential times has a relative deviation of n^-1/2; five of them
+    assert dwell.mean() == pytest.approx(1e-6, rel=5 * dwell.size**-0.5)
+    assert not np.array_equal(
+        th.Telegraph(1e-3, 1e-6, 1e-4, seed=6).edges, th.Telegraph(1e-3, 1e-6, 1e-4, seed=7).edges
+    )
+
+
+@pytest.mark.parametrize(
+    ("call", "reason"),
+    [
+        (lambda: surrogate.period_error(FAST, SLOW, [-1e-6]), r"periods\[0\]"),
+        (lambda: surrogate.period_error(FAST, SLOW, [2e-6, 1e-6]), "must increase"),
+        (lambda: surrogate.period_error(FAST, SLOW, [1e-6], duty=1.5), "duty"),
+        (lambda: surrogate.period_error(FAST, SLOW, [1e-6], power=-1), "power"),
+        (lambda: surrogate.compare({}, FAST), "at least one model"),
+        (lambda: surrogate.compare({"a": FAST}, FAST, [th.Pulse(0.0, 1e-6)]), "does not move"),
+        (lambda: surrogate.compare({"a": FAST}, FAST, [th.Sampled([0, 1e-6], [0, 1e-3])]), "how long a Sampled"),
+        (lambda: th.Chirp(1e-3, 1e-6, 1e-6, 1e-5), "take a SquareWave"),
+        (lambda: th.Chirp(1e-3, 1e-6, 2e-6, 1e-5, duty=2.0), "duty"),
+        (lambda: th.Telegraph(1e-3, -1e-6, 1e-5), "dwell"),
+    ],
+)
+def test_bad_input_is_one_clear_line(call, reason):
+    with pytest.raises(th.InputError, match=reason):
+        call()
+
+
+def test_figures_show_what_they_are_given(reference, trained, tmp_path):
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from surrogate import plot
+    from thermofem.plot import save_figure
+
+    curves = {name: surrogate.period_error(model, reference, PERIODS) for name, model in trained.items()}
+    axes = plot.plot_period_error(curves)
+    assert [t.get_text().split(":")[0] for t in axes.get_legend().get_texts()] == ["Newton", "second order"]
+    assert axes.get_lines()[2].get_ydata() == pytest.approx(100 * curves["second order"].relative_error.values)
+    absolute = plot.plot_period_error(curves, absolute=True)
+    assert absolute.get_lines()[2].get_ydata() == pytest.approx(1e6 * curves["second order"].error.values)
+    comparison = surrogate.compare(trained, reference, surrogate.square_waves(periods=2))
+    states = plot.plot_error_against_states(comparison)
+    assert [line.get_xdata().tolist() for line in states.get_lines()] == [[1.0], [2.0]]
+    certificate = plot.plot_certificate(surrogate.reduce(strip(), 1e-3))
+    assert certificate.get_lines()[0].get_ydata().max() <= 1e-3
+    for name, ax in {"a": axes, "b": absolute, "c": states, "d": certificate}.items():
+        save_figure(ax, tmp_path / f"{name}.png")
+        assert (tmp_path / f"{name}.png").stat().st_size > 1000

@@ -1,0 +1,15 @@
+"""Campaigns: many geometries times drives, one netCDF file for each geometry, resumable, on any Executor.
+
+plan    what is varied and how it is driven: `Campaign`, `Variation`, `Schedule`
+schema  the campaign file (TOML)
+work    one geometry: solved in a worker process, handed back as the bytes of a netCDF file
+run     the loop over an Executor
+store   the folder: results, failures, and what is finished
+collect all results as one Dataset: the index and the training collection
+"""
+
+from .collect import open_campaign
+from .plan import Campaign, Case, Schedule, Variation
+from .run import Summary
+
+__all__ = ["Campaign", "Case", "Schedule", "Summary", "Variation", "open_campaign"]

@@ -1,0 +1,222 @@
+"""All geometries of a campaign as one Dataset: the index, and the training collection of the finished ones.
+
+Dimensions and variables, DRIVE being the name of a drive
+    case; delta_T_DRIVE (K) over case, time_DRIVE and probe; power_DRIVE (W) over time_DRIVE; thermal_resistance (K/W)
+    over case and probe; unknowns, discretization_error and domain_error (relative, of R_th) over case; the varied
+    quantities and ``key`` (the name of the file) over case.
+    The index holds every geometry, nan where there is no result, with ``status`` ("finished", "failed" or "waiting")
+    and ``reason``. The training collection holds the finished ones and the matrix ``features`` over case and feature.
+
+Both are filled one geometry at a time; what they hold of a campaign, compressed, is all that is kept in memory.
+"""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import dataset, waveforms
+from ..checks import InputError
+from .store import Store, write_file
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+INDEX, TRAINING = "index.nc", "training.nc"
+ROWS = 64  # geometries of one chunk in the file
+_NUMBERS = {
+    "unknowns": "unknowns of the mesh",
+    "discretization_error": "relative error of R_th by the mesh",
+    "domain_error": "relative change of R_th if the stack went on beyond the domain",
+}
+
+
+def open_campaign(directory: str | Path) -> xr.Dataset:
+    """Open the index of a campaign: every geometry, finished or not, as one Dataset.
+
+    Arrays are read when they are used. After a run that was killed, the index is made anew from the results that are
+    there (in memory; the folder is not written).
+
+    Parameters
+    ----------
+    directory : str or Path
+
+    Returns
+    -------
+    Dataset
+        see `thermofem.campaign.collect`.
+
+    Raises
+    ------
+    InputError
+        no campaign in the folder.
+    """
+    import xarray as xr
+
+    store = Store(Path(directory))
+    plan = store.read_plan()
+    keys = [case[0] for case in plan["cases"]]
+    path = store.directory / INDEX
+    if path.is_file():
+        try:
+            index = xr.open_dataset(path, engine="h5netcdf")
+            if index["key"].values.tolist() == keys and index["status"].values.tolist() == store.status(keys):
+                return index
+            index.close()
+        except (OSError, ValueError, KeyError):
+            pass  # damaged: made anew below
+    return xr.open_dataset(io.BytesIO(_content(store, plan, training=False)), engine="h5netcdf")
+
+
+def write_collections(store: Store) -> None:
+    """Write index and training collection of a campaign, each whole or not at all.
+
+    Raises
+    ------
+    InputError
+        the folder cannot be written.
+    """
+    plan = store.read_plan()
+    write_file(store.directory / INDEX, _content(store, plan, training=False))
+    write_file(store.directory / TRAINING, _content(store, plan, training=True))
+
+
+def _content(store: Store, plan: dict[str, Any], *, training: bool) -> bytes:
+    """One of the two files, geometry by geometry; in memory, as HDF5 may crash when a disk is full."""
+    import h5netcdf
+
+    memory = io.BytesIO()
+
+    keys = [case[0] for case in plan["cases"]]
+    status = store.status(keys)
+    chosen = [k for k in range(len(keys)) if status[k] == "finished" or not training]
+    values = [plan["cases"][k][1:] for k in chosen]
+    with h5netcdf.File(memory, "w") as file:
+        rows = _layout(file, plan, store, [keys[k] for k in chosen if status[k] == "finished"], len(chosen))
+        _text(file, "key", [keys[k] for k in chosen], "content hash, the name of the file")
+        _varied(file, plan["variations"], values)
+        if training:
+            _features(file, plan["variations"], values)
+        else:
+            _text(file, "status", status, "whether there is a result")
+            _text(file, "reason", [store.reason(keys[k]) if status[k] == "failed" else "" for k in chosen], "why not")
+        for row, k in enumerate(chosen):
+            if status[k] == "finished":
+                _fill(rows, store.result(keys[k]), row)
+    return memory.getvalue()
+
+
+def _layout(file: Any, plan: dict[str, Any], store: Store, finished: list[str], count: int) -> dict[str, Any]:
+    """Dimensions, the times and powers of the drives, and the empty variables over case; returns those."""
+    from .. import __version__
+
+    probes = _probes(store.result(finished[0])) if finished else []
+    file.attrs.update(
+        {
+            "schema": dataset.SCHEMA,
+            "thermofem_version": __version__,
+            "kind": "campaign",
+            "campaign": plan["name"],
+            "geometry": plan["geometry"],
+        }
+    )
+    file.dimensions = {"case": count, "probe": len(probes)}
+    _text(file, "probe", probes, "part whose mean is read", over="probe")
+    variables = {}
+    for drive in plan["drives"]:
+        name, times, wave = drive["name"], np.array(drive["times"]), waveforms.from_json(drive["waveform"])
+        time = f"time_{name}"
+        file.dimensions[time] = times.size
+        file.create_variable(time, (time,), data=times).attrs.update(dataset.describe("time"))
+        power = file.create_variable(f"power_{name}", (time,), data=np.asarray(wave(times), dtype=float))
+        power.attrs.update({**dataset.describe("power"), "waveform": drive["waveform"]})
+        variables[name] = _over_case(file, f"delta_T_{name}", (time, "probe"), dataset.describe("delta_T"))
+    resistance = {"units": "K/W", "long_name": "thermal resistance"}
+    variables["thermal_resistance"] = _over_case(file, "thermal_resistance", ("probe",), resistance)
+    for name, long_name in _NUMBERS.items():
+        variables[name] = _over_case(file, name, (), {"units": "1", "long_name": long_name})
+    return variables
+
+
+def _over_case(file: Any, name: str, dimensions: tuple[str, ...], attributes: dict[str, str]) -> Any:
+    """A variable over case, nan so far."""
+    shape = [file.dimensions["case"].size, *(file.dimensions[d].size for d in dimensions)]
+    chunks = (min(ROWS, shape[0]), *shape[1:]) if min(shape) else None
+    variable = file.create_variable(
+        name,
+        ("case", *dimensions),
+        dtype=float,
+        fillvalue=np.nan,
+        chunks=chunks,
+        compression="gzip" if chunks else None,
+    )
+    variable.attrs.update(attributes)
+    return variable
+
+
+def _text(file: Any, name: str, words: list[str], long_name: str, *, over: str = "case") -> None:
+    import h5py
+
+    variable = file.create_variable(name, (over,), dtype=h5py.string_dtype())
+    if words:
+        variable[:] = np.array(words, dtype=object)
+    variable.attrs["long_name"] = long_name
+
+
+def _varied(file: Any, variations: list[dict[str, Any]], values: list[list[Any]]) -> None:
+    """The varied quantities over case: numbers in SI, or words."""
+    for column, variation in enumerate(variations):
+        long_name = ", ".join(variation["paths"])
+        listed = [row[column] for row in values]
+        if any(isinstance(value, str) for value in listed):
+            _text(file, variation["name"], listed, long_name)
+            continue
+        variable = file.create_variable(variation["name"], ("case",), data=np.array(listed, dtype=float))
+        variable.attrs.update({"units": variation["unit"] or "1", "long_name": long_name})
+    # xarray takes these as coordinates, so that they travel with every selection
+    file.attrs["coordinates"] = " ".join(["key", *(v["name"] for v in variations if " " not in v["name"])])
+
+
+def _features(file: Any, variations: list[dict[str, Any]], values: list[list[Any]]) -> None:
+    """The varied quantities as a matrix in SI; a word is the number of its place in alphabetical order."""
+    columns = []
+    for column in range(len(variations)):
+        listed = [row[column] for row in values]
+        words = sorted({value for value in listed if isinstance(value, str)})
+        columns.append([words.index(value) if words else value for value in listed])
+    file.dimensions["feature"] = len(variations)
+    _text(file, "feature", [v["name"] for v in variations], "varied quantity", over="feature")
+    _text(file, "feature_unit", [v["unit"] or "1" for v in variations], "its unit", over="feature")
+    matrix = np.array(columns, dtype=float).reshape(len(variations), len(values)).T
+    file.create_variable("features", ("case", "feature"), data=matrix).attrs["long_name"] = "varied quantities in SI"
+
+
+def _probes(path: Path) -> list[str]:
+    """Names of what was read, from one result."""
+    import h5py
+
+    with h5py.File(path, "r") as file:
+        return str(file.attrs["read"]).split(", ")
+
+
+def _fill(variables: dict[str, Any], path: Path, row: int) -> None:
+    """Copy one result into its row."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            for name in _NUMBERS:
+                variables[name][row] = np.ravel(file.attrs.get(name, np.nan))[0]
+            variables["thermal_resistance"][row] = np.ravel(file.attrs["thermal_resistances"])
+            for name in variables.keys() - {"thermal_resistance", *_NUMBERS}:
+                group = file if file.attrs["drive"] == name else file[name]
+                rise = group["delta_T"][()]
+                variables[name][row] = rise[:, None] if rise.ndim == 1 else rise
+    except (OSError, KeyError, ValueError) as error:
+        raise InputError(f"{path} cannot be read ({error}); remove it and run the campaign again") from None

@@ -1,0 +1,67 @@
+"""Places in a geometry file by name: "part.core.width"; and the file's text from its table."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Any
+
+from .. import checks
+from ..checks import InputError
+
+_NAMED = {"part": "name", "layer": "name", "probe": "name", "interface": "part"}  # lists of tables, and what names one
+_TABLES = ("material", "boundary")
+_LAWS = ("conductivity", "specific_heat")  # properties that may be tables themselves: "material.Si.conductivity.z"
+_HINT = 'write it as "part.core.width", "layer.box.thickness", "material.SiO2.conductivity" or "outer_radius"'
+
+
+def place(table: dict[str, Any], path: str, text: str) -> None:
+    """Set one value of a geometry file's table in place; whether the key exists is left to the geometry's own reader.
+
+    Raises
+    ------
+    InputError
+        the path names a part, layer, interface or material that is not there.
+    """
+    kind, *middle = path.split(".")
+    if not middle:
+        table[kind] = text
+        return
+    key = middle.pop()
+    name = ".".join(middle)  # names may hold dots
+    if kind in _NAMED and name:
+        items = {item.get(_NAMED[kind]): item for item in table.get(kind, [])}
+        items[checks.choice(f"path {path!r}: {kind}", name, [str(k) for k in items])][key] = text
+    elif kind == "boundary" and not name:
+        table.setdefault(kind, {})[key] = text
+    elif kind == "material" and middle[1:] and middle[-1] in _LAWS:
+        material = table.setdefault(kind, {}).setdefault(".".join(middle[:-1]), {})
+        law = material.get(middle[-1], {})
+        material[middle[-1]] = {**(law if isinstance(law, dict) else {"value": law}), key: text}
+    elif kind in _TABLES and name:
+        values = table.setdefault(kind, {})
+        if kind == "boundary":
+            values[name] = {key: text}
+        elif isinstance(values.setdefault(name, {}).get(key), dict):
+            values[name][key]["value"] = text  # a law keeps its exponent
+        else:
+            values[name][key] = text
+    else:
+        raise InputError(f"path {path!r} leads nowhere; {_HINT}")
+
+
+def write_table(table: dict[str, Any]) -> str:
+    """TOML text of a table, one line for each key and the tables in it inline."""
+    return "".join(f"{_key(key)} = {_inline(value)}\n" for key, value in table.items())
+
+
+def _inline(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{_key(key)} = {_inline(item)}" for key, item in value.items()) + " }"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_inline, value)) + "]"
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _key(key: str) -> str:
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key, ensure_ascii=False)

@@ -1,0 +1,281 @@
+"""What a campaign computes: a base geometry, what is varied in it, how it is driven and read."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import math
+import re
+import tomllib
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .. import checks, quantity, waveforms
+from ..checks import InputError
+from .paths import place, write_table
+
+if TYPE_CHECKING:
+    from .run import Summary
+    from .work import Task
+
+FORMAT = 1  # of what enters the content hash, and of the files
+LARGEST = 1_000_000  # geometries of one campaign
+_NAME = re.compile(r"\w[\w .+-]*")
+_INDEX = "case key status reason probe thermal_resistance unknowns discretization_error domain_error feature features"
+_TAKEN = tuple(_INDEX.split())
+
+Value = float | str
+
+
+@dataclass(frozen=True)
+class Variation:
+    """One varied quantity: listed values, or a range from which a Latin hypercube draws.
+
+    Parameters
+    ----------
+    name : str
+        its name in the index.
+    paths : tuple of str
+        where the geometry takes it: "part.core.width", "layer.box.thickness", "material.SiO2.conductivity",
+        "interface.core.resistance", "boundary.top.convection", "outer_radius"; several take the same value.
+    unit : str
+        SI unit of the values.
+    values : tuple
+        numbers in SI, or words (a material); crossed with the values of every other listed variation.
+    low, high : float
+        ends of the range to draw from, where there are no values.
+    logarithmic : bool
+        draw evenly in the logarithm.
+    """
+
+    name: str
+    paths: tuple[str, ...]
+    unit: str = ""
+    values: tuple[Value, ...] = ()
+    low: float = math.nan
+    high: float = math.nan
+    logarithmic: bool = False
+
+    def __post_init__(self) -> None:
+        if not _NAME.fullmatch(self.name):
+            raise InputError(f"vary: name = {self.name!r} is not usable; take letters, digits, spaces and _ . + -")
+        if self.name in _TAKEN:
+            raise InputError(f"vary: name = {self.name!r} is taken by the index; choose another one")
+        if not self.paths:
+            raise InputError(f"vary {self.name!r} needs at least one path, e.g. 'part.core.width'")
+        if self.values:
+            return
+        low, high = checks.finite(f"{self.name}: from", self.low), checks.finite(f"{self.name}: to", self.high)
+        if not low < high:
+            raise InputError(f"{self.name}: from = {low:g} must be below to = {high:g}")
+        if self.logarithmic and low <= 0:
+            raise InputError(f"{self.name}: from = {low:g} must be positive where the spacing is logarithmic")
+
+    def at(self, share: float) -> float:
+        """The value at ``share`` (0 to 1) of the range."""
+        if self.logarithmic:
+            return float(self.low * (self.high / self.low) ** share)
+        return float(self.low + share * (self.high - self.low))
+
+    def text(self, value: Value) -> str:
+        """A value as the geometry file writes it."""
+        return value if isinstance(value, str) else quantity.write(value, self.unit)
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """One drive of every geometry: a waveform with the times to keep, or one period of its periodic state.
+
+    Parameters
+    ----------
+    name : str
+    wave : Waveform
+    times : tuple of float, s
+        empty for the periodic state.
+    samples : int
+        of the periodic state.
+    """
+
+    name: str
+    wave: Any
+    times: tuple[float, ...] = ()
+    samples: int = 301
+
+    def __post_init__(self) -> None:
+        if not self.name.isidentifier():
+            raise InputError(f"drive name = {self.name!r} is not usable; take letters, digits and _")
+        self.kept  # noqa: B018  an impossible sampling raises here, not in a thousand workers
+
+    @property
+    def kept(self) -> np.ndarray:
+        """The times in the result, s."""
+        if self.times:
+            return checks.array(f"drive {self.name!r}: times", self.times, increasing=True)
+        return waveforms.period_times(self.wave, self.samples)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One geometry: the values of the variations and the content hash that names its file."""
+
+    key: str
+    values: tuple[Value, ...]
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A base geometry, what is varied, and how each geometry is driven and read.
+
+    Parameters
+    ----------
+    geometry : str
+        text of a geometry file.
+    variations : tuple of Variation
+        the listed ones are crossed; every combination meets every point of the Latin hypercube of the others.
+    schedules : tuple of Schedule
+    name : str
+    heated : str
+        default the first heated part.
+    read : tuple of str
+        parts and layers to read; default the heated part.
+    accuracy, rtol : float
+        of the mesh and of the time integration.
+    samples, seed : int
+        number of points of the Latin hypercube, and its seed.
+
+    Raises
+    ------
+    InputError
+        what contradicts itself, names what is not in the geometry, or makes more than a million geometries.
+    """
+
+    geometry: str
+    variations: tuple[Variation, ...]
+    schedules: tuple[Schedule, ...]
+    name: str = "campaign"
+    heated: str | None = None
+    read: tuple[str, ...] = ()
+    accuracy: float = 1e-3
+    rtol: float = 1e-4
+    samples: int = 0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        checks.between("accuracy", self.accuracy, 1e-5, 1e-2)
+        checks.between("rtol", self.rtol, 1e-10, 0.1)
+        if not self.schedules:
+            raise InputError("no drive; add a [[drive]] table")
+        for what, names in (("drive", self.schedules), ("vary", self.variations)):
+            seen = [item.name for item in names]
+            twice = next((name for name in seen if seen.count(name) > 1), None)
+            if twice is not None:
+                raise InputError(f"{what}: two are named {twice!r}; each needs its own name")
+        drawn = [v.name for v in self.variations if not v.values]
+        if bool(drawn) != bool(self.samples):
+            raise InputError(
+                f"samples = {self.samples} but "
+                + (f"{', '.join(drawn)} has a range to draw from" if drawn else "nothing has a range to draw from")
+                + "; a range without count needs samples, a list does not"
+            )
+        checks.between("samples", self.samples, 0, LARGEST)
+        if len(self) > LARGEST:
+            raise InputError(f"{len(self)} geometries are more than {LARGEST}; take fewer values or draw from ranges")
+        first = next(self._values())
+        self.geometry_of(first)  # a path that leads nowhere raises here
+
+    @classmethod
+    def from_toml(cls, path: str | Path) -> Campaign:
+        """Read a campaign file; InputError, beginning with the file, for what it cannot mean."""
+        from .schema import read_file
+
+        return read_file(path)
+
+    def __len__(self) -> int:
+        return math.prod(len(v.values) for v in self.variations if v.values) * max(self.samples, 1)
+
+    @cached_property
+    def _table(self) -> dict[str, Any]:
+        return tomllib.loads(self.geometry)
+
+    def _values(self) -> Iterator[tuple[Value, ...]]:
+        """The values of every geometry, in order: lists crossed, the first one slowest, hypercube innermost."""
+        drawn = [v for v in self.variations if not v.values]
+        points = [[]] if not drawn else self._hypercube(drawn)
+        for listed in itertools.product(*(v.values for v in self.variations if v.values)):
+            for point in points:
+                grid, free = iter(listed), iter(point)
+                yield tuple(next(grid) if v.values else next(free) for v in self.variations)
+
+    def _hypercube(self, drawn: list[Variation]) -> list[list[float]]:
+        from scipy.stats import qmc
+
+        points = qmc.LatinHypercube(d=len(drawn), seed=np.random.default_rng(self.seed)).random(self.samples)
+        # nine digits: what the geometry file says is what the index says, whatever SciPy's last bits are
+        return [[float(f"{v.at(x):.9g}") for v, x in zip(drawn, row, strict=True)] for row in points]
+
+    def geometry_of(self, values: tuple[Value, ...]) -> str:
+        """Text of the geometry file with these values."""
+        table = json.loads(json.dumps(self._table))
+        for variation, value in zip(self.variations, values, strict=True):
+            for path in variation.paths:
+                place(table, path, variation.text(value))
+        return write_table(table)
+
+    def cases(self) -> list[Case]:
+        """Every geometry once, with the hash of all that determines its result."""
+        seen: dict[str, Case] = {}
+        for values in self._values():
+            key = self._key(self.geometry_of(values))
+            seen.setdefault(key, Case(key, values))
+        return list(seen.values())
+
+    def _key(self, geometry: str) -> str:
+        from .. import __version__
+
+        drives = [(s.name, waveforms.to_json(s.wave), s.times or s.samples) for s in self.schedules]
+        content = (FORMAT, __version__, geometry, drives, self.heated, self.read, self.accuracy, self.rtol)
+        return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
+
+    def task(self, case: Case) -> Task:
+        """What a worker needs to compute one geometry."""
+        values = {v.name: value for v, value in zip(self.variations, case.values, strict=True)}
+        return self._task(case.key, self.geometry_of(case.values), json.dumps(values))
+
+    def base_task(self) -> Task:
+        """The same for the base geometry, with nothing varied."""
+        return self._task("base", self.geometry, "{}")
+
+    def _task(self, key: str, geometry: str, values: str) -> Task:
+        from .work import Task
+
+        return Task(
+            key=key,
+            geometry=geometry,
+            values=values,
+            schedules=self.schedules,
+            heated=self.heated,
+            read=self.read,
+            accuracy=self.accuracy,
+            rtol=self.rtol,
+        )
+
+    def run(
+        self,
+        directory: str | Path,
+        executor: Executor | None = None,
+        *,
+        workers: int | None = None,
+        retry_failed: bool = False,
+        report: Callable[[Summary], None] | None = None,
+    ) -> Summary:
+        """Compute every geometry that the folder does not hold yet; see `run.run`."""
+        from .run import run
+
+        return run(self, directory, executor, workers=workers, retry_failed=retry_failed, report=report)

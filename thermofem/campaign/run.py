@@ -1,0 +1,274 @@
+"""The loop of a campaign: tasks go to an Executor, results come back and are written, by this process alone.
+
+At most a few tasks for each worker are under way, so memory does not grow with the campaign. A worker that dies takes
+the pool of processes with it: a new pool is made, and what was under way is then tried one by one, so that the geometry
+that kills its worker is found and recorded while the others go on.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .. import checks
+from ..checks import InputError, MissingLibraryError
+from .collect import write_collections
+from .store import Store
+from .work import THREADS, Outcome, compute, prepare, ready
+
+if TYPE_CHECKING:
+    from .plan import Campaign, Case
+
+DEATHS = 2  # of the worker that had a geometry to itself, before it is given up
+FOREIGN = 64  # tasks under way on an Executor whose size is not ours to know
+
+
+@dataclass(frozen=True)
+class Summary:
+    """How far a campaign is.
+
+    Attributes
+    ----------
+    total, reused, finished, failed : int
+        all geometries; with a result from earlier runs; with one from this run; without a result, now or earlier.
+    seconds, cpu_seconds : float
+        of this run: wall time of the solving, CPU time of the geometries in the workers.
+    """
+
+    total: int
+    reused: int = 0
+    finished: int = 0
+    failed: int = 0
+    seconds: float = 0.0
+    cpu_seconds: float = 0.0
+
+    @property
+    def done(self) -> int:
+        """Geometries that need no more work."""
+        return self.reused + self.finished + self.failed
+
+
+def run(
+    campaign: Campaign,
+    directory: str | Path,
+    executor: Executor | None = None,
+    *,
+    workers: int | None = None,
+    retry_failed: bool = False,
+    report: Callable[[Summary], None] | None = None,
+) -> Summary:
+    """Compute every geometry of a campaign that its folder does not hold yet, then write index and training data.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    directory : str or Path
+        made where it does not exist; finished geometries in it are kept and not computed again.
+    executor : Executor
+        anything that keeps the contract of `concurrent.futures`; default a pool of processes of its own. A script that
+        takes the default needs ``if __name__ == "__main__":`` around the call.
+    workers : int
+        processes of the default pool; default one for each CPU.
+    retry_failed : bool
+        take geometries that failed in an earlier run again.
+    report : callable
+        gets a `Summary` after every geometry.
+
+    Raises
+    ------
+    InputError
+        the folder is not writable, full or in use; a base geometry that cannot be solved; workers that do not start.
+        What is finished stays.
+    MissingLibraryError
+        meshes must be made and gmsh cannot be loaded.
+    """
+    if workers is not None:
+        checks.between("workers", workers, 1, 1024)
+    store = Store(Path(directory))
+    cases = campaign.cases()
+    with store.opened():
+        store.write_plan(campaign, cases)
+        loop = _Loop(campaign, store, report or (lambda summary: None), Summary(len(cases)))
+        waiting = loop.sort(cases, retry_failed)
+        if waiting:
+            count = workers or _cpus()
+            with _one_thread():
+                loop.work(waiting, _Workers(campaign, executor, count))
+        write_collections(store)
+    return loop.summary
+
+
+def _cpus() -> int:
+    """CPUs that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextlib.contextmanager
+def _one_thread() -> Iterator[None]:
+    """Worker processes that start meanwhile use one BLAS thread each."""
+    before = {name: os.environ.get(name) for name in THREADS}
+    os.environ.update(dict.fromkeys(THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+@dataclass
+class _Workers:
+    """An Executor, and how to get a new one when it breaks."""
+
+    campaign: Campaign
+    given: Executor | None
+    count: int
+    pool: Executor | None = None
+
+    @property
+    def width(self) -> int:
+        """Tasks under way at once."""
+        return FOREIGN if self.given else 2 * self.count
+
+    def start(self, *, trial: bool) -> Executor:
+        """Start the workers; with ``trial``, the first one checks the base geometry."""
+        if self.given:
+            self.pool = self.given
+        else:
+            context = multiprocessing.get_context("spawn")
+            self.pool = ProcessPoolExecutor(self.count, mp_context=context, initializer=prepare)
+        base = self.campaign.base_task() if trial else None
+        tests = [self.pool.submit(ready, base if k == 0 else None) for k in range(1 if self.given else self.count)]
+        try:
+            for test in tests:
+                test.result()
+        except BrokenExecutor as error:
+            raise InputError(
+                f"the worker processes do not start ({error}); a script calls run inside "
+                'if __name__ == "__main__": and is a file on disk'
+            ) from None
+        return self.pool
+
+    def stop(self) -> None:
+        """Let what is under way finish, forget the rest; a given Executor is left as it is."""
+        if self.pool and not self.given:
+            self.pool.shutdown(wait=True, cancel_futures=True)
+
+
+@dataclass
+class _Loop:
+    """State of one run."""
+
+    campaign: Campaign
+    store: Store
+    report: Callable[[Summary], None]
+    summary: Summary
+    deaths: dict[str, int] = field(default_factory=dict)
+
+    def sort(self, cases: list[Case], retry_failed: bool) -> deque[Case]:
+        """The geometries that need work; finished files are opened, so that a damaged one is made again."""
+        waiting: deque[Case] = deque()
+        for case, status in zip(cases, self.store.status([case.key for case in cases]), strict=True):
+            if status == "finished" and self.store.finished(case.key):
+                self.summary = replace(self.summary, reused=self.summary.reused + 1)
+            elif status == "failed" and not retry_failed:
+                self.summary = replace(self.summary, failed=self.summary.failed + 1)
+            else:
+                self.store.result(case.key).unlink(missing_ok=True)
+                waiting.append(case)
+        self.report(self.summary)
+        return waiting
+
+    def work(self, waiting: deque[Case], workers: _Workers) -> None:
+        """Compute all of ``waiting``."""
+        try:
+            executor: Executor | None = workers.start(trial=True)
+            begin = time.perf_counter()
+            suspects: deque[Case] = deque()
+            while waiting or suspects:
+                executor = executor or workers.start(trial=False)
+                alone = not waiting
+                queue, width = (suspects, 1) if alone else (waiting, workers.width)
+                lost = self._drain(executor, queue, width, begin)
+                if not lost:
+                    continue
+                workers.stop()
+                if workers.given:
+                    raise InputError(
+                        f"the executor broke; {self.summary.finished} geometries of this run are kept, run again "
+                        "with a new one to go on"
+                    )
+                suspects.extend(case for case in lost if not (alone and self._give_up(case)))
+                executor = None
+        finally:
+            workers.stop()
+
+    def _drain(self, executor: Executor, queue: deque[Case], width: int, begin: float) -> list[Case]:
+        """Work a queue off; returns what was under way when the executor broke."""
+        under_way: dict[Future[Outcome], Case] = {}
+        lost: list[Case] = []
+        try:
+            while (queue and not lost) or under_way:
+                while queue and not lost and len(under_way) < width:
+                    case = queue.popleft()
+                    try:
+                        under_way[executor.submit(compute, self.campaign.task(case))] = case
+                    except BrokenExecutor:
+                        lost.append(case)
+                for future in wait(under_way, return_when=FIRST_COMPLETED).done if under_way else ():
+                    case = under_way.pop(future)
+                    if isinstance(future.exception(), BrokenExecutor):
+                        lost.append(case)
+                    else:
+                        self._settle(case, future, begin)
+        finally:
+            for future in under_way:
+                future.cancel()
+        return lost
+
+    def _settle(self, case: Case, future: Future[Outcome], begin: float) -> None:
+        """Write what came back."""
+        error = future.exception()
+        if isinstance(error, MissingLibraryError):
+            raise error
+        outcome = Outcome(case.key, b"", f"{type(error).__name__}: {error}", 0.0) if error else future.result()
+        if outcome.reason:
+            self._fail(case, outcome.reason)
+        else:
+            self._keep(lambda: self.store.write_result(case.key, outcome.content))
+            self.summary = replace(self.summary, finished=self.summary.finished + 1)
+        spent = self.summary.cpu_seconds + outcome.cpu
+        self.summary = replace(self.summary, cpu_seconds=spent, seconds=time.perf_counter() - begin)
+        self.report(self.summary)
+
+    def _give_up(self, case: Case) -> bool:
+        """Whether a geometry that was alone has killed its worker too often."""
+        self.deaths[case.key] = self.deaths.get(case.key, 0) + 1
+        if self.deaths[case.key] < DEATHS:
+            return False
+        self._fail(case, f"the worker process died {DEATHS} times while it had only this geometry (out of memory?)")
+        self.report(self.summary)
+        return True
+
+    def _fail(self, case: Case, reason: str) -> None:
+        values = {v.name: value for v, value in zip(self.campaign.variations, case.values, strict=True)}
+        self._keep(lambda: self.store.write_failure(case.key, reason, values))
+        self.summary = replace(self.summary, failed=self.summary.failed + 1)
+
+    def _keep(self, write: Callable[[], None]) -> None:
+        """Write into the folder; where that fails, say that nothing finished is lost."""
+        try:
+            write()
+        except InputError as error:
+            kept = self.summary.reused + self.summary.finished
+            raise InputError(f"{error}; {kept} finished geometries are kept, run again to go on") from None

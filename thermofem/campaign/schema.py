@@ -1,0 +1,178 @@
+"""The campaign file: TOML text with units in, a `Campaign` out.
+
+geometry = "ring.toml"                 # beside this file; or [geometry] with the same tables inside
+samples = 100                          # points of the Latin hypercube; seed = 0
+[[vary]]                               # path, and values | from, to, count | from, to; optional name, spacing
+[[drive]]                              # power, and pulse | square, duty, periodic; optional name, duration, samples
+[probes]                               # heated, read
+"""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import checks, quantity, waveforms
+from ..checks import InputError
+from .paths import write_table
+from .plan import LARGEST, Campaign, Schedule, Value, Variation
+
+_TOP = ("name", "geometry", "samples", "seed", "accuracy", "rtol", "vary", "drive", "probes")
+_VARY = ("path", "name", "values", "from", "to", "count", "spacing")
+_DRIVE = ("name", "power", "pulse", "square", "duty", "periodic", "duration", "first", "samples", "spacing")
+_UNITS = ("m", "K", "rad", "W/m/K", "kg/m^3", "J/kg/K", "W/m^2/K", "m^2*K/W", "")
+
+
+def read_file(path: str | Path) -> Campaign:
+    """Read a campaign file; see `Campaign.from_toml`."""
+    path = Path(path)
+    text = _text(path, "campaign")
+    try:
+        return read_text(text, path.parent)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def read_text(text: str, folder: Path) -> Campaign:
+    """Read the text of a campaign file; a geometry file is looked for in ``folder``."""
+    try:
+        top = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"not valid TOML: {error}") from None
+    _known(top, _TOP, "the file")
+    for key in ("geometry", "drive"):
+        if key not in top:
+            raise InputError(f"{key} is missing; " + {"geometry": 'name a file, geometry = "ring.toml"'}.get(key, ""))
+    probes = top.get("probes", {})
+    _known(probes, ("heated", "read"), "[probes]")
+    read = probes.get("read", [])
+    return Campaign(
+        geometry=_geometry(top["geometry"], folder),
+        variations=tuple(_variation(item, k) for k, item in enumerate(_tables(top, "vary"), 1)),
+        schedules=tuple(_schedule(item, k) for k, item in enumerate(_tables(top, "drive"), 1)),
+        name=str(top.get("name", "campaign")),
+        heated=probes.get("heated"),
+        read=(read,) if isinstance(read, str) else tuple(read),
+        accuracy=checks.finite("accuracy", top.get("accuracy", 1e-3)),
+        rtol=checks.finite("rtol", top.get("rtol", 1e-4)),
+        samples=_integer("samples", top.get("samples", 0), 0),
+        seed=_integer("seed", top.get("seed", 0), 0),
+    )
+
+
+def _text(path: Path, kind: str) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise InputError(f"{kind} file {str(path)!r} does not exist") from None
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise InputError(f"{kind} file {str(path)!r} cannot be read: {reason}") from None
+
+
+def _geometry(given: Any, folder: Path) -> str:
+    """Text of the base geometry, which must be a geometry itself."""
+    from ..geometry import CrossSection
+
+    if isinstance(given, dict):
+        text = write_table(given)
+        CrossSection.from_toml_text(text)
+        return text
+    if not isinstance(given, str):
+        raise InputError(f"geometry = {given!r} is neither a file nor a table")
+    CrossSection.from_toml(folder / given)
+    return _text(folder / given, "geometry")
+
+
+def _tables(top: dict[str, Any], key: str) -> list[dict[str, Any]]:
+    items = top.get(key, [])
+    if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
+        raise InputError(f"{key} must be tables, each opened by a line [[{key}]]")
+    return items
+
+
+def _known(table: Any, keys: tuple[str, ...], where: str) -> None:
+    if not isinstance(table, dict):
+        raise InputError(f"{where} = {table!r} must be a table")
+    for key in table:
+        checks.choice(f"{where}: key", key, keys)
+
+
+def _integer(name: str, value: Any, least: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= LARGEST:
+        raise InputError(f"{name} = {value!r} must be a whole number from {least} to {LARGEST}")
+    return value
+
+
+def _variation(table: dict[str, Any], k: int) -> Variation:
+    given = table.get("path")
+    paths = tuple(given) if isinstance(given, list) else (given,)
+    where = f"vary {given if isinstance(given, str) else k}"
+    _known(table, _VARY, where)
+    if not all(isinstance(path, str) for path in paths):
+        raise InputError(f'{where}: path = {given!r} is missing or no text; e.g. path = "part.core.width"')
+    name = str(table.get("name", paths[0]))
+    logarithmic = checks.choice(f"{where}: spacing", table.get("spacing", "linear"), ("linear", "log")) == "log"
+    if "values" in table:
+        if {"from", "to", "count"} & set(table) or not isinstance(table["values"], list) or not table["values"]:
+            raise InputError(f"{where}: give values = [...], or from and to, not both")
+        unit, values = _listed(table["values"], where)
+        return Variation(name, paths, unit, values)
+    if not {"from", "to"} <= set(table):
+        raise InputError(f"{where}: give values = [...], or from and to")
+    unit, ends = _listed([table["from"], table["to"]], where)
+    low, high = (checks.finite(f"{where}: {key}", end) for key, end in zip(("from", "to"), ends, strict=True))
+    free = Variation(name, paths, unit, low=low, high=high, logarithmic=logarithmic)
+    if "count" not in table:
+        return free
+    shares = np.linspace(0, 1, _integer(f"{where}: count", table["count"], 2))
+    return Variation(name, paths, unit, tuple(float(f"{free.at(x):.9g}") for x in shares))
+
+
+def _listed(texts: list[Any], where: str) -> tuple[str, tuple[Value, ...]]:
+    """The unit that all the texts share, and their values in SI; words stay words."""
+    for unit in _UNITS:
+        try:
+            return unit, tuple(quantity.parse(text, unit, name=where) for text in texts)
+        except InputError:
+            continue
+    if all(isinstance(text, str) and text[:1].isalpha() for text in texts):
+        return "", tuple(texts)
+    raise InputError(f'{where}: {texts!r} are not all quantities of one kind; write each with its unit, "450 nm"')
+
+
+def _schedule(table: dict[str, Any], k: int) -> Schedule:
+    where = f"drive {table.get('name', k)}"
+    _known(table, _DRIVE, where)
+    watts = quantity.parse(table.get("power", "1 mW"), "W", name=f"{where}: power")
+    pulse, square = table.get("pulse"), table.get("square")
+    if pulse and square:
+        raise InputError(f"{where}: pulse and square exclude each other; give one")
+    wave: Any = waveforms.Constant(watts)
+    if pulse:
+        wave = waveforms.Pulse(watts, quantity.parse(pulse, "s", name=f"{where}: pulse"))
+    elif square:
+        period = quantity.parse(square, "s", name=f"{where}: square")
+        wave = waveforms.SquareWave(watts, period, checks.finite(f"{where}: duty", table.get("duty", 1 / 3)))
+    name = str(table.get("name", "pulse" if pulse else "square" if square else "step"))
+    if table.get("periodic", False):
+        return Schedule(name, wave, samples=_integer(f"{where}: samples", table.get("samples", 301), 3))
+    return Schedule(name, wave, _times(table, where, logarithmic=not pulse and not square))
+
+
+def _times(table: dict[str, Any], where: str, *, logarithmic: bool) -> tuple[float, ...]:
+    """Times of a transient: 0, and evenly in time or, for a step, in its logarithm from ``first`` on."""
+    duration = quantity.parse(table.get("duration", "40 us"), "s", name=f"{where}: duration")
+    default = "log" if logarithmic else "linear"
+    spacing = checks.choice(f"{where}: spacing", table.get("spacing", default), ("linear", "log"))
+    samples = _integer(f"{where}: samples", table.get("samples", 81 if spacing == "log" else 401), 2)
+    checks.positive(f"{where}: duration", duration, unit="s")
+    if spacing == "linear":
+        return tuple(map(float, np.linspace(0, duration, samples)))
+    first = quantity.parse(table.get("first", "1 ns"), "s", name=f"{where}: first")
+    if not 0 < first < duration:
+        raise InputError(f"{where}: first = {first:g} s must lie between 0 and duration = {duration:g} s")
+    return (0.0, *map(float, np.geomspace(first, duration, max(samples - 1, 2))))

@@ -1,0 +1,157 @@
+"""One geometry of a campaign, from its text to the bytes of its netCDF file; this is what runs in a worker."""
+
+from __future__ import annotations
+
+import io
+import logging
+import os
+import signal
+import threading
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ..checks import MissingLibraryError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from ..heat import HeatProblem
+    from .plan import Schedule
+
+THREADS = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "NUMEXPR_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+)
+
+
+@dataclass(frozen=True)
+class Task:
+    """Everything that determines the result of one geometry.
+
+    Attributes
+    ----------
+    key : str
+        content hash, the name of its file.
+    geometry : str
+        text of a geometry file.
+    values : str
+        the varied quantities as JSON.
+    schedules, heated, read, accuracy, rtol
+        as in `Campaign`.
+    """
+
+    key: str
+    geometry: str
+    values: str
+    schedules: tuple[Schedule, ...]
+    heated: str | None
+    read: tuple[str, ...]
+    accuracy: float
+    rtol: float
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a worker hands back: a file's content, or the reason why there is none; and CPU seconds."""
+
+    key: str
+    content: bytes
+    reason: str
+    cpu: float
+
+
+def prepare() -> None:
+    """Set up a worker process of our own: the parent alone hears Ctrl-C, and a worker never outlives its parent.
+
+    Warnings about the domain stay silent: the index holds ``domain_error`` of every geometry.
+    """
+    import multiprocessing
+
+    logging.getLogger("thermofem").setLevel(logging.ERROR)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+
+        def follow() -> None:
+            parent.join()
+            os._exit(1)
+
+        threading.Thread(target=follow, daemon=True).start()
+
+
+def ready(task: Task | None) -> None:
+    """Load the libraries; with a task, check that its geometry meshes and that its names exist."""
+    if task is None:
+        from .. import solve  # noqa: F401
+    else:
+        _assemble(task)
+
+
+def compute(task: Task) -> Outcome:
+    """Solve one geometry under every drive.
+
+    A geometry that cannot be solved comes back with its reason.
+
+    Raises
+    ------
+    MissingLibraryError
+        no other geometry would fare better.
+    """
+    start = time.thread_time()
+    try:
+        content = _bytes(_solve(task))
+    except MissingLibraryError:
+        raise
+    except Exception as error:  # whatever stops one geometry is recorded, and the others go on
+        text = " ".join(str(error).split()) or "no message"
+        reason = text if isinstance(error, ValueError) else f"{type(error).__name__}: {text}"
+        return Outcome(task.key, b"", reason, time.thread_time() - start)
+    return Outcome(task.key, content, "", time.thread_time() - start)
+
+
+def _assemble(task: Task) -> HeatProblem:
+    from ..geometry import CrossSection
+    from ..heat import assemble
+
+    heat = assemble(CrossSection.from_toml_text(task.geometry), task.accuracy)
+    heat.channels(task.heated or heat.heated[0], task.read or None)
+    return heat
+
+
+def _solve(task: Task) -> dict[str, xr.Dataset]:
+    """One Dataset for each drive, in our usual schema."""
+    from ..solve import solve, solve_periodic
+
+    heat = _assemble(task)
+    heated = task.heated or heat.heated[0]
+    names = task.read or (heated,)
+    wanted = names[0] if len(names) == 1 else names
+    resistances = [heat.thermal_resistance(heated, name) for name in names]
+    results = {}
+    for schedule in task.schedules:
+        if schedule.times:
+            data = solve(heat, schedule.wave, schedule.kept, heated=heated, read=wanted, rtol=task.rtol)
+        else:
+            data = solve_periodic(heat, schedule.wave, schedule.samples, heated=heated, read=wanted, rtol=task.rtol)
+        provenance = {"drive": schedule.name, "campaign_case": task.key, "campaign_values": task.values}
+        results[schedule.name] = data.assign_attrs(thermal_resistances=resistances, **provenance)
+    return results
+
+
+def _bytes(results: dict[str, xr.Dataset]) -> bytes:
+    """A netCDF file: the first drive is its root, as `thermofem.load` reads it; each further one is a group.
+
+    Made in memory: HDF5 can take the whole process down when a disk is full.
+    """
+    import h5netcdf
+    from xarray.backends import H5NetCDFStore
+
+    memory = io.BytesIO()
+    with h5netcdf.File(memory, "w") as file:
+        for number, (name, data) in enumerate(results.items()):
+            data.dump_to_store(H5NetCDFStore(file.create_group(name) if number else file))
+    return memory.getvalue()

@@ -1,0 +1,68 @@
+"""``thermofem campaign``: many geometries in, one netCDF file for each and one index out."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+
+from ..campaign import Campaign, Summary, open_campaign
+from ..checks import InputError, MissingLibraryError
+
+
+def run(file: Path, output: Path, *, workers: int | None, scheduler: str | None, retry_failed: bool) -> None:
+    """Read the campaign, run it with a progress bar, and say what came out."""
+    if scheduler and workers:
+        raise InputError(f"--workers {workers} and --scheduler {scheduler} exclude each other; the cluster has its own")
+    campaign = Campaign.from_toml(file)
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}"))
+    with _executor(scheduler) as executor, Progress(*columns, TimeRemainingColumn(), console=console) as progress:
+        bar = progress.add_task("geometries", total=len(campaign), rate="")
+        summary = campaign.run(
+            output,
+            executor,
+            workers=workers,
+            retry_failed=retry_failed,
+            report=lambda summary: _show(progress, bar, summary),
+        )
+    found = f"{summary.finished} finished in {summary.seconds:.0f} s, {summary.reused} were there already"
+    console.print(f"{summary.total} geometries: {found}, {summary.failed} failed")
+    with open_campaign(output) as index:
+        cut = int((index["domain_error"] > campaign.accuracy).sum())
+    if cut:
+        console.print(
+            f"{cut} have domain_error above accuracy = {campaign.accuracy:g}: their bottom or outer side is too near: "
+            'move it outwards, or make it "open" where the stack goes on'
+        )
+    if summary.failed:
+        console.print(f"reasons are in {output / 'failures'} and in the index; --retry-failed takes them again")
+    console.print(f"wrote {output / 'index.nc'} and {output / 'training.nc'}")
+
+
+def _show(progress: Progress, bar: TaskID, summary: Summary) -> None:
+    rate = f"{summary.finished / summary.seconds:.1f}/s" if summary.seconds else ""
+    failed = f", {summary.failed} failed" if summary.failed else ""
+    progress.update(bar, completed=summary.done, total=summary.total, rate=rate + failed)
+
+
+@contextlib.contextmanager
+def _executor(scheduler: str | None) -> Iterator[Executor | None]:
+    """The Dask cluster at an address as an Executor; None, for processes of our own, where no address is given."""
+    if scheduler is None:
+        yield None
+        return
+    try:
+        from distributed import Client
+    except ImportError:
+        raise MissingLibraryError('--scheduler needs Dask: pip install "thermofem[dask]"') from None
+    try:
+        client = Client(scheduler, timeout="10s", set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise InputError(f"--scheduler = {scheduler!r} does not answer: {' '.join(str(error).split())}") from None
+    with client:
+        yield client.get_executor(pure=False)

@@ -1,0 +1,143 @@
+"""``thermofem fit | reduce | validate | simulate``: training data to models, models to error curves and traces."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from .. import checks
+
+if TYPE_CHECKING:
+    from ..model import ThermalModel
+
+Out = Annotated[Path, typer.Option("--output", "-o", help="File to write.")]
+Figure = Annotated[Path | None, typer.Option(help="Also draw into this image.")]
+KINDS = ("newton", "second-order", "foster")
+
+
+def fit(
+    data: Annotated[list[Path], typer.Argument(help="Training data (netCDF); several are weighted by their swing.")],
+    kind: Annotated[str, typer.Option(help="newton, second-order or foster.")] = "second-order",
+    order: Annotated[int, typer.Option(help="Number of poles of a Foster network.")] = 5,
+    output: Out = Path("model.json"),
+) -> None:
+    """Train a compact model on heat data and write it as JSON."""
+    import surrogate
+
+    from .. import dataset
+
+    checks.choice("--kind", kind, KINDS)
+    training = [dataset.load(path) for path in data]
+    if kind == "newton":
+        found = surrogate.fit_newton(training)
+    elif kind == "second-order":
+        found = surrogate.fit_second_order(training)
+    else:
+        found = surrogate.fit_foster(training, order=order)
+    surrogate.save_model(found.model, output, provenance=found.provenance)
+    for name, value in found.parameters.items():
+        print(f"{name:>22} = {value:.4g} ± {found.standard_errors[name]:.1g}")
+    print(f"{'misfit':>22} = {found.residual:.3g} K rms, {100 * found.relative_residual:.2g} % of the swing")
+    for note in found.notes:
+        print(f"{'note':>22} : {note}")
+    print(f"wrote {output}")
+
+
+def reduce(
+    geometry: Annotated[Path | None, typer.Argument(help="Geometry file (TOML); default: the reference strip.")] = None,
+    tolerance: Annotated[float, typer.Option(help="Error of Z(f) over R_th, kept at every frequency.")] = 1e-4,
+    accuracy: Annotated[float, typer.Option(help="Wanted relative error of the mesh.")] = 1e-3,
+    output: Out = Path("model.json"),
+) -> None:
+    """Reduce the FEM of a geometry to a certified handful of poles and write them as JSON."""
+    import surrogate
+
+    from ..geometry import CrossSection, strip_ring
+    from ..heat import assemble
+
+    section = CrossSection.from_toml(geometry) if geometry else strip_ring()
+    heat = assemble(section, accuracy)
+    rom = surrogate.reduce(heat.channels(heat.heated[0]), tolerance=tolerance)
+    provenance = {**rom.provenance, "geometry": section.to_toml(), "mesh_accuracy": accuracy}
+    surrogate.save_model(rom.model, output, provenance=provenance)
+    print(
+        f"{heat.unknowns} unknowns -> {rom.order} poles, error of Z(f) below {rom.error_bound:.1e} of R_th everywhere"
+    )
+    print(f"R_th = {rom.model.thermal_resistance / 1e3:.4g} K/mW; wrote {output}")
+
+
+def validate(
+    models: Annotated[list[Path], typer.Argument(help="Models (JSON) to judge.")],
+    reference: Annotated[Path, typer.Option(help="What they are judged by: a model (JSON), e.g. from `reduce`.")],
+    power: Annotated[str, typer.Option(help="Power of the square wave.")] = "2 mW",
+    duty: Annotated[float, typer.Option(help="Its duty cycle.")] = 1 / 3,
+    shortest: Annotated[str, typer.Option(help="Shortest period.")] = "0.1 us",
+    longest: Annotated[str, typer.Option(help="Longest period.")] = "10 us",
+    figure: Figure = None,
+    output: Out = Path("period_error.nc"),
+) -> None:
+    """Period-error curves (Section 6 of the paper): over which periods can a model be trusted?"""
+    import numpy as np
+    import xarray as xr
+
+    import surrogate
+
+    from .. import dataset, quantity
+
+    ends = [quantity.parse(text, "s", name=name) for name, text in (("--shortest", shortest), ("--longest", longest))]
+    if ends[0] >= ends[1]:
+        raise checks.InputError(f"--shortest = {shortest} must be below --longest = {longest}")
+    judge, periods = surrogate.load_model(reference), np.geomspace(ends[0], ends[1], 41)
+    watts = quantity.parse(power, "W", name="--power")
+    curves = {}
+    for path in models:
+        model = surrogate.load_model(path)
+        curves[path.stem] = surrogate.period_error(model, judge, periods, power=watts, duty=duty)
+        print(f"{path.stem}: {curves[path.stem].attrs['validity']}")
+    joined = xr.concat(list(curves.values()), dim="model", combine_attrs="drop_conflicts")
+    dataset.save(joined.assign_coords(model=list(curves)), output)
+    if figure:
+        from surrogate.plot import plot_period_error
+
+        from ..plot import save_figure
+
+        save_figure(plot_period_error(curves), figure)
+    print(f"wrote {output}" + (f" and {figure}" if figure else ""))
+
+
+def simulate(
+    model: Annotated[Path, typer.Argument(help="Thermal model (JSON).")],
+    power: Annotated[str, typer.Option(help="Power in the bus waveguide.")] = "8 dBm",
+    detuning: Annotated[str, typer.Option(help="Laser minus cold resonance.")] = "0 GHz",
+    duration: Annotated[str, typer.Option(help="Length of the run, from a cold start.")] = "20 us",
+    rtol: Annotated[float, typer.Option(help="Relative error of a step.")] = 1e-6,
+    figure: Figure = None,
+    output: Out = Path("traces.nc"),
+) -> None:
+    """Drive the ring of the paper with a thermal model: traces, and whether and how it pulses."""
+    import coupled
+    import surrogate
+
+    from .. import dataset, quantity
+
+    thermal: ThermalModel = surrogate.load_model(model)
+    settings: dict[str, Any] = {
+        "power": quantity.parse(power, "W", name="--power"),
+        "detuning": quantity.parse(detuning, "Hz", name="--detuning"),
+        "duration": quantity.parse(duration, "s", name="--duration"),
+    }
+    run = coupled.simulate(coupled.borghi2021(), thermal, rtol=rtol, **settings)
+    dataset.save(run, output)
+    if figure:
+        from coupled.plot import plot_traces
+
+        from ..plot import save_figure
+
+        save_figure(plot_traces(run), figure)
+    found = coupled.pulsing(run)
+    print(f"{found.regime}: {found.reason}")
+    if found.regime == "self-pulsing":
+        print(f"period {found.period * 1e9:.1f} ns, duty {found.duty:.3f}, swing {found.swing:.2f} K")
+    print(f"wrote {output}" + (f" and {figure}" if figure else ""))

@@ -1,0 +1,62 @@
+"""Thermal boundary resistance: the mesh cut open along the surfaces of parts, and the facets that face each other.
+
+The temperature jumps by resistance times flux. Every node of such a surface is there once for each side; the flux
+between the two sides is (T^+ - T^-)/resistance. Where two surfaces lie on each other their resistances add.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .matrices import skfem_mesh
+from .mesh import Mesh
+
+PERFECT = (
+    1e-14  # m^2 K/W; a hundredth of a picometre of oxide: a perfect contact, to keep the matrices well conditioned
+)
+
+
+def split(mesh: Mesh, resistance: Mapping[str, float]) -> Mesh:
+    """The mesh with nodes doubled on the surface of every region in ``resistance`` (m^2 K/W).
+
+    Points keep their place; those of one side follow each other in the order that they had.
+    """
+    side = _side(mesh, resistance)
+    if not side.any():
+        return mesh
+    count = len(mesh.points)
+    pairs = side[:, None] * count + mesh.triangles
+    used, triangles = np.unique(pairs, return_inverse=True)
+    return replace(mesh, points=mesh.points[used % count], triangles=triangles.reshape(-1, 3).astype(np.int64))
+
+
+def contacts(mesh: Mesh, resistance: Mapping[str, float]) -> dict[float, tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    """Facets of a mesh from `split` that lie on each other: for each total resistance both sides, in the same order."""
+    side = _side(mesh, resistance)
+    if not side.any():
+        return {}
+    own = [0.0, *(value for value in resistance.values() if value > PERFECT)]
+    grid = skfem_mesh(mesh)
+    facets = grid.boundary_facets()
+    ends = np.sort(_place(mesh)[grid.facets[:, facets]], axis=0).T
+    order = np.lexsort(ends.T)
+    twins = np.flatnonzero((ends[order][1:] == ends[order][:-1]).all(axis=1))
+    first, second = facets[order[twins]], facets[order[twins + 1]]
+    total = np.array(own)[side[grid.f2t[0, first]]] + np.array(own)[side[grid.f2t[0, second]]]
+    return {float(value): (first[total == value], second[total == value]) for value in np.unique(total)}
+
+
+def _side(mesh: Mesh, resistance: Mapping[str, float]) -> NDArray[np.int64]:
+    """For each triangle 0, or one more than the place of its region among those with a resistance."""
+    names = [name for name, value in resistance.items() if value > PERFECT]
+    number = np.array([names.index(name) + 1 if name in names else 0 for name in mesh.region_names], dtype=np.int64)
+    return number[mesh.region]
+
+
+def _place(mesh: Mesh) -> NDArray[np.intp]:
+    """A number for each point, the same for points that lie on each other."""
+    return np.unique(mesh.points, axis=0, return_inverse=True)[1].ravel()

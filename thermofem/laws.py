@@ -1,0 +1,162 @@
+"""How a material property depends on temperature: dimensionless laws f(T), which multiply the property's value.
+
+Each law is 1 where the value holds. Besides f a law gives its integral from one temperature to another: the Kirchhoff
+variable of a conductivity, the enthalpy of a specific heat.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import checks
+
+Array = NDArray[np.float64]
+
+COLDEST, HOTTEST = 1.0, 1e4  # K; no law is asked beyond
+
+
+class Law(Protocol):
+    """What a law can do; T in K."""
+
+    def factor(self, T: ArrayLike) -> Array:
+        """f(T)."""
+
+    def integral(self, start: float, rise: ArrayLike) -> Array:
+        """Integral of f from ``start`` to ``start + rise``, in K."""
+
+
+@dataclass(frozen=True)
+class Power:
+    """f(T) = (T/reference)^exponent; the exponent 0 is a constant property.
+
+    >>> round(float(Power(-1.3).factor(400.0)), 3)
+    0.688
+    """
+
+    exponent: float = 0.0
+    reference: float = 300.0
+
+    def __post_init__(self) -> None:
+        checks.between("exponent", self.exponent, -5, 5, hint="f(T) = (T/reference)^exponent")
+        checks.between("reference", self.reference, 1, 3000, unit="K")
+
+    def factor(self, T: ArrayLike) -> Array:
+        """f(T)."""
+        return (np.maximum(np.asarray(T, dtype=float), COLDEST) / self.reference) ** self.exponent
+
+    def integral(self, start: float, rise: ArrayLike) -> Array:
+        """start f(start) ((1 + rise/start)^(n + 1) - 1)/(n + 1), without cancellation at a small rise."""
+        log = np.log1p(np.maximum(np.asarray(rise, dtype=float) / start, COLDEST / start - 1))
+        n, scale = self.exponent + 1, (start / self.reference) ** self.exponent * start
+        return np.asarray(scale / n * np.expm1(n * log) if n else scale * log)
+
+
+@dataclass(frozen=True)
+class Polynomial:
+    """f(T) = 1 + a_1 (T - reference) + a_2 (T - reference)^2 + ...
+
+    Parameters
+    ----------
+    coefficients : tuple of float; 1/K, 1/K^2, ...
+    reference : float, K
+    """
+
+    coefficients: tuple[float, ...]
+    reference: float = 300.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "coefficients", tuple(map(float, checks.array("polynomial", self.coefficients))))
+        checks.between("reference", self.reference, 1, 3000, unit="K")
+
+    @cached_property
+    def _f(self) -> Any:
+        return np.polynomial.Polynomial((1.0, *self.coefficients))
+
+    def factor(self, T: ArrayLike) -> Array:
+        """f(T)."""
+        return np.asarray(self._f(np.asarray(T, dtype=float) - self.reference))
+
+    def integral(self, start: float, rise: ArrayLike) -> Array:
+        """Closed form, expanded about ``start`` so that nothing cancels at a small rise."""
+        x, f = start - self.reference, self._f
+        about = [float(f.deriv(k)(x)) / math.factorial(k + 1) for k in range(len(self.coefficients) + 1)]
+        return np.asarray(np.polynomial.Polynomial((0.0, *about))(np.asarray(rise, dtype=float)))
+
+
+@dataclass(frozen=True)
+class Table:
+    """f(T) = v(T)/v(reference), v the monotone cubic through a table, held constant beyond its ends.
+
+    Parameters
+    ----------
+    temperatures : tuple of float, K
+        increasing, at least two.
+    values : tuple of float
+        positive; in the unit of the property.
+    reference : float, K
+
+    Source: F. N. Fritsch, R. E. Carlson, SIAM J. Numer. Anal. 17, 238 (1980).
+    """
+
+    temperatures: tuple[float, ...]
+    values: tuple[float, ...]
+    reference: float = 300.0
+
+    def __post_init__(self) -> None:
+        T, values = checks.array("temperature", self.temperatures), checks.array("values", self.values)
+        if T.size != values.size or T.size < 2:
+            raise checks.InputError(
+                f"table of {T.size} temperatures and {values.size} values; give two or more of both"
+            )
+        if np.any(np.diff(T) <= 0) or T[0] < COLDEST or np.any(values <= 0):
+            raise checks.InputError("a table needs increasing temperatures above 1 K and positive values")
+        object.__setattr__(self, "temperatures", tuple(map(float, T)))
+        object.__setattr__(self, "values", tuple(map(float, values)))
+        checks.between("reference", self.reference, 1, 3000, unit="K")
+
+    @cached_property
+    def _curve(self) -> Any:
+        from scipy.interpolate import PchipInterpolator
+
+        return PchipInterpolator(self.temperatures, self.values)
+
+    def value(self, T: ArrayLike) -> Array:
+        """v(T)."""
+        return np.asarray(self._curve(np.clip(T, self.temperatures[0], self.temperatures[-1])))
+
+    def factor(self, T: ArrayLike) -> Array:
+        """f(T)."""
+        return self.value(T) / float(self.value(self.reference))
+
+    def integral(self, start: float, rise: ArrayLike) -> Array:
+        """From the cubics' antiderivative, with straight continuations."""
+        return np.asarray(_area(self, start)(np.asarray(rise, dtype=float))) / float(self.value(self.reference))
+
+
+@lru_cache(maxsize=64)
+def _area(table: Table, start: float) -> Any:
+    """Integral of v from ``start`` as a function of the rise: cubics with a knot at 0, where nothing cancels."""
+    from scipy.interpolate import PPoly
+
+    T = table.temperatures
+    knots = np.unique([*T, start, COLDEST, HOTTEST])
+    left = knots[:-1]
+    inside = (left >= T[0]) & (left < T[-1])
+    slopes = [np.where(inside, table._curve(left, k), 0.0) / math.factorial(k) for k in (3, 2, 1)]
+    area = PPoly(np.stack([*slopes, table.value(left)]), knots - start).antiderivative()
+    area.c[-1] -= area(0.0)
+    return area
+
+
+CONSTANT = Power()
+
+
+def is_constant(law: Law) -> bool:
+    """Whether the property does not depend on temperature at all."""
+    return isinstance(law, Power) and law.exponent == 0

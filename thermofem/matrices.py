@@ -1,0 +1,238 @@
+"""Matrices of the axisymmetric heat equation on a mesh: capacity, conduction, boundaries, contacts and means."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .model import StateSpace
+from .transient import Ledger
+
+if TYPE_CHECKING:
+    from .mesh import Mesh
+
+Array = NDArray[np.float64]
+Facets = NDArray[np.intp]
+
+
+def _none() -> Facets:
+    return np.empty(0, dtype=np.intp)
+
+
+@dataclass(frozen=True, eq=False)
+class Surfaces:
+    """What happens on facets, numbered as scikit-fem does on the same mesh.
+
+    Attributes
+    ----------
+    held : array of int
+        at the ambient temperature.
+    convection : dict from h in W/(m^2 K) to an array of int
+    open : array of int
+        beyond which the material goes on, see `parts.Boundary`.
+    source : float, m
+        height z of the heat, from which the open sides are seen.
+    contacts : dict from resistance in m^2 K/W to two arrays of int
+        facets that lie on each other, both in the same order.
+    """
+
+    held: Facets = field(default_factory=_none)
+    convection: Mapping[float, Facets] = field(default_factory=dict)
+    open: Facets = field(default_factory=_none)
+    source: float = 0.0
+    contacts: Mapping[float, tuple[Facets, Facets]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Discretization:
+    """Matrices of the heat equation on all unknowns, before any temperature is held.
+
+    Attributes
+    ----------
+    basis : skfem.CellBasis
+        P2 on triangles.
+    mass, stiffness : sparse, shape (n, n); J/K and W/K
+        stiffness includes convective and open boundaries, and contacts.
+    means : dict from region name to array, shape (n,)
+        functional of the volume mean; its entries sum to one.
+    held : array of int
+        unknowns at the ambient temperature.
+    surfaces : Surfaces
+    """
+
+    basis: Any
+    mass: Any
+    stiffness: Any
+    means: Mapping[str, Array]
+    held: NDArray[np.intp]
+    surfaces: Surfaces = field(default_factory=Surfaces)
+
+    @cached_property
+    def free(self) -> NDArray[np.intp]:
+        """Unknowns that are not held."""
+        return np.setdiff1d(np.arange(self.mass.shape[0]), self.held)
+
+    def state_space(self, heated: tuple[str, ...], read: tuple[str, ...]) -> StateSpace:
+        """E = M, A = -K on the free unknowns; B and C from the volume means."""
+        free = self.free
+        return StateSpace(
+            E=self.mass[free][:, free],
+            A=-self.stiffness[free][:, free],
+            B=np.column_stack([self.means[name][free] for name in heated]),
+            C=np.vstack([self.means[name][free] for name in read]),
+            inputs=heated,
+            outputs=read,
+        )
+
+    @cached_property
+    def ledger(self) -> Ledger:
+        """Heat stored is 1^T M x; heat leaves through held unknowns, convective and open boundaries.
+
+        The rows of the held unknowns, left out of the system, give their reaction: -(M dx/dt + K x) is the heat that
+        flows out there; 1^T K x over all rows is the loss by convection, as conduction and contacts have zero column
+        sums.
+        """
+        free, held = self.free, self.held
+        convective = np.asarray(self.stiffness.sum(axis=0)).ravel()[free]
+        return Ledger(
+            storage=np.asarray(self.mass.sum(axis=0)).ravel()[free],
+            drain_A=convective - np.asarray(self.stiffness[held].sum(axis=0)).ravel()[free],
+            drain_E=-np.asarray(self.mass[held].sum(axis=0)).ravel()[free],
+        )
+
+
+def discretize(
+    mesh: Mesh,
+    conductivity: ArrayLike,
+    heat_capacity: ArrayLike,
+    *,
+    held: NDArray[np.intp],
+    convection: Mapping[float, NDArray[np.intp]] | None = None,
+) -> Discretization:
+    """Assemble M, K and the volume means with quadratic elements.
+
+        M_ij = int 2 pi r rho c_p u_i u_j dA,   K_ij = int 2 pi r k grad u_i . grad u_j dA + int 2 pi r h u_i u_j ds
+
+    Parameters
+    ----------
+    mesh : Mesh
+    conductivity : array, shape (triangles,) or (2, triangles) for k_r and k_z, or scalar; W/(m K)
+    heat_capacity : array, shape (triangles,), or scalar; J/(m^3 K)
+    held : array of int
+        boundary facets at the ambient temperature (numbered as `facets` does).
+    convection : dict from h in W/(m^2 K) to an array of facets
+    """
+    return build(mesh, conductivity, heat_capacity, Surfaces(held=held, convection=convection or {}))
+
+
+def build(
+    mesh: Mesh, conductivity: ArrayLike, heat_capacity: ArrayLike, surfaces: Surfaces, *, degree: int = 2
+) -> Discretization:
+    """As `discretize`, with every kind of surface and polynomials up to ``degree`` 2 or 3.
+
+    K_ij += int 2 pi r (u_i^+ - u_i^-) (u_j^+ - u_j^-) / R ds     over every contact of resistance R
+    K_ij += int 2 pi r k (n . d) / d^2 u_i u_j ds                 over open sides
+    """
+    import skfem
+
+    element = {2: skfem.ElementTriP2, 3: skfem.ElementTriP3}[degree]()
+    basis = skfem.Basis(skfem_mesh(mesh), element, intorder=2 * degree + 1)
+    stiffness = conduction(basis, conductivity) + surface_terms(basis, conductivity, surfaces)
+    return Discretization(
+        basis=basis,
+        mass=capacity(basis, heat_capacity),
+        stiffness=stiffness.tocsr(),
+        means={name: mean(basis, mesh.region == index) for index, name in enumerate(mesh.region_names)},
+        held=basis.get_dofs(surfaces.held).all() if len(surfaces.held) else np.empty(0, dtype=np.intp),
+        surfaces=surfaces,
+    )
+
+
+def conduction(basis: Any, conductivity: ArrayLike) -> Any:
+    """K_ij = int 2 pi r (k_r du_i/dr du_j/dr + k_z du_i/dz du_j/dz) dA, sparse."""
+    import skfem
+
+    @skfem.BilinearForm
+    def form(u, v, w):  # type: ignore[no-untyped-def]
+        return 2 * np.pi * w.x[0] * (w["k_r"] * u.grad[0] * v.grad[0] + w["k_z"] * u.grad[1] * v.grad[1])
+
+    k = np.asarray(conductivity, dtype=float)
+    k_r, k_z = k if k.ndim == 2 else (k, k)
+    return form.assemble(basis, k_r=_per_cell(basis, k_r), k_z=_per_cell(basis, k_z)).tocsr()
+
+
+def capacity(basis: Any, heat_capacity: ArrayLike) -> Any:
+    """M_ij = int 2 pi r rho c_p u_i u_j dA, sparse."""
+    import skfem
+
+    @skfem.BilinearForm
+    def form(u, v, w):  # type: ignore[no-untyped-def]
+        return 2 * np.pi * w.x[0] * w["rho_c"] * u * v
+
+    return form.assemble(basis, rho_c=_per_cell(basis, heat_capacity)).tocsr()
+
+
+def mean(basis: Any, inside: NDArray[np.bool_]) -> Array:
+    """Functional of the volume mean over the triangles ``inside``; its entries sum to one."""
+    integral = volume(basis, inside)
+    return integral / integral.sum()
+
+
+def volume(basis: Any, inside: NDArray[np.bool_]) -> Array:
+    """Integral of 2 pi r times each basis function over the triangles ``inside``, in m^3."""
+    import skfem
+
+    @skfem.LinearForm
+    def form(v, w):  # type: ignore[no-untyped-def]
+        return 2 * np.pi * w.x[0] * w["inside"] * v
+
+    return np.asarray(form.assemble(basis, inside=_per_cell(basis, inside)))
+
+
+def _per_cell(basis: Any, values: ArrayLike) -> Array:
+    """A value in each triangle, spread over its quadrature points."""
+    return np.broadcast_to((np.asarray(values) * np.ones(basis.nelems))[:, None], basis.dx.shape)
+
+
+def surface_terms(basis: Any, conductivity: ArrayLike, surfaces: Surfaces) -> Any:
+    """What convection, open sides and contacts add to the stiffness, sparse."""
+    import skfem
+    from scipy.sparse import csr_matrix
+
+    @skfem.BilinearForm
+    def exchange(u, v, w):  # type: ignore[no-untyped-def]
+        return 2 * np.pi * w.x[0] * w["h"] * u * v
+
+    @skfem.BilinearForm
+    def outlet(u, v, w):  # type: ignore[no-untyped-def]
+        r, z = w.x[0], w.x[1] - surfaces.source
+        slope = (w["k_r"] * w.n[0] * r + w["k_z"] * w.n[1] * z) / (r**2 + z**2)
+        return 2 * np.pi * w.x[0] * slope * u * v
+
+    total = csr_matrix((basis.N, basis.N))
+    for h, where in surfaces.convection.items():
+        total = total + exchange.assemble(basis.boundary(where), h=h)
+    if len(surfaces.open):
+        side = basis.boundary(surfaces.open)
+        k = np.broadcast_to(np.asarray(conductivity, dtype=float), (2, basis.nelems))[:, side.tind]
+        k_r, k_z = (np.broadcast_to(values[:, None], side.dx.shape) for values in k)
+        total = total + outlet.assemble(side, k_r=k_r, k_z=k_z)
+    for resistance, pair in surfaces.contacts.items():
+        sides = [basis.boundary(facets) for facets in pair]
+        for one in sides:
+            for other in sides:
+                sign = 1 if one is other else -1
+                total = total + sign * exchange.assemble(one, other, h=1 / resistance)
+    return total
+
+
+def skfem_mesh(mesh: Mesh) -> Any:
+    """The triangles as scikit-fem holds them."""
+    import skfem
+
+    return skfem.MeshTri(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.triangles.T))

@@ -1,0 +1,232 @@
+"""Heat conduction with k(T) and c_p(T): the linear matrices and temperature laws at the nodes.
+
+    d/dt H(x) = -F(x) + B P,    H(x) = sum_l M_l h_l(x),    F(x) = sum_l K_l g_l(x)
+
+for the rise x over the ambient temperature T0. The sums run over the laws of the materials, M_l and K_l are the
+capacity and conduction of the triangles that follow law l at T0, and
+
+    g_l(x) = int_T0^(T0 + x) k_l(T)/k_l(T0) dT,    h_l(x) = int_T0^(T0 + x) c_l(T)/c_l(T0) dT
+
+are the Kirchhoff variable and the enthalpy, taken at the nodes: k(T) grad T = grad g, interpolated to the same order
+as T itself. Heat is conserved whatever the step, and at a small rise this is the linear system.
+
+Sources: I. Christie et al., IMA J. Numer. Anal. 1, 253 (1981) (laws at the nodes: product approximation); G. Kirchhoff,
+Vorlesungen ueber die Theorie der Waerme (Teubner, 1894).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import checks, waveforms
+from .laws import Law
+from .model import StateSpace
+
+Array = NDArray[np.float64]
+
+NEWTON_STEPS = 60
+
+
+@dataclass(frozen=True, eq=False)
+class Lift:
+    """A nonlinear operator ``matrix @ [x, g_1(x), g_2(x), ...]``, every law at its own nodes.
+
+    Attributes
+    ----------
+    matrix : sparse, shape (rows, n + sum of nodes)
+        its first n columns belong to what follows no law.
+    laws : tuple of (law, nodes)
+        nodes: array of int, which unknowns the law is taken at.
+    ambient : float, K
+    """
+
+    matrix: Any
+    laws: tuple[tuple[Law, NDArray[np.intp]], ...]
+    ambient: float
+
+    def lifted(self, x: Array) -> Array:
+        """[x, g_1(x), g_2(x), ...] in K, from x of shape (..., n)."""
+        T0 = self.ambient
+        laws = [law.integral(T0, x[..., at]) / law.factor(T0) for law, at in self.laws]
+        return np.concatenate([x, *laws], axis=-1)
+
+    def __call__(self, x: Array) -> Array:  # noqa: D102 - the class says what it is
+        return np.asarray(self.matrix @ self.lifted(x))
+
+    def jacobian(self, x: Array) -> Any:
+        """d/dx at ``x``, sparse."""
+        from scipy.sparse import csr_matrix, identity, vstack
+
+        blocks = [identity(x.size, format="csr")]
+        for law, at in self.laws:
+            slope = law.factor(self.ambient + x[at]) / law.factor(self.ambient)
+            blocks.append(csr_matrix((slope, (np.arange(at.size), at)), shape=(at.size, x.size)))
+        return self.matrix @ vstack(blocks, format="csr")
+
+
+@dataclass(frozen=True, eq=False)
+class NonlinearSystem:
+    """A thermal model with k(T) and c_p(T); keeps the contract of `thermofem.model`.
+
+    Attributes
+    ----------
+    linear : StateSpace
+        the same at small power, around the ambient temperature.
+    flow, content : Lift
+        F(x) in W and H(x) in J.
+    """
+
+    linear: StateSpace
+    flow: Lift
+    content: Lift
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the heated parts."""
+        return self.linear.inputs
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the read parts."""
+        return self.linear.outputs
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return self.linear.order
+
+    @property
+    def thermal_resistance(self) -> float:
+        """Static gain at small power in K/W."""
+        return self.linear.thermal_resistance
+
+    def step_response(self, times: ArrayLike) -> Array:
+        """Rise in K/W after a step of small power."""
+        return self.linear.step_response(times)
+
+    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+        """Thermal impedance at small power in K/W."""
+        return self.linear.impedance(frequency)
+
+    def response(self, wave: waveforms.Waveform, times: ArrayLike, *, rtol: float = 1e-5) -> Array:
+        """Rise in K from rest, by error-controlled integration (`transient.integrate`)."""
+        from .transient import integrate
+
+        self.linear._single()
+        return integrate(self, wave, times, rtol=rtol).outputs[:, 0].reshape(np.shape(times))
+
+    def periodic_response(self, wave: waveforms.Waveform, samples: int, *, rtol: float = 1e-5) -> Array:
+        """One period of the periodic state in K (`transient.integrate_periodic`)."""
+        from .transient import integrate_periodic
+
+        self.linear._single()
+        return integrate_periodic(self, wave, samples, rtol=rtol).outputs[:, 0]
+
+    def steady_state(self, power: float | Sequence[float]) -> Array:
+        """Rise in K of all unknowns at constant power in W (one for each input): Newton's method on F(x) = B P.
+
+        Raises
+        ------
+        InputError
+            no steady state is found, as where the conductivity falls so fast that the heat cannot leave.
+        """
+        heat = self.linear.B @ np.broadcast_to(np.atleast_1d(np.asarray(power, dtype=float)), len(self.inputs))
+        x = np.zeros(self.order)
+        last = np.inf
+        for _ in range(NEWTON_STEPS):
+            try:
+                change = factorize_general(self.flow.jacobian(x))(heat - self.flow(x))
+            except RuntimeError:  # SuperLU: the Jacobian is singular, as where k(T) has gone to nothing
+                break
+            size = float(np.abs(change).max())
+            if not np.isfinite(size):
+                break
+            lowest = 0.5 * self.flow.ambient  # a step that would cool far below ambient is cut short
+            x = x + change * min(1.0, lowest / max(size, lowest) if change.min() < -lowest else 1.0)
+            if size <= 1e-12 * np.abs(x).max() or (size <= 1e-9 * np.abs(x).max() and size >= last / 2):
+                return x
+            last = size
+        raise checks.InputError(
+            f"power = {power} W: no steady state is found in {NEWTON_STEPS} iterations; does the conductivity fall so "
+            "fast with temperature that the heat cannot leave?"
+        )
+
+    def steady_rise(self, power: float | Sequence[float]) -> Array:
+        """Rise of every output at constant power in W, in K, shape (outputs,)."""
+        return np.asarray(self.linear.C @ self.steady_state(power))
+
+
+def factorize_general(matrix: Any) -> Any:
+    """Factorize a sparse matrix that need not be symmetric, and return ``solve(right-hand side)``."""
+    from scipy.sparse import csc_matrix
+    from scipy.sparse.linalg import splu
+
+    return splu(csc_matrix(matrix), permc_spec="MMD_AT_PLUS_A").solve
+
+
+@dataclass(frozen=True, eq=False)
+class NonlinearLedger:
+    """Closes the energy balance with enthalpies.
+
+    Attributes
+    ----------
+    stored, held : Lift with one row; J
+        enthalpy of everything, and the part of it that belongs to the held unknowns.
+    drain : Lift with one row; W
+        heat that flows out through held unknowns and convective boundaries.
+    direct : float
+        share of the power that enters at held unknowns.
+    """
+
+    stored: Lift
+    held: Lift
+    drain: Lift
+    direct: float = 0.0
+
+    def content(self, x: Array) -> float:
+        """Heat in the field in J."""
+        return float(self.stored(x)[0])
+
+    def outflow(self, h: float, weights: Array, states: Array, slopes: Array) -> float:
+        """Heat in J that left during one step."""
+        flow = float(weights @ (self.drain.lifted(states) @ self.drain.matrix.toarray()[0]))
+        return h * flow - float(self.held(states[-1])[0] - self.held(states[0])[0])
+
+
+def lift(parts: Sequence[tuple[Any, Law]], rest: Any, free: NDArray[np.intp], ambient: float) -> Lift:
+    """All rows of an operator from its matrices: ``rest`` follows no law, every other its own.
+
+    Parameters
+    ----------
+    parts : sequence of (sparse matrix on all unknowns, law)
+    rest : sparse matrix
+        what is left when they are taken away from the whole.
+    free : array of int
+        unknowns that are not held; the operator acts on them.
+    ambient : float, K
+    """
+    from scipy.sparse import hstack
+
+    rest = rest.tocsr(copy=True)
+    if parts:
+        rest.data[np.abs(rest.data) < 1e-12 * max(abs(matrix).max() for matrix, _ in parts)] = 0.0
+        rest.eliminate_zeros()
+    blocks, laws = [rest[:, free]], []
+    for matrix, law in parts:
+        columns = matrix[:, free].tocsc()
+        at = np.flatnonzero(np.diff(columns.indptr))
+        blocks.append(columns[:, at])
+        laws.append((law, at))
+    return Lift(hstack(blocks, format="csr"), tuple(laws), ambient)
+
+
+def rows(operator: Lift, matrix: Any) -> Lift:
+    """The operator with ``matrix`` in front: some of its rows, or sums of them."""
+    from scipy.sparse import csr_matrix
+
+    return Lift(csr_matrix(matrix @ operator.matrix), operator.laws, operator.ambient)

@@ -1,0 +1,98 @@
+"""Material properties in the geometry file: a plain value, or a table with a law of temperature.
+
+    conductivity = "130 W/m/K"
+    conductivity = { value = "130 W/m/K", exponent = -1.3, reference = "300 K" }
+    conductivity = { value = "1.38 W/m/K", polynomial = [1.3e-3, -1e-6], reference = "300 K" }
+    conductivity = { temperature = ["300 K", "400 K"], values = ["148 W/m/K", "98.9 W/m/K"] }
+    conductivity = { r = "60 W/m/K", z = "30 W/m/K" }
+    specific_heat = { value = "700 J/kg/K", exponent = 0.5 }
+
+``r`` is another name of ``value``; the polynomial begins with its coefficient in 1/K; without ``value`` a table has
+that of its curve at ``reference``.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from . import quantity
+from .checks import InputError, finite
+from .laws import CONSTANT, Law, Polynomial, Power, Table
+from .materials import Material
+
+PROPERTIES = ("conductivity", "density", "specific_heat")
+_COMMON = {"exponent": "", "reference": "K", "polynomial": "anything", "temperature": "anything", "values": "anything"}
+LAW_KEYS = {
+    "conductivity": {"value": "W/m/K", "r": "W/m/K", "z": "W/m/K", **_COMMON},
+    "specific_heat": {"value": "J/kg/K", **_COMMON},
+}
+
+
+def read_property(key: str, given: Any, unit: str, where: str) -> dict[str, Any]:
+    """Fields of a Material from one property: text with a unit, or a table whose plain values are in SI already.
+
+    Raises
+    ------
+    InputError
+        a value is missing, or two laws are given at once.
+    """
+    if not isinstance(given, dict):
+        return {key: quantity.parse(given, unit, name=f"{where} {key}")}
+    of = f"{where} {key}"
+    if {"value", "r"} <= given.keys():
+        raise InputError(f"{of}: value and r are the same; give one of them")
+    try:
+        law = _law(given, unit, of)
+    except InputError as error:
+        raise InputError(str(error) if str(error).startswith(of) else f"{of}: {error}") from None
+    value = given.get("value", given.get("r"))
+    if value is None:
+        if not isinstance(law, Table):
+            raise InputError(f'{of}: value is missing; add value = "..."')
+        value = float(law.value(law.reference))
+    return {key: value, f"{key}_law": law} | ({"conductivity_z": given["z"]} if "z" in given else {})
+
+
+def _law(given: dict[str, Any], unit: str, of: str) -> Law:
+    kinds = {"exponent", "polynomial", "temperature", "values"} & given.keys()
+    reference = {"reference": given["reference"]} if "reference" in given else {}
+    if kinds == {"temperature", "values"}:
+        T = _list(given["temperature"], "K", f"{of}: temperature")
+        return Table(T, _list(given["values"], unit, f"{of}: values"), **reference)
+    if kinds == {"polynomial"}:
+        return Polynomial(_list(given["polynomial"], None, f"{of}: polynomial"), **reference)
+    if kinds <= {"exponent"}:
+        return Power(given["exponent"], **reference) if kinds else CONSTANT
+    raise InputError(
+        f"{of}: give exponent, or polynomial, or temperature with values (given: {', '.join(sorted(kinds))})"
+    )
+
+
+def _list(given: Any, unit: str | None, name: str) -> tuple[float, ...]:
+    if not isinstance(given, list) or not given:
+        raise InputError(f"{name} = {given!r} must be a list")
+    if unit is None:
+        return tuple(finite(name, item) for item in given)
+    return tuple(quantity.parse(item, unit, name=name) for item in given)
+
+
+def write_property(material: Material, key: str, unit: str) -> str:
+    """The TOML value of one property, which reads back exactly."""
+    value, law = getattr(material, key), getattr(material, f"{key}_law")
+    items = {"value": _text(value, unit)}
+    if key == "conductivity" and material.conductivity_z is not None:
+        items["z"] = _text(material.conductivity_z, unit)
+    if isinstance(law, Power) and law != CONSTANT:
+        items["exponent"] = repr(law.exponent)
+    elif isinstance(law, Polynomial):
+        items["polynomial"] = repr(list(law.coefficients))
+    elif isinstance(law, Table):
+        items["temperature"] = "[" + ", ".join(_text(T, "K") for T in law.temperatures) + "]"
+        items["values"] = "[" + ", ".join(_text(v, unit) for v in law.values) + "]"
+    if len(items) == 1:
+        return items["value"]
+    return "{ " + ", ".join(f"{k} = {v}" for k, v in (items | {"reference": _text(law.reference, "K")}).items()) + " }"
+
+
+def _text(value: float, unit: str) -> str:
+    return f'"{quantity.write(value, unit)}"'

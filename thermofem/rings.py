@@ -1,0 +1,101 @@
+"""Common rings beside `strip_ring`: rib, disc, and a strip under a metal heater; all lengths in m."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from . import checks
+from .geometry import CrossSection, strip_ring
+from .parts import Part, length, ring
+
+
+def rib_ring(
+    radius: float = 7.955e-6,
+    width: float = 500e-9,
+    height: float = 220e-9,
+    slab: float = 90e-9,
+    slab_width: float = 4e-6,
+    box: float = 2e-6,
+    cladding: float = 2e-6,
+) -> CrossSection:
+    """A silicon rib: a core of full height on a thin slab of silicon, which spreads its heat.
+
+    Parameters
+    ----------
+    radius, width, height : float, m
+        of the core, as in `strip_ring`.
+    slab, slab_width : float, m
+        thickness and width of the slab left by the etch, centred on the core. The core stands on it.
+    box, cladding : float, m
+        as in `strip_ring`.
+
+    >>> rib_ring().region_names
+    ('substrate', 'box', 'cladding', 'slab', 'core')
+    """
+    base = strip_ring(radius, width, height, box, cladding)
+    length("slab", slab, typical=90e-9)
+    if slab >= height:
+        raise checks.InputError(f"slab = {slab:g} m must be thinner than height = {height:g} m")
+    if slab_width <= width:
+        raise checks.InputError(f"slab_width = {slab_width:g} m must be wider than width = {width:g} m")
+    inner, outer = ring(radius, slab_width, of="slab: ")
+    under = Part("slab", "Si", inner, outer, bottom=0.0, height=slab)
+    core = replace(base.parts[0], bottom=slab, height=height - slab)
+    return replace(base, name="rib ring", parts=(under, core))
+
+
+def disc(
+    radius: float = 5e-6,
+    height: float = 220e-9,
+    rim: float = 1e-6,
+    box: float = 2e-6,
+    cladding: float = 2e-6,
+) -> CrossSection:
+    """A silicon microdisc whose whispering-gallery mode heats its rim: part "core" at the rim, part "disc" inside it.
+
+    Parameters
+    ----------
+    radius, height : float, m
+        of the disc, to its edge.
+    rim : float, m
+        width of the ring at the edge that the mode fills.
+    box, cladding : float, m
+        as in `strip_ring`.
+
+    >>> disc().heated
+    ('core',)
+    """
+    length("rim", rim, typical=1e-6)
+    length("radius", radius, typical=5e-6)
+    if rim >= radius:
+        raise checks.InputError(f"rim = {rim:g} m must be narrower than radius = {radius:g} m")
+    base = strip_ring(radius - rim / 2, rim, height, box, cladding)
+    inside = Part("disc", "Si", 0.0, radius - rim, bottom=0.0, height=height)
+    return replace(base, name="disc", parts=(inside, *base.parts))
+
+
+def heated_ring(
+    radius: float = 7.955e-6,
+    width: float = 450e-9,
+    height: float = 220e-9,
+    box: float = 2e-6,
+    cladding: float = 2e-6,
+    heater_width: float = 2e-6,
+    heater_height: float = 100e-9,
+) -> CrossSection:
+    """A strip ring with a titanium-nitride heater above it, on the top of the stack; both can be heated and read.
+
+    Parameters
+    ----------
+    radius, width, height, box, cladding : float, m
+        as in `strip_ring`; ``cladding`` separates the core from the heater.
+    heater_width, heater_height : float, m
+
+    >>> heated_ring().heated
+    ('core', 'heater')
+    """
+    base = strip_ring(radius, width, height, box, cladding)
+    length("heater_height", heater_height, typical=100e-9)
+    inner, outer = ring(radius, heater_width, of="heater: ")
+    heater = Part("heater", "TiN", inner, outer, bottom=base.top_z, height=heater_height, heated=True)
+    return replace(base, name="heated ring", parts=(*base.parts, heater))

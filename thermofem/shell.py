@@ -1,0 +1,72 @@
+"""Means over shells around a part: everything within a distance of it, whatever triangles the shell's edge cuts."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import checks
+from .matrices import volume
+from .regions import distance
+
+if TYPE_CHECKING:
+    from .geometry import CrossSection
+    from .mesh import Mesh
+    from .parts import Probe
+
+Array = NDArray[np.float64]
+
+FINENESS = 24  # small triangles along each edge of a triangle that the shell's edge cuts
+
+
+def shell_mean(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe) -> Array:
+    """Functional of the volume mean over a shell; its entries sum to one.
+
+    Triangles well inside are integrated exactly, those near the edge by `FINENESS`^2 small triangles each, which count
+    by the share that lies inside.
+
+    Raises
+    ------
+    InputError
+        the part is not meshed: nothing of it is left.
+    """
+    integral = shell_integral(geometry, mesh, basis, probe)
+    return integral / integral.sum()
+
+
+def shell_integral(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe) -> Array:
+    """Integral of 2 pi r times each basis function over a shell; the sum of the entries is its volume in m^3."""
+    edges = [face.edges() for face in geometry.subdivision.faces if face.owner == probe.part]
+    if not edges:
+        raise checks.InputError(f"probe {probe.name!r}: nothing of part {probe.part!r} is left to lie around")
+    outline = np.concatenate(edges)
+    grid = basis.mesh  # it may have another order of the corners than ours
+    corners = np.moveaxis(grid.p[:, grid.t], (0, 1, 2), (2, 1, 0))
+    far = distance(corners, outline)
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).max(axis=1)
+    outside = mesh.region != mesh.region_names.index(probe.part)
+    inside = outside & (far.max(axis=1) + longest / 2 <= probe.shell)
+    cut = outside & ~inside & (far.min(axis=1) - longest <= probe.shell)
+    total = volume(basis, inside)
+    local, cells = _centroids(FINENESS), np.flatnonzero(cut)
+    r, z = np.einsum("qk,ckx->xcq", np.column_stack([1 - local.sum(axis=1), local]), corners[cells])
+    depth = (probe.shell - distance(np.stack([r, z], axis=-1), outline)) / (longest[cells, None] / FINENESS)
+    weight = 2 * np.pi * r * np.clip(0.5 + depth, 0, 1) * _areas(corners[cells])[:, None] / len(local)
+    for k in range(basis.Nbfun):
+        shape = basis.elem.lbasis(local.T, k)[0]
+        total += np.bincount(basis.element_dofs[k, cells], weight @ shape, minlength=basis.N)
+    return total
+
+
+def _centroids(n: int) -> Array:
+    """Centroids of the n^2 equal triangles that fill the reference triangle, shape (n^2, 2)."""
+    i, j = (index.ravel() for index in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
+    up, down = i + j < n, i + j < n - 1
+    return np.concatenate([np.column_stack([i, j])[up] + 1 / 3, np.column_stack([i, j])[down] + 2 / 3]) / n
+
+
+def _areas(corners: Array) -> Array:
+    (x, y), (s, t) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
+    return np.abs(x * t - s * y) / 2
