@@ -65,7 +65,7 @@ def second_order(
     hint = "times are in s (did you mean 55.8e-9?)"
     tau_f = checks.positive("tau_f", tau_f, unit="s", at_most=1.0, hint=hint)
     tau_s = checks.positive("tau_s", tau_s, unit="s", at_most=1.0, hint=hint)
-    kappa = checks.positive("kappa", kappa, unit="1/s", at_most=1e12, hint="kappa is in 1/s (8.87e-4 /ns is 8.87e5)")
+    kappa = checks.between("kappa", kappa, 1e2, 1e12, unit="1/s", hint="8.87e-4 /ns is 8.87e5 1/s")
     eta = checks.positive("eta", eta, at_most=100, hint="eta has no unit")
     if tau_f >= tau_s:
         raise checks.InputError(f"tau_f = {tau_f:g} s must be below tau_s = {tau_s:g} s; are they swapped?")

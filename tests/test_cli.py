@@ -87,10 +87,16 @@ def test_solve_periodic(tmp_path):
         (["solve", "--periodic"], "has no period"),
         (["solve", "-o", "nowhere/heat.nc"], "nowhere is not a folder"),
         (["solve", "--nonsense"], "--nonsense"),
+        (["solve", "--figure", "picture"], "does not say what kind of image"),
+        (["solve", "good.toml", "-o", "good.toml"], "read and written at once"),
+        (["solve", "-o", "same.png", "--figure", "same.png"], "written for something else"),
+        (["solve", "-o", "."], "is a folder or a device"),
+        (["solve", "--samples", "100000000000"], "--samples = 1e+11"),
         (["reproduce", "--quick", "-o", "bad_key.toml/out"], "cannot be made"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(arguments, words, tmp_path):
+    (tmp_path / "good.toml").write_text(GEOMETRY)
     (tmp_path / "bad_key.toml").write_text(GEOMETRY.replace("thickness", "thicknes", 1))
     (tmp_path / "bad_material.toml").write_text(GEOMETRY.replace('"SiO2"', '"SiO3"', 1))
     (tmp_path / "wide.toml").write_text(GEOMETRY.replace("450 nm", "0.45 m"))

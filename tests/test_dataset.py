@@ -49,6 +49,26 @@ def test_field_and_mean_agree(data):
     assert abs(data.r[hottest].item() - 7.955e-6) < 0.3e-6
 
 
+def test_power_that_contradicts_the_waveform_is_refused(data):
+    core = data.sel(probe="core")
+    with pytest.raises(th.InputError, match="contradicts the waveform attribute"):
+        th.dataset.drive_of(core.assign(power=2 * core.power))
+    with pytest.raises(th.InputError, match="attrs\\['kind'\\] = 'foo' is unknown"):
+        th.dataset.drive_of(core.assign_attrs(kind="foo"))
+    with pytest.raises(th.InputError, match="data has 3 samples"):
+        th.dataset.drive_of(core.isel(time=slice(0, 3)))
+
+
+def test_a_link_is_followed_and_a_device_refused(data, tmp_path):
+    (tmp_path / "real").mkdir()
+    (tmp_path / "link.nc").symlink_to(tmp_path / "real" / "heat.nc")
+    th.save(data, tmp_path / "link.nc")
+    assert (tmp_path / "link.nc").is_symlink()
+    assert th.load(tmp_path / "real" / "heat.nc").identical(data)
+    with pytest.raises(th.InputError, match="folder or a device"):
+        th.save(data, tmp_path / "real")
+
+
 def test_an_interrupted_write_leaves_the_old_file(data, tmp_path, monkeypatch):
     path = th.save(data, tmp_path / "heat.nc")
     before = path.read_bytes()

@@ -76,6 +76,8 @@ def test_json_round_trip(wave):
     [
         (lambda: th.SquareWave(2e-3, 1e-6, -0.1), "duty = -0.1 must lie between 0 and 1"),
         (lambda: th.SquareWave(2e-3, 1e-6, 1.0), "duty = 1 leaves no edge"),
+        (lambda: th.SquareWave(2e-3, 1e-6, 1e-13), "duty = 1e-13 leaves no edge"),
+        (lambda: th.SquareWave(2e-3, 1e-12, 0.3).breakpoints(0, 1), r"1e\+12 periods of 1e-12 s"),
         (lambda: th.SquareWave(2.0e3, 1e-6, 0.3), r"power = 2000 must lie .* 2e-3 for 2 mW"),
         (lambda: th.SquareWave(2e-3, -1e-6, 0.3), "period = -1e-06 must be positive"),
         (lambda: th.Pulse(2e-3, 20.0), "width = 20 is larger than 10 .*did you mean 1e-6"),

@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 SCHEMA = 1
+IMAGES = (".png", ".pdf", ".svg", ".jpg")
+KINDS = ("transient", "periodic")
+FEWEST = 8  # samples that a training takes
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,17 +129,20 @@ def drive_of(data: xr.Dataset) -> Drive:
     if data["delta_T"].ndim != 1:
         raise checks.InputError("data.delta_T has several probes; pick one with data.sel(probe='core')")
     rise = checks.array("data.delta_T", data["delta_T"].values)
+    if times.size < FEWEST:
+        raise checks.InputError(f"data has {times.size} samples; at least {FEWEST} are needed to train anything")
     if np.ptp(rise) <= 0:
         raise checks.InputError("data.delta_T does not move; there is nothing to train on")
     if "waveform" in data.attrs:
         wave = waveforms.from_json(data.attrs["waveform"])
+        _check_power(data, wave, times)
     else:
         if "power" not in data:
             raise checks.InputError(
                 "data has neither power nor a waveform attribute; a model needs to know what heated it"
             )
         wave = waveforms.Sampled(times, data["power"].values)
-    periodic = data.attrs.get("kind", "transient") == "periodic"
+    periodic = checks.choice("data.attrs['kind']", data.attrs.get("kind", "transient"), KINDS) == "periodic"
     return Drive(wave, times, rise, periodic, f"{_words(wave)}, {'periodic state' if periodic else 'from rest'}")
 
 
@@ -151,6 +157,20 @@ def _words(wave: waveforms.Waveform) -> str:
             return f"step {wave.power * 1e3:g} mW"
         case _:
             return type(wave).__name__.lower()
+
+
+def _check_power(data: xr.Dataset, wave: waveforms.Waveform, times: Array) -> None:
+    """InputError where the power variable contradicts the waveform attribute; at a jump either side will do."""
+    if "power" not in data:
+        return
+    power, right, left = data["power"].values, wave(times), wave.before(times)
+    scale = max(float(np.max(np.abs(right))), np.finfo(float).tiny)
+    wrong = np.minimum(np.abs(power - right), np.abs(power - left)) > 1e-6 * scale
+    if np.any(wrong):
+        at = int(np.argmax(wrong))
+        raise checks.InputError(
+            f"data.power[{at}] = {power[at]:g} W contradicts the waveform attribute ({right[at]:g} W); drop one of them"
+        )
 
 
 def save(data: xr.Dataset, path: str | Path) -> Path:
@@ -181,22 +201,41 @@ def load(path: str | Path) -> xr.Dataset:
     try:
         with xr.open_dataset(path, engine="h5netcdf") as opened:
             data = opened.load()
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, RuntimeError, TypeError) as error:  # whatever a damaged file trips
         raise checks.InputError(
             f"{path} cannot be read as netCDF ({str(error).splitlines()[0]}); is it complete?"
         ) from None
-    if data.attrs.get("schema", SCHEMA) > SCHEMA:
+    schema = data.attrs.get("schema", SCHEMA)
+    if not isinstance(schema, int | np.integer):
+        raise checks.InputError(f"{path} has schema {schema!r}, which is no number; was it written by thermofem?")
+    if schema > SCHEMA:
         raise checks.InputError(
             f"{path} has schema {data.attrs['schema']}; this version reads up to {SCHEMA}, update thermofem"
         )
     return data
 
 
-def write_whole(path: str | Path, write: Callable[[Path], Any]) -> Path:
-    """Call ``write`` on a temporary file beside ``path`` and rename it: a reader sees the whole file or none."""
+def check_target(path: str | Path) -> Path:
+    """Where a file will be written, links followed; InputError without a folder, or where no file could be."""
     path = Path(path)
+    if path.is_symlink():
+        path = path.resolve()
     if not path.parent.is_dir():
         raise checks.InputError(f"{path.parent} is not a folder; make it first to write {path.name}")
+    if path.exists() and not path.is_file():
+        raise checks.InputError(f"{path} is a folder or a device; give the name of a file")
+    return path
+
+
+def check_image(path: str | Path) -> None:
+    """InputError unless the name ends as one of `IMAGES`."""
+    if Path(path).suffix.lower() not in IMAGES:
+        raise checks.InputError(f"{path} does not say what kind of image it is; end it with {', '.join(IMAGES)}")
+
+
+def write_whole(path: str | Path, write: Callable[[Path], Any]) -> Path:
+    """Call ``write`` on a temporary file beside ``path`` and rename it: a reader sees the whole file or none."""
+    path = check_target(path)
     try:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
     except OSError as error:

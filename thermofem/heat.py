@@ -239,7 +239,14 @@ def assemble(geometry: CrossSection, accuracy: float = 1e-3) -> HeatProblem:
     MissingLibraryError
         a mesh must be made and gmsh cannot be loaded.
     """
+    from .geometry import CrossSection
     from .mesh import mesh_for
+
+    if not isinstance(geometry, CrossSection):
+        raise checks.InputError(
+            f"geometry is a {type(geometry).__name__}; th.strip_ring() or th.CrossSection.from_toml(path) makes one"
+        )
+    accuracy = checks.finite("accuracy", accuracy)
     from .shell import shell_mean
 
     resistance: dict[str, float] = {}

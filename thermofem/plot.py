@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.tri import Triangulation
 
 from .checks import InputError, choice, positive
-from .dataset import write_whole
+from .dataset import check_image, write_whole
 from .fields import check_field
 
 if TYPE_CHECKING:
@@ -211,6 +211,7 @@ def _name_parts(geometry: CrossSection, ax: Axes) -> None:
 
 def save_figure(ax: Axes, path: Any) -> None:
     """Write the figure of ``ax`` as an image at 200 dots per inch, whole or not at all, and close it."""
+    check_image(path)
     figure = ax.get_figure(root=True)
     if figure is None:
         raise InputError("ax belongs to no figure; nothing to save")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import dataset
+from . import checks, dataset
 from .heat import HeatProblem
 from .transient import Trajectory, integrate, integrate_periodic
 from .waveforms import Waveform
@@ -63,7 +63,7 @@ def solve(
     >>> data.delta_T.round(1).values
     array([ 9.2, 15.4,  6.2])
     """
-    heated = heated or heat.heated[0]
+    heated = _check(heat, wave, heated)
     system = heat.model(heated, read if read is not None else heated)
     run = integrate(system, wave, times, rtol=rtol, snapshots=field_times, ledger=heat.audit(heated))
     return _dataset(heat, wave, run, heated, read, rtol, field_times)
@@ -99,10 +99,19 @@ def solve_periodic(
     InputError
         a waveform without a period, too few samples for its edges.
     """
-    heated = heated or heat.heated[0]
+    heated = _check(heat, wave, heated)
     system = heat.model(heated, read if read is not None else heated)
     run = integrate_periodic(system, wave, samples, rtol=rtol, ledger=heat.audit(heated))
     return _dataset(heat, wave, run, heated, read, rtol, (), periodic=True)
+
+
+def _check(heat: HeatProblem, wave: Waveform, heated: str | None) -> str:
+    """Name of the heated part, with the kinds of the arguments checked: slips are easy, the errors inside are not."""
+    if not isinstance(heat, HeatProblem):
+        raise checks.InputError(f"heat is a {type(heat).__name__}; th.assemble(geometry) makes the HeatProblem")
+    if isinstance(wave, type) or not hasattr(wave, "breakpoints"):
+        raise checks.InputError(f"wave = {wave!r} is no waveform; e.g. th.Pulse(power=2e-3, width=20e-6)")
+    return checks.choice("heated", heated or heat.heated[0], heat.heated)
 
 
 def _dataset(
@@ -125,7 +134,7 @@ def _dataset(
         wave,
         periodic=periodic,
         read=names,  # type: ignore[arg-type]
-        attributes=_provenance(heat, run, heated, names[0], rtol),  # type: ignore[arg-type]
+        attributes=_provenance(heat, run, heated, names[0] if single else heated, rtol),  # type: ignore[arg-type]
     )
     if np.size(field_times):
         data = data.merge(_fields(heat, run, field_times), combine_attrs="override")

@@ -27,6 +27,7 @@ from . import checks
 Array = NDArray[np.float64]
 
 _POWER_HINT = "powers are in W (did you mean 2e-3 for 2 mW?)"
+MOST_PERIODS = 1e6  # that a call may span
 _TIME_HINT = "times are in s (did you mean 1e-6 for 1 us?)"
 
 
@@ -191,7 +192,7 @@ class SquareWave:
         checks.between("power", self.power, 0, 10, unit="W", hint=_POWER_HINT)
         checks.positive("period", self.period, unit="s", at_most=10, hint=_TIME_HINT)
         checks.between("duty", self.duty, 0, 1, hint="the duty cycle is the fraction of the period that is on")
-        if self.duty in (0, 1):
+        if not 1e-6 <= self.duty <= 1 - 1e-6:
             raise checks.InputError(f"duty = {self.duty:g} leaves no edge; use Constant for a steady power")
 
     @property
@@ -200,6 +201,11 @@ class SquareWave:
         return self.duty * self.period
 
     def _edges(self, start: float, stop: float) -> Array:
+        if (stop - start) / self.period > MOST_PERIODS:
+            raise checks.InputError(
+                f"{(stop - start) / self.period:.2g} periods of {self.period:g} s are asked for at once, more than "
+                f"{MOST_PERIODS:g}; take solve_periodic for the settled state, or a shorter run"
+            )
         cycle = np.arange(np.floor(start / self.period) - 1, np.ceil(stop / self.period) + 2)
         return np.stack([cycle * self.period, cycle * self.period + self.on_time], axis=1).ravel()
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .. import checks
+from .files import check_outputs
 
 if TYPE_CHECKING:
     from ..model import ThermalModel
@@ -29,6 +30,7 @@ def fit(
     from .. import dataset
 
     checks.choice("--kind", kind, KINDS)
+    check_outputs([output], inputs=data)
     training = [dataset.load(path) for path in data]
     if kind == "newton":
         found = surrogate.fit_newton(training)
@@ -57,6 +59,7 @@ def reduce(
     from ..geometry import CrossSection, strip_ring
     from ..heat import assemble
 
+    check_outputs([output], inputs=[geometry])
     section = CrossSection.from_toml(geometry) if geometry else strip_ring()
     heat = assemble(section, accuracy)
     rom = surrogate.reduce(heat.channels(heat.heated[0]), tolerance=tolerance)
@@ -86,6 +89,7 @@ def validate(
 
     from .. import dataset, quantity
 
+    check_outputs([output, figure], inputs=[*models, reference], images=[figure])
     ends = [quantity.parse(text, "s", name=name) for name, text in (("--shortest", shortest), ("--longest", longest))]
     if ends[0] >= ends[1]:
         raise checks.InputError(f"--shortest = {shortest} must be below --longest = {longest}")
@@ -122,6 +126,7 @@ def simulate(
 
     from .. import dataset, quantity
 
+    check_outputs([output, figure], inputs=[model], images=[figure])
     thermal: ThermalModel = surrogate.load_model(model)
     settings: dict[str, Any] = {
         "power": quantity.parse(power, "W", name="--power"),

@@ -51,7 +51,15 @@ def square_figure(results: Results, path: Path) -> None:
 
     cycles = np.concatenate([time[:-1], 1 + time[:-1], 2 + time])
     for k in range(3):
-        ax.axvspan(k, k + wave.on_time * 1e6, color="#f2f2f2", zorder=0, label="heated" if k == 0 else None)
+        ax.axvspan(
+            k,
+            k + wave.on_time * 1e6,
+            color="#f2f2f2",
+            zorder=0,
+            edgecolor="#bbbbbb",
+            linewidth=0.5,
+            label="heated" if k == 0 else None,
+        )
     ax.plot(cycles[::6], three(rise)[::6], "s", color=INK, markersize=3.6, label="finite elements")
     newton, second = results.fits["newton"], results.fits["second_order"]
     p = newton.parameters
@@ -69,7 +77,7 @@ def square_figure(results: Results, path: Path) -> None:
         label="second order, the paper's set",
     )
     ax.set(xlabel="time (µs)", ylabel="mean rise of the core (K)", xlim=(0, 3), ylim=(0, 13))
-    ax.legend(loc="upper center", ncols=2, frameon=False, fontsize="small")
+    ax.legend(loc="upper center", ncols=2, framealpha=1, edgecolor="none", fontsize="small")
     save_figure(ax, path)
 
 
@@ -86,7 +94,7 @@ def traces_figure(results: Results, path: Path) -> None:
         row[0].set_title(f"{name}: {period}", fontsize="small", loc="left")
     axes[0, 0].set(xlim=(0, 3), ylim=(0, None))
     for column, label in enumerate(("drop power (mW)", "temperature rise (K)")):
-        axes[-1, column].set_xlabel("time (µs)")
+        axes[-1, column].set_xlabel("time since a pulse of the settled state (µs)")
         axes[n // 2, column].set_ylabel(label)
     save_figure(axes[0, 0], path)
 

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.console import Console
 
-from .. import dataset, quantity, waveforms
+from .. import checks, dataset, quantity, waveforms
 from ..checks import InputError
 from ..fields import write_fields
 from ..geometry import CrossSection, strip_ring
 from ..heat import assemble
 from ..mesh import Mesh, mesh_for
 from ..solve import solve, solve_periodic
+from .files import check_outputs
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -40,10 +41,9 @@ def run(
     section = CrossSection.from_toml(geometry) if geometry else strip_ring()
     periodic, duration, samples = sampling
     wave = waveform(*drive)
-    if samples < 2:
-        raise InputError(f"--samples = {samples} is too few; at least 2 are needed")
+    checks.between("--samples", samples, 2, 1_000_000)
     output, figure, preview_file, paraview, animation = files
-    _check_folders(files)
+    check_outputs(files, inputs=[geometry], images=[figure, preview_file])
     length = quantity.parse(duration, "s", name="--duration")
     field_times = _field_times(fields, length, wanted=bool(paraview or animation), periodic=periodic)
     heated, read = probes
@@ -72,17 +72,11 @@ def run(
 def preview(geometry: Path | None, accuracy: float, path: Path) -> None:
     """Draw cross-section and mesh, and solve nothing."""
     section = CrossSection.from_toml(geometry) if geometry else strip_ring()
-    _check_folders((path,))
+    check_outputs([path], inputs=[geometry], images=[path])
     mesh = mesh_for(section, accuracy)
     _draw_preview(section, mesh, path)
     console = Console(stderr=True)
     console.print(f"{section.name}: {', '.join(mesh.region_names)}; {len(mesh.triangles)} triangles; wrote {path}")
-
-
-def _check_folders(files: tuple[Path | None, ...]) -> None:
-    for path in files:
-        if path and not path.parent.is_dir():
-            raise InputError(f"{path.parent} is not a folder; make it first to write {path.name}")
 
 
 def _field_times(texts: tuple[str, ...], duration: float, *, wanted: bool, periodic: bool) -> tuple[float, ...]:

@@ -1,0 +1,341 @@
+"""Hopf and fold curves of the whole plane of power and detuning, without a search for roots in it.
+
+Energy U and detuned D fix a fixed point, and with it power and detuning (`balance`). Its eigenvalues obey
+
+    A(lambda, U) + D^2 - D B(lambda, U) = 0
+    A = (lambda + gamma) [lambda + gamma + 2 tpa U + alpha/(lambda + rho)]
+    B = [beta + Z(lambda) (heat (lambda + rho) + cross)]/(lambda + rho)
+
+with the names of `spectrum` and the thermal impedance as Z. A Hopf point has lambda = i w: the real part is a quadratic
+equation for D, and the imaginary part leaves one real equation on each of its two sheets over the plane of U and w,
+
+    D = [Re B +- sqrt((Re B)^2 - 4 Re A)]/2,      Im A - D Im B = 0,
+
+whose zero contours are joined where the sheets meet, and refined by Newton's method in (log U, D, log w).
+A fold has lambda = 0, a quadratic equation in D: D = -U shift' +- sqrt((U shift')^2 - gamma^2 - 2 U gamma gamma').
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thermofem.model import ThermalModel
+
+from .resonator import RingResonator
+from .steady import check_axis, check_ring
+from .thermal import network
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from .equations import Rates
+
+Array = NDArray[np.float64]
+
+ENERGIES, FREQUENCIES = 160, 200  # grid of the contour
+BISECTIONS = 48  # of an edge of that grid: to round-off
+FOLD_POINTS = 300
+JOIN = 0.3  # in log U and log w: a few cells of that grid
+STRETCH = 0.01  # of the window: the longest straight line in a Hopf curve
+
+
+class _Plane(NamedTuple):
+    """A ring in internal units and the window that is asked for."""
+
+    ring: RingResonator
+    rates: Rates
+    fcd: Array
+    poles: Array
+    R: float
+    powers: Array
+    detunings: Array
+    energies: Array
+
+
+class _Piece(NamedTuple):
+    """A stretch of a Hopf curve on one sheet; points are rows (log U, D, log w)."""
+
+    points: Array
+    meets: tuple[bool, bool]  # whether it starts, and ends, where the two sheets meet
+
+
+def hopf_curves(
+    ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike
+) -> list[xr.Dataset]:  # fmt: skip
+    """Return the curves on which an oscillation neither grows nor decays: a pair of eigenvalues +- i w.
+
+    Parameters
+    ----------
+    ring : RingResonator
+    model : ThermalModel
+        linear and small: a Foster network or a StateSpace with at most 500 states.
+    powers : array, W
+        of a map; the curves are cut to their range.
+    detunings : array, Hz
+        of a map; likewise.
+
+    Returns
+    -------
+    list of xarray.Dataset
+        one for each curve, over point: power (W), detuning (Hz), energy (J), frequency (Hz, w / 2 pi) and leading,
+        whether no other mode grows there, so that the curve bounds a stable region. A curve that leaves the window
+        goes on to its first point outside.
+
+    Raises
+    ------
+    InputError
+        as `stability_map`.
+
+    Measured by dense eigenvalues at the returned power and detuning: the pair's real part is below 3e-13 w.
+    """
+    from . import spectrum
+
+    plane = _plane(ring, model, powers, detunings)
+    curves = []
+    for line in _joined(_pieces(plane)):
+        U, D, omega = _smooth(plane, line)
+        for part in _inside(plane, U, D):
+            curve = _dataset(plane, "Hopf curve", U[part], D[part], omega[part])
+            leading = [
+                _others_decay(spectrum.dense(u, d, plane.rates, plane.fcd, plane.poles), w)
+                for u, d, w in zip(U[part], D[part], omega[part], strict=True)
+            ]
+            curve["leading"] = ("point", leading, {"units": "1", "long_name": "no other mode grows"})
+            curves.append(curve)
+    return curves
+
+
+def fold_curves(
+    ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike
+) -> list[xr.Dataset]:  # fmt: skip
+    """Return the curves on which two fixed points meet and vanish; they depend on R_th alone.
+
+    Parameters, errors and result as `hopf_curves`, without frequency and leading.
+    """
+    plane = _plane(ring, model, powers, detunings)
+    curves = []
+    for first, last in _folded(plane):
+        turn = 0.5 - 0.5 * np.cos(np.linspace(0, np.pi, FOLD_POINTS))
+        U = np.exp(np.log(first) + turn * np.log(last / first))
+        a, b = _fold_equation(plane, U)
+        root = np.sqrt(np.maximum(a * a - b, 0))
+        U, D = np.concatenate([U[::-1], U[1:]]), np.concatenate([(-a - root)[::-1], (-a + root)[1:]])
+        curves += [_dataset(plane, "fold curve", U[part], D[part]) for part in _inside(plane, U, D)]
+    return curves
+
+
+def _plane(ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike) -> _Plane:
+    """Check the input and find the energies that its fixed points can have."""
+    from . import balance
+    from . import equations as eq
+
+    check_ring(ring)
+    P, nu = check_axis("powers", powers), check_axis("detunings", detunings)
+    poles, (rates, fcd) = network(model), eq.internal_rates(ring)
+    R, shifts = poles.thermal_resistance * eq.UW, 2 * np.pi * eq.NS * nu
+    weak, strong = eq.internal_drive(ring, P[0]), eq.internal_drive(ring, P[-1])
+    high = balance.energy(0.0, strong, rates, fcd, R)
+    low = balance.energy(balance.reach(np.abs(shifts).max(), strong, rates, fcd, R), weak, rates, fcd, R)
+    energies = np.geomspace(low, high, ENERGIES)
+    return _Plane(ring, rates, fcd, eq.internal_poles(poles), R, P, shifts, energies)
+
+
+def _frequencies(plane: _Plane) -> Array:
+    """From far below the slowest thermal pole to above the beat of laser and resonance, in rad/ns."""
+    from . import balance
+
+    shift, gamma = balance.balances(plane.energies, plane.rates, plane.fcd, plane.R)[[3, 5]]
+    highest = gamma.max() + np.abs(shift).max() + np.abs(plane.detunings).max()
+    return np.geomspace(1e-4 * plane.poles[1].min(), 2 * highest, FREQUENCIES)
+
+
+def _terms(plane: _Plane, log_U: Array, log_w: Array) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """A and B at lambda = i w, for arrays of one shape."""
+    from . import spectrum
+
+    z = 1j * np.exp(log_w)
+    at = spectrum.seculars(np.exp(log_U).ravel(), plane.rates, plane.fcd, plane.R).reshape(7, *log_U.shape)
+    gamma, gamma_2, rho, alpha, beta, heat, cross = at
+    Z = np.zeros(z.shape, dtype=complex)
+    for gain, rate in plane.poles.T:
+        Z += gain / (z + rate)
+    return (z + gamma) * (z + gamma_2 + alpha / (z + rho)), (beta + Z * (heat * (z + rho) + cross)) / (z + rho)
+
+
+def _sheet(plane: _Plane, log_U: Array, log_w: Array, sign: int) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """The remaining equation on one sheet (over w), D, and whether it is real; both sheets are one where it is not."""
+    A, B = _terms(plane, log_U, log_w)
+    square = B.real**2 - 4 * A.real
+    D = (B.real + sign * np.sqrt(np.maximum(square, 0))) / 2
+    return (A.imag - D * B.imag) / np.exp(log_w), D, square > 0
+
+
+def _pieces(plane: _Plane) -> list[_Piece]:
+    """Zero contours of both sheets."""
+    import contourpy
+
+    log_U, log_w = np.log(plane.energies), np.log(_frequencies(plane))
+    pieces = []
+    for sign in (1, -1):
+        lines = contourpy.contour_generator(z=_sheet(plane, *np.meshgrid(log_U, log_w), sign)[0]).lines(0.0)
+        for line in lines:
+            x, y = _refined(plane, np.asarray(line), log_U, log_w, sign)
+            _, D, real = _sheet(plane, x, y, sign)
+            change = np.diff(np.concatenate([[0], real.astype(int), [0]]))
+            for a, b in zip(np.flatnonzero(change == 1), np.flatnonzero(change == -1), strict=True):
+                pieces.append(_Piece(np.array([x, D, y])[:, a:b], (bool(a > 0), bool(b < x.size))))
+    return pieces
+
+
+def _refined(plane: _Plane, line: Array, log_U: Array, log_w: Array, sign: int) -> tuple[Array, Array]:
+    """log U and log w of the points of a contour, moved along the grid edges on which they lie to the exact zero."""
+    low, high = np.floor(line + 1e-9).astype(int), np.ceil(line - 1e-9).astype(int)
+    a, b = (np.array([log_U[i[:, 0]], log_w[i[:, 1]]]) for i in (low, high))
+    start = _sheet(plane, a[0], a[1], sign)[0] > 0
+    for _ in range(BISECTIONS):
+        middle = (a + b) / 2
+        same = (_sheet(plane, middle[0], middle[1], sign)[0] > 0) == start
+        a, b = np.where(same, middle, a), np.where(same, b, middle)
+    x, y = (a + b) / 2
+    return x, y
+
+
+def _joined(pieces: list[_Piece]) -> list[Array]:
+    """Join pieces whose ends lie where the sheets meet, each with the nearest such end."""
+    lines = list(pieces)
+    while True:
+        ends = [(k, e) for k, piece in enumerate(lines) for e in (0, 1) if piece.meets[e]]
+        at = {(k, e): lines[k].points[[0, 2], -e] for k, e in ends}
+        pairs = [(float(np.hypot(*(at[p] - at[q]))), p, q) for i, p in enumerate(ends) for q in ends[i + 1 :]]
+        distance, (k, e), (m, f) = min(pairs, default=(np.inf, (0, 0), (0, 0)))
+        if distance > JOIN:
+            return [line.points for line in lines]
+        first, second = lines[k], lines[m]
+        if k == m:  # a closed curve
+            lines[k] = _Piece(np.column_stack([first.points, first.points[:, :1]]), (False, False))
+            continue
+        one = first.points if e == 1 else first.points[:, ::-1]
+        two = second.points if f == 0 else second.points[:, ::-1]
+        joined = _Piece(np.column_stack([one, two]), (first.meets[1 - e], second.meets[1 - f]))
+        lines = [line for i, line in enumerate(lines) if i not in (k, m)] + [joined]
+
+
+def _smooth(plane: _Plane, line: Array) -> tuple[Array, Array, Array]:
+    """Halve the segments that are long in the window, with new points on the curve, and return U, D and w."""
+    for _ in range(14):
+        at = _window(plane, np.exp(line[0]), line[1])
+        low, high = np.minimum(at[:, 1:], at[:, :-1]), np.maximum(at[:, 1:], at[:, :-1])
+        near = np.all((low < 1.2) & (high > -0.2), axis=0)
+        long = np.flatnonzero(near & (np.hypot(*(high - low)) > STRETCH))
+        if long.size == 0:
+            break
+        start = (line[:, long] + line[:, long + 1]) / 2
+        scale = np.array([1, plane.rates.loss, 1])[:, None]
+        size = np.linalg.norm((line[:, long + 1] - line[:, long]) / scale, axis=0)
+        found = _projected(plane, start, scale)
+        good = np.linalg.norm((found - start) / scale, axis=0) < size  # not another stretch of the curve
+        line = np.insert(line, long[good] + 1, found[:, good], axis=1)
+    return np.exp(line[0]), line[1], np.exp(line[2])
+
+
+def _projected(plane: _Plane, at: Array, scale: Array) -> Array:
+    """The nearest Hopf points by Newton's method, each step the shortest one in (log U, D/gamma, log w)."""
+    h = 1e-6
+    for _ in range(8):
+        A, B = _terms(plane, at[0], at[2])
+        by_D = 2 * at[1] - B
+        slopes = [by_D * scale[1]]
+        for row in (0, 2):
+            shift = h * np.eye(3)[row][:, None]
+            (A1, B1), (A0, B0) = (_terms(plane, *(at + s * shift)[[0, 2]]) for s in (1, -1))
+            slopes.append(((A1 - A0) - at[1] * (B1 - B0)) / (2 * h))
+        J = np.array([slopes[1], slopes[0], slopes[2]])  # 3 x points, complex: two real rows for each point
+        F = A + at[1] ** 2 - at[1] * B
+        g11, g22, g12 = ((p * q).sum(axis=0) for p, q in ((J.real, J.real), (J.imag, J.imag), (J.real, J.imag)))
+        d = g11 * g22 - g12**2
+        u, v = (g22 * F.real - g12 * F.imag) / d, (g11 * F.imag - g12 * F.real) / d
+        at = at - scale * (J.real * u + J.imag * v)
+    return at
+
+
+def _window(plane: _Plane, U: Array, D: Array) -> Array:
+    """Power (logarithmic) and detuning of fixed points as fractions of the window, shape (2, n)."""
+    power, shift = _laser(plane, U, D)
+    width = max(np.log(plane.powers[-1] / plane.powers[0]), 0.01)
+    height = max(float(np.ptp(plane.detunings)), 0.01 * plane.rates.loss)
+    return np.array([np.log(power / plane.powers[0]) / width, (shift - plane.detunings[0]) / height])
+
+
+def _fold_equation(plane: _Plane, U: Array) -> tuple[Array, Array]:
+    """a and b of D^2 + 2 a D + b = 0."""
+    from . import balance
+
+    _, _, _, _, shift_slope, gamma, gamma_slope = balance.balances(U, plane.rates, plane.fcd, plane.R)
+    return U * shift_slope, gamma**2 + 2 * U * gamma * gamma_slope
+
+
+def _folded(plane: _Plane) -> list[tuple[float, float]]:
+    """Intervals of U with folds, their ends inside by bisection."""
+    U = np.geomspace(plane.energies[0], plane.energies[-1], 10 * ENERGIES)
+
+    def folds(values: Array) -> NDArray[np.bool_]:
+        a, b = _fold_equation(plane, values)
+        return np.asarray(a * a >= b)
+
+    has = folds(U)
+    edges = [U[0]] if has[0] else []
+    for k in np.flatnonzero(has[1:] != has[:-1]):
+        inside, outside = (U[k + 1], U[k]) if has[k + 1] else (U[k], U[k + 1])
+        for _ in range(BISECTIONS):
+            middle = (inside + outside) / 2
+            inside, outside = (middle, outside) if folds(np.array([middle]))[0] else (inside, middle)
+        edges.append(inside)
+    edges += [U[-1]] if has[-1] else []
+    return list(zip(edges[::2], edges[1::2], strict=True))
+
+
+def _laser(plane: _Plane, U: Array, D: Array) -> tuple[Array, Array]:
+    """Power in W and detuning in rad/ns of the fixed points (U, D)."""
+    from . import balance
+    from . import equations as eq
+
+    shift, gamma = balance.balances(np.ascontiguousarray(U), plane.rates, plane.fcd, plane.R)[[3, 5]]
+    return U * (gamma**2 + D**2) / (2 * plane.ring.bus_rate * eq.NS) * eq.UW, shift - D
+
+
+def _inside(plane: _Plane, U: Array, D: Array) -> list[slice]:
+    """Stretches of a curve within the window, each with one point more at either end where there is one."""
+    at = _window(plane, U, D)
+    inside = np.all((at >= 0) & (at <= 1), axis=0)
+    change = np.diff(np.concatenate([[0], inside.astype(int), [0]]))
+    starts, stops = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
+    return [slice(max(a - 1, 0), b + 1) for a, b in zip(starts, stops, strict=True)]
+
+
+def _others_decay(values: NDArray[np.complex128], w: float) -> bool:
+    """Whether all eigenvalues but the two nearest to +- i w decay."""
+    rest = np.delete(values, np.argmin(np.abs(values - 1j * w)))
+    rest = np.delete(rest, np.argmin(np.abs(rest + 1j * w)))
+    return bool(np.all(rest.real < 0))
+
+
+def _dataset(plane: _Plane, kind: str, U: Array, D: Array, omega: Array | None = None) -> xr.Dataset:
+    """One curve in SI."""
+    import xarray as xr
+
+    from thermofem import dataset
+
+    from . import equations as eq
+
+    power, shift = _laser(plane, U, D)
+    values = {"power": power, "detuning": shift / (2 * np.pi * eq.NS), "energy": U * eq.FJ}
+    if omega is not None:
+        values["frequency"] = omega / (2 * np.pi * eq.NS)
+    fields = {"power": "input_power"}
+    return xr.Dataset(
+        {name: ("point", v, dataset.describe(fields.get(name, name))) for name, v in values.items()},
+        attrs={"kind": kind, "ring": plane.ring.name},
+    )

@@ -1,0 +1,171 @@
+"""All fixed points of one laser setting, with their stability."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thermofem import checks
+from thermofem.model import Foster, ThermalModel
+
+from .resonator import RingResonator
+from .thermal import network
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+
+def steady_states(
+    ring: RingResonator, model: ThermalModel, *, power: float, detuning: float = 0.0
+) -> xr.Dataset:  # fmt: skip
+    """Return every fixed point at one power and detuning, and whether it is stable.
+
+        P = U (gamma^2 + D^2)/(2 gamma_e),     D = -(w0/n0) [(dn/dT) dT + S(N)] - 2 pi detuning
+        b N^2 + (1 - a k) N - k = 0,  k = tau0 g_TPA U^2;     dT = R_th P_abs(U, N)
+
+    For an energy U all but the laser is explicit. The fixed points of one power are then one smooth curve, the tilted
+    resonance, which is cut at its turning points into pieces that hold a detuning at most once: none is missed. Their
+    place depends on R_th alone, their stability on the poles.
+
+    Parameters
+    ----------
+    ring : RingResonator
+    model : ThermalModel
+        linear and small: a Foster network or a StateSpace with at most 500 states.
+    power : float, W
+        in the bus waveguide, larger than 0.
+    detuning : float, Hz
+        laser minus cold resonance.
+
+    Returns
+    -------
+    xarray.Dataset
+        over branch, by increasing energy: energy (J), carriers (1/m^3), delta_T (K), drop, through and absorbed (W),
+        growth_rate (1/s, the largest real part of the eigenvalues), frequency (Hz, of the eigenvalue with that real
+        part; 0 if it is real) and regime:
+        "stable", no growing mode; "saddle", an odd number of them, as on the middle branch of a bistability;
+        "unstable focus", two or more and the fastest of them oscillates; "unstable node", it does not.
+
+    Raises
+    ------
+    InputError
+        power or detuning out of range, or a model that is not linear, small and passive.
+
+    Tested against the cubic of a ring without two-photon absorption: energies to 1e-10, and all three fixed points down
+    to 1e-9 beyond the detuning at which bistability begins.
+
+    Source: Borghi et al., Opt. Express 29, 4363 (2021), Eqs. 1 and 2.1-2.5, with 2 gamma_e in drive and drop.
+
+    >>> import coupled, thermofem as th
+    >>> model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
+    >>> states = coupled.steady_states(coupled.borghi2021(), model, power=5e-3, detuning=-32e9)
+    >>> for energy, regime in zip(states.energy.values, states.regime.values):
+    ...     print(f"{energy * 1e15:.3f} fJ, {regime}")
+    8.581 fJ, stable
+    15.551 fJ, saddle
+    21.217 fJ, unstable focus
+    """
+    import xarray as xr
+
+    from thermofem import dataset
+
+    from . import balance, spectrum
+    from . import equations as eq
+
+    check_ring(ring)
+    check_power(power)
+    check_detuning(detuning)
+    poles = network(model)
+    rates, fcd = eq.internal_rates(ring)
+    drive, shift, R = eq.internal_drive(ring, power), eq.internal_detuning(detuning), poles.thermal_resistance * eq.UW
+    pieces = balance.turning_points(balance.reach(shift, drive, rates, fcd, R), drive, rates, fcd, R)
+    U, D = balance.fixed_points(shift, drive, rates, fcd, R, pieces)
+    order = np.argsort(U)
+    U, D = U[order], D[order]
+    N, _, dT, _, _, gamma, _ = balance.balances(U, rates, fcd, R)
+    thermal = eq.internal_poles(poles)
+    found = [kind_of(spectrum.dense(u, d, rates, fcd, thermal)) for u, d in zip(U, D, strict=True)]
+    coupling = 2 * ring.bus_rate * eq.NS
+    values: dict[str, Any] = {
+        "energy": U * eq.FJ,
+        "carriers": N * eq.DENSITY,
+        "delta_T": dT,
+        "drop": coupling * U * eq.UW,
+        "through": power * np.abs(1 - coupling / (gamma - 1j * D)) ** 2,
+        "absorbed": eq.absorbed_power.py_func(U, N, rates) * eq.UW,
+        "growth_rate": np.array([growth for growth, _, _ in found]) / eq.NS,
+        "frequency": np.array([omega for _, omega, _ in found]) / (2 * np.pi * eq.NS),
+        "regime": np.array([regime for _, _, regime in found], dtype=str),
+    }
+    return xr.Dataset(
+        {name: ("branch", v, dataset.describe(name)) for name, v in values.items()},
+        attrs=provenance("steady states", ring, poles) | {"input_power": float(power), "detuning": float(detuning)},
+    )
+
+
+def kind_of(eigenvalues: NDArray[np.complex128]) -> tuple[float, float, str]:
+    """Return the largest real part, the angular frequency that goes with it (0 if real), and the kind in words."""
+    from .spectrum import REAL
+
+    first = eigenvalues[np.argmax(eigenvalues.real)]
+    omega = abs(first.imag) if abs(first.imag) > REAL * abs(first) else 0.0
+    growing = int(np.sum(eigenvalues.real > 0))
+    if growing == 0:
+        regime = "stable"
+    elif growing % 2:
+        regime = "saddle"
+    else:
+        regime = "unstable focus" if omega else "unstable node"
+    return float(first.real), float(omega), regime
+
+
+def provenance(kind: str, ring: RingResonator, model: Foster) -> dict[str, Any]:
+    """Attributes of a Dataset of this package: what it is, and the ring and the network it was made with."""
+    from thermofem import __version__, dataset
+
+    return {
+        "schema": dataset.SCHEMA,
+        "thermofem_version": __version__,
+        "kind": kind,
+        "ring": ring.name,
+        "ring_parameters": json.dumps(asdict(ring)),
+        "model_R": np.asarray(model.R),
+        "model_tau": np.asarray(model.tau),
+    }
+
+
+def check_ring(ring: RingResonator) -> None:
+    """Raise InputError unless this is a ring."""
+    if not isinstance(ring, RingResonator):
+        raise checks.InputError(f"ring is a {type(ring).__name__}; it must be a RingResonator, such as borghi2021()")
+
+
+def check_power(power: float, name: str = "power") -> float:
+    """Return a bus power in W, or raise InputError."""
+    return checks.positive(name, power, unit="W", at_most=1, hint="8 dBm is 6.31e-3, 6.31 mW is 6.31e-3")
+
+
+def check_detuning(detuning: float, name: str = "detuning") -> float:
+    """Return a detuning in Hz, or raise InputError."""
+    nu = checks.finite(name, detuning, unit="Hz")
+    if 1 <= abs(nu) <= 1e3:
+        raise checks.InputError(f"{name} = {nu:g} Hz is below any linewidth; it is in Hz (did you mean {nu:g}e9?)")
+    return checks.between(name, nu, -5e12, 5e12, unit="Hz", hint="laser minus cold resonance, e.g. -10e9")
+
+
+def check_axis(name: str, values: ArrayLike) -> Array:
+    """Return the powers or detunings of a map, strictly increasing, or raise InputError naming the bad one."""
+    axis = checks.array(name, values)
+    for k in range(axis.size):
+        (check_power if name == "powers" else check_detuning)(axis[k], f"{name}[{k}]")
+        if k and axis[k] <= axis[k - 1]:
+            raise checks.InputError(
+                f"{name}[{k}] = {axis[k]:g} is not above {name}[{k - 1}] = {axis[k - 1]:g}; sort it"
+            )
+    return axis

@@ -1,0 +1,190 @@
+"""Maps by integration: each point is its own run, failures are kept, and how far linear stability agrees."""
+
+from __future__ import annotations
+
+import pickle
+from concurrent.futures import Executor, Future
+from importlib import import_module
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import coupled
+import surrogate
+import thermofem as th
+from coupled.plot import plot_map, plot_maps
+
+RING = coupled.borghi2021()
+LUMPED = RING.with_lumped_fcd()
+EXPERIMENT = surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)
+NEWTON = surrogate.newton(tau_th=275e-9)
+POWERS = 1e-3 * 10 ** (np.array([4, 7, 8]) / 10)
+DETUNINGS = np.array([-10e9, 0.0, 30e9])
+
+
+@pytest.fixture(scope="module")
+def small():
+    return coupled.pulsing_map(RING, EXPERIMENT, POWERS, DETUNINGS)
+
+
+def test_every_point_is_its_own_run(small):
+    for i, power in enumerate(POWERS):
+        for j, detuning in enumerate(DETUNINGS):
+            run = coupled.simulate(RING, EXPERIMENT, power=power, detuning=detuning, duration=20e-6, rtol=1e-5)
+            want, got = coupled.pulsing(run), small.isel(power=i, detuning=j)
+            assert str(got.regime.values) == want.regime
+            assert str(got.reason.values) == want.reason
+            for name in ("period", "duty", "swing"):
+                assert float(got[name]) == pytest.approx(getattr(want, name), rel=1e-14, abs=0, nan_ok=True)
+
+
+def test_published_points(small):
+    # Rodas5P at rtol = 1e-9; here rtol = 1e-5, whose periods are good to 1e-4, duty and swing read off steps to 1e-3.
+    assert small.period.values[[1, 2], [0, 1]] == pytest.approx([499.334e-9, 535.939e-9], rel=1e-4, abs=0)
+    assert small.duty.values[[1, 2], [0, 1]] == pytest.approx([0.4117, 0.2819], rel=2e-3)
+    assert small.swing.values[[1, 2], [0, 1]] == pytest.approx([4.6393, 5.9956], rel=2e-3)
+
+
+class Pickling(Executor):
+    """Runs at once, with everything pickled on the way in and out, as another process would have it."""
+
+    def __init__(self):
+        self.jobs = 0
+
+    def submit(self, fn, /, *args, **kwargs):
+        self.jobs += 1
+        future = Future()
+        function, given, named = pickle.loads(pickle.dumps((fn, args, kwargs)))
+        future.set_result(pickle.loads(pickle.dumps(function(*given, **named))))
+        return future
+
+
+def test_any_executor_will_do_and_a_bar_may_be_drawn(small, capsys):
+    executor = Pickling()
+    assert coupled.pulsing_map(RING, EXPERIMENT, POWERS, DETUNINGS, executor=executor).identical(small)
+    assert executor.jobs == POWERS.size
+    assert capsys.readouterr().out == ""
+    coupled.pulsing_map(RING, EXPERIMENT, POWERS[:1], DETUNINGS[:1], duration=1e-7, progress=True)
+    assert "100%" in capsys.readouterr().out
+
+
+def test_a_failing_point_stores_its_reason_and_spares_the_others(small, monkeypatch):
+    maps = import_module("coupled.maps")
+
+    def sometimes(ring, model, *, power, detuning, duration, rtol):
+        if power == POWERS[1] and detuning == 0:
+            raise RuntimeError("the integration found no step small enough")
+        return coupled.simulate(ring, model, power=power, detuning=detuning, duration=duration, rtol=rtol)
+
+    monkeypatch.setattr(maps, "simulate", sometimes)
+    found = coupled.pulsing_map(RING, EXPERIMENT, POWERS, DETUNINGS)
+    failed = found.regime == "failed"
+    assert int(failed.sum()) == 1
+    assert str(found.reason.values[1, 1]) == "the integration found no step small enough"
+    assert np.isnan(found.period.values[1, 1])
+    assert found.where(~failed, drop=False).period.equals(small.where(~failed).period)
+    assert coupled.overlap(found, small) == 1  # a failed point does not count
+    assert coupled.overlap(small, found.assign(regime=small.regime)) == 1
+
+
+def test_no_trace_counts_as_at_rest_where_no_fixed_point_is_stable(monkeypatch):
+    rest = coupled.Pulsing(coupled.Regime.STABLE, "at rest", np.nan, np.nan, 0.1, 0)
+    monkeypatch.setattr(import_module("coupled.maps"), "pulsing", lambda run: rest)
+    found = coupled.pulsing_map(RING, EXPERIMENT, POWERS[[0, 2]], DETUNINGS[1:], duration=1e-7)
+    assert found.regime.values.tolist() == [["slow transient", "stable"], ["slow transient", "slow transient"]]
+    assert str(found.reason.values[1, 0]) == "at rest, but no fixed point is stable"
+
+
+def classes(integrated, linear):
+    """Count the points where the two maps differ, by what explains them."""
+    found = {"subcritical": 0, "ghost": 0, "slow": 0, "unexplained": 0}
+    pulses, unstable = (m.regime.values == "self-pulsing" for m in (integrated, linear))
+    for i, j in zip(*np.nonzero(pulses != unstable), strict=True):
+        reason, growth = str(integrated.reason.values[i, j]), float(linear.growth_rate[i, j])
+        if pulses[i, j] and "steady" in reason and int(linear.stable_points[i, j]) == 1:
+            found["subcritical"] += 1  # a steady limit cycle beside a stable fixed point
+        elif unstable[i, j] and str(integrated.regime.values[i, j]) == "slow transient":
+            found["ghost"] += 1  # the first pulse is still to come
+        elif abs(growth) * integrated.attrs["duration"] < 3:
+            found["slow"] += 1  # an amplitude that changes by less than exp(3) in the whole run
+        else:
+            found["unexplained"] += 1
+    return found
+
+
+@pytest.mark.parametrize(
+    ("ring", "model", "least", "kinds"),
+    [(RING, EXPERIMENT, 0.98, {"ghost", "slow"}), (LUMPED, NEWTON, 0.92, {"subcritical"})],
+    ids=["second order", "newton"],
+)
+def test_linear_stability_agrees_with_integration(ring, model, least, kinds):
+    """A subset of 29 powers x 36 detunings, of which 99.1 % (second order) and 93.1 % (Newton) agree."""
+    powers, detunings = 1e-3 * 10 ** (np.linspace(3, 10, 29)[::2] / 10), np.linspace(-30e9, 30e9, 36)[1::3]
+    integrated = coupled.pulsing_map(ring, model, powers, detunings)
+    linear = coupled.stability_map(ring, model, powers, detunings)
+    # On 180 points the sampled share scatters by sqrt(p (1 - p)/180): 0.7 % and 1.9 %.
+    share = coupled.overlap(integrated, linear)
+    assert share >= least
+    found = classes(integrated, linear)
+    assert {kind for kind, count in found.items() if count} <= kinds
+    assert sum(found.values()) == round((1 - share) * integrated.regime.size)
+
+
+def test_overlap_counts_points(small):
+    pulses = small.regime.values == "self-pulsing"
+    assert pulses.any()
+    assert not pulses.all()
+    other = small.assign(regime=(small.regime.dims, np.where(pulses, "stable", "self-pulsing")))
+    assert coupled.overlap(small, small) == 1
+    assert coupled.overlap(small, other) == 0
+    one = small.regime.values.copy()
+    one[0, 0] = "stable" if pulses[0, 0] else "self-pulsing"
+    assert coupled.overlap(small, small.assign(regime=(small.regime.dims, one))) == pytest.approx(8 / 9, rel=1e-15)
+    quiet = np.where(pulses, "self-pulsing", "bistable")  # bistable, stable and slow are alike in not pulsing
+    assert coupled.overlap(small, small.assign(regime=(small.regime.dims, quiet))) == 1
+
+
+def test_map_survives_netcdf(small, tmp_path):
+    back = th.load(th.save(small, tmp_path / "map.nc"))
+    assert back.equals(small)
+    assert {name: v.attrs["units"] for name, v in back.data_vars.items()} == {
+        "regime": "1", "period": "s", "duty": "1", "swing": "K", "reason": "1",
+    }  # fmt: skip
+
+
+def test_slips_are_named_in_one_line(small):
+    for change, message in (
+        ({"powers": [8]}, "8 dBm is 6.31e-3"),
+        ({"detunings": [10]}, "did you mean 10e9"),
+        ({"duration": 20}, "20e-6 for 20 us"),
+        ({"rtol": 0.5}, "rtol"),
+        ({"model": th.Foster(R=[9e3, -1e3], tau=[1e-7, 1e-6])}, "passive"),
+    ):
+        arguments = {"ring": RING, "model": EXPERIMENT, "powers": [1e-3], "detunings": [0.0]} | change
+        with pytest.raises(th.InputError, match=message) as error:
+            coupled.pulsing_map(**arguments)
+        assert "\n" not in str(error.value)
+    with pytest.raises(th.InputError, match="different points along power"):
+        coupled.overlap(small, small.isel(power=slice(2)))
+    with pytest.raises(th.InputError, match="second has no variable 'regime'"):
+        coupled.overlap(small, small.drop_vars("regime"))
+    with pytest.raises(th.InputError, match="every point failed"):
+        coupled.overlap(small, small.assign(regime=(small.regime.dims, np.full((3, 3), "failed"))))
+
+
+def test_figures_label_themselves(small):
+    curves = [*coupled.hopf_curves(RING, EXPERIMENT, POWERS, DETUNINGS)]
+    folds = coupled.fold_curves(RING, EXPERIMENT, POWERS, DETUNINGS)
+    for name in ("regime", "period", "duty", "swing"):
+        ax = plot_map(small, name, hopf=curves, folds=folds)
+        assert (ax.get_xlabel(), ax.get_ylabel()) == ("detuning (GHz)", "power (dBm)")
+        assert len(ax.lines) == len(curves) + len(folds)
+        # the window is that of the map, cells and all: half a spacing beyond the outermost points
+        assert ax.get_xlim() == pytest.approx((-15, 45))
+    axes = plot_maps({"A": small, "B": small}, hopf={"A": curves}, folds={"B": folds})
+    assert axes.shape == (3, 2)
+    assert [ax.get_title() for ax in axes[0]] == ["A", "B"]
+    with pytest.raises(th.InputError, match="perid"):
+        plot_map(small, "perid")
+    plt.close("all")

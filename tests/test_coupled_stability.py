@@ -1,0 +1,188 @@
+"""Stability maps and the Hopf and fold curves: against eigenvalues of single points and closed forms."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import coupled
+import surrogate
+import thermofem as th
+from coupled import equations as eq
+from coupled import spectrum
+
+RING = coupled.borghi2021()
+LUMPED = RING.with_lumped_fcd()
+EXPERIMENT = surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)
+NEWTON = surrogate.newton(tau_th=275e-9)
+SIXTEEN = th.Foster(R=np.linspace(100, 800, 16), tau=np.geomspace(2e-9, 9e-6, 16))
+CASES = {"second order": (RING, EXPERIMENT), "newton": (LUMPED, NEWTON), "sixteen poles": (RING, SIXTEEN)}
+POWERS = 1e-3 * 10 ** (np.linspace(3, 10, 12) / 10)
+DETUNINGS = np.linspace(-30e9, 30e9, 13)
+WIDE = 1e-3 * 10 ** (np.array([-5, 15]) / 10), np.array([-120e9, 60e9])
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_every_point_of_a_map_is_what_its_fixed_points_say(case):
+    ring, model = CASES[case]
+    found = coupled.stability_map(ring, model, POWERS, DETUNINGS)
+    for cell in (found.isel(power=i, detuning=j) for i in range(POWERS.size) for j in range(DETUNINGS.size)):
+        states = coupled.steady_states(ring, model, power=float(cell.power), detuning=float(cell.detuning))
+        stable = int(np.sum(states.regime == "stable"))
+        assert int(cell.fixed_points) == states.sizes["branch"]
+        assert int(cell.stable_points) == stable
+        assert str(cell.regime.values) == ("self-pulsing", "stable", "bistable")[min(stable, 2)]
+        least = states.isel(branch=int(states.growth_rate.values.argmin()))
+        # Eigenvalues below 1e-2 per ns next to 100 per ns: LAPACK's 1e-15 of the norm is 1e-11 of them; where two
+        # nearly coincide their difference is known to the root of that.
+        assert float(cell.growth_rate) == pytest.approx(float(least.growth_rate), rel=1e-6, abs=1e-6 * 1e6)
+        assert float(cell.frequency) == pytest.approx(float(least.frequency), rel=1e-5, abs=1e3)
+
+
+def test_the_known_points():
+    found = coupled.stability_map(RING, EXPERIMENT, 1e-3 * 10 ** (np.array([5.5, 7, 8]) / 10), [-28e9, 0.0])
+    assert [str(v) for v in found.regime.values[:, 0]] == ["bistable", "stable", "self-pulsing"]
+    assert found.fixed_points.values.tolist() == [[3, 1], [3, 1], [1, 1]]
+    assert str(found.regime.values[2, 1]) == "self-pulsing"
+    assert float(found.growth_rate[2, 1]) == pytest.approx(0.01518554e9, rel=4e-7)  # half a unit of the last digit
+    assert float(found.frequency[2, 1]) == pytest.approx(0.006693e9 / (2 * np.pi), rel=8e-5)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_hopf_points_have_a_pair_on_the_imaginary_axis(case):
+    ring, model = CASES[case]
+    curves = coupled.hopf_curves(ring, model, POWERS, DETUNINGS)
+    assert curves
+    for curve in curves:
+        for point in (curve.isel(point=k) for k in range(0, curve.sizes["point"], 5)):
+            states = coupled.steady_states(ring, model, power=float(point.power), detuning=float(point.detuning))
+            branch = states.isel(branch=int(np.abs(states.energy.values - float(point.energy)).argmin()))
+            assert float(branch.energy) == pytest.approx(float(point.energy), rel=1e-8, abs=0)
+            # Newton's method ends at round-off of a sum of terms of 1e4 per ns^2, 1e-12, over a slope of 1e2 per ns.
+            if bool(point.leading):
+                assert abs(float(branch.growth_rate)) < 1e-8 * 2 * np.pi * float(point.frequency)
+                assert float(branch.frequency) == pytest.approx(float(point.frequency), rel=1e-7)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_hopf_curves_part_stable_from_pulsing(case):
+    """Crossing a leading Hopf curve changes the number of stable fixed points by one."""
+    ring, model = CASES[case]
+    for curve in coupled.hopf_curves(ring, model, POWERS, DETUNINGS):
+        for k in range(1, curve.sizes["point"], 10):
+            point = curve.isel(point=k)
+            assert bool(point.leading)
+            sides = [float(point.detuning) - 1e6, float(point.detuning) + 1e6]
+            found = coupled.stability_map(ring, model, [float(point.power)], sides)
+            assert abs(int(found.stable_points[0, 0]) - int(found.stable_points[0, 1])) == 1
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_hopf_curves_are_smooth_and_end_only_at_the_border_or_at_a_fold(case):
+    ring, model = CASES[case]
+    (low, high), (left, right) = WIDE
+    for curve in coupled.hopf_curves(ring, model, *WIDE):
+        x = np.log(curve.power.values / low) / np.log(high / low)
+        y = (curve.detuning.values - left) / (right - left)
+        assert np.hypot(np.diff(x), np.diff(y)).max() < 0.011  # what the curves promise, and round-off of the ends
+        closed = np.hypot(x[0] - x[-1], y[0] - y[-1]) < 0.011
+        for end in (0, -1):
+            border = not (0.01 < x[end] < 0.99 and 0.01 < y[end] < 0.99)
+            slow = float(curve.frequency[end]) < 1e3  # w -> 0: the oscillation ends on a fold (Bogdanov and Takens)
+            assert border or slow or closed
+
+
+@pytest.mark.parametrize(("ring", "model"), [(RING, EXPERIMENT), (LUMPED, SIXTEEN)])
+def test_fold_points_have_a_zero_eigenvalue(ring, model):
+    curves = coupled.fold_curves(ring, model, *WIDE)
+    assert curves
+    rates, fcd = eq.internal_rates(ring)
+    poles, R = eq.internal_poles(model), model.thermal_resistance * eq.UW
+    for curve in curves:
+        for k in range(0, curve.sizes["point"], 7):
+            U, P = float(curve.energy[k]) / eq.FJ, float(curve.power[k])
+            shift = spectrum.fixed.balances(np.array([U]), rates, fcd, R)[3, 0]
+            D = shift - eq.internal_detuning(float(curve.detuning[k]))
+            gamma = spectrum.secular(U, rates, fcd, R).gamma
+            assert U * (gamma**2 + D**2) == pytest.approx(eq.internal_drive(ring, P) ** 2, rel=1e-11, abs=0)
+            values = spectrum.dense(U, D, rates, fcd, poles)
+            # The determinant vanishes to round-off, 1e-16 of its terms, so the zero is one of 1e-13 of the slowest
+            # pole (1e-4 per ns), raised by the condition of the eigenvalue.
+            assert np.abs(values).min() < 1e-9
+
+
+def test_folds_of_heat_alone_are_those_of_the_cubic():
+    """U (gamma^2 + (c U + delta)^2) = 2 gamma_e P turns where 3 x^2 + 4 delta x + delta^2 + gamma^2 = 0, x = c U."""
+    ring, model = replace(RING, tpa_coefficient=0.0, fcd=((0.0, 1.0),)), EXPERIMENT
+    rates, _ = eq.internal_rates(ring)
+    c = rates.thermal_shift * model.thermal_resistance * eq.UW * 2 * rates.absorbed
+    (curve,) = coupled.fold_curves(ring, model, *WIDE)
+    x, delta = curve.energy.values / eq.FJ * c, 2 * np.pi * curve.detuning.values * eq.NS
+    terms = 3 * x**2, 4 * delta * x, delta**2, rates.loss**2
+    # A sum that vanishes, to round-off of delta = shift - D, terms up to 1e3 rad/ns: a few 1e-15 of the largest term.
+    assert np.abs(sum(terms)).max() < 1e-13 * max(np.abs(t).max() for t in terms)
+    # The cusp: detuning -sqrt(3) gamma. It lies between two of 300 points, quadratically flat in between: (pi/300)^2.
+    assert delta.max() == pytest.approx(-np.sqrt(3) * rates.loss, rel=2e-3)
+
+
+def test_crossing_a_fold_changes_the_number_of_fixed_points_by_two():
+    for curve in coupled.fold_curves(RING, EXPERIMENT, POWERS, DETUNINGS):
+        for k in range(1, curve.sizes["point"] - 1, 20):
+            P, nu = float(curve.power[k]), float(curve.detuning[k])
+            found = coupled.stability_map(RING, EXPERIMENT, P * np.array([1 - 1e-5, 1 + 1e-5]), [nu])
+            assert abs(int(found.fixed_points[0, 0]) - int(found.fixed_points[1, 0])) == 2
+
+
+def test_equal_and_unheated_poles_change_nothing():
+    R, tau = np.asarray(EXPERIMENT.R), np.asarray(EXPERIMENT.tau)
+    split = th.Foster(R=[*(R / 2), *(R / 2), 0.0], tau=[*tau, *tau, 1e-8])
+    one, other = (coupled.stability_map(RING, m, POWERS, DETUNINGS) for m in (EXPERIMENT, split))
+    assert np.all(one.regime == other.regime)
+    assert other.growth_rate.values == pytest.approx(one.growth_rate.values, rel=1e-8)  # near-double ones: as above
+
+
+def test_a_state_space_is_the_foster_network_it_equals():
+    R, tau = np.asarray(EXPERIMENT.R), np.asarray(EXPERIMENT.tau)
+    system = th.StateSpace(E=np.diag(tau / R), A=-np.diag(1 / R), B=np.ones((2, 1)), C=np.ones((1, 2)))
+    one, other = (coupled.stability_map(RING, m, POWERS, DETUNINGS) for m in (EXPERIMENT, system))
+    assert np.all(one.regime == other.regime)
+    assert other.growth_rate.values == pytest.approx(one.growth_rate.values, rel=1e-8)  # near-double ones: as above
+    lines, others = (coupled.hopf_curves(RING, m, POWERS, DETUNINGS) for m in (EXPERIMENT, system))
+    # the eigenvectors' round-off, 1e-15, over the slope of the curves in the window
+    assert others[0].power.values == pytest.approx(lines[0].power.values, rel=1e-10, abs=0)
+
+
+def test_fem_reduction_goes_in_as_any_other_model():
+    heat = th.assemble(th.strip_ring(), accuracy=1e-3)
+    reduced = surrogate.reduce(heat.system, tolerance=1e-3).model
+    found = coupled.stability_map(RING, reduced, POWERS, DETUNINGS)
+    assert {"stable", "bistable", "self-pulsing"} >= set(found.regime.values.ravel())
+    assert str(found.regime.sel(power=POWERS[8], detuning=0.0).values) == "self-pulsing"
+    assert coupled.hopf_curves(RING, reduced, POWERS, DETUNINGS)
+
+
+def test_map_says_what_it_is(tmp_path):
+    found = coupled.stability_map(RING, EXPERIMENT, POWERS, DETUNINGS)
+    assert found.regime.dims == ("power", "detuning")
+    assert found.growth_rate.attrs["units"] == "1/s"
+    assert found.power.attrs == {"units": "W", "long_name": "power in the bus waveguide"}
+    assert th.load(th.save(found, tmp_path / "map.nc")).equals(found)
+
+
+@pytest.mark.parametrize("function", [coupled.stability_map, coupled.hopf_curves, coupled.fold_curves])
+@pytest.mark.parametrize(
+    ("powers", "detunings", "message"),
+    [
+        ([8], [0.0], r"powers\[0\] = 8 is larger than 1"),
+        ([1e-3, 1e-3], [0.0], "not above"),
+        ([1e-3], [0.0, -10], r"detunings\[1\].*-10e9"),
+        ([0.0], [0.0], "positive"),
+        ([1e-3], [], "empty"),
+    ],
+)
+def test_slips_are_named_in_one_line(function, powers, detunings, message):
+    with pytest.raises(th.InputError, match=message) as error:
+        function(RING, EXPERIMENT, powers, detunings)
+    assert "\n" not in str(error.value)
