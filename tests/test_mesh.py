@@ -360,3 +360,15 @@ def test_importing_is_light():
     environment = {**os.environ, "PYTHONPATH": str(Path(mesh.__file__).resolve().parents[1])}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
+
+
+def test_meshing_leaves_broken_pipes_an_exception(needs_mesher):
+    """gmsh resets SIGPIPE; a campaign whose worker died would then take its parent along without a word."""
+    code = (
+        "import os, thermofem as th; from thermofem import mesh\n"
+        "mesh.make(th.strip_ring(), 1e-2); r, w = os.pipe(); os.close(r)\n"
+        "try: os.write(w, b'x')\n"
+        "except BrokenPipeError: print('still alive')"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stdout.strip() == "still alive", done.returncode

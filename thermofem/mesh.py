@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import hashlib
 import importlib
 import os
 import re
+import signal
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -197,7 +199,7 @@ def make(geometry: CrossSection, accuracy: float) -> Mesh:
 
     size = size_function(geometry, sizes(accuracy))
     faces = geometry.subdivision.faces
-    with _GMSH:
+    with _GMSH, _pipe_signal():
         ours = not gmsh.isInitialized()
         if ours:  # not by pygmsh's context manager: it installs a signal handler, which only the main thread may do
             gmsh.initialize(readConfigFiles=False, interruptible=False)
@@ -264,6 +266,23 @@ def _surfaces(builder: Any, faces: Sequence[Face]) -> list[Any]:
         return builder.add_curve_loop([line(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)])
 
     return [builder.add_plane_surface(loop(face.rings[0]), [loop(hole) for hole in face.rings[1:]]) for face in faces]
+
+
+@contextlib.contextmanager
+def _pipe_signal() -> Iterator[None]:
+    """Keep what SIGPIPE does: gmsh sets it back to killing the process, at the next write to a pipe nobody reads."""
+    number = getattr(signal, "SIGPIPE", None)
+    if number is None:  # Windows
+        yield
+        return
+    get, put = ctypes.pythonapi.PyOS_getsig, ctypes.pythonapi.PyOS_setsig  # unlike signal.signal, in any thread
+    get.argtypes, get.restype = [ctypes.c_int], ctypes.c_void_p
+    put.argtypes, put.restype = [ctypes.c_int, ctypes.c_void_p], ctypes.c_void_p
+    before = get(number)
+    try:
+        yield
+    finally:
+        put(number, before)
 
 
 def gmsh_problem() -> str | None:
