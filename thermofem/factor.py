@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
-QDLDL_LIMIT = 150_000  # unknowns; beyond, SuperLU with minimum degree is faster (measured, DESIGN.md)
+QDLDL_LIMIT = 150_000  # unknowns; beyond, SuperLU with minimum degree is faster (measured)
 
 
 def factorize(matrix: Any) -> Solve:
