@@ -65,11 +65,16 @@ def second_order(
     hint = "times are in s (did you mean 55.8e-9?)"
     tau_f = checks.positive("tau_f", tau_f, unit="s", at_most=1.0, hint=hint)
     tau_s = checks.positive("tau_s", tau_s, unit="s", at_most=1.0, hint=hint)
-    kappa = checks.between("kappa", kappa, 1e2, 1e12, unit="1/s", hint="8.87e-4 /ns is 8.87e5 1/s")
+    kappa = checks.positive("kappa", kappa, unit="1/s", at_most=1e12, hint="8.87e-4 /ns is 8.87e5 1/s")
     eta = checks.positive("eta", eta, at_most=100, hint="eta has no unit")
     if tau_f >= tau_s:
         raise checks.InputError(f"tau_f = {tau_f:g} s must be below tau_s = {tau_s:g} s; are they swapped?")
     fast, slow = 1 / tau_f, 1 / tau_s
+    if not eta * slow <= kappa <= eta * fast:
+        raise checks.InputError(
+            f"kappa = {kappa:g} 1/s must lie between eta/tau_s = {eta * slow:g} and eta/tau_f = {eta * fast:g} 1/s, or one "
+            "of the poles cools when heated; is it in 1/s (8.87e-4 /ns is 8.87e5)?"
+        )
     c_f = (eta * fast - kappa) / (fast - slow)
     c_s = (kappa - eta * slow) / (fast - slow)
     heat_capacity = _heat_capacity(heat_capacity)

@@ -133,6 +133,7 @@ def test_decay_recovers_two_exponentials():
             "tau_f = 55.8 is larger than 1",
         ),
         (lambda d: surrogate.second_order(kappa=8.87e5, tau_f=1e-6, tau_s=1e-7, eta=0.31), "are they swapped"),
+        (lambda d: surrogate.second_order(kappa=8.87e-4, tau_f=55.8e-9, tau_s=1.2e-6, eta=0.31), "is it in 1/s"),
         (lambda d: surrogate.newton(tau_th=-1e-9), "tau_th = -1e-09 must be positive"),
         (lambda d: surrogate.fit_decay([0, 1, 2], [3, 2, 1]), "more than 4"),
     ],
