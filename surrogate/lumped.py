@@ -72,8 +72,8 @@ def second_order(
     fast, slow = 1 / tau_f, 1 / tau_s
     if not eta * slow <= kappa <= eta * fast:
         raise checks.InputError(
-            f"kappa = {kappa:g} 1/s must lie between eta/tau_s = {eta * slow:g} and eta/tau_f = {eta * fast:g} 1/s, or one "
-            "of the poles cools when heated; is it in 1/s (8.87e-4 /ns is 8.87e5)?"
+            f"kappa = {kappa:g} 1/s must lie between eta/tau_s = {eta * slow:g} and eta/tau_f = {eta * fast:g} 1/s, "
+            "or one of the poles cools when heated; is it in 1/s (8.87e-4 /ns is 8.87e5)?"
         )
     c_f = (eta * fast - kappa) / (fast - slow)
     c_s = (kappa - eta * slow) / (fast - slow)
