@@ -36,9 +36,7 @@ def heater():
 
 
 @pytest.fixture(scope="module")
-def heater_mesh(heater):
-    if mesh.gmsh_problem():
-        pytest.skip(mesh.gmsh_problem())
+def heater_mesh(heater, needs_mesher):
     return mesh.make(heater, 1e-3)
 
 
@@ -230,9 +228,7 @@ def test_a_gap_in_the_mesh_is_noticed(needs_mesher, monkeypatch):
 
 @given(random_parts())
 @settings(max_examples=20, deadline=None)
-def test_any_overlap_is_meshed_with_exact_volumes(parts):
-    if mesh.gmsh_problem():
-        pytest.skip(mesh.gmsh_problem())
+def test_any_overlap_is_meshed_with_exact_volumes(needs_mesher, parts):
     try:
         geometry = on_oxide(*parts)
     except InputError:

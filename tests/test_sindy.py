@@ -10,8 +10,6 @@ from surrogate_systems import UM, graded
 import surrogate
 import thermofem as th
 
-pytest.importorskip("pysindy")
-
 WAVE = th.Telegraph(2e-3, 5e-7, 4e-5, seed=1)
 TIMES = np.arange(20_000) * 2e-9
 
