@@ -74,6 +74,15 @@ def trained_foster() -> th.Foster:
     return surrogate.fit_foster(th.dataset.build(times, step, th.Constant(1e-3)), order=5).model
 
 
+def quadratic() -> th.Quadratic:
+    """Three poles whose rates fall by a few percent at 100 K, and with the power."""
+    rate, R = np.array([2e7, 2e6, 1e5]), np.array([1000.0, 4000.0, 3000.0])
+    couple = np.array([[2.0, 1, 0], [1, 2, 1], [0, 1, 2]]) * 1e-4  # 1/K
+    H = rate[:, None, None] * couple[:, :, None] * np.array([0.5, 1.0, 0.5])
+    H = (H + H.transpose(0, 2, 1)) / 2
+    return th.Quadratic(-np.diag(rate), H, 3e3 * rate[:, None] * couple, rate * R, np.ones(3))
+
+
 MODELS = {
     "newton": lambda: surrogate.newton(tau_th=275e-9),
     "second order": lambda: surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1200e-9, eta=0.31),
@@ -83,4 +92,6 @@ MODELS = {
     "foster, trained": trained_foster,
     "fem, diagonalised": lambda: foster(coarse_fem()),
     "fem, k(T) and c_p(T)": coarse_warm_fem,
+    "output map": lambda: th.OutputMap(reduced_fem(), -4e-4),
+    "quadratic": quadratic,
 }

@@ -28,7 +28,7 @@ def slowest(model):
 @pytest.fixture(scope="module")
 def power(model):
     """W; small where the model is not linear: a rise of 0.8 mK moves k by less than 1e-5 of itself."""
-    return 1e-7 if isinstance(model, NonlinearSystem) else 2e-3
+    return 1e-7 if isinstance(model, NonlinearSystem | th.OutputMap | th.Quadratic) else 2e-3
 
 
 def test_names_one_input_and_one_output(model):
@@ -98,3 +98,9 @@ def test_a_20_ns_pulse_at_50_us_is_not_missed(model, power):
 def test_response_keeps_the_shape_of_the_times(model):
     assert model.step_response(1e-6).shape == ()
     assert model.impedance([1e6, 2e6]).shape == (2,)
+
+
+@pytest.mark.parametrize("ask", ["step_response", "impedance"])
+def test_what_is_not_finite_is_refused(model, ask):
+    with pytest.raises(th.InputError, match="not finite"):
+        getattr(model, ask)([1e-6, np.nan])

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -73,11 +77,11 @@ def test_an_interrupted_write_leaves_the_old_file(data, tmp_path, monkeypatch):
     path = th.save(data, tmp_path / "heat.nc")
     before = path.read_bytes()
 
-    def full_disk(self, target, *args, **options):
-        target.write_bytes(b"half")
+    def full_disk(self, content):
+        self.write_text("half")
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(type(data), "to_netcdf", full_disk)
+    monkeypatch.setattr(Path, "write_bytes", full_disk)
     with pytest.raises(th.InputError, match="No space left on device"):
         th.save(data, path)
     assert path.read_bytes() == before
@@ -99,3 +103,23 @@ def test_unreadable_files(data, tmp_path):
         th.load(tmp_path / "new.nc")
     with pytest.raises(th.InputError, match="is not a folder"):
         th.save(data, tmp_path / "no" / "heat.nc")
+
+
+def test_a_disk_that_fills_up_leaves_no_file(tmp_path):
+    """HDF5 keeps to itself that its last write failed; a limit on the size of files stands for the full disk."""
+    script = f"""
+import resource, numpy as np, thermofem as th
+from thermofem import dataset
+resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+times = np.linspace(0, 1e-5, 20_001)
+data = dataset.build(times, np.random.default_rng(0).random(times.size), th.Constant(1e-3))
+try:
+    dataset.save(data, {str(tmp_path / "large.nc")!r})
+except th.InputError as error:
+    print(error)
+"""
+    pytest.importorskip("resource", reason="limits on the size of files are POSIX")
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "large.nc cannot be written" in done.stdout
+    assert list(tmp_path.iterdir()) == []

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import shutil
+import sys
 import xml.etree.ElementTree as ET
 
 import meshio
@@ -81,8 +83,50 @@ def test_animation(data, tmp_path):
     # each frame the small hot spot at 10 ns would be as bright as any
     early, late = (frames[k][150:250, 150:350] for k in (0, 2))
     assert early.mean() < 0.5 * late.mean()
+    # the axes stand still: the numbers left of them are at the same place in every frame, up to the few pixels at
+    # the edge of a letter that each frame's own palette of 256 colours makes lighter or darker
+    left = [frame[:, :40].mean(axis=2) < 128 for frame in frames]
+    assert all(np.sum(other != left[0]) < 0.1 * np.sum(left[0]) for other in left[1:])
     with pytest.raises(th.InputError, match=r"ending = '.mp3' is unknown"):
         animate_field(data, tmp_path / "heat.mp3")
     with pytest.raises(th.InputError, match="field_times"):
         animate_field(data.drop_vars("field"), tmp_path / "heat.gif")
     assert re.fullmatch(r"heat\.gif", " ".join(p.name for p in tmp_path.iterdir()))
+
+
+FFMPEG = """#!{python}
+import shutil, sys
+with open(sys.argv[-1], "wb") as film:
+    shutil.copyfileobj(sys.stdin.buffer, film)
+"""
+
+
+def test_a_film_needs_ffmpeg_and_says_so(data, tmp_path, monkeypatch):
+    from thermofem.plot import animate_field
+
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(th.InputError, match=r"heat.mp4 needs ffmpeg, which is not installed; .gif works without it"):
+        animate_field(data, tmp_path / "heat.mp4")
+    assert not list(tmp_path.iterdir())
+
+
+def test_every_time_reaches_ffmpeg(data, tmp_path, monkeypatch):
+    """A program of that name which writes down what it is given: raw frames, one for each time, all of one size."""
+    from thermofem.plot import animate_field
+
+    program = tmp_path / "bin" / "ffmpeg"
+    program.parent.mkdir()
+    program.write_text(FFMPEG.format(python=sys.executable))
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", str(program.parent))
+    path = animate_field(data, tmp_path / "heat.mp4")
+    frames = np.frombuffer(path.read_bytes(), dtype=np.uint8).reshape(3, -1)
+    assert frames.shape[1] > 100_000  # three pictures of RGBA
+    assert [np.any(frames[k] != frames[k - 1]) for k in (1, 2)] == [True, True]
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")
+def test_a_film_is_one_where_ffmpeg_is_installed(data, tmp_path):
+    from thermofem.plot import animate_field
+
+    assert animate_field(data, tmp_path / "heat.mp4").read_bytes()[4:8] == b"ftyp"  # the mark of an MP4 file

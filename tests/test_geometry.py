@@ -62,6 +62,11 @@ def test_every_table_of_the_file_arrives():
         geometry.material_of("coer")
 
 
+def test_a_file_of_optics_is_called_that():
+    with pytest.raises(InputError, match="optics of a ring; a geometry has outer_radius"):
+        CrossSection.from_toml_text('name = "my ring"\nbase = "borghi2021"\n')
+
+
 @pytest.mark.parametrize("geometry", [strip_ring(), CrossSection.from_toml_text(HEATER)], ids=["strip", "heater"])
 def test_toml_round_trip(geometry, tmp_path):
     (tmp_path / "ring.toml").write_text(geometry.to_toml(), encoding="utf-8")
@@ -236,6 +241,8 @@ def says(error, *words):
     ("change", "words"),
     [
         ({"width": 0.45}, ["width = 0.45 m is larger than radius = 7.955e-06 m", "did you mean 450e-9?"]),
+        ({"width": 1e-300}, ["width = 1e-300 m is less than an atom"]),
+        ({"box": 5e-11}, ["box = 5e-11 m is less than an atom"]),
         ({"width": 450.0}, ["width = 450 m is larger than radius", "did you mean 450e-9?"]),
         ({"radius": 7.955}, ["radius = 7.955", "did you mean 7.955e-6?"]),
         ({"radius": 70e-6}, ["radius = 7e-05 m is larger than outer_radius = 6e-05 m"]),
@@ -332,7 +339,7 @@ def test_missing_unreadable_and_empty_files(tmp_path):
         ([core(), Part("moat", "void", 0.0, 4e-6, bottom=-1.5e-6, height=500e-9)], ["cut off", "no way out"]),
         ([core(bottom=2e-6)], ["'core'", "outside the stack"]),
         ([core(height=1e-6 - 5e-11)], ["'top' has a sliver of 5e-11 m", "thinner than an atom"]),
-        ([core(), Part("film", "Al", 0.0, 4e-6, bottom=-5e-11, height=5e-11)], ["sliver of 5e-11 m"]),
+        ([core(), Part("film", "Al", 0.0, 4e-6, bottom=-5e-11, height=1e-9)], ["sliver of 5e-11 m"]),
         ([core(), Part("void", "void", 1e-6, 2e-6, bottom=0.0, height=100e-9, heated=False)], None),
     ],
     ids=["covered", "moat", "floating", "gap", "film", "legal"],

@@ -46,21 +46,30 @@ def strip(request):
     return th.assemble(th.strip_ring(), accuracy=request.param)
 
 
-def test_strip_resistance_within_the_promised_accuracy(strip):
-    assert strip.thermal_resistance("core") == pytest.approx(STRIP_RESISTANCE, rel=strip.accuracy)
+REFERENCE = "independent high-order code"
 
 
-def test_strip_step_within_the_promised_accuracy_from_1_ns_on(strip):
+def test_strip_resistance_within_the_promised_accuracy(strip, validated):
+    what = f"R_th of the reference strip, accuracy {strip.accuracy:g}"
+    ours = strip.thermal_resistance("core")
+    validated("Ring", what, ours, STRIP_RESISTANCE, rel=strip.accuracy, unit="K/W", source=REFERENCE)
+
+
+def test_strip_step_within_the_promised_accuracy_from_1_ns_on(strip, validated):
     # pointwise; a tenth of the accuracy is left to the time integration
     times = list(STRIP_STEP)
     data = th.solve(strip, th.Constant(1e-3), times, rtol=strip.accuracy / 10)
-    assert data.delta_T.values * 1e3 == pytest.approx(np.array(list(STRIP_STEP.values())), rel=strip.accuracy)
+    for time, rise in zip(times, data.delta_T.values * 1e3, strict=True):
+        what = f"its step response at {time * 1e9:.3g} ns, accuracy {strip.accuracy:g}"
+        validated("Ring", what, rise, STRIP_STEP[time], rel=strip.accuracy, unit="K/W", source=REFERENCE)
 
 
 @pytest.mark.parametrize("period", STRIP_SWING)
-def test_strip_swing_within_the_promised_accuracy(strip, period):
+def test_strip_swing_within_the_promised_accuracy(strip, period, validated):
     data = th.solve_periodic(strip, th.SquareWave(2e-3, period, 0.33), rtol=strip.accuracy / 5)
-    assert np.ptp(data.delta_T.values) == pytest.approx(STRIP_SWING[period], rel=strip.accuracy)
+    what = f"its swing under 2 mW, duty .33, period {period * 1e6:g} us, accuracy {strip.accuracy:g}"
+    swing = np.ptp(data.delta_T.values)
+    validated("Ring", what, swing, STRIP_SWING[period], rel=strip.accuracy, unit="K", source=REFERENCE)
 
 
 # Exact ring in layered media: a core with the oxide's own properties under an adiabatic surface, one oxide layer on a
@@ -86,12 +95,16 @@ TRUNCATION = 5e-5
 
 
 @pytest.mark.parametrize("case", LAYERED)
-def test_ring_in_layered_media_against_the_exact_solution(case, layered_ring):
+def test_ring_in_layered_media_against_the_exact_solution(case, layered_ring, validated):
     radius, width, resistance, step = LAYERED[case]
     problem = layered_ring(radius, width)
-    assert problem.thermal_resistance() == pytest.approx(resistance, rel=problem.accuracy + TRUNCATION)
+    ours, rel = problem.thermal_resistance(), problem.accuracy + TRUNCATION
+    exact = "exact, Hankel–Laplace transform"
+    validated("Ring", f"R_th of a ring in layered media, {case}", ours, resistance, rel=rel, unit="K/W", source=exact)
     data = th.solve(problem, th.Constant(1e-3), LAYERED_TIMES, rtol=problem.accuracy / 10)
-    assert data.delta_T.values * 1e3 == pytest.approx(np.array(step), rel=problem.accuracy)
+    for time, rise, value in zip(LAYERED_TIMES, data.delta_T.values * 1e3, step, strict=True):
+        what = f"its step response at {time * 1e9:g} ns, {case}"
+        validated("Ring", what, rise, value, rel=problem.accuracy, unit="K/W", source=exact)
 
 
 @pytest.fixture
@@ -165,7 +178,7 @@ def probe(d, r, z):
     return np.asarray(d.basis.probes(np.array([[r], [z]])).todense())[:, d.free]
 
 
-def test_nafems_t3_transient_with_a_moving_end_temperature():
+def test_nafems_t3_transient_with_a_moving_end_temperature(validated):
     """NAFEMS T3: L = 0.1 m, T(0) = 0, T(L) = 100 sin(pi t/40) C, x = 0.08 m at 32 s: 36.60 C; series: 36.603116 C."""
     L = 0.1
     mesh = tensor_mesh(np.linspace(0.05, 0.055, 3), np.linspace(0, L, 81))  # any ring: the solution depends on z only
@@ -181,10 +194,11 @@ def test_nafems_t3_transient_with_a_moving_end_temperature():
     )
     w = integrate(moving, CosineRate(), [32.0], rtol=1e-6).outputs[0, 0]
     # 4e-6 with these 80 quadratic elements, 28e-6 with 40 (order 3); backward Euler at 1 s would give 36.109
-    assert w + 0.8 * 100 * np.sin(np.pi * 32 / 40) == pytest.approx(36.603116, rel=1e-5)
+    ours, source = w + 0.8 * 100 * np.sin(np.pi * 32 / 40), "exact series; NAFEMS publishes 36.60"
+    validated("Heat equation", "NAFEMS T3, 0.08 m, 32 s", ours, 36.603116, rel=1e-5, unit="°C", source=source)
 
 
-def test_nafems_annulus_with_a_heat_flux():
+def test_nafems_annulus_with_a_heat_flux(validated):
     """Annulus r 0.02..0.1, z 0..0.14 m, k = 52, 5e5 W/m^2 on r = 0.02 for z 0.04..0.10; other sides at 273.15 K."""
     mesh = tensor_mesh(graded(0.02, 0.1, finest=2e-4, growth=1.3), graded(0, 0.04, 0.1, 0.14, finest=2e-4, growth=1.3))
     sides = facets_where(mesh, lambda r, z: np.isclose(r, 0.1) | np.isclose(z, 0) | np.isclose(z, 0.14))
@@ -198,11 +212,13 @@ def test_nafems_annulus_with_a_heat_flux():
     T = np.zeros(d.mass.shape[0])
     T[d.free] = factorize(d.stiffness[d.free][:, d.free])(heating.assemble(d.basis.boundary(flux))[d.free])
     rise = (probe(d, 0.04, 0.04) @ T[d.free]).item()
-    # published 332.97 K; exact 332.970514 K, a rise of 59.820514 K
-    assert rise + 273.15 == pytest.approx(332.970514, abs=1e-4 * 59.82)
+    source = "exact series; NAFEMS publishes 332.97 K"
+    validated(
+        "Heat equation", "NAFEMS annulus, rise at (0.04, 0.04) m", rise, 59.820514, rel=1e-4, unit="K", source=source
+    )
 
 
-def test_nafems_axisymmetric_transient():
+def test_nafems_axisymmetric_transient(validated):
     """Cylinder R = 0.3, H = 0.4 m, all faces at 1000 C from t = 0: 186.485279 C at (0.1, 0.3) after 190 s."""
     mesh = tensor_mesh(np.linspace(0, 0.3, 25), np.linspace(0, 0.4, 33))
     faces = facets_where(mesh, lambda r, z: np.isclose(r, 0.3) | np.isclose(z % 0.4, 0))
@@ -212,10 +228,11 @@ def test_nafems_axisymmetric_transient():
         d.mass[d.free][:, d.free], -d.stiffness[d.free][:, d.free], np.zeros((n, 1)), probe(d, 0.1, 0.3)
     )
     deficit = integrate(cooling, th.Constant(0.0), [190.0], rtol=1e-6, initial=np.full(n, -1000.0)).outputs[0, 0]
-    assert 1000 + deficit == pytest.approx(186.485279, rel=1e-4)
+    what = "NAFEMS axisymmetric transient, (0.1, 0.3) m, 190 s"
+    validated("Heat equation", what, 1000 + deficit, 186.485279, rel=1e-4, unit="°C", source="exact series")
 
 
-def test_cylinder_shell_with_convection():
+def test_cylinder_shell_with_convection(validated):
     """Rod heated inside, convection outside: R_th = 1/(2 pi a L h) + ln(a/b)/(2 pi k L) + 1/(8 pi k L), exact."""
     b, a, L, k, h = 1e-3, 5e-3, 2e-3, 20.0, 400.0
     mesh = tensor_mesh(
@@ -225,7 +242,8 @@ def test_cylinder_shell_with_convection():
     d = th.discretize(mesh, k, 1e6, held=np.empty(0, dtype=int), convection={h: outside})
     system = d.state_space(("core",), ("core",))
     exact = 1 / (2 * np.pi * a * L * h) + np.log(a / b) / (2 * np.pi * k * L) + 1 / (8 * np.pi * k * L)
-    assert system.thermal_resistance == pytest.approx(exact, rel=1e-6)
+    what, ours = "rod in a convecting shell, R_th", system.thermal_resistance
+    validated("Heat equation", what, ours, exact, rel=1e-6, unit="K/W", source="closed form")
     # all heat leaves by convection: at the steady state the ledger's outflow is the power
     state = factorize(-system.A)(system.B[:, 0])
     assert d.ledger.drain_A @ state == pytest.approx(1.0, rel=1e-9)

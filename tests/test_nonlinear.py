@@ -14,7 +14,7 @@ from models import coarse_warm_fem, warm_fem
 import thermofem as th
 from thermofem import newton_stages
 from thermofem.laws import Power
-from thermofem.nonlinear import NonlinearSystem, lift
+from thermofem.nonlinear import NonlinearSystem, lift, rows
 from thermofem.transient import integrate, integrate_periodic
 
 T0 = 300.0
@@ -57,7 +57,7 @@ def test_static_strip_follows_kirchhoff_where_one_law_rules_all():
     materials = tuple(replace(th.materials.find(name), conductivity_law=law) for name in ("Si", "SiO2"))
     warm, cold = th.assemble(replace(strip, materials=materials)), th.assemble(strip)
     power = 10e-3
-    g = power * cold._static(cold.system.B[:, 0])
+    g = power * cold.discretization.factors.solve(0.0, 1.0, cold.system.B[:, 0])
     exact = cold.system.C[0] @ (strip.ambient * np.expm1(g / strip.ambient))
     assert warm.steady_rise(power) == pytest.approx(exact, rel=1e-10)
     assert warm.steady_rise(power) > 1.1 * power * cold.thermal_resistance()
@@ -146,6 +146,21 @@ def test_manufactured_transient_follows_the_tolerance_in_time():
     mesh_error = manufactured_error(8, 1e-6)
     for rtol in (1e-3, 1e-4):
         assert manufactured_error(8, rtol) == pytest.approx(mesh_error, abs=rtol)
+
+
+def test_rows_and_directional_derivative_are_those_of_the_whole():
+    """`rows` drops laws where their columns cancel; `derivative` is the Jacobian without its matrix."""
+    d = rod(8)
+    flow = lift([(d.stiffness, Power(-1.3))], 0 * d.stiffness, d.free, T0)
+    x, v = np.random.default_rng(1).uniform(0, 100, (2, d.free.size))
+    drain = np.ones((1, d.mass.shape[0]))
+    drain[0, d.held] = 0
+    few = rows(flow, drain)
+    assert 0 < few.laws[0][1].size < flow.laws[0][1].size / 2
+    # sums of a few hundred terms: rounding below 1e-12
+    assert few(x) == pytest.approx(drain @ flow(x), rel=1e-11, abs=0)
+    exact = flow.jacobian(x) @ v
+    assert flow.derivative(x)(v) == pytest.approx(exact, rel=0, abs=1e-12 * np.abs(exact).max())
 
 
 def test_a_small_amplitude_recovers_the_linear_run():

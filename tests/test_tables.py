@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import logging
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,8 @@ import pytest
 
 import surrogate
 import thermofem as th
+from thermofem.tables import _edges, _with_jumps
+from thermofem.waveforms import from_json
 
 TIMES = np.linspace(0, 10e-6, 101)
 MODEL = th.Foster(R=[2000.0, 5000.0], tau=[50e-9, 1e-6])
@@ -148,3 +151,50 @@ def test_published_measurements(name):
     # so its R_th cannot be further off than a few of these
     fit = surrogate.fit_second_order(data)
     assert fit.model.thermal_resistance == pytest.approx(data.delta_T.values[-1], rel=0.1, abs=0)
+
+
+# --- edges of a sampled power -----------------------------------------------------------------------------------------
+
+
+def scope(path, on, off):
+    """Second-order response to 2 mW from ``on`` to ``off``, sampled every 40 ns from 0 on."""
+    model = surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1200e-9, eta=0.31, heat_capacity=7.63e-12)
+    t = np.arange(200) * 40e-9
+    rise = 2e-3 * (model.step_response(np.maximum(t - on, 0)) - model.step_response(np.maximum(t - off, 0)))
+    power = np.where((t > on - 1e-12) & (t < off - 1e-12), 2e-3, 0.0)
+    return write(path, "t (s),P (W),T (K)\n", [t, power, rise])
+
+
+@pytest.mark.parametrize(("edges", "phase"), [("row", 0.0), ("middle", 20e-9)])
+def test_an_edge_between_two_rows_is_a_jump_where_asked(edges, phase, tmp_path, caplog):
+    on, off = 0.52e-6 - phase, 3.04e-6 - phase
+    path = scope(tmp_path / "scope.csv", on, off)
+    with caplog.at_level(logging.WARNING, "thermofem"):
+        ramps = th.read_csv(path, time="t", power="P", temperature="T")
+    assert "scope.csv: the power changes by more than half its range between rows, 2 times" in caplog.text
+    caplog.clear()
+    jumps = th.read_csv(path, time="t", power="P", temperature="T", edges=edges)
+    assert not caplog.records
+    wave = from_json(jumps.attrs["waveform"])
+    times = np.asarray(wave.times)
+    assert times[:-1][np.diff(times) == 0] == pytest.approx([on, off], rel=1e-9, abs=0)
+    np.testing.assert_array_equal(jumps.delta_T, ramps.delta_T)
+    # with the true edges the fit has the true model; with ramps of 40 ns it has not
+    found = [surrogate.fit_second_order(data).parameters["kappa"] for data in (ramps, jumps)]
+    assert found[1] == pytest.approx(8.87e5, rel=1e-4)
+    assert abs(found[0] / 8.87e5 - 1) > 0.01
+
+
+def test_an_edge_over_three_rows_keeps_its_energy_and_noise_is_no_edge():
+    t = np.arange(10.0)
+    power = np.array([0, 0.02, 0, 0.3, 1, 0.99, 1, 0.01, 0, 0])
+    at, found = _with_jumps(t, power, _edges(t, power), "middle")
+    assert np.flatnonzero(np.diff(at) == 0).size == 2
+    assert np.trapezoid(found, at) == pytest.approx(np.trapezoid(power, t), rel=1e-12)
+    assert not _edges(t, np.linspace(0, 1, 10))  # a slow ramp is none
+
+
+def test_another_word_for_edges_is_refused(tmp_path):
+    path = scope(tmp_path / "scope.csv", 0.5e-6, 3e-6)
+    with pytest.raises(th.InputError, match=r"edges = 'rows'.*did you mean 'row'"):
+        th.read_csv(path, time="t", power="P", temperature="T", edges="rows")

@@ -93,9 +93,23 @@ def test_json_round_trip(wave):
         (lambda: period_times(th.SquareWave(1e-3, 1e-6, 0.5), 3), "samples = 3 is too few"),
         (lambda: from_json('{"kind": "SquareWav"}'), "did you mean 'SquareWave'"),
         (lambda: from_json("{"), "cannot be read"),
+        (lambda: th.Telegraph(1e-3, 1e-6, 1e-5, seed=-1), "whole number from 0"),
+        (lambda: th.Telegraph(1e-3, 1e-6, 1e-5, seed={}), "whole number from 0"),
+        (lambda: th.Pulse("2e-3", 1e-6), "power = '2e-3' is not a number"),
     ],
 )
 def test_bad_input_is_one_clear_line(make, words):
     with pytest.raises(th.InputError, match=words) as caught:
         make()
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("start", "stop"), [(0.0, 1e-6), (0.0, 4.7e-6), (0.3e-6, 0.31e-6), (0.5e-6, 3e-6), (1e-6, 1.3e-6)]
+)
+def test_pieces_of_a_square_wave_are_those_read_from_its_power(start, stop):
+    wave = th.SquareWave(2e-3, 1e-6, 0.3)
+    edges, after, before = th.waveforms.linear_pieces(wave, start, stop)
+    assert edges == pytest.approx([start, *wave.breakpoints(start, stop), stop], rel=1e-15, abs=0)
+    assert np.array_equal(after, wave((edges[:-1] + edges[1:]) / 2))
+    assert np.array_equal(after, before)

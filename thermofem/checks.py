@@ -22,6 +22,8 @@ class MissingLibraryError(ImportError):
 def finite(name: str, value: Any, *, unit: str = "", hint: str = "") -> float:
     """Return ``value`` as a float, or raise InputError unless it is one finite number."""
     try:
+        if isinstance(value, str | bytes):  # "1e-3" would be checked as a number and kept as text
+            raise TypeError
         number = float(value)
     except (TypeError, ValueError):
         raise InputError(_line(f"{name} = {value!r} is not a number", unit, hint)) from None
@@ -64,6 +66,17 @@ def array(name: str, value: ArrayLike, *, increasing: bool = False, hint: str = 
         raise InputError(
             _line(f"{name}[{at}] = {result[at]:g} is before {name}[{at - 1}]; times must increase", "", hint)
         )
+    return result
+
+
+def numbers(name: str, value: ArrayLike, *, hint: str = "") -> NDArray[np.float64]:
+    """Return ``value`` as a float array of its own shape, or raise InputError where one of them is not finite."""
+    try:
+        result = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(_line(f"{name} is not an array of numbers", "", hint)) from None
+    if not np.all(np.isfinite(result)):
+        raise InputError(_line(f"{name} holds {result[~np.isfinite(result)][0]}, which is not finite", "", hint))
     return result
 
 

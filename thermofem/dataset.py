@@ -13,6 +13,7 @@ Data measured or simulated elsewhere trains like our own once it has time, power
 
 from __future__ import annotations
 
+import io
 import os
 import tempfile
 from collections.abc import Callable, Mapping
@@ -182,7 +183,9 @@ def save(data: xr.Dataset, path: str | Path) -> Path:
         the folder does not exist or cannot be written.
     """
     encoding = {name: {"zlib": True} for name, v in data.data_vars.items() if v.size > 1000}
-    return write_whole(path, lambda p: data.to_netcdf(p, engine="h5netcdf", encoding=encoding))
+    whole = io.BytesIO()  # in memory first: HDF5 swallows the error of a disk that fills up while it closes a file
+    data.to_netcdf(whole, engine="h5netcdf", encoding=encoding)
+    return write_whole(path, lambda p: p.write_bytes(whole.getbuffer()))
 
 
 def load(path: str | Path) -> xr.Dataset:

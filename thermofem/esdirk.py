@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import checks
-from .factor import Solve, factorize
+from .factor import Pencil
 from .model import StateSpace
 from .waveforms import Waveform
 
@@ -59,13 +59,14 @@ _EXTRAPOLATE = np.array(
     ]
 )
 
-CACHE = 24  # factorizations kept
-
 
 class Stepper:
-    """One linear system and its waveforms, with the factorizations of E - shift A; counts what it does."""
+    """One linear system and its waveforms, with the factorizations of E - shift A; counts what it does.
 
-    def __init__(self, system: StateSpace, waves: Waveform | Sequence[Waveform]) -> None:
+    ``factors``: those of E and -A where the caller keeps them.
+    """
+
+    def __init__(self, system: StateSpace, waves: Waveform | Sequence[Waveform], factors: Pencil | None = None) -> None:
         from scipy.sparse import csr_matrix
 
         self.waves = tuple(waves) if isinstance(waves, Sequence) else (waves,)
@@ -73,19 +74,23 @@ class Stepper:
             raise checks.InputError(f"{len(self.waves)} waveforms for the inputs {system.inputs}; one each is needed")
         self.E, self.A = csr_matrix(system.E), csr_matrix(system.A)
         self.B, self.C = np.asarray(system.B), np.asarray(system.C)
-        self.factors: dict[float, Solve] = {}
+        self.factors = Pencil(self.E, -self.A) if factors is None else factors
         self.steps = self.rejected = self.factorizations = self.solves = 0
 
     def solve(self, shift: float, rhs: Array) -> Array:
         """(E - shift A)^-1 rhs; shifts equal to 9 digits share a factorization."""
-        key = float(f"{shift:.8e}")
-        if key not in self.factors:
-            if len(self.factors) >= CACHE:
-                del self.factors[next(iter(self.factors))]
-            self.factors[key] = factorize(self.E - shift * self.A)
-            self.factorizations += 1
+        return self._counted(1.0, shift, rhs)
+
+    def static(self, rhs: Array) -> Array:
+        """(-A)^-1 rhs."""
+        return self._counted(0.0, 1.0, rhs)
+
+    def _counted(self, a: float, b: float, rhs: Array) -> Array:
+        before = self.factors.factorizations
+        found = self.factors.solve(a, b, rhs)
+        self.factorizations += self.factors.factorizations - before
         self.solves += 1
-        return self.factors[key](rhs)
+        return found
 
     def edges(self, stop: float) -> Array:
         """0, every breakpoint of every waveform, ``stop``."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -11,25 +12,129 @@ from numpy.typing import NDArray
 Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 QDLDL_LIMIT = 150_000  # unknowns; beyond, SuperLU with minimum degree is faster (measured)
+CACHE = 24  # factorizations that a Pencil keeps
+PATIENCE = (
+    4  # times a shift is factorized in the shared place before it gets its own: numbers alone cost 1/5 (measured)
+)
 
 
-def factorize(matrix: Any) -> Solve:
-    """Factorize a symmetric definite sparse matrix and return ``solve(right-hand side)``.
+def factorize(matrix: Any, *, upper: bool = False) -> Solve:
+    """Factorize a symmetric definite sparse matrix (or its upper triangle) and return ``solve(right-hand side)``.
 
     L D L^T by qdldl up to `QDLDL_LIMIT` unknowns, SuperLU with the symmetric minimum-degree ordering beyond it or
     where qdldl is not installed.
     """
-    from scipy.sparse import csc_matrix
+    from scipy.sparse import csc_matrix, diags
 
     matrix = csc_matrix(matrix)
-    if matrix.shape[0] <= QDLDL_LIMIT:
-        try:
-            import qdldl
-
-            return qdldl.Solver(matrix).solve
-        except ImportError:
-            pass
+    qdldl = _qdldl(matrix.shape[0])
+    if qdldl is not None:
+        return qdldl.Solver(matrix, upper=upper).solve
     from scipy.sparse.linalg import splu
 
+    if upper:
+        matrix = csc_matrix(matrix + matrix.T - diags(matrix.diagonal()))
     options = {"SymmetricMode": True}
     return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options).solve
+
+
+def _qdldl(unknowns: int) -> Any:
+    """The module, where it is installed and the better choice."""
+    if unknowns > QDLDL_LIMIT:
+        return None
+    try:
+        import qdldl
+    except ImportError:
+        return None
+    return qdldl
+
+
+class Pencil:
+    """Solves with a E + b K for any a, b >= 0, where E and K are the capacity and conduction of one heat problem.
+
+    All share one fill-reducing ordering: in a first place the numbers of the last combination replace those of the one
+    before; combinations that keep coming back get a factorization of their own. Safe to share between threads.
+    """
+
+    def __init__(self, E: Any, K: Any) -> None:
+        n = E.shape[0]
+        triangles = [_upper_triangle(matrix) for matrix in (E, K)]
+        (place, _), (other, _) = triangles
+        every = place if np.array_equal(place, other) else np.union1d(place, other)
+        self._indices, self._indptr = every % n, np.searchsorted(every, np.arange(n + 1) * n)
+        self._data = np.zeros((2, every.size))
+        for row, (at, data) in zip(self._data, triangles, strict=True):
+            row[np.searchsorted(every, at)] = data
+        self._places = every
+        self._shape = E.shape
+        self._shared: Any = None
+        self._there: tuple[float, float] | None = None
+        self._own: dict[tuple[float, float], Solve] = {}
+        self._seen: dict[tuple[float, float], int] = {}
+        self._lock = threading.Lock()
+        self.factorizations = 0
+
+    def places(self, matrix: Any) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        """Where the entries of a symmetric matrix on and above its diagonal stand in `replace`, and their values."""
+        place, data = _upper_triangle(matrix)
+        return np.searchsorted(self._places, place), data
+
+    @property
+    def rows_and_columns(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Row and column of each place."""
+        return self._indices, self._places // self._shape[0]
+
+    def replace(self, E: NDArray[np.float64], K: NDArray[np.float64]) -> None:
+        """Other values in all places of E and K."""
+        with self._lock:
+            self._data = np.stack([E, K])
+            self._there = None
+            self._own.clear()
+            self._seen.clear()
+
+    def solve(self, a: float, b: float, rhs: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(a E + b K)^-1 rhs; factors equal to 9 digits share a factorization."""
+        key = float(f"{a:.8e}"), float(f"{b:.8e}")
+        with self._lock:
+            if key in self._own:
+                return self._own[key](rhs)
+            if key != self._there:
+                self._seen[key] = self._seen.get(key, 0) + 1
+                if self._seen[key] > PATIENCE or _qdldl(self._shape[0]) is None:
+                    return self._keep(key, self._matrix(a, b))(rhs)
+                self._replace(key, self._matrix(a, b))
+            return self._shared.solve(rhs)
+
+    def _matrix(self, a: float, b: float) -> Any:
+        """Upper triangle of a E + b K, with the places of both."""
+        from scipy.sparse import csc_matrix
+
+        self.factorizations += 1
+        return csc_matrix((a * self._data[0] + b * self._data[1], self._indices, self._indptr), shape=self._shape)
+
+    def _replace(self, key: tuple[float, float], matrix: Any) -> None:
+        """The numbers of another combination in the shared place."""
+        if self._shared is None:
+            self._shared = _qdldl(self._shape[0]).Solver(matrix, upper=True)
+        else:
+            self._shared.update(matrix, upper=True)
+        self._there = key
+
+    def _keep(self, key: tuple[float, float], matrix: Any) -> Solve:
+        """A factorization of its own."""
+        if len(self._own) >= CACHE:
+            del self._own[next(iter(self._own))]
+        self._own[key] = solve = factorize(matrix, upper=True)
+        return solve
+
+
+def _upper_triangle(matrix: Any) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Places column n + row, increasing, and values of the entries of a symmetric matrix on and above its diagonal."""
+    from scipy.sparse import csr_matrix
+
+    matrix = csr_matrix(matrix)  # its rows are its columns
+    matrix.sum_duplicates()
+    n = matrix.shape[0]
+    column, row = np.repeat(np.arange(n), np.diff(matrix.indptr)), matrix.indices
+    above = row <= column
+    return column[above] * n + row[above], matrix.data[above]

@@ -6,7 +6,7 @@ parts are rings (or discs) that overwrite the layers and earlier parts. A part m
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -115,6 +115,12 @@ class CrossSection:
                 )
             seen[probe.name] = f"probe {probe.name!r}"
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        from .display import section_card
+
+        return section_card(self)
+
     @property
     def bottom_z(self) -> float:
         """z of the bottom of the stack in m."""
@@ -161,6 +167,14 @@ class CrossSection:
     def on_boundary(self, side: str, r: ArrayLike, z: ArrayLike) -> NDArray[np.bool_]:
         """Which of the points (r, z) in m lie on ``side``: "bottom", "top", "outer", "axis" or "wall" (of a void)."""
         return self.subdivision.on_side(side, np.asarray(r, dtype=float), np.asarray(z, dtype=float))
+
+    def opened(self) -> CrossSection:
+        """The same stack, going on beyond its bottom and outer side (`parts.Boundary`, "open").
+
+        >>> strip_ring().opened().bottom.kind
+        'open'
+        """
+        return replace(self, bottom=OPEN, outer=OPEN)
 
     @classmethod
     def from_toml(cls, path: str | Path) -> CrossSection:

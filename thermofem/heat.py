@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import checks
-from .factor import Solve, factorize
 from .interface import contacts, split
 from .laws import Law, is_constant
 from .matrices import Discretization, Surfaces, build, capacity, conduction, discretize, skfem_mesh
@@ -27,6 +26,7 @@ from .nonlinear import Lift, NonlinearLedger, NonlinearSystem, lift, rows
 from .transient import Ledger
 
 if TYPE_CHECKING:
+    from .accuracy import Enrichment
     from .geometry import CrossSection
     from .materials import Material
     from .mesh import Mesh
@@ -34,6 +34,9 @@ if TYPE_CHECKING:
 __all__ = ["Discretization", "HeatProblem", "Surfaces", "assemble", "discretize", "skfem_mesh"]
 
 Array = NDArray[np.float64]
+
+REFINEMENTS = 3  # meshes tried until the estimated error is below the accuracy
+FINEST = 1e-5  # accuracy with the finest mesh there is
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +49,7 @@ class HeatProblem:
     mesh : Mesh
     discretization : Discretization
     accuracy : float
-        for which the mesh was sized.
+        that was asked for.
     """
 
     geometry: CrossSection
@@ -156,12 +159,6 @@ class HeatProblem:
             law: np.array([other == law for other in laws])[self.mesh.region] for law in laws if not is_constant(law)
         }
 
-    @cached_property
-    def _static(self) -> Solve:
-        """Solve K x = right-hand side on the free unknowns."""
-        free = self.discretization.free
-        return factorize(self.discretization.stiffness[free][:, free])
-
     def thermal_resistance(self, heated: str | None = None, read: str | None = None) -> float:
         """Steady mean rise of ``read`` per watt in ``heated``, in K/W; defaults: the first heated part, and itself.
 
@@ -171,7 +168,14 @@ class HeatProblem:
         7.86
         """
         channel = self.channels(heated or self.heated[0], read or heated or self.heated[0])
-        return float(channel.C[0] @ self._static(channel.B[:, 0]))
+        return float(channel.C[0] @ self.discretization.factors.solve(0.0, 1.0, channel.B[:, 0]))
+
+    @cached_property
+    def enrichment(self) -> Enrichment:
+        """What cubic elements would add, see `thermofem.accuracy`."""
+        from .accuracy import Enrichment
+
+        return Enrichment.of(self)
 
     def steady_rise(self, power: float, heated: str | None = None, read: str | None = None) -> float:
         """Steady mean rise of ``read`` in K at a power in W in ``heated``; k(T) is taken into account.
@@ -189,30 +193,34 @@ class HeatProblem:
         return power * self.thermal_resistance(heated, read)
 
     @cached_property
-    def _errors(self) -> dict[tuple[str, str], tuple[float, float]]:
+    def _estimated(self) -> dict[tuple[str, str, str], float]:
         return {}
 
-    def errors(self, heated: str | None = None, read: str | None = None) -> tuple[float, float]:
-        """Relative errors of R_th by the mesh and by the end of the domain, see `thermofem.accuracy`.
+    def mesh_error(self, heated: str | None = None, read: str | None = None) -> float:
+        """Relative error of R_th and of the step from 1 ns on that the mesh makes, see `thermofem.accuracy`."""
+        return self._estimate("mesh", heated, read)
 
-        Warns in the log, once, where the domain moves R_th by more than ``accuracy``.
+    def errors(self, heated: str | None = None, read: str | None = None) -> tuple[float, float]:
+        """`mesh_error`, and the relative change of R_th if the stack went on, see `thermofem.accuracy`.
+
+        Where the end of the domain moves R_th by more than ``accuracy`` the log says so, once for each size of domain.
         """
-        from . import accuracy
+        mesh, domain = self.mesh_error(heated, read), self._estimate("domain", heated, read)
+        if domain > self.accuracy:
+            from .accuracy import warn
+
+            warn(self.geometry, domain, self.accuracy)
+        return mesh, domain
+
+    def _estimate(self, kind: str, heated: str | None, read: str | None) -> float:
+        from .accuracy import ESTIMATES
 
         heated = checks.choice("heated", heated or self.heated[0], self.heated)
         read = checks.choice("read", read or heated, self.readable)
-        if (heated, read) not in self._errors:
-            mesh, domain = (estimate(self, heated, read) for estimate in accuracy.ESTIMATES)
-            if domain > self.accuracy and not any(other > self.accuracy for _, other in self._errors.values()):
-                accuracy.log.warning(
-                    "%s: with bottom and outer side where they are, R_th is %.1e off that of a stack that goes on, "
-                    'more than accuracy = %g; if it does, make them "open" or move them outwards',
-                    self.geometry.name,
-                    domain,
-                    self.accuracy,
-                )
-            self._errors[heated, read] = mesh, domain
-        return self._errors[heated, read]
+        key = kind, heated, read
+        if key not in self._estimated:
+            self._estimated[key] = ESTIMATES[kind](self, heated, read)
+        return self._estimated[key]
 
     def field(self, state: ArrayLike) -> Array:
         """Temperature rise in K at every vertex of the mesh, from states of shape (..., unknowns) of the system."""
@@ -229,8 +237,9 @@ def assemble(geometry: CrossSection, accuracy: float = 1e-3) -> HeatProblem:
     ----------
     geometry : CrossSection
     accuracy : float
-        wanted relative error of R_th and of the step response from 1 ns on; it picks the mesh sizes. The meshes of the
-        reference strip are committed; any other is made by gmsh.
+        wanted relative error of R_th and of the step response from 1 ns on; it picks the mesh sizes. Where the
+        estimated error (`HeatProblem.mesh_error`) of a heated part is larger, the mesh is made again, finer. The meshes
+        of the reference strip are committed; any other is made by gmsh.
 
     Raises
     ------
@@ -247,12 +256,22 @@ def assemble(geometry: CrossSection, accuracy: float = 1e-3) -> HeatProblem:
             f"geometry is a {type(geometry).__name__}; th.strip_ring() or th.CrossSection.from_toml(path) makes one"
         )
     accuracy = checks.finite("accuracy", accuracy)
-    from .shell import shell_mean
-
     resistance: dict[str, float] = {}
     for interface in geometry.interfaces:
         resistance[interface.part] = resistance.get(interface.part, 0.0) + interface.resistance
-    mesh = split(mesh_for(geometry, accuracy), resistance)
+    finer = accuracy
+    for _ in range(REFINEMENTS):
+        heat = _on_mesh(geometry, split(mesh_for(geometry, finer), resistance), resistance, accuracy)
+        error = max(heat.mesh_error(part) for part in heat.heated)
+        if error <= accuracy or finer <= FINEST:
+            break
+        finer = max(FINEST, finer * accuracy / error / 2)
+    return heat
+
+
+def _on_mesh(geometry: CrossSection, mesh: Mesh, resistance: dict[str, float], accuracy: float) -> HeatProblem:
+    from .shell import shell_mean
+
     conductivity, heat_capacity = properties(geometry, mesh)
     discretization = build(mesh, conductivity, heat_capacity, _surfaces(geometry, mesh, resistance))
     shells = {probe.name: shell_mean(geometry, mesh, discretization.basis, probe) for probe in geometry.probes}

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .factor import Pencil
 from .model import StateSpace
 from .transient import Ledger
 
@@ -77,12 +78,27 @@ class Discretization:
         """Unknowns that are not held."""
         return np.setdiff1d(np.arange(self.mass.shape[0]), self.held)
 
+    @cached_property
+    def E(self) -> Any:
+        """Capacity of the free unknowns, sparse, J/K."""
+        return self.mass[self.free][:, self.free]
+
+    @cached_property
+    def K(self) -> Any:
+        """Conduction between the free unknowns, sparse, W/K."""
+        return self.stiffness[self.free][:, self.free]
+
+    @cached_property
+    def factors(self) -> Pencil:
+        """Solves with combinations of E and K."""
+        return Pencil(self.E, self.K)
+
     def state_space(self, heated: tuple[str, ...], read: tuple[str, ...]) -> StateSpace:
         """E = M, A = -K on the free unknowns; B and C from the volume means."""
         free = self.free
         return StateSpace(
-            E=self.mass[free][:, free],
-            A=-self.stiffness[free][:, free],
+            E=self.E,
+            A=-self.K,
             B=np.column_stack([self.means[name][free] for name in heated]),
             C=np.vstack([self.means[name][free] for name in read]),
             inputs=heated,
@@ -155,26 +171,72 @@ def build(
 
 def conduction(basis: Any, conductivity: ArrayLike) -> Any:
     """K_ij = int 2 pi r (k_r du_i/dr du_j/dr + k_z du_i/dz du_j/dz) dA, sparse."""
-    import skfem
-
-    @skfem.BilinearForm
-    def form(u, v, w):  # type: ignore[no-untyped-def]
-        return 2 * np.pi * w.x[0] * (w["k_r"] * u.grad[0] * v.grad[0] + w["k_z"] * u.grad[1] * v.grad[1])
-
-    k = np.asarray(conductivity, dtype=float)
-    k_r, k_z = k if k.ndim == 2 else (k, k)
-    return form.assemble(basis, k_r=_per_cell(basis, k_r), k_z=_per_cell(basis, k_z)).tocsr()
+    return assembled(basis, element_conduction(basis, conductivity))
 
 
 def capacity(basis: Any, heat_capacity: ArrayLike) -> Any:
     """M_ij = int 2 pi r rho c_p u_i u_j dA, sparse."""
-    import skfem
+    return assembled(basis, element_capacity(basis, heat_capacity))
 
-    @skfem.BilinearForm
-    def form(u, v, w):  # type: ignore[no-untyped-def]
-        return 2 * np.pi * w.x[0] * w["rho_c"] * u * v
 
-    return form.assemble(basis, rho_c=_per_cell(basis, heat_capacity)).tocsr()
+def element_conduction(basis: Any, conductivity: ArrayLike) -> Array:
+    """K of every triangle, shape (triangles, b, b) with b its basis functions; exact, as r is linear.
+
+    With J its map from the reference triangle, r_i the radius of corner i and reference integrals S,
+
+        K = 2 pi sum_mni (J^-1 diag(k_r, k_z) J^-T)_mn |det J| r_i S_mni,   S_mni = int l_i d_m u d_n u^T
+    """
+    _, _, stiff = _reference(basis)
+    J, r = _maps(basis)
+    det = J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]
+    inverse = np.array([[J[1, 1], -J[0, 1]], [-J[1, 0], J[0, 0]]]) / det
+    k = np.broadcast_to(np.asarray(conductivity, dtype=float), (2, basis.nelems))
+    metric = 2 * np.pi * np.abs(det) * np.einsum("mde,de,nde->mne", inverse, k, inverse)
+    weights = (metric[:, :, None] * r).reshape(-1, basis.nelems)
+    return (weights.T @ stiff).reshape(basis.nelems, basis.Nbfun, basis.Nbfun)
+
+
+def element_capacity(basis: Any, heat_capacity: ArrayLike) -> Array:
+    """M of every triangle, shape (triangles, b, b): 2 pi rho c_p |det J| sum_i r_i int l_i u u^T."""
+    _, mass, _ = _reference(basis)
+    J, r = _maps(basis)
+    det = J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]
+    weights = 2 * np.pi * np.abs(det) * np.broadcast_to(np.asarray(heat_capacity, dtype=float), basis.nelems) * r
+    return (weights.T @ mass).reshape(basis.nelems, basis.Nbfun, basis.Nbfun)
+
+
+def assembled(basis: Any, elements: Array) -> Any:
+    """Sparse sum of the matrices of all triangles."""
+    from scipy.sparse import csr_matrix
+
+    dofs = basis.element_dofs.T
+    rows, columns = (np.broadcast_to(d, elements.shape).ravel() for d in (dofs[:, :, None], dofs[:, None, :]))
+    return csr_matrix((elements.ravel(), (rows, columns)), shape=(basis.N, basis.N))
+
+
+def _maps(basis: Any) -> tuple[Array, Array]:
+    """Jacobians d(r, z)/d(reference), shape (2, 2, triangles), and radii of the corners, shape (3, triangles)."""
+    corners = basis.mesh.p[:, basis.mesh.t]
+    return np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=1), corners[0]
+
+
+def _reference(basis: Any) -> tuple[Array, Array, Array]:
+    kind: Any = type(basis.elem)
+    return _integrals(kind)
+
+
+@cache
+def _integrals(element: Any) -> tuple[Array, Array, Array]:
+    """Integrals on the reference triangle of l_i times u, u u^T and d_m u d_n u^T: (3, b), (3, b b), (2 2 3, b b)."""
+    from skfem.quadrature import get_quadrature
+
+    elem = element()
+    X, W = get_quadrature(elem.refdom, 2 * elem.maxdeg + 1)
+    u, du = map(np.array, zip(*(elem.lbasis(X, k) for k in range(len(elem.doflocs))), strict=True))
+    corner = np.array([1 - X[0] - X[1], X[0], X[1]])
+    mass = np.einsum("iq,aq,bq,q->iab", corner, u, u, W)
+    stiff = np.einsum("iq,amq,bnq,q->mniab", corner, du, du, W)
+    return np.einsum("iq,aq,q->ia", corner, u, W), mass.reshape(3, -1), stiff.reshape(12, -1)
 
 
 def mean(basis: Any, inside: NDArray[np.bool_]) -> Array:
@@ -185,18 +247,10 @@ def mean(basis: Any, inside: NDArray[np.bool_]) -> Array:
 
 def volume(basis: Any, inside: NDArray[np.bool_]) -> Array:
     """Integral of 2 pi r times each basis function over the triangles ``inside``, in m^3."""
-    import skfem
-
-    @skfem.LinearForm
-    def form(v, w):  # type: ignore[no-untyped-def]
-        return 2 * np.pi * w.x[0] * w["inside"] * v
-
-    return np.asarray(form.assemble(basis, inside=_per_cell(basis, inside)))
-
-
-def _per_cell(basis: Any, values: ArrayLike) -> Array:
-    """A value in each triangle, spread over its quadrature points."""
-    return np.broadcast_to((np.asarray(values) * np.ones(basis.nelems))[:, None], basis.dx.shape)
+    J, r = _maps(basis)
+    weights = 2 * np.pi * np.abs(J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0])[inside] * r[:, inside]
+    shares = weights.T @ _reference(basis)[0]
+    return np.asarray(np.bincount(basis.element_dofs.T[inside].ravel(), shares.ravel(), minlength=basis.N), dtype=float)
 
 
 def surface_terms(basis: Any, conductivity: ArrayLike, surfaces: Surfaces) -> Any:

@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from .geometry import CrossSection
     from .regions import Face
 
-VERSION = 1  # of the mesher: a new number where the same geometry gets another mesh
+VERSION = 2  # of the mesher: a new number where the same geometry gets another mesh
+OPTIONS = {"General.Terminal": 0, "General.NumThreads": 1, "Mesh.LcIntegrationPrecision": 1e-2}
 MICRON = 1e-6  # gmsh has absolute tolerances of 1e-8: it is given micrometres
 
 # shared libraries that the gmsh wheel links to, and the Debian package that brings each
@@ -132,7 +133,7 @@ def mesh_for(geometry: CrossSection, accuracy: float) -> Mesh:
     Raises
     ------
     InputError
-        accuracy outside 1e-5 .. 1e-2, or a geometry that cannot be meshed.
+        accuracy outside 1e-5 .. 0.05, or a geometry that cannot be meshed.
     MissingLibraryError
         gmsh is needed and cannot be loaded.
     """
@@ -227,8 +228,7 @@ def _triangulate(
     try:
         surfaces = _surfaces(builder, faces)
         builder.set_mesh_size_callback(lambda dim, tag, r, z, _, size_given: size(r * MICRON, z * MICRON) / MICRON)
-        options = {"General.Terminal": 0, "General.NumThreads": 1, "Mesh.LcIntegrationPrecision": 1e-3}
-        for option, value in options.items():
+        for option, value in OPTIONS.items():
             gmsh.option.setNumber(option, value)
         builder.synchronize()
         gmsh.model.mesh.generate(2)

@@ -97,6 +97,12 @@ class Foster:
         object.__setattr__(self, "R", R[order])
         object.__setattr__(self, "tau", tau[order])
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        from .display import model_card
+
+        return model_card(self)
+
     @property
     def order(self) -> int:
         """Number of poles."""
@@ -114,12 +120,12 @@ class Foster:
 
     def step_response(self, times: ArrayLike) -> Array:
         """sum_i R_i (1 - exp(-t/tau_i)) in K/W; zero before t = 0."""
-        t = np.maximum(np.asarray(times, dtype=float), 0)[..., None]
+        t = np.maximum(checks.numbers("times", times), 0)[..., None]
         return -np.expm1(-t / self.tau) @ np.asarray(self.R)
 
     def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
         """sum_i R_i / (1 + 2 pi i f tau_i) in K/W."""
-        f = np.asarray(frequency, dtype=float)[..., None]
+        f = checks.numbers("frequency", frequency)[..., None]
         return np.asarray((np.asarray(self.R) / (1 + 2j * np.pi * f * np.asarray(self.tau))).sum(axis=-1))
 
     @property
@@ -163,29 +169,35 @@ def pole_responses(rate: Array, wave: waveforms.Waveform, times: ArrayLike, *, p
         raise checks.InputError(f"times = {t.min():g} s lies before the start at t = 0")
     stop = wave.period if periodic and wave.period else max(float(t.max()), np.finfo(float).tiny)
     edges, after, before = waveforms.linear_pieces(wave, 0.0, stop)
-    length = np.diff(edges)[:, None]
-    slope = (before - after)[:, None] / length
-    decay, driven = np.exp(-rate * length), after[:, None] * _phi1(rate, length) + slope * _phi2(rate, length)
+    length = edges[1:] - edges[:-1]
+    slope, settled = (before - after) / length, np.divide.outer(after, rate)
+    ramps = slope.any()
+    # from an edge on x(u) = x(0) + (x(0) - P/rate) (exp(-rate u) - 1), and a ramp's share
+    fall = np.expm1(np.multiply.outer(length, -rate))
+    gained = -settled * fall
+    if ramps:
+        gained += slope[:, None] * _phi2(rate, length[:, None])
     at_edges = np.zeros((edges.size, rate.size))
-    for k in range(edges.size - 1):
-        at_edges[k + 1] = decay[k] * at_edges[k] + driven[k]
+    for k in range(after.size):
+        at_edges[k + 1] = at_edges[k] * (1 + fall[k]) + gained[k]
     if periodic:
-        at_edges += np.exp(-rate * edges[:, None]) * at_edges[-1] / -np.expm1(-rate * edges[-1])
-    piece = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, after.size - 1)
-    u = (t - edges[piece])[:, None]
-    return np.exp(-rate * u) * at_edges[piece] + after[piece, None] * _phi1(rate, u) + slope[piece] * _phi2(rate, u)
-
-
-def _phi1(rate: Array, u: Array) -> Array:
-    """Integral of exp(-rate v) over 0 <= v <= u: the answer of one pole to a step."""
-    return -np.expm1(-rate * u) / rate
+        at_edges += np.exp(np.multiply.outer(edges, -rate)) * (at_edges[-1] / -np.expm1(-rate * edges[-1]))
+    start = at_edges[:-1]
+    piece = edges[1:-1].searchsorted(t, side="right")
+    u = t - edges.take(piece)
+    result = np.expm1(np.multiply.outer(-rate, u))  # poles first: long inner loops
+    result *= (start - settled).T.take(piece, axis=1)
+    result += start.T.take(piece, axis=1)
+    if ramps:
+        result += slope.take(piece) * _phi2(rate[:, None], u)
+    return result.T
 
 
 def _phi2(rate: Array, u: Array) -> Array:
     """Integral of v exp(-rate (u - v)): the answer of one pole to a ramp; a series where the difference cancels."""
     z = rate * u
     series = u * u * (0.5 - z / 6 + z * z / 24 - z**3 / 120)
-    return np.where(z < 1e-3, series, (u - _phi1(rate, u)) / rate)
+    return np.where(z < 1e-3, series, (u + np.expm1(-z) / rate) / rate)
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,6 +228,12 @@ class StateSpace:
         for name, shape in shapes.items():
             if getattr(self, name).shape != shape:
                 raise checks.InputError(f"{name} has shape {getattr(self, name).shape}; {shape} is needed")
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        from .display import model_card
+
+        return model_card(self)
 
     @property
     def order(self) -> int:
@@ -255,7 +273,7 @@ class StateSpace:
 
         self._single()
         E, A = self._sparse("E"), self._sparse("A")
-        f = np.atleast_1d(np.asarray(frequency, dtype=float))
+        f = np.atleast_1d(checks.numbers("frequency", frequency))
         z = [
             (self.C[0] @ splu((2j * np.pi * w) * E - A, permc_spec="MMD_AT_PLUS_A").solve(self.B[:, 0] + 0j)) for w in f
         ]

@@ -1,8 +1,12 @@
-"""Stages of the ESDIRK method for k(T) and c_p(T): Newton's method with the frozen factors of the linear system.
+"""Stages of the ESDIRK method for k(T) and c_p(T): Newton's method with factors of a symmetric neighbour.
 
-Stage i solves  H(x_i) + gamma h F(x_i) = H(x_0) + h sum_{j<i} a_ij E s_j + gamma h B P_i,  with slopes s = E^-1 dH/dt.
-Each iteration costs one solve with E - gamma h A at the ambient temperature; where they stall, the factors are made
-again from the Jacobian at the present state.
+Stage i solves  H(x_i) + gamma h F(x_i) = H(x_0) + h sum_{j<i} a_ij dH_j + gamma h B P_i  for the rise x_i. The Jacobian
+is sum_l M_l D_l + gamma h sum_l K_l D'_l with diagonal D, the laws' derivatives at the nodes; its neighbour
+
+    sum_l sqrt(D_l) M_l sqrt(D_l) + gamma h sum_l sqrt(D'_l) K_l sqrt(D'_l)
+
+is symmetric and has the ordering of the linear factors. It follows the state where a derivative has moved by `DRIFT`.
+Each iteration costs one solve; where they stall, the factors are made from the full Jacobian.
 """
 
 from __future__ import annotations
@@ -14,30 +18,51 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .esdirk import GAMMA, STAGE_TIMES, STAGES, Stepper
-from .factor import Solve
-from .nonlinear import NonlinearSystem, factorize_general
+from .factor import Pencil, Solve
+from .nonlinear import Lift, NonlinearSystem, factorize_general
 from .waveforms import Waveform
 
 Array = NDArray[np.float64]
 
+DRIFT = 0.1  # relative change of a law's derivative at any node beyond which the factors are made again
 ITERATIONS = 10  # per stage, before the factors are renewed
 PATIENCE = 3  # iterations before their rate is judged: a good guess makes the first ratios large
 STALLED = 0.95  # ratio of successive corrections above which they are renewed at once
 SHARE = 0.02  # of the step's error that the iteration may leave; more, and the error estimate sees it (measured)
 
 # value at each stage of the polynomial through the stages before it
-_GUESS = np.zeros((6, 6))
+GUESS = np.zeros((6, 6))
 for _i in range(1, 6):
     for _j in range(_i):
         _others = np.delete(STAGE_TIMES[:_i], _j)
-        _GUESS[_i, _j] = np.prod((STAGE_TIMES[_i] - _others) / (STAGE_TIMES[_j] - _others))
+        GUESS[_i, _j] = np.prod((STAGE_TIMES[_i] - _others) / (STAGE_TIMES[_j] - _others))
+# the same through some of them, with the slope at one as the last column: (states, slope), the best found (measured)
+THROUGH = {1: ((0,), 0), 2: ((0, 1), 0), 3: ((0, 1, 2), 1), 4: ((1, 3), 3), 5: ((0, 1, 2, 3, 4), 4)}
+SLOPED = np.zeros((6, 7))
+for _i, (_at, _k) in THROUGH.items():
+    _p = np.arange(len(_at) + 1)
+    _rows = np.vstack([STAGE_TIMES[list(_at), None] ** _p, _p * STAGE_TIMES[_k] ** np.maximum(_p - 1, 0)])
+    SLOPED[_i, [*_at, 6]] = np.linalg.solve(_rows.T, STAGE_TIMES[_i] ** _p)
+
+
+def _foresee(i: int, states: Array, slopes: Array, h: float | Array) -> Array:
+    """Guess for stage i from those before it; ``h`` times a slope is dx/dt times the step."""
+    return np.asarray(SLOPED[i, :i] @ states[:i] + SLOPED[i, 6] * h * slopes[THROUGH[i][1]])
 
 
 class NewtonStepper(Stepper):
     """A `Stepper` whose stages are nonlinear; ``tolerance`` is the relative error allowed in a step."""
 
-    def __init__(self, system: NonlinearSystem, waves: Waveform | Sequence[Waveform], tolerance: float) -> None:
-        super().__init__(system.linear, waves)
+    def __init__(
+        self,
+        system: NonlinearSystem,
+        waves: Waveform | Sequence[Waveform],
+        tolerance: float,
+        factors: Pencil | None = None,
+    ) -> None:
+        from scipy.sparse import hstack
+
+        super().__init__(system.linear, waves, factors)
         self.system = system
         self.tolerance = SHARE * tolerance * (0.5 if system.content.laws else 1.0)
         self.iterations = self.refreshes = 0
@@ -46,76 +71,130 @@ class NewtonStepper(Stepper):
         self._rate = 0.0  # of convergence, per K of the largest rise: it grows with the rise
         self._at: Array | None = None  # where the renewed factors belong; None: the linear ones serve
         self._renewed: dict[float, Solve] = {}
+        self._stored = _Nodal(system.content, self.E.diagonal())
+        self._both = hstack([system.content.matrix, system.flow.matrix], format="csr")
+        self._near = Pencil(self.E, -self.A)
+        self._neighbours = [_Neighbour(lift, self._near) for lift in (system.content, system.flow)]
+        self._last: tuple[Array, Array] | None = None  # slope and dH/dt in W where the last step ended
 
     def start_slope(self, x: Array, t: float, h: float, stop: float) -> Array:
         """E^-1 dH/dt at the start of a smooth piece."""
         return self.solve(0.0, self.B @ self.powers(t, h, stop)[0] - self.system.flow(x))
 
     def rate(self, x: Array, slope: Array) -> Array:
-        """dx/dt from a slope: solves H'(x) dx/dt = E s by iteration with E."""
+        """dx/dt from a slope: solves H'(x) dx/dt = E s by iteration with E, from the same node by node."""
         if not self.system.content.laws:
             return slope
-        capacity, rate, target = self.system.content.jacobian(x), slope, self.E @ slope
+        nodal = self._stored.slope(x)
+        rate = slope / nodal
+        capacity, target = self.system.content.derivative(x), self.E @ slope
         for _ in range(ITERATIONS):
-            change = self.solve(0.0, target - capacity @ rate)
-            rate = rate + change
-            if np.abs(change).max() <= 1e-4 * np.abs(rate).max():  # it only interpolates between steps
+            rest = target - capacity(rate)
+            # E-norms by its diagonal: no solve where node by node is right already; it only interpolates between steps
+            if np.sqrt(rest**2 @ (1 / self._weight)) <= 1e-3 * np.sqrt(target**2 @ (1 / self._weight)):
                 break
+            rate = rate + self.solve(0.0, rest) / nodal
         return rate
 
     def step(self, x: Array, slope: Array, h: float, powers: Array) -> tuple[Array, Array] | None:
         """One step as `Stepper.step`; None where even renewed factors do not converge: the step is too long."""
+        self._follow(x)
+        step = self._with_content if self.system.content.laws else self._without
+        done = step(x, slope, h, powers)
+        self.steps += done is not None
+        return done
+
+    def _without(self, x: Array, slope: Array, h: float, powers: Array) -> tuple[Array, Array] | None:
+        """A step where no capacity depends on temperature: dH/dt = E dx/dt."""
         slopes, states = np.empty((6, x.size)), np.empty((6, x.size))
         slopes[0], states[0] = slope, x
-        shift, extra = GAMMA * h, self._extra(x)
+        shift = GAMMA * h
         for i in range(1, 6):
-            past = STAGES[i, :i] @ slopes[:i]
-            known, source = x + h * past, shift * (self.B @ powers[i])
-            if self.system.content.laws:
-                source = source + extra
-            found = self._newton(_GUESS[i, :i] @ states[:i], known, source, shift)
+            known = x + h * (STAGES[i, :i] @ slopes[:i])
+            found = self._newton(_foresee(i, states, slopes, h), shift * (self.B @ powers[i]), shift, known)
             if found is None:
                 return None
             states[i] = found
             slopes[i] = (found - known) / shift  # not from F: that would blow up what the iteration left
-            if self.system.content.laws:
-                slopes[i] += self.solve(0.0, self._extra(found) - extra) / shift
-        self.steps += 1
         return slopes, states
 
-    def _extra(self, x: Array) -> Array:
+    def _with_content(self, x: Array, slope: Array, h: float, powers: Array) -> tuple[Array, Array] | None:
+        """A step in the heat content H: exact in dH/dt; slopes E^-1 dH/dt node by node, for the error estimate."""
+        slopes, states, flows = (np.empty((6, x.size)) for _ in range(3))
+        if self._last is not None and np.array_equal(self._last[0], slope):
+            flows[0] = self._last[1]
+        else:
+            flows[0] = self.E @ slope
+        slopes[0], states[0] = slope, x
+        lifted, matrix = self.system.content.lifted(x), self.system.content.matrix
+        shift, nodal, start = GAMMA * h, self._stored.integral(lifted), matrix @ lifted
+        per_slope = h / self._stored.slope(x)
+        for i in range(1, 6):
+            known = start + h * (STAGES[i, :i] @ flows[:i])
+            target = known + shift * (self.B @ powers[i])
+            found = self._newton(_foresee(i, states, slopes, per_slope), target, shift)
+            if found is None:
+                return None
+            states[i], lifted = found, self.system.content.lifted(found)
+            flows[i] = (matrix @ lifted - known) / shift
+            slopes[i] = (self._stored.integral(lifted) - nodal - h * (STAGES[i, :i] @ slopes[:i])) / shift
+        self._last = slopes[5], flows[5]
+        return slopes, states
+
+    def _follow(self, x: Array) -> None:
+        """Make the neighbour of the Jacobian again where a derivative has moved by `DRIFT`."""
+        if max(one.drift(x) for one in self._neighbours) > DRIFT:
+            self._near.replace(*(one.at(x) for one in self._neighbours))
+
+    def extra(self, x: Array) -> Array:
         """H(x) - E x."""
         return self.system.content(x) - self.E @ x if self.system.content.laws else np.zeros_like(x)
 
-    def _newton(self, x: Array, known: Array, source: Array, shift: float) -> Array | None:
-        """Solve one stage from the guess ``x``; renew the factors once where they stall."""
-        start = x
+    def stage(self, x: Array, known: Array, source: Array, shift: float) -> Array | None:
+        """Solve E (x - known) + extra(x) + shift F(x) = source from the guess ``x``."""
+        if self.system.content.laws:
+            return self._newton(x, self.E @ known + source, shift)
+        return self._newton(x, source, shift, known)
+
+    def _newton(self, x: Array, target: Array, shift: float, known: Array | float = 0.0) -> Array | None:
+        """Solve H(x) + shift F(x) = target from the guess ``x``; renew the factors once where they stall.
+
+        ``known`` is taken from x in H, where that is linear.
+        """
+        start, flow, content = x, self.system.flow, self.system.content
         for renewed in (False, True):
             if renewed:
                 self._renew(start)
                 x = start
             rate, last = 0.0, np.inf
             for k in range(ITERATIONS):
-                rest = self.E @ (known - x) + source - self._extra(x) - shift * self.system.flow(x)
-                change = self._correct(shift, rest)
+                change = self._correct(
+                    shift, target - self._both @ np.concatenate([content.lifted(x) - known, shift * flow.lifted(x)])
+                )
                 x = x + change
                 self.iterations += 1
-                size = self._size(change, x)
+                if not k:
+                    self._scale = np.maximum(self._scale, self._measure(x))
+                size = self._size(change)
                 if not np.isfinite(size):
                     break
-                rate = size / last if k else min(self._rate * self._rise, STALLED)
+                rate = size / last if k else min(self._rate * self.rise, STALLED)
                 last = size
                 if k >= PATIENCE and rate > STALLED:
                     break
                 if size * rate <= self.tolerance * (1 - rate) and (k or rate > 0 or size <= self.tolerance):
-                    if k and self._rise:
-                        self._rate = max(rate / self._rise, 0.9 * self._rate)
+                    if k and self.rise:
+                        self._rate = max(rate / self.rise, 0.9 * self._rate)
                     return x
         return None
 
     def _correct(self, shift: float, rest: Array) -> Array:
         if self._at is None:
-            return self.solve(shift, rest)
+            before = self._near.factorizations
+            change = self._near.solve(1.0, shift, rest)
+            self.factorizations += self._near.factorizations - before
+            self.solves += 1
+            return change
         key = float(f"{shift:.8e}")
         if key not in self._renewed:
             matrix = self.system.content.jacobian(self._at) + shift * self.system.flow.jacobian(self._at)
@@ -128,14 +207,93 @@ class NewtonStepper(Stepper):
         self._at, self._renewed = x, {}
         self.refreshes += 1
 
-    def _size(self, change: Array, x: Array) -> float:
+    def _size(self, change: Array) -> float:
         """Largest of the changes of field and outputs, each relative to the largest value it has had."""
-        self._scale = np.maximum(self._scale, self._measure(x))
         return float(np.max(self._measure(change) / np.maximum(self._scale, np.finfo(float).tiny)))
 
     @property
-    def _rise(self) -> float:
+    def rise(self) -> float:
+        """Largest rise that an output has had, K."""
         return float(self._scale[:-1].max())
 
     def _measure(self, x: Array) -> Any:
         return np.append(np.abs(self.C @ x), np.sqrt(self._weight @ (x * x)))
+
+
+class _Nodal:
+    """What a `Lift` does to each node when neighbours do the same: its laws, weighted by the diagonal of the matrix."""
+
+    def __init__(self, lift: Lift, diagonal: Array) -> None:
+        self.ambient, self.size = lift.ambient, diagonal.size
+        self.laws = []
+        start = diagonal.size
+        for law, at in lift.laws:
+            block = lift.matrix[:, start : start + at.size].tocsr()
+            self.laws.append((law, at, np.asarray(block[at, np.arange(at.size)]).ravel() / diagonal[at]))
+            start += at.size
+
+    def slope(self, x: Array) -> Array:
+        """Derivative at each node."""
+        total = np.ones(self.size)
+        for law, at, weight in self.laws:
+            total[at] += weight * (law.factor(self.ambient + x[at]) / law.factor(self.ambient) - 1)
+        return total
+
+    def integral(self, lifted: Array) -> Array:
+        """Its integral from ambient in K, from what `Lift.lifted` gives."""
+        x, start = lifted[: self.size], self.size
+        total = x.copy()
+        for _, at, weight in self.laws:
+            total[at] += weight * (lifted[start : start + at.size] - x[at])
+            start += at.size
+        return total
+
+
+class _Neighbour:
+    """The symmetric neighbour of the derivative of a `Lift`, as values in the places of a `Pencil`."""
+
+    def __init__(self, lift: Lift, pencil: Pencil) -> None:
+        self.ambient, self.laws = lift.ambient, []
+        n, start = lift.matrix.shape[0], lift.matrix.shape[0]
+        rows, columns = pencil.rows_and_columns
+        self.rest = np.zeros(rows.size)
+        self._add(pencil, lift.matrix[:, :n], self.rest)
+        for law, at in lift.laws:
+            block = lift.matrix[:, start : start + at.size].tocsc()
+            start += at.size
+            where, values = pencil.places(_spread(block, at, n))
+            local = np.zeros(n, dtype=np.intp)
+            local[at] = np.arange(at.size)
+            self.laws.append((law, at, where, values, local[rows[where]], local[columns[where]]))
+        self.slopes = [np.ones(at.size) for _, at, *_ in self.laws]
+
+    @staticmethod
+    def _add(pencil: Pencil, matrix: Any, total: Array) -> None:
+        where, values = pencil.places(matrix)
+        total[where] += values
+
+    def _slopes(self, x: Array) -> list[Array]:
+        T0 = self.ambient
+        return [law.factor(T0 + x[at]) / law.factor(T0) for law, at, *_ in self.laws]
+
+    def drift(self, x: Array) -> float:
+        """Largest relative change of a derivative since `at`."""
+        new = self._slopes(x)
+        return max((float(np.abs(a / b - 1).max()) for a, b in zip(new, self.slopes, strict=True)), default=0.0)
+
+    def at(self, x: Array) -> Array:
+        """The values at ``x``."""
+        self.slopes = self._slopes(x)
+        total = self.rest.copy()
+        for (_, _, where, values, i, j), slope in zip(self.laws, self.slopes, strict=True):
+            root = np.sqrt(slope)
+            total[where] += values * root[i] * root[j]
+        return total
+
+
+def _spread(block: Any, at: NDArray[np.intp], n: int) -> Any:
+    """Columns ``at`` of an n by n matrix."""
+    from scipy.sparse import csr_matrix
+
+    coo = block.tocoo()
+    return csr_matrix((coo.data, (coo.row, at[coo.col])), shape=(n, n))

@@ -16,7 +16,7 @@ Vorlesungen ueber die Theorie der Waerme (Teubner, 1894).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -51,6 +51,8 @@ class Lift:
 
     def lifted(self, x: Array) -> Array:
         """[x, g_1(x), g_2(x), ...] in K, from x of shape (..., n)."""
+        if not self.laws:
+            return x
         T0 = self.ambient
         laws = [law.integral(T0, x[..., at]) / law.factor(T0) for law, at in self.laws]
         return np.concatenate([x, *laws], axis=-1)
@@ -67,6 +69,12 @@ class Lift:
             slope = law.factor(self.ambient + x[at]) / law.factor(self.ambient)
             blocks.append(csr_matrix((slope, (np.arange(at.size), at)), shape=(at.size, x.size)))
         return self.matrix @ vstack(blocks, format="csr")
+
+    def derivative(self, x: Array) -> Callable[[Array], Array]:
+        """The derivative at ``x`` as a function of the direction, without its matrix."""
+        T0 = self.ambient
+        slopes = [(law.factor(T0 + x[at]) / law.factor(T0), at) for law, at in self.laws]
+        return lambda v: np.asarray(self.matrix @ np.concatenate([v, *(slope * v[at] for slope, at in slopes)]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,7 +234,19 @@ def lift(parts: Sequence[tuple[Any, Law]], rest: Any, free: NDArray[np.intp], am
 
 
 def rows(operator: Lift, matrix: Any) -> Lift:
-    """The operator with ``matrix`` in front: some of its rows, or sums of them."""
+    """The operator with ``matrix`` in front: some rows or sums of them, with the laws at the nodes they need."""
     from scipy.sparse import csr_matrix
 
-    return Lift(csr_matrix(matrix @ operator.matrix), operator.laws, operator.ambient)
+    matrix = csr_matrix(matrix)
+    total = (matrix @ operator.matrix).toarray()
+    total[np.abs(total) <= 1e-12 * (abs(matrix) @ abs(operator.matrix)).toarray()] = 0.0  # what cancels inside
+    needed = np.abs(total).max(axis=0) > 0
+    start = total.shape[1] - sum(at.size for _, at in operator.laws)
+    needed[:start] = True
+    laws = []
+    for law, at in operator.laws:
+        kept = at[needed[start : start + at.size]]
+        start += at.size
+        if kept.size:
+            laws.append((law, kept))
+    return Lift(csr_matrix(total[:, needed]), tuple(laws), operator.ambient)

@@ -14,6 +14,7 @@ from . import checks
 from .materials import VOID
 
 VERTICAL = math.pi / 2
+THINNEST = 1e-10  # m; less than an atom is no continuum, and surely a slip
 _LONGEST = 0.1  # m; nothing on a chip is longer
 _REGION_NAME = re.compile(r"\w[\w .+-]*")
 
@@ -79,6 +80,8 @@ class Part:
         checks.between(f"{of}bottom", self.bottom, -_LONGEST, _LONGEST, unit="m", hint=slip(self.bottom, 1e-6))
         if self.material != VOID or self.height != 0:
             length(f"{of}height", self.height, typical=220e-9)
+        if self.inner_radius:
+            length(f"{of}inner_radius", self.inner_radius, typical=5e-6)
         if self.inner_radius >= self.outer_radius:
             raise checks.InputError(
                 f"{of}inner_radius = {self.inner_radius:g} m must be below outer_radius = {self.outer_radius:g} m"
@@ -172,7 +175,7 @@ class Probe:
 def ring(radius: float, width: float, *, of: str = "") -> tuple[float, float]:
     """Inner and outer radius in m of a ring from the radius to its centre and its width; ``of`` opens the message."""
     checks.positive(f"{of}radius", radius, unit="m", hint=slip(radius, 8e-6))
-    checks.positive(f"{of}width", width, unit="m")
+    _not_below_an_atom(f"{of}width", checks.positive(f"{of}width", width, unit="m"))
     if width > 2 * radius:
         raise checks.InputError(
             f"{of}width = {width:g} m is larger than radius = {radius:g} m allows; {slip(width, 450e-9, radius)}"
@@ -181,8 +184,14 @@ def ring(radius: float, width: float, *, of: str = "") -> tuple[float, float]:
 
 
 def length(name: str, value: float, *, typical: float) -> float:
-    """A positive length in m that fits on a chip; the hint repairs a slip of units."""
-    return checks.positive(name, value, unit="m", at_most=_LONGEST, hint=slip(value, typical))
+    """A length in m that is no less than an atom and fits on a chip; the hint repairs a slip of units."""
+    return _not_below_an_atom(name, checks.positive(name, value, unit="m", at_most=_LONGEST, hint=slip(value, typical)))
+
+
+def _not_below_an_atom(name: str, value: float) -> float:
+    if value < THINNEST:
+        raise checks.InputError(f"{name} = {value:g} m is less than an atom; lengths are in metres")
+    return value
 
 
 def slip(value: float, typical: float, at_most: float = _LONGEST) -> str:

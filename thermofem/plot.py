@@ -43,6 +43,7 @@ def plot_response(data: xr.Dataset, ax: Axes | None = None, *, label: str | None
     ax = _axes(ax)
     time, rise = data["time"].values * 1e6, data["delta_T"]
     if "probe" in rise.dims:
+        ax.set_prop_cycle(color=[BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, INK])
         for name in rise["probe"].values:
             ax.plot(time, rise.sel(probe=name), style, label=str(name))
         ax.legend(frameon=False)
@@ -119,6 +120,9 @@ def animate_field(
     figure = plt.figure(figsize=(4.8, 3.6), layout="constrained")
     ax = plot_field(data, figure.add_subplot(), at=hottest, half_width=half_width)  # its scale is everyone's
     picture = ax.collections[0]
+
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # placed once: laid out anew for every frame it would jump
 
     def draw(at: int) -> tuple[Any, ...]:
         picture.set_array(data["field"].isel(field_time=at).values)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,6 +27,18 @@ _KINDS: dict[str, tuple[str, str, tuple[tuple[float, str], ...]]] = {
     "J": ("an energy", "20 fJ", ((1e-15, "fJ"), (1e-12, "pJ"))),
     "rad": ("an angle", "90 deg", ((math.pi / 180, "deg"),)),
     "1/m^3": ("a carrier density", "1e23 1/m^3", ()),
+    "1/s": ("a rate", "43e9 1/s", ()),
+    "m^2": ("an area", "0.1 um^2", ()),
+    "m^3": ("a volume", "5 um^3", ()),
+    "m/W": ("a two-photon absorption coefficient", "0.81 cm/GW", ()),
+    "m^2/W": ("a Kerr coefficient", "4.5e-18 m^2/W", ()),
+    "1/K": ("a thermo-optic coefficient", "1.86e-4 1/K", ()),
+    "eV": ("an energy", "0.1 eV", ()),
+    "rad/s/K": ("a shift of the resonance", "6.5e10 rad/s/K", ()),
+    "rad/s/J": ("a shift of the resonance", "1e21 rad/s/J", ()),
+    "m^3/s": ("an absorption rate", "1e-13 m^3/s", ()),
+    "1/s/J": ("an absorption rate", "5.6e21 1/s/J", ()),
+    "1/m^3/s/J^2": ("a generation rate", "9.9e57 1/m^3/s/J^2", ()),
     "W/m/K": ("a thermal conductivity", "130 W/m/K", ()),
     "kg/m^3": ("a density", "2330 kg/m^3", ()),
     "J/kg/K": ("a specific heat", "700 J/kg/K", ()),
@@ -53,6 +65,7 @@ FIELDS: dict[str, Field] = {
     "drop": Field("W", "power at the drop port"),
     "through": Field("W", "power at the through port"),
     "absorbed": Field("W", "power absorbed in the resonator"),
+    "scattered": Field("W", "power scattered out of the resonator"),
     "input_power": Field("W", "power in the bus waveguide"),
     "detuning": Field("Hz", "laser frequency minus cold resonance"),
     "frequency": Field("Hz", "frequency"),
@@ -123,6 +136,7 @@ def write(value: float, unit: str) -> str:
     return f"{number} {prefixed}".strip()
 
 
+@lru_cache(maxsize=4096)  # a campaign writes the same few hundred numbers again and again
 def _convert(number: float, given: str, unit: str, what: str) -> float:
     """``number`` of unit ``given`` in ``unit``."""
     import pint
@@ -140,7 +154,8 @@ def _convert(number: float, given: str, unit: str, what: str) -> float:
         raise InputError(f"{what} has the wrong dimension; {_wanted(unit)}")
     with np.errstate(over="ignore"):  # 1e9 dBm: the caller says that it is not finite
         value = float(quantity.to(registry.parse_units(unit)).magnitude)
-    decades = math.log10(abs(value / number)) if value and number and math.isfinite(value) else 0.0
+    ratio = abs(value / number) if number else 0.0
+    decades = math.log10(ratio) if 0 < ratio < math.inf else 0.0
     if round(decades) and abs(decades - round(decades)) < 1e-12:  # a decimal prefix costs one rounding: undo it
         return float(f"{value:.15g}")
     return value

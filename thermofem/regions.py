@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from . import checks
 from .materials import VOID
+from .parts import THINNEST
 
 if TYPE_CHECKING:
     from .geometry import CrossSection
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 GRID = 1e-15  # m
-THINNEST = 1e-10  # m; less than an atom is no continuum, and surely a slip
 SIDES = ("bottom", "top", "outer", "axis", "wall")
 
 

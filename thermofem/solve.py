@@ -65,7 +65,8 @@ def solve(
     """
     heated = _check(heat, wave, heated)
     system = heat.model(heated, read if read is not None else heated)
-    run = integrate(system, wave, times, rtol=rtol, snapshots=field_times, ledger=heat.audit(heated))
+    factors = heat.discretization.factors
+    run = integrate(system, wave, times, rtol=rtol, snapshots=field_times, ledger=heat.audit(heated), factors=factors)
     return _dataset(heat, wave, run, heated, read, rtol, field_times)
 
 
@@ -101,7 +102,8 @@ def solve_periodic(
     """
     heated = _check(heat, wave, heated)
     system = heat.model(heated, read if read is not None else heated)
-    run = integrate_periodic(system, wave, samples, rtol=rtol, ledger=heat.audit(heated))
+    factors = heat.discretization.factors
+    run = integrate_periodic(system, wave, samples, rtol=rtol, ledger=heat.audit(heated), factors=factors)
     return _dataset(heat, wave, run, heated, read, rtol, (), periodic=True)
 
 
@@ -137,7 +139,7 @@ def _dataset(
         attributes=_provenance(heat, run, heated, names[0] if single else heated, rtol),  # type: ignore[arg-type]
     )
     if np.size(field_times):
-        data = data.merge(_fields(heat, run, field_times), combine_attrs="override")
+        data = data.merge(fields(heat, run.snapshots, field_times), combine_attrs="override")
     return data
 
 
@@ -172,14 +174,14 @@ def mesh_hash(mesh: Mesh) -> str:
     return hashlib.sha256(content).hexdigest()[:12]
 
 
-def _fields(heat: HeatProblem, run: Trajectory, field_times: ArrayLike) -> xr.Dataset:
-    """Temperature fields on the mesh's vertices."""
+def fields(heat: HeatProblem, states: ArrayLike, field_times: ArrayLike) -> xr.Dataset:
+    """Temperature fields on the mesh's vertices, from states of shape (times, unknowns)."""
     import xarray as xr
 
     r, z = heat.mesh.points.T
     return xr.Dataset(
         {
-            "field": (("field_time", "vertex"), heat.field(run.snapshots), dataset.describe("delta_T")),
+            "field": (("field_time", "vertex"), heat.field(states), dataset.describe("delta_T")),
             "triangles": (("triangle", "corner"), heat.mesh.triangles),
         },
         coords={

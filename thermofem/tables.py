@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import logging
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -27,9 +28,15 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+log = logging.getLogger("thermofem")
+
 _ROLES = {"time": "s", "power": "W", "temperature": "K"}
 _UNIT = re.compile(r"\s*[(\[]([^()\[\]]*)[)\]]")
 _EXAMPLES = {"time": "us", "power": "mW", "temperature": "K"}
+STEEP = 0.5  # of the range of the power: a change by more within `EDGE_ROWS` intervals is an edge
+FLANK = 0.1  # of the range, in one interval: less is noise beside an edge
+EDGE_ROWS = 3
+EDGES = ("row", "middle")
 _ABSOLUTE = 100.0  # K; a record that begins above it is a temperature, not a rise
 
 
@@ -75,6 +82,7 @@ def read_csv(
     units: Mapping[str, str] | None = None,
     ambient: str | float | None = None,
     start: str | float | None = None,
+    edges: str | None = None,
 ) -> xr.Dataset:
     """Read a table of time, power and temperature into a Dataset that trains like our own.
 
@@ -94,6 +102,12 @@ def read_csv(
         subtracted from the temperature; default 0, for a column that is a rise already.
     start : str or float, s
         when the heating began, on the file's clock; earlier rows are left out. Default 0.
+    edges : "row" or "middle"
+        a column of power is straight between its rows, so that an edge between two rows becomes a ramp, which
+        shifts what is fitted. With ``edges`` a change by more than half the column's range within three rows is a jump:
+        "row", at the first row with the new power, as in tables of a simulation that has a row at every edge;
+        "middle", half-way, where it keeps the energy, as in traces of an oscilloscope that samples when it likes.
+        Default: jumps only where a time stands twice; the log tells where that looks wrong.
 
     Returns
     -------
@@ -116,7 +130,7 @@ def read_csv(
         rise = _numbers(table, "temperature", temperature, given) - (_scalar("ambient", ambient, "K") or 0.0)
         watts = _numbers(table, "power", power, given) if isinstance(power, str) else None
         t, first = _clock(table, t, _scalar("start", start, "s"))
-        wave = _wave(power) if watts is None else _sampled(t, watts[first:])
+        wave = _wave(power) if watts is None else _sampled(t, watts[first:], edges, path.name)
         if ambient is None and rise[first] > _ABSOLUTE:
             raise InputError(
                 f"{temperature!r} begins at {rise[first]:g} K, which is a temperature and no rise; "
@@ -276,8 +290,53 @@ def _wave(power: str | float | Waveform) -> Waveform:
     return Constant(float(power)) if isinstance(power, str | int | float) else power
 
 
-def _sampled(times: Array, power: Array) -> Waveform:
+def _sampled(times: Array, power: Array, edges: str | None, name: str) -> Waveform:
     """The drive of a column; it begins at t = 0 with its first value."""
+    steep = _edges(times, power)
+    if edges is not None:
+        checks.choice("edges", edges, EDGES)
+        times, power = _with_jumps(times, power, steep, edges)
+    elif steep:
+        log.warning(
+            "%s: the power changes by more than half its range between rows, %d times, first at t = %g s; these are "
+            'taken as ramps; where they are edges, give edges="row" or "middle"',
+            name,
+            len(steep),
+            times[steep[0][0]],
+        )
     if times[0] > 0:
         times, power = np.append(0.0, times), np.append(power[0], power)
     return Sampled(times, power)
+
+
+def _edges(times: Array, power: Array) -> list[tuple[int, int]]:
+    """First and last row of every change by more than `STEEP` of the range within at most `EDGE_ROWS` intervals."""
+    change, range_ = np.diff(power), float(np.ptp(power))
+    found: list[tuple[int, int]] = []
+    k = 0
+    while k < change.size:
+        stop = k + 1
+        if abs(change[k]) > FLANK * range_:
+            on = change * change[k] > FLANK * range_ * abs(change[k])
+            while stop < min(change.size, k + EDGE_ROWS) and on[stop]:
+                stop += 1
+            if abs(power[stop] - power[k]) > STEEP * range_ and times[stop] > times[k]:
+                found.append((k, stop))
+        k = stop
+    return found
+
+
+def _with_jumps(times: Array, power: Array, steep: list[tuple[int, int]], edges: str) -> tuple[Array, Array]:
+    """The same samples with every edge at one time: that of its last row, or the one that keeps the energy."""
+    keep = np.ones(times.size, dtype=bool)
+    jumps: list[tuple[float, float]] = []
+    for a, b in steep:
+        at = float(times[b])
+        if edges == "middle":
+            at -= float(np.trapezoid(power[a : b + 1] - power[a], times[a : b + 1]) / (power[b] - power[a]))
+        keep[a + 1 : b + (edges == "row")] = False
+        jumps += [(at, power[a]), (at, power[b])]
+    t = np.concatenate([times[keep], [time for time, _ in jumps]])
+    p = np.concatenate([power[keep], [watts for _, watts in jumps]])
+    order = np.argsort(t, kind="stable")  # both sides of a jump stay in their order
+    return t[order], p[order]

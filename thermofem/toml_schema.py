@@ -72,6 +72,8 @@ def read_text(text: str) -> CrossSection:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"not valid TOML: {error}") from None
+    if table.keys() & {"base", "loaded_q", "wavelength", "carriers"}:
+        raise InputError("this describes the optics of a ring; a geometry has outer_radius, [[layer]] and [[part]]")
     top = _read(table, _TOP, "the file", required=("outer_radius", "layer", "part"))
     boundary = _read(top.get("boundary", {}), _BOUNDARY, "[boundary]")
     return CrossSection(

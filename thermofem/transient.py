@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import checks
 from .esdirk import EMBEDDED, WEIGHTS, Stepper
-from .factor import Solve, factorize
+from .factor import Pencil
 from .model import StateSpace
 from .newton_stages import NewtonStepper
 from .nonlinear import NonlinearLedger, NonlinearSystem
@@ -96,6 +96,7 @@ def integrate(
     initial: Array | None = None,
     snapshots: ArrayLike = (),
     ledger: Ledger | NonlinearLedger | None = None,
+    factors: Pencil | None = None,
 ) -> Trajectory:
     """Integrate E dx/dt = A x + B P(t) from t = 0 and read C x at ``times``.
 
@@ -113,6 +114,8 @@ def integrate(
         times whose whole state is kept.
     ledger : Ledger or NonlinearLedger
         closes the energy balance, see `Trajectory.imbalance`.
+    factors : Pencil
+        of E and -A, where the caller keeps them for further runs.
 
     Raises
     ------
@@ -126,10 +129,10 @@ def integrate(
         raise checks.InputError(
             f"times start at {min([times[0], *kept[:1]]):g} s, before the start of the run at t = 0"
         )
-    stepper = _stepper(system, waves, rtol)
+    stepper = _stepper(system, waves, rtol, factors)
     x = np.zeros(system.order) if initial is None else np.array(initial, dtype=float)
     record = _Record(stepper, times, kept, ledger, x)
-    control = _Control(stepper, rtol, x, factorize(-stepper.A))
+    control = _Control(stepper, rtol, x)
     edges = stepper.edges(max(times[-1], kept[-1] if kept.size else 0.0))
     for start, stop in pairwise(edges.tolist()):
         x, _ = _cross(stepper, control, record, x, start, stop)
@@ -144,6 +147,7 @@ def integrate_periodic(
     rtol: float = 1e-4,
     initial: Array | None = None,
     ledger: Ledger | NonlinearLedger | None = None,
+    factors: Pencil | None = None,
 ) -> Trajectory:
     """One period of the periodic state, at `waveforms.period_times`.
 
@@ -162,18 +166,17 @@ def integrate_periodic(
     times = period_times(wave, samples)
     rtol = checks.between("rtol", rtol, 1e-10, 0.1)
     period = float(times[-1])
-    stepper = _stepper(system, wave, rtol)
-    solve_static = factorize(-stepper.A)
+    stepper = _stepper(system, wave, rtol, factors)
     x = (
-        solve_static(stepper.B.sum(axis=1) * wave.mean(0.0, period))
+        stepper.static(stepper.B.sum(axis=1) * wave.mean(0.0, period))
         if initial is None
         else np.array(initial, dtype=float)
     )
-    control = _Control(stepper, rtol, x, solve_static)
+    control = _Control(stepper, rtol, x)
     plan, end = _plan(stepper, control, times, x)
     for _ in range(PASSES):
         defect = end - x
-        correction = RELAXATION * (defect + solve_static(stepper.E @ defect) / period)
+        correction = RELAXATION * (defect + stepper.static(stepper.E @ defect) / period)
         x = x + correction
         record = _Record(stepper, times, np.empty(0), ledger, x)
         end = _march(stepper, plan, x, record)
@@ -184,10 +187,12 @@ def integrate_periodic(
     )
 
 
-def _stepper(system: StateSpace | NonlinearSystem, waves: Waveform | Sequence[Waveform], rtol: float) -> Stepper:
+def _stepper(
+    system: StateSpace | NonlinearSystem, waves: Waveform | Sequence[Waveform], rtol: float, factors: Pencil | None
+) -> Stepper:
     if isinstance(system, NonlinearSystem):
-        return NewtonStepper(system, waves, SAFETY * rtol)
-    return Stepper(system, waves)
+        return NewtonStepper(system, waves, SAFETY * rtol, factors)
+    return Stepper(system, waves, factors)
 
 
 @dataclass(frozen=True)
@@ -264,11 +269,11 @@ def _march(stepper: Stepper, plan: Sequence[_Plan], x: Array, record: _Record) -
 class _Control:
     """Error of a step in units of the tolerance, and the first step of a piece."""
 
-    def __init__(self, stepper: Stepper, rtol: float, x: Array, solve_static: Solve) -> None:
+    def __init__(self, stepper: Stepper, rtol: float, x: Array) -> None:
         self.stepper, self.rtol = stepper, rtol
         self.outputs, self.field = np.abs(stepper.C @ x), stepper.norm(x)
         self.first_step = np.inf
-        self.shortest_rise = _shortest_rise(stepper, solve_static)
+        self.shortest_rise = _shortest_rise(stepper)
 
     def error(self, estimate: Array, x: Array) -> float:
         """Worst ratio of error to tolerance over the outputs and the field; both scales grow with every state tried."""
@@ -288,10 +293,10 @@ class _Control:
         return max(0, int(np.ceil(np.log(length / first) / np.log(4) - 1e-9)))
 
 
-def _shortest_rise(stepper: Stepper, solve_static: Solve) -> float:
+def _shortest_rise(stepper: Stepper) -> float:
     """Shortest time in which the initial slope would reach the static rise: R_th times the part's heat capacity."""
     heat = stepper.B.sum(axis=1)
-    static, slope = solve_static(heat), stepper.solve(0.0, heat)
+    static, slope = stepper.static(heat), stepper.solve(0.0, heat)
     rises = np.append(np.abs(stepper.C @ static), stepper.norm(static))
     slopes = np.append(np.abs(stepper.C @ slope), stepper.norm(slope))
     moving = (slopes > 0) & (rises > 0)
@@ -318,12 +323,12 @@ class _Record:
     def add(self, t: float, h: float, slopes: Array, states: Array) -> None:
         """Take in one step."""
         C = self.stepper.C
-        read, kept = _between(self.times, t, t + h), _between(self.kept, t, t + h)
+        read, kept = between(self.times, t, t + h), between(self.kept, t, t + h)
         if read.size or kept.size:
             rates = [h * self.stepper.rate(states[k], slopes[k]) for k in (0, -1)]
             ends = (states[0], states[-1], *rates)
-            self.outputs[read] = _hermite((self.times[read] - t) / h, *(C @ v for v in ends))
-            self.snapshots[kept] = _hermite((self.kept[kept] - t) / h, *ends)
+            self.outputs[read] = hermite((self.times[read] - t) / h, *(C @ v for v in ends))
+            self.snapshots[kept] = hermite((self.kept[kept] - t) / h, *ends)
         if self.ledger:
             self.heat_out += self.ledger.outflow(h, WEIGHTS, states, slopes)
 
@@ -351,14 +356,14 @@ class _Record:
         )
 
 
-def _between(times: Array, start: float, stop: float) -> NDArray[np.intp]:
+def between(times: Array, start: float, stop: float) -> NDArray[np.intp]:
     """Indices of the sorted ``times`` in (start, stop], with a hair of room at both ends."""
     hair = 1e-9 * (stop - start)
     first, end = np.searchsorted(times, [start + hair, stop + hair], side="right")
     return np.arange(first, end)
 
 
-def _hermite(u: Array, x0: Array, x1: Array, d0: Array, d1: Array) -> Array:
+def hermite(u: Array, x0: Array, x1: Array, d0: Array, d1: Array) -> Array:
     """Cubic through both ends of a step with their slopes (times the step); u in 0..1, result (u, components)."""
     u = u[:, None]
     return x0 + u * (d0 + u * (3 * (x1 - x0) - 2 * d0 - d1 + u * (2 * (x0 - x1) + d0 + d1)))

@@ -15,20 +15,20 @@ Contract of a `Waveform` (anything that satisfies it can drive every model):
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import asdict, dataclass
-from functools import cached_property
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import checks
+from .switched import POWER_HINT, TIME_HINT, Chirp, Telegraph, inside
 
 Array = NDArray[np.float64]
 
-_POWER_HINT = "powers are in W (did you mean 2e-3 for 2 mW?)"
 MOST_PERIODS = 1e6  # that a call may span
-_TIME_HINT = "times are in s (did you mean 1e-6 for 1 us?)"
+_QUARTERS = np.array([[0.25], [0.75]])
 
 
 class Waveform(Protocol):
@@ -63,11 +63,15 @@ def linear_pieces(wave: Waveform, start: float, stop: float) -> tuple[Array, Arr
     """
     if not wave.piecewise_linear:
         raise checks.InputError(f"{type(wave).__name__} is not piecewise linear; sample it with th.Sampled first")
-    edges = np.concatenate([[start], wave.breakpoints(start, stop), [stop]])
-    length = np.diff(edges)
-    # read well inside each piece, where round-off hits no edge
-    early, late = wave(edges[:-1] + length / 4), wave(edges[:-1] + 3 * length / 4)
-    return edges, early - (late - early) / 2, late + (late - early) / 2
+    if isinstance(wave, SquareWave):
+        return wave.pieces(start, stop)
+    known = wave.breakpoints(start, stop)
+    edges = np.empty(known.size + 2)
+    edges[0], edges[1:-1], edges[-1] = start, known, stop
+    left, length = edges[:-1], edges[1:] - edges[:-1]
+    early, late = wave(left + _QUARTERS * length)  # well inside, where round-off hits no edge
+    half = (late - early) / 2
+    return edges, early - half, late + half
 
 
 def period_times(wave: Waveform, samples: int) -> Array:
@@ -84,11 +88,13 @@ def period_times(wave: Waveform, samples: int) -> Array:
     edges = wave.breakpoints(0.0, period)
     if samples < 3 + 2 * edges.size:
         raise checks.InputError(f"samples = {samples} is too few for a period with {edges.size} edges inside")
-    times = np.linspace(0.0, period, samples)
-    nearest = np.clip(np.rint(edges / period * (samples - 1)).astype(int), 1, samples - 2)
-    if np.unique(nearest).size < edges.size:
+    times = np.arange(samples, dtype=float) * (period / (samples - 1))
+    times[-1] = period
+    nearest = {min(max(round(e / period * (samples - 1)), 1), samples - 2): e for e in edges.tolist()}
+    if len(nearest) < edges.size:
         raise checks.InputError(f"samples = {samples} does not resolve the waveform's edges; take more")
-    times[nearest] = edges
+    for k, edge in nearest.items():
+        times[k] = edge
     return times
 
 
@@ -106,7 +112,7 @@ class Constant:
     period: ClassVar[None] = None
 
     def __post_init__(self) -> None:
-        checks.between("power", self.power, 0, 10, unit="W", hint=_POWER_HINT)
+        checks.between("power", self.power, 0, 10, unit="W", hint=POWER_HINT)
 
     def __call__(self, t: ArrayLike) -> Array:
         """Power in W."""
@@ -143,9 +149,9 @@ class Pulse:
     period: ClassVar[None] = None
 
     def __post_init__(self) -> None:
-        checks.between("power", self.power, 0, 10, unit="W", hint=_POWER_HINT)
-        checks.positive("width", self.width, unit="s", at_most=10, hint=_TIME_HINT)
-        checks.between("start", self.start, 0, 1e3, unit="s", hint=_TIME_HINT)
+        checks.between("power", self.power, 0, 10, unit="W", hint=POWER_HINT)
+        checks.positive("width", self.width, unit="s", at_most=10, hint=TIME_HINT)
+        checks.between("start", self.start, 0, 1e3, unit="s", hint=TIME_HINT)
 
     @property
     def stop(self) -> float:
@@ -164,7 +170,7 @@ class Pulse:
 
     def breakpoints(self, start: float, stop: float) -> Array:
         """Both edges, where they lie inside."""
-        return _inside(np.array([self.start, self.stop]), start, stop)
+        return inside(np.array([self.start, self.stop]), start, stop)
 
     def mean(self, start: float, stop: float) -> float:
         """power x overlap / length."""
@@ -189,8 +195,8 @@ class SquareWave:
     piecewise_linear: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        checks.between("power", self.power, 0, 10, unit="W", hint=_POWER_HINT)
-        checks.positive("period", self.period, unit="s", at_most=10, hint=_TIME_HINT)
+        checks.between("power", self.power, 0, 10, unit="W", hint=POWER_HINT)
+        checks.positive("period", self.period, unit="s", at_most=10, hint=TIME_HINT)
         checks.between("duty", self.duty, 0, 1, hint="the duty cycle is the fraction of the period that is on")
         if not 1e-6 <= self.duty <= 1 - 1e-6:
             raise checks.InputError(f"duty = {self.duty:g} leaves no edge; use Constant for a steady power")
@@ -206,8 +212,11 @@ class SquareWave:
                 f"{(stop - start) / self.period:.2g} periods of {self.period:g} s are asked for at once, more than "
                 f"{MOST_PERIODS:g}; take solve_periodic for the settled state, or a shorter run"
             )
-        cycle = np.arange(np.floor(start / self.period) - 1, np.ceil(stop / self.period) + 2)
-        return np.stack([cycle * self.period, cycle * self.period + self.on_time], axis=1).ravel()
+        cycle = np.arange(math.floor(start / self.period) - 1, math.ceil(stop / self.period) + 2)
+        edges = np.empty((cycle.size, 2))
+        edges[:, 0] = cycle * self.period
+        edges[:, 1] = edges[:, 0] + self.on_time
+        return edges.ravel()
 
     def _at(self, t: ArrayLike, side: str) -> Array:
         t = np.asarray(t, dtype=float)
@@ -226,7 +235,17 @@ class SquareWave:
 
     def breakpoints(self, start: float, stop: float) -> Array:
         """Every rising and falling edge inside."""
-        return _inside(self._edges(start, stop), start, stop)
+        return inside(self._edges(start, stop), start, stop)
+
+    def pieces(self, start: float, stop: float) -> tuple[Array, Array, Array]:
+        """`linear_pieces` without asking for the power: the edges alternate, and the first of all switches on."""
+        known = self._edges(start, stop)
+        slack = 1e-12 * max(abs(start), abs(stop))
+        first, last = known.searchsorted((start + slack, stop - slack)).tolist()
+        edges = known[first - 1 : last + 1]
+        edges[0], edges[-1] = start, stop
+        power = self.power * (np.arange(first, last + 1) % 2)
+        return edges, power, power
 
     def mean(self, start: float, stop: float) -> float:
         """From the exact energy delivered up to a time."""
@@ -235,109 +254,6 @@ class SquareWave:
     def _energy(self, t: float) -> float:
         cycle = np.floor(t / self.period)
         return float(self.power * (cycle * self.on_time + min(t - cycle * self.period, self.on_time)))
-
-
-class _Switched:
-    """A power that is on or off, from the times at which it changes; it begins on."""
-
-    power: float
-    edges: Array  # off, on, off, ...
-    piecewise_linear: ClassVar[bool] = True
-    period: ClassVar[None] = None
-
-    def __call__(self, t: ArrayLike) -> Array:
-        """Power in W at ``t``, continuous from the right."""
-        return self.power * (np.searchsorted(self.edges, np.asarray(t, dtype=float), side="right") % 2 == 0)
-
-    def before(self, t: ArrayLike) -> Array:
-        """Power in W just before ``t``."""
-        return self.power * (np.searchsorted(self.edges, np.asarray(t, dtype=float), side="left") % 2 == 0)
-
-    def breakpoints(self, start: float, stop: float) -> Array:
-        """Every change inside."""
-        return _inside(self.edges, start, stop)
-
-    def mean(self, start: float, stop: float) -> float:
-        """From the exact energy of every piece."""
-        edges, after, before = linear_pieces(self, start, stop)
-        return float(np.sum(np.diff(edges) * (after + before)) / 2 / (stop - start))
-
-
-@dataclass(frozen=True)
-class Telegraph(_Switched):
-    """Random telegraph: on and off for exponentially distributed times; a drive that no training saw.
-
-    Parameters
-    ----------
-    power : float, W
-    dwell : float, s
-        mean time between changes.
-    duration : float, s
-        off for good afterwards.
-    seed : int
-        the same seed gives the same waveform.
-    """
-
-    power: float
-    dwell: float
-    duration: float
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        checks.between("power", self.power, 0, 10, unit="W", hint=_POWER_HINT)
-        checks.positive("dwell", self.dwell, unit="s", at_most=10, hint=_TIME_HINT)
-        checks.positive("duration", self.duration, unit="s", at_most=1e6 * self.dwell, hint=_TIME_HINT)
-
-    @cached_property
-    def edges(self) -> Array:  # type: ignore[override]
-        """Times of change in s."""
-        draw = np.random.default_rng(self.seed)
-        times = np.cumsum(draw.exponential(self.dwell, int(2 * self.duration / self.dwell) + 20))
-        times = times[times < self.duration]
-        return np.append(times, self.duration) if times.size % 2 == 0 else times
-
-
-@dataclass(frozen=True)
-class Chirp(_Switched):
-    """Square wave whose period goes from one value to another, each cycle by nearly the same factor.
-
-    The frequency is f(t) = f_0 (f_1/f_0)^(t/duration), and the power is on while the fraction of the phase
-    int f dt is below ``duty``.
-
-    Parameters
-    ----------
-    power : float, W
-    first, last : float, s
-        period at the start and at the end; different.
-    duration : float, s
-        off for good afterwards.
-    duty : float, 0 < duty < 1
-    """
-
-    power: float
-    first: float
-    last: float
-    duration: float
-    duty: float = 1 / 3
-
-    def __post_init__(self) -> None:
-        checks.between("power", self.power, 0, 10, unit="W", hint=_POWER_HINT)
-        checks.positive("first", self.first, unit="s", at_most=10, hint=_TIME_HINT)
-        checks.positive("last", self.last, unit="s", at_most=10, hint=_TIME_HINT)
-        checks.positive("duration", self.duration, unit="s", at_most=1e6 * min(self.first, self.last), hint=_TIME_HINT)
-        checks.between("duty", self.duty, 1e-3, 0.999, hint="the duty cycle is the fraction of the period that is on")
-        if self.first == self.last:
-            raise checks.InputError("first and last period are equal; take a SquareWave")
-
-    @cached_property
-    def edges(self) -> Array:  # type: ignore[override]
-        """Times of change in s."""
-        rate = np.log(self.first / self.last) / self.duration
-        cycles = np.expm1(rate * self.duration) / (rate * self.first)
-        phase = np.arange(np.ceil(cycles))[:, None] + [0.0, self.duty]
-        phase = phase.ravel()[1:]
-        times = np.log1p(phase[phase < cycles] * rate * self.first) / rate
-        return np.append(times, self.duration) if times.size % 2 == 0 else times
 
 
 @dataclass(frozen=True, eq=False)
@@ -361,8 +277,8 @@ class Sampled:
     piecewise_linear: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        times = checks.array("times", self.times, increasing=True, hint=_TIME_HINT)
-        power = checks.array("power", self.power, hint=_POWER_HINT)
+        times = checks.array("times", self.times, increasing=True, hint=TIME_HINT)
+        power = checks.array("power", self.power, hint=POWER_HINT)
         if times.size != power.size or times.size < 2:
             raise checks.InputError(
                 f"times has {times.size} samples, power {power.size}; both need the same, at least 2"
@@ -373,7 +289,7 @@ class Sampled:
             raise checks.InputError("times begins or ends with a jump; the first and last interval need a length")
         if np.any(power < 0):
             raise checks.InputError(f"power[{np.argmin(power)}] = {power.min():g} W is negative; absorbed power heats")
-        checks.between("power", power.max(), 0, 10, unit="W", hint=_POWER_HINT)
+        checks.between("power", power.max(), 0, 10, unit="W", hint=POWER_HINT)
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "power", power)
 
@@ -418,21 +334,15 @@ class Sampled:
         """Every sample inside."""
         times = np.unique(np.asarray(self.times))
         if not self.repeat:
-            return _inside(times, start, stop)
+            return inside(times, start, stop)
         length = times[-1] - times[0]
         cycles = np.arange(np.floor((start - times[0]) / length), np.ceil((stop - times[0]) / length) + 1)
-        return _inside(np.unique(times[:-1] + length * cycles[:, None]), start, stop)
+        return inside(np.unique(times[:-1] + length * cycles[:, None]), start, stop)
 
     def mean(self, start: float, stop: float) -> float:
         """Trapezoids between the samples, which is exact."""
         edges, after, before = linear_pieces(self, start, stop)
         return float(np.sum(np.diff(edges) * (after + before)) / 2 / (stop - start))
-
-
-def _inside(times: Array, start: float, stop: float) -> Array:
-    """The times strictly inside (start, stop), with a hair of room against round-off."""
-    slack = 1e-12 * max(abs(start), abs(stop))
-    return times[(times > start + slack) & (times < stop - slack)]
 
 
 KINDS: dict[str, type] = {kind.__name__: kind for kind in (Constant, Pulse, SquareWave, Telegraph, Chirp, Sampled)}

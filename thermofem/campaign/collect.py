@@ -2,7 +2,7 @@
 
 Dimensions and variables, DRIVE being the name of a drive
     case; delta_T_DRIVE (K) over case, time_DRIVE and probe; power_DRIVE (W) over time_DRIVE; thermal_resistance (K/W)
-    over case and probe; unknowns, discretization_error and domain_error (relative, of R_th) over case; the varied
+    over case and probe; unknowns, discretization_error and domain_error (relative) over case; the varied
     quantities and ``key`` (the name of the file) over case.
     The index holds every geometry, nan where there is no result, with ``status`` ("finished", "failed" or "waiting")
     and ``reason``. The training collection holds the finished ones and the matrix ``features`` over case and feature.
@@ -32,7 +32,7 @@ INDEX, TRAINING = "index.nc", "training.nc"
 ROWS = 64  # geometries of one chunk in the file
 _NUMBERS = {
     "unknowns": "unknowns of the mesh",
-    "discretization_error": "relative error of R_th by the mesh",
+    "discretization_error": "relative error of R_th and of the step from 1 ns on by the mesh",
     "domain_error": "relative change of R_th if the stack went on beyond the domain",
 }
 

@@ -1,0 +1,55 @@
+"""What a notebook shows: well-formed, escaped, with the numbers that matter."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+from surrogate_systems import strip
+
+import surrogate
+import thermofem as th
+
+LINEAR = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
+EYE = np.eye(2)
+TIMES = np.geomspace(1e-9, 1e-4, 60)
+SHOWN = {
+    "Foster": (LINEAR, ["Foster", "7 K/mW", "50 ns to 1 us", "polyline"]),
+    "OutputMap": (th.OutputMap(LINEAR, -4e-4), ["OutputMap", "z + (-0.0004 /K) z²", "polyline"]),
+    "StateSpace": (th.StateSpace(EYE, -EYE, EYE, EYE, ("a", "b<c"), ("a", "b<c")), ["StateSpace", "a, b&lt;c"]),
+    "Quadratic": (th.Quadratic(-1e6 * EYE, np.zeros((2, 2, 2)), 0 * EYE, [1e9, 1e9], [1, 1]), ["2 K/mW"]),
+    "strip": (th.strip_ring(), ["layer box", "SiO2, 2 um", "heated", "<path"]),
+    "disc": (th.disc(), ["part", "<path"]),
+}
+
+
+def words(shown):
+    text = shown._repr_html_()
+    ET.fromstring(text)  # every tag closed, every < escaped
+    return text
+
+
+@pytest.mark.parametrize("case", SHOWN)
+def test_a_notebook_shows(case):
+    shown, expected = SHOWN[case]
+    text = words(shown)
+    for word in expected:
+        assert word in text
+
+
+def test_a_fit_and_a_reduction_show_their_errors():
+    data = th.dataset.build(TIMES, LINEAR.response(th.Constant(1e-3), TIMES), th.Constant(1e-3))
+    text = words(surrogate.fit_newton(data))
+    assert "tau_th" in text
+    assert " ± " in text
+    assert "misfit" in text
+    assert "of R_th at every frequency" in words(surrogate.reduce(strip(smallest=0.3), 1e-3))
+
+
+def test_the_picture_rises_from_the_left_to_the_right():
+    points = words(LINEAR).split('points="')[1].split('"')[0].split()
+    x, y = np.array([[float(v) for v in point.split(",")] for point in points]).T
+    assert np.all(np.diff(x) > 0)
+    assert np.all(np.diff(y) <= 0)  # down the page is up
+    assert (x.min(), x.max()) == (4.0, 296.0)

@@ -1,0 +1,76 @@
+"""Matrices against scikit-fem's quadrature, shared factorizations against direct ones, enrichment against cubics."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import skfem
+
+import thermofem as th
+from thermofem import factor
+from thermofem.accuracy import SATURATION, discretization_error
+from thermofem.factor import Pencil, factorize
+from thermofem.heat import properties
+from thermofem.matrices import capacity, conduction, mean
+
+ROUND_OFF = 1e-12
+
+
+@pytest.fixture(scope="module")
+def strip():
+    return th.assemble(th.strip_ring(), 1e-3)
+
+
+@pytest.mark.parametrize("element", [skfem.ElementTriP2, skfem.ElementTriP3])
+def test_matrices_are_those_of_the_weak_form(strip, element):
+    k, c = properties(strip.geometry, strip.mesh)
+    k = k * np.array([[1.0], [1.7]])
+    basis = skfem.Basis(strip.discretization.basis.mesh, element(), intorder=7)  # exact to degree 3 + 3 + 1
+
+    @skfem.BilinearForm
+    def flow(u, v, w):
+        return 2 * np.pi * w.x[0] * (w["k_r"] * u.grad[0] * v.grad[0] + w["k_z"] * u.grad[1] * v.grad[1])
+
+    @skfem.BilinearForm
+    def content(u, v, w):
+        return 2 * np.pi * w.x[0] * w["c"] * u * v
+
+    def spread(values):
+        return np.broadcast_to(values[:, None], basis.dx.shape)
+
+    K, M = flow.assemble(basis, k_r=spread(k[0]), k_z=spread(k[1])), content.assemble(basis, c=spread(c))
+    assert abs(conduction(basis, k) - K).max() < ROUND_OFF * abs(K).max()
+    assert abs(capacity(basis, c) - M).max() < ROUND_OFF * abs(M).max()
+
+
+@pytest.mark.parametrize("installed", [True, False])
+def test_a_pencil_solves_every_combination_however_often_it_comes_back(strip, installed, monkeypatch):
+    E, K = strip.discretization.E, strip.discretization.K
+    if not installed:
+        monkeypatch.setattr(factor, "_qdldl", lambda unknowns: None)
+    pencil, rhs = Pencil(E, K), np.random.default_rng(1).normal(size=E.shape[0])
+    for _ in range(factor.PATIENCE + 2):  # the shared place, and places of their own
+        for a, b in ((1.0, 1e-9), (1.0, 0.0), (0.0, 1.0), (1.0, 1e-6)):
+            found = pencil.solve(a, b, rhs)
+            left = (a * E + b * K) @ found - rhs
+            # backward stable: the residual is round-off of the largest term
+            scale = abs(a * E + b * K).max() * np.abs(found).max()
+            assert np.abs(left).max() < ROUND_OFF * scale
+
+
+def test_the_enrichment_adds_what_cubic_elements_add(strip):
+    """Three conjugate gradients against a direct solve with scikit-fem's own cubics, at s = 0."""
+    d = strip.discretization
+    k, _ = properties(strip.geometry, strip.mesh)
+    basis = skfem.Basis(d.basis.mesh, skfem.ElementTriP3(), intorder=7)
+    free = np.setdiff1d(np.arange(basis.N), basis.get_dofs(d.surfaces.held).all())
+    core = mean(basis, strip.mesh.region == strip.mesh.region_names.index("core"))[free]
+    cubic = core @ factorize(conduction(basis, k)[free][:, free])(core)
+    missing = cubic / strip.thermal_resistance() - 1
+    source = strip.enrichment.mean(strip, "core")
+    from thermofem.accuracy import _added
+
+    value, added = _added(strip, source, source, 0.0)
+    assert value == pytest.approx(strip.thermal_resistance(), rel=1e-9)
+    assert 0.98 * missing < added / value < missing * (1 + 1e-6)  # conjugate gradients come from below
+    assert discretization_error(strip, "core", "core") >= SATURATION * added / value

@@ -1,0 +1,147 @@
+"""The part of a field that follows the power in closed form: dz/dt = -rate z + heating P over one window.
+
+Between two grid times (wanted times and the breakpoints of the waves) P is one cubic, and z is exact at the grid:
+
+    z(t + h) = exp(-rate h) z(t) + sum_m c_m h phi_m(rate h),    phi_m(y) = integral_0^1 exp(-y (1 - u)) u^m du.
+
+Between grid times z is the cubic through its values and slopes; behind a jump of the power the grid is graded, since a
+fast pole does not move like a cubic there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .esdirk import STAGE_TIMES
+from .krylov import Basis
+from .waveforms import Waveform
+
+Array = NDArray[np.float64]
+
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)  # on [-1, 1]
+NODES, WEIGHTS = (NODES + 1) / 2, WEIGHTS / 2
+_POWERS = np.linalg.inv(NODES[:, None] ** np.arange(4)).T  # values at the nodes @ _POWERS = coefficients of u^m
+_GRADING = 2.0 ** -np.arange(1, 25)
+
+
+def _legendre(u: ArrayLike) -> Array:
+    """Polynomials of degree 0 to 3, orthonormal on [0, 1], shape (..., 4)."""
+    return np.polynomial.legendre.legvander(2 * np.asarray(u, dtype=float) - 1, 3) * np.sqrt([1.0, 3.0, 5.0, 7.0])
+
+
+_AT_STAGES = _legendre(STAGE_TIMES)
+
+
+def phi(y: Array) -> Array:
+    """phi_0 .. phi_3 of y >= 0, shape (4, *y.shape): a series downwards below 1, the recursion upwards above."""
+    small, large = np.minimum(y, 1.0), np.maximum(y, 1.0)
+    out = np.empty((4, *y.shape))
+    out[3] = 0.0
+    for j in range(16, -1, -1):  # phi_3 = 3! sum_j (-y)^j / (j + 4)!
+        out[3] = (1.0 - out[3] * small) / (j + 4)
+    up = -np.expm1(-large) / large
+    for m in range(2, -1, -1):
+        out[m] = (1.0 - small * out[m + 1]) / (m + 1)
+    for m in range(4):
+        if m:
+            up = (1.0 - m * up) / large
+        out[m] = np.where(y < 1.0, out[m], up)
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """Powers and fast part along one step, as its best cubic [P, z] sees them.
+
+    Attributes
+    ----------
+    stages : array, shape (6, inputs + k)
+        the cubic at the stages of `esdirk`.
+    leftover : array, shape (inputs,), W
+        largest difference between power and cubic.
+    energy : array, shape (inputs,), J
+    """
+
+    stages: Array
+    leftover: Array
+    energy: Array
+
+
+class FastPart:
+    """z over one window.
+
+    Parameters
+    ----------
+    basis : Basis
+    start, z : float, array of shape (k,)
+        time and z at the beginning.
+    waves : one Waveform for each input
+    times : array, s
+        wanted times, the last is the end of the window.
+    """
+
+    def __init__(self, basis: Basis, start: float, z: Array, waves: Sequence[Waveform], times: Array) -> None:
+        self.waves, self.rate = waves, basis.rate
+        self.grid = _grid(waves, start, times)
+        h = np.diff(self.grid)
+        nodes = self.powers(self.grid[:-1, None] + h[:, None] * NODES)
+        powers = nodes.transpose(0, 2, 1) @ _POWERS  # coefficients, (intervals, inputs, 4)
+        drive = h[:, None] * np.einsum("tim,mtk,ki->tk", powers, phi(h[:, None] * self.rate), basis.heating)
+        decay = np.exp(-h[:, None] * self.rate)
+        self.values = np.empty((self.grid.size, self.rate.size))
+        self.values[0] = z
+        for k in range(h.size):
+            self.values[k + 1] = decay[k] * self.values[k] + drive[k]
+        ends = np.stack([powers[..., 0], powers.sum(axis=-1)])  # not from the waves: round-off may hit their edges
+        self.slopes = ends @ basis.heating.T - self.rate * np.stack([self.values[:-1], self.values[1:]])
+
+    def powers(self, t: Array) -> Array:
+        """P of every input, shape (*t.shape, inputs)."""
+        return np.stack([wave(t) for wave in self.waves], axis=-1)
+
+    @cached_property
+    def _cubics(self) -> Array:
+        """Coefficients of u^m on every interval, shape (4, intervals, k)."""
+        h = np.diff(self.grid)[:, None]
+        rise, d0, d1 = np.diff(self.values, axis=0), h * self.slopes[0], h * self.slopes[1]
+        return np.stack([self.values[:-1], d0, 3 * rise - 2 * d0 - d1, d0 + d1 - 2 * rise])
+
+    def z(self, t: ArrayLike) -> Array:
+        """z at any times of the window, shape (*t.shape, k)."""
+        t = np.asarray(t, dtype=float)
+        i = np.clip(np.searchsorted(self.grid, t, side="right") - 1, 0, self.grid.size - 2)
+        u = ((t - self.grid[i]) / (self.grid[i + 1] - self.grid[i]))[..., None]
+        c = self._cubics
+        return np.asarray(c[0, i] + u * (c[1, i] + u * (c[2, i] + u * c[3, i])))
+
+    def piece(self, t: float, h: float) -> Piece:
+        """The step from ``t`` to ``t + h``."""
+        inside = self.grid[(self.grid > t + 1e-9 * h) & (self.grid < t + h * (1 - 1e-9))]
+        edges = (np.concatenate([[t], inside, [t + h]]) - t) / h
+        width = np.diff(edges)
+        u = (edges[:-1, None] + width[:, None] * NODES).ravel()
+        weight = (width[:, None] * WEIGHTS).ravel()
+        at = t + h * u
+        power = self.powers(at)
+        shapes = _legendre(u)
+        moments = shapes.T @ (weight[:, None] * np.concatenate([power, self.z(at)], axis=1))
+        left = power - shapes @ moments[:, : power.shape[1]]
+        return Piece(_AT_STAGES @ moments, np.abs(left).max(axis=0), h * (weight @ power))
+
+
+def _grid(waves: Sequence[Waveform], start: float, times: Array) -> Array:
+    """Wanted times, breakpoints, and a graded set of times behind each jump and the start."""
+    stop = float(times[-1])
+    parts = [np.array([start]), times]
+    for wave in waves:
+        edges = wave.breakpoints(start, stop)
+        jumps = np.append(start, edges[wave(edges) != wave.before(edges)])
+        parts += [edges, (jumps[:, None] + (stop - start) * _GRADING).ravel()]
+    grid = np.unique(np.concatenate(parts))
+    grid = grid[(grid >= start) & (grid <= stop)]
+    return grid[np.append(True, np.diff(grid) > 1e-13 * stop)]

@@ -1,0 +1,339 @@
+"""Compact thermal models that are not linear: a static output map, and a quadratic system.
+
+Both keep the contract of `thermofem.model` and add ``steady_rise(power)``, the static rise in K at constant power.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import checks, waveforms
+from .model import Foster, StateSpace
+
+Array = NDArray[np.float64]
+
+RTOL = 1e-8  # of LSODA per step; 1e-6 of the largest rise accumulates over 50 us at most (measured)
+BEYOND = 1.2  # a rise this far above the training's largest draws a warning
+PASSES = 40  # of the period map
+_TINY = np.finfo(float).tiny
+
+
+class OutsideTrainingWarning(UserWarning):
+    """A model is asked for rises that its training did not reach."""
+
+
+def warn_beyond(rise: Array, trained: float | None) -> Array:
+    """``rise`` itself; OutsideTrainingWarning where it goes far above what the training reached (None: not known)."""
+    if trained is not None and np.max(rise, initial=0.0) > BEYOND * trained:
+        text = f"the model is asked for a rise of {rise.max():.3g} K; its training reached {trained:.3g} K"
+        warnings.warn(text, OutsideTrainingWarning, stacklevel=3)
+    return rise
+
+
+@dataclass(frozen=True, eq=False)
+class OutputMap:
+    """Linear dynamics with a static map of the output, the Kirchhoff transformation in one number.
+
+        dT = z + coefficient z^2,      z = rise of the linear model
+
+    With k(T) the Kirchhoff variable obeys a nearly linear heat equation and the temperature is a function of it. As
+    stable as the linear model, whatever the coefficient.
+
+    Parameters
+    ----------
+    linear : Foster
+        the model at small power.
+    coefficient : float, 1/K
+        positive where the conductivity falls with temperature.
+    largest_rise : float, K, optional
+        that the coefficient was fitted to; beyond it responses warn.
+
+    Raises
+    ------
+    InputError
+        a coefficient that is not finite or larger than 0.1 /K; a response beyond the top of the map, where
+        1 + 2 coefficient z = 0.
+
+    >>> OutputMap(Foster(R=[7800.0], tau=[1e-6]), -4e-4).steady_rise(20e-3).round(1)
+    np.float64(146.3)
+    """
+
+    linear: Foster
+    coefficient: float
+    largest_rise: float | None = None
+
+    def __post_init__(self) -> None:
+        hint = "it is in 1/K, of the order of -4e-4 for silicon in oxide"
+        object.__setattr__(self, "coefficient", checks.between("coefficient", self.coefficient, -0.1, 0.1, hint=hint))
+        _check_rise(self.largest_rise)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The heated part."""
+        return self.linear.inputs
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """The read part."""
+        return self.linear.outputs
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        from .display import model_card
+
+        return model_card(self)
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return self.linear.order
+
+    @property
+    def thermal_resistance(self) -> float:
+        """R_th at small power in K/W."""
+        return self.linear.thermal_resistance
+
+    def step_response(self, times: ArrayLike) -> Array:
+        """Rise in K/W after a step of small power."""
+        return self.linear.step_response(times)
+
+    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+        """Z(f) at small power in K/W."""
+        return self.linear.impedance(frequency)
+
+    def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
+        """Rise in K from rest, in closed form."""
+        return warn_beyond(self.of(self.linear.response(wave, times)), self.largest_rise)
+
+    def periodic_response(self, wave: waveforms.Waveform, samples: int) -> Array:
+        """One period of the periodic state in K, in closed form."""
+        return warn_beyond(self.of(self.linear.periodic_response(wave, samples)), self.largest_rise)
+
+    def steady_rise(self, power: ArrayLike) -> Array:
+        """Static rise in K at constant power in W, shape of ``power``."""
+        return self.of(self.thermal_resistance * np.asarray(power, dtype=float))
+
+    def of(self, z: ArrayLike) -> Array:
+        """dT in K of a linear rise z in K."""
+        z = np.asarray(z, dtype=float)
+        if np.any(1 + 2 * self.coefficient * z <= 0):
+            top = -0.5 / self.coefficient
+            raise checks.InputError(
+                f"a linear rise of {z.flat[np.argmax(np.abs(z))]:.4g} K lies beyond the top of the output map at "
+                f"{top:.4g} K; the power is far beyond what the coefficient describes"
+            )
+        return z + self.coefficient * z * z
+
+
+@dataclass(frozen=True, eq=False)
+class Quadratic:
+    """Quadratic thermal system: what k(T) and c_p(T) look like in a small basis, and a polynomial SINDy network.
+
+        dx/dt = A x + H[x, x] + (G x) P + B P,      dT = C x,      H[x, x]_i = sum_jk H_ijk x_j x_k
+
+    Parameters
+    ----------
+    A : array, shape (n, n), 1/s
+        every eigenvalue with a negative real part.
+    H : array, shape (n, n, n), 1/(K s)
+        symmetric in its last two indices.
+    G : array, shape (n, n), 1/J
+    B : array, shape (n,), K/J
+    C : array, shape (n,)
+    inputs, outputs : tuple of one str
+    largest_rise : float, K, optional
+        of the training; beyond it responses warn.
+
+    Raises
+    ------
+    InputError
+        shapes that do not fit, numbers that are not finite, H not symmetric, A not stable; a response that leaves the
+        range in which the system has one (a quadratic one may run away).
+    """
+
+    A: Array
+    H: Array
+    G: Array
+    B: Array
+    C: Array
+    inputs: tuple[str, ...] = ("core",)
+    outputs: tuple[str, ...] = ("core",)
+    largest_rise: float | None = None
+
+    def __post_init__(self) -> None:
+        n = checks.array("B", self.B).size
+        for name, shape in {"A": (n, n), "H": (n, n, n), "G": (n, n), "B": (n,), "C": (n,)}.items():
+            try:
+                value = np.array(getattr(self, name), dtype=float)
+            except (TypeError, ValueError):
+                raise checks.InputError(f"{name} is not an array of numbers") from None
+            if value.shape != shape or n == 0:
+                raise checks.InputError(f"{name} has shape {value.shape}; {shape} is needed")
+            if not np.all(np.isfinite(value)):
+                raise checks.InputError(f"{name} holds a number that is not finite")
+            object.__setattr__(self, name, value)
+        if not np.allclose(self.H, self.H.transpose(0, 2, 1), rtol=1e-9, atol=1e-12 * float(np.abs(self.H).max())):
+            raise checks.InputError("H must be symmetric in its last two indices; average it with its transpose")
+        fastest = float(np.linalg.eigvals(self.A).real.max())
+        if fastest >= 0:
+            raise checks.InputError(f"A is not stable: a pole grows at {fastest:.3g} 1/s")
+        for name in ("inputs", "outputs"):
+            if len(getattr(self, name)) != 1:
+                raise checks.InputError(f"{name} = {getattr(self, name)}; a Quadratic has one of each")
+        _check_rise(self.largest_rise)
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        from .display import model_card
+
+        return model_card(self)
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return int(self.B.size)
+
+    @cached_property
+    def linear(self) -> StateSpace:
+        """The system at small power."""
+        eye = np.eye(self.order)
+        return StateSpace(eye, self.A, self.B[:, None], self.C[None], inputs=self.inputs, outputs=self.outputs)
+
+    @property
+    def thermal_resistance(self) -> float:
+        """-C A^-1 B in K/W, at small power."""
+        return float(-self.C @ np.linalg.solve(self.A, self.B))
+
+    @cached_property
+    def _poles(self) -> tuple[Any, Any]:
+        """Eigenvalues of A and the residue of each."""
+        rate, modes = np.linalg.eig(self.A)
+        return rate, (self.C @ modes) * np.linalg.solve(modes, self.B)
+
+    def step_response(self, times: ArrayLike) -> Array:
+        """Rise in K/W after a step of small power."""
+        t = np.maximum(checks.numbers("times", times), 0)[..., None]
+        rate, residue = self._poles
+        return np.asarray(np.real(np.expm1(rate * t) @ (residue / rate)))
+
+    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+        """Z(f) at small power in K/W."""
+        s = 2j * np.pi * checks.numbers("frequency", frequency)[..., None]
+        rate, residue = self._poles
+        return np.asarray((residue / (s - rate)).sum(axis=-1))
+
+    def rate(self, x: Array, power: float) -> Array:
+        """dx/dt."""
+        return self.A @ x + (self.H @ x) @ x + power * (self.G @ x + self.B)
+
+    def jacobian(self, x: Array, power: float) -> Array:
+        """Derivative of dx/dt by x."""
+        return self.A + 2 * (self.H @ x) + power * self.G
+
+    def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
+        """Rise in K from rest under a piecewise-linear waveform: LSODA from one breakpoint to the next."""
+        return warn_beyond((self.states(wave, times) @ self.C).reshape(np.shape(times)), self.largest_rise)
+
+    def periodic_response(self, wave: waveforms.Waveform, samples: int) -> Array:
+        """One period of the periodic state in K, by Newton's method on the period map."""
+        return warn_beyond(self.periodic_states(wave, samples) @ self.C, self.largest_rise)
+
+    def steady_rise(self, power: ArrayLike) -> Array:
+        """Static rise in K at constant power in W, shape of ``power``."""
+        power = checks.numbers("power", power)
+        return np.array([self.C @ self.steady_state(p) for p in power.ravel()]).reshape(power.shape)
+
+    def steady_state(self, power: float) -> Array:
+        """States at constant power, on the branch that begins at rest.
+
+        Raises
+        ------
+        InputError
+            no steady state at this power: the quadratic terms have taken over.
+        """
+        x = np.zeros(self.order)
+        for share in np.linspace(0.125, 1, 8):
+            for _ in range(20):
+                change = np.linalg.solve(self.jacobian(x, share * power), self.rate(x, share * power))
+                x = x - change
+                if np.abs(change).max() <= 1e-12 * np.abs(x).max() + _TINY:
+                    break
+            else:
+                raise checks.InputError(f"power = {power:g} W: the quadratic model has no steady state there")
+        return x
+
+    def states(self, wave: waveforms.Waveform, times: ArrayLike, *, initial: Array | None = None) -> Array:
+        """States at ``times`` (s, any order), from rest or ``initial`` at t = 0, shape (times, n)."""
+        t = checks.array("times", np.ravel(times))
+        if t.min() < 0:
+            raise checks.InputError(f"times = {t.min():g} s lies before the start at t = 0")
+        stop = max(float(t.max()), _TINY)
+        edges, after, before = waveforms.linear_pieces(wave, 0.0, stop)
+        x = np.zeros(self.order) if initial is None else np.array(initial, dtype=float)
+        scale = np.abs(np.linalg.solve(self.A, self.B)) * max(after.max(), before.max()) + np.abs(x)
+        result = np.empty((t.size, self.order))
+        result[t == 0] = x
+        for a, b, p, q in zip(edges[:-1], edges[1:], after, before, strict=True):
+            inside = (t > a) & (t <= b)
+            wanted, back = np.unique(t[inside], return_inverse=True)
+            track = self._piece(x, np.unique([a, *wanted, b]) - a, p, (q - p) / (b - a), RTOL * scale)
+            result[inside] = track[1 : 1 + wanted.size][back]
+            x = track[-1]
+        return result
+
+    def periodic_states(self, wave: waveforms.Waveform, samples: int) -> Array:
+        """States over one period of the periodic state, shape (samples, n)."""
+        from scipy.linalg import expm
+
+        times = waveforms.period_times(wave, samples)
+        period = times[-1]
+        mean_power = wave.mean(0.0, period)
+        x = self.steady_state(mean_power)
+        scale = float(np.abs(x * self.C).sum())
+        for _ in range(PASSES):
+            track = self.states(wave, times, initial=x)
+            mean = np.trapezoid(track, times, axis=0) / period
+            monodromy = expm(self.jacobian(mean, mean_power) * period)
+            change = np.linalg.solve(np.eye(self.order) - monodromy, track[-1] - x)
+            x = x + change
+            if np.abs(change * self.C).sum() <= 1e-6 * scale:
+                return track + change  # a correction this small has no shape left
+        raise checks.InputError(f"no periodic state found in {PASSES} passes; is the power beyond the model's range?")
+
+    def _piece(self, x: Array, times: Array, power: float, slope: float, atol: Array) -> Array:
+        """States at ``times`` (the first is the start) while the power is power + slope t."""
+        from scipy.integrate import ODEintWarning, odeint
+
+        if power == slope == 0 and not np.any(x):
+            return np.zeros((times.size, x.size))
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", ODEintWarning)
+            warnings.simplefilter("ignore", RuntimeWarning)  # overflow of a run-away, which ends in the next line
+            try:
+                track = odeint(
+                    lambda t, x: self.rate(x, power + slope * t),
+                    x,
+                    times,
+                    tfirst=True,
+                    Dfun=lambda t, x: self.jacobian(x, power + slope * t),
+                    rtol=RTOL,
+                    atol=np.maximum(atol, _TINY),
+                    tcrit=times[-1:],
+                    mxstep=20000,
+                )
+            except ODEintWarning:
+                track = np.full((1, 1), np.nan)
+        if not np.all(np.isfinite(track)):
+            raise checks.InputError("the quadratic model runs away: the power is far beyond the range it describes")
+        return np.asarray(track)
+
+
+def _check_rise(value: float | None) -> None:
+    if value is not None:
+        checks.positive("largest_rise", value, unit="K")
