@@ -1,13 +1,20 @@
 """Compact thermal models: the paper's lumped equations, their training, and models as files."""
 
+from thermofem import OutsideTrainingWarning
+
 from .cauer import Cauer, cauer, foster_of, structure_function
 from .decay import Decay, fit_decay
+from .export import export_model
 from .export.json import load_model, load_provenance, save_model
 from .fit import Fit, fit_foster, fit_newton, fit_second_order
+from .ladder import Ladder, judge, train_all, verdict
 from .lumped import BORGHI2021_HEAT_CAPACITY, newton, second_order
+from .quadratic import QuadraticReduction, fit_output_map, output_map, reduce_quadratic
 from .reduce import Reduction, reduce
-from .sindy import Network, OutsideTrainingWarning, SindyFit, fit_sindy, gate
+from .sindy import Network, SindyFit, fit_sindy, gate
+from .sindy_quadratic import fit_sindy_quadratic
 from .spectrum import fit_spectrum
+from .truncate import Truncation, balanced_truncation
 from .validate import compare, held_out_drives, period_error, square_waves, valid_range, validity
 
 __all__ = [
@@ -15,30 +22,42 @@ __all__ = [
     "Cauer",
     "Decay",
     "Fit",
+    "Ladder",
     "Network",
     "OutsideTrainingWarning",
+    "QuadraticReduction",
     "Reduction",
     "SindyFit",
+    "Truncation",
+    "balanced_truncation",
     "cauer",
     "compare",
+    "export_model",
     "fit_decay",
     "fit_foster",
     "fit_newton",
+    "fit_output_map",
     "fit_second_order",
     "fit_sindy",
+    "fit_sindy_quadratic",
     "fit_spectrum",
     "foster_of",
     "gate",
     "held_out_drives",
+    "judge",
     "load_model",
     "load_provenance",
     "newton",
+    "output_map",
     "period_error",
     "reduce",
+    "reduce_quadratic",
     "save_model",
     "second_order",
     "square_waves",
     "structure_function",
+    "train_all",
     "valid_range",
     "validity",
+    "verdict",
 ]

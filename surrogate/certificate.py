@@ -22,7 +22,7 @@ taken to curve no more than that.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,6 +32,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 PER_DECADE = 60
+EXHAUSTED = 1e-13  # of the ports outside the basis: round-off
 BEYOND = 1e3  # the samples reach this factor below the slowest and above the fastest rate of the reduced model
 ROUND_OFF = (
     1e-10  # of the static gain: what solves of these matrices leave (measured 1e-12..3e-11); no bound is below it
@@ -67,6 +68,12 @@ class Projection:
         """Static gain between the ports, shape (p, p), exact."""
         return self.ports.T @ (self.ports / self.rate[:, None])
 
+    @property
+    def exhausted(self) -> bool:
+        """Whether the basis holds the ports but for round-off; Phi is then lost in it (`certify_defect`)."""
+        held = self.mass_basis @ (self.vectors @ self.ports)
+        return bool(np.linalg.norm(self.remainder) <= EXHAUSTED * np.linalg.norm(held))
+
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
@@ -101,22 +108,52 @@ def certify(
     pairs : two arrays of int, shape (c,)
         the two ports of each channel.
     """
-    rate, k = projection.rate, projection.rate.size
-    low, high = rate[0] / BEYOND, max(rate[-1], *shifts) * BEYOND
-    omega = np.geomspace(low, high, int(np.ceil(np.log10(high / low) * PER_DECADE)))
+    omega = _frequencies(projection, shifts)
     grams = [_symmetric(projection.remainder.T @ w) for w in solutions]
     a, b = pairs
-    static = projection.gain.diagonal()
-    floor = ROUND_OFF * np.sqrt(static[a] * static[b])
-    if max(float((g.diagonal() / static).max()) for g in grams) <= ROUND_OFF:  # the basis holds everything
-        return Certificate(omega, np.tile(floor, (omega.size, 1)), floor)
     phi = _phi(projection, float(shifts[0]), solutions[0], grams[0], omega)
     bounds = []
     for s, gram in zip(shifts, grams, strict=True):
         norm = np.sqrt(np.maximum(np.einsum("mia,ij,mja->ma", phi.conj(), gram, phi).real, 0))
         rho = omega / np.hypot(omega, s) if s > 0 else np.ones_like(omega)
         bounds.append(norm[:, a] * norm[:, b] / rho[:, None])
-    each = np.maximum(bounds, floor)
+    return _over(projection, omega, np.array(bounds), pairs)
+
+
+def certify_defect(
+    projection: Projection, defect: Array, static: Callable[[Array], Array], *, pairs: tuple[Indices, Indices]
+) -> Certificate:
+    """Bound the error where Rhat is lost in round-off, so that R = Rhat - D Y has to be taken as it is.
+
+    Parameters
+    ----------
+    projection : Projection
+    defect : array, shape (n, k)
+        D = K V Z - M V Z diag(rate).
+    static : callable
+        K^-1 times a vector; k + p of them make it dearer than `certify`, which needs none beyond those of the basis.
+    pairs : two arrays of int, shape (c,)
+    """
+    omega, p = _frequencies(projection, projection.rate[-1:]), projection.ports.shape[1]
+    columns = np.column_stack([projection.remainder, defect])
+    gram = _symmetric(columns.T @ np.column_stack([static(column) for column in columns.T]))
+    Y = projection.ports / (projection.rate[:, None] + 1j * omega[:, None, None])
+    shares = np.concatenate([np.broadcast_to(np.eye(p), (omega.size, p, p)), -Y], axis=1)
+    norm = np.sqrt(np.maximum(np.einsum("mia,ij,mja->ma", shares.conj(), gram, shares).real, 0))
+    a, b = pairs
+    return _over(projection, omega, (norm[:, a] * norm[:, b])[None], pairs)
+
+
+def _frequencies(projection: Projection, shifts: Array) -> Array:
+    """Where the bound is sampled, rad/s."""
+    low, high = projection.rate[0] / BEYOND, max(projection.rate[-1], *shifts) * BEYOND
+    return np.geomspace(low, high, int(np.ceil(np.log10(high / low) * PER_DECADE)))
+
+
+def _over(projection: Projection, omega: Array, bounds: Array, pairs: tuple[Indices, Indices]) -> Certificate:
+    """The certificate from bounds at ``omega``, shape (ways to bound, m, c), of which the smallest counts."""
+    k, (a, b), static = projection.rate.size, pairs, projection.gain.diagonal()
+    each = np.maximum(bounds, ROUND_OFF * np.sqrt(static[a] * static[b]))
     step = np.log(omega[1] / omega[0])
     between = np.maximum(each[:, 1:], each[:, :-1]).min(axis=0) * np.exp(k * step**2 / 8)
     ends = np.maximum(each[:, 0].min(axis=0), each[:, -1].min(axis=0)) * (1 + k / BEYOND**2)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from thermofem import Foster, checks
 from thermofem.dataset import Drive, drive_of
 
-from .lumped import BORGHI2021_HEAT_CAPACITY, newton, second_order
+from .lumped import BORGHI2021_HEAT_CAPACITY, check_heat_capacity, newton, second_order
 from .projection import Optimum, Problem, optimum, polish
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 METHODS = ("projection", "pso")
+EXPLAINED = 0.2  # share of the variance below which data count as noise; the paper's single pole explains 0.9 and more
 UNSEEN = np.log(2)  # standard deviation of ln(tau) from which a time constant counts as not seen: a factor of two
 
 
@@ -65,6 +66,15 @@ class Fit:
     notes: tuple[str, ...] = ()
     geometry: str | None = None
     swarm_residual: float | None = None
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        from thermofem.display import card, model_card
+
+        rows = [(k, f"{v:.4g} ± {self.standard_errors[k]:.1g}") for k, v in self.parameters.items()]
+        rows.append(("misfit", f"{self.residual:.3g} K rms, {self.relative_residual:.2%} of the swing"))
+        rows += [("trained on", text) for text in self.training] + [("note", text) for text in self.notes]
+        return card("Fit", rows, model_card(self.model))
 
     @property
     def provenance(self) -> dict[str, Any]:
@@ -109,6 +119,7 @@ def fit_newton(
     InputError
         data without power or rise, or whose best pole is not stable and heating.
     """
+    heat_capacity = check_heat_capacity(heat_capacity)
     training = Training.of(data)
     found, swarm = training.search(1, method)
     rate, gain = np.exp(found.log_rate[0]), found.gain[0]
@@ -146,11 +157,17 @@ def fit_second_order(
     InputError
         data without power or rise, or that no stable pair of heating poles fits.
     """
+    heat_capacity = check_heat_capacity(heat_capacity)
     training = Training.of(data)
     found, swarm = training.search(2, method)
     (slow, fast), (g_s, g_f) = np.exp(found.log_rate), found.gain
     c_f, c_s = g_f * heat_capacity, g_s * heat_capacity
     parameters = {"kappa": c_f * slow + c_s * fast, "tau_f": 1 / fast, "tau_s": 1 / slow, "eta": c_f + c_s}
+    if min(c_f, c_s) < 0:
+        raise checks.InputError(
+            f"the best pair of poles cools when heated (kappa = {parameters['kappa']:.3g} 1/s, eta = "
+            f"{parameters['eta']:.3g}); do power and delta_T belong together?"
+        )
     jacobian = np.array(  # of (kappa, tau_f, tau_s, eta) by (log slow, log fast, g_s, g_f)
         [
             [c_f * slow, c_s * fast, heat_capacity * fast, heat_capacity * slow],
@@ -240,18 +257,36 @@ class Training:
             thermal_resistance = checks.positive("thermal_resistance", thermal_resistance, unit="K/W", hint=hint)
         elif impose:
             thermal_resistance = _common([d.attrs.get("thermal_resistance") for d in datasets])
+        for drive in drives:
+            if not np.any(drive.wave(drive.times)) and not np.any(drive.wave.before(drive.times)):
+                raise checks.InputError(f"the power of the {drive.name} is zero throughout; what heated it?")
         geometry = _common([d.attrs.get("geometry") for d in datasets])
         return cls(Problem(drives, thermal_resistance, impose), tuple(d.name for d in drives), geometry)
 
     def search(self, order: int, method: str) -> tuple[Optimum, float | None]:
         """The optimum, and the residual of the swarm before it was polished."""
         checks.choice("method", method, METHODS)
+        residual = None
         if method == "projection":
-            return optimum(self.problem, order), None
-        from .swarm import swarm
+            found = optimum(self.problem, order)
+        else:
+            from .swarm import swarm
 
-        start, residual = swarm(self.problem, order)
-        return polish(self.problem, start), residual
+            start, residual = swarm(self.problem, order)
+            found = polish(self.problem, start)
+        if np.any(found.gain > 0):
+            self.check_explained(found.relative_residual)
+        return found, residual
+
+    def check_explained(self, relative_residual: float) -> None:
+        """Refuse data of which even the best poles explain next to nothing."""
+        spread = np.concatenate([(d.rise - d.rise.mean()) / d.swing for d in self.problem.drives])
+        explained = 1 - relative_residual**2 / float(np.mean(spread**2))
+        if explained < EXPLAINED:
+            raise checks.InputError(
+                f"the power explains {max(explained, 0):.0%} of the variation of delta_T: it is noise, or they do not "
+                "belong together"
+            )
 
     def fit(
         self,

@@ -27,7 +27,7 @@ def newton(*, tau_th: float, heat_capacity: float = BORGHI2021_HEAT_CAPACITY) ->
         a value that is not positive, or out of range by a unit.
     """
     tau_th = checks.positive("tau_th", tau_th, unit="s", at_most=1.0, hint="times are in s (did you mean 275e-9?)")
-    heat_capacity = _heat_capacity(heat_capacity)
+    heat_capacity = check_heat_capacity(heat_capacity)
     return Foster(R=[tau_th / heat_capacity], tau=[tau_th])
 
 
@@ -77,10 +77,11 @@ def second_order(
         )
     c_f = (eta * fast - kappa) / (fast - slow)
     c_s = (kappa - eta * slow) / (fast - slow)
-    heat_capacity = _heat_capacity(heat_capacity)
+    heat_capacity = check_heat_capacity(heat_capacity)
     return Foster(R=[c_f * tau_f / heat_capacity, c_s * tau_s / heat_capacity], tau=[tau_f, tau_s])
 
 
-def _heat_capacity(value: float) -> float:
+def check_heat_capacity(value: float) -> float:
+    """``value``, or InputError unless it is a heat capacity in J/K."""
     hint = "m c_p is in J/K (the paper's resonator has 7.63e-12)"
     return checks.positive("heat_capacity", value, unit="J/K", at_most=1e-3, hint=hint)

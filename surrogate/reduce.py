@@ -22,13 +22,14 @@ from thermofem.factor import factorize
 from thermofem.model import pole_responses
 from thermofem.waveforms import Waveform
 
-from .certificate import Certificate, Indices, Projection, certify
+from .certificate import Certificate, Indices, Projection, certify, certify_defect
 
 Array = NDArray[np.float64]
 
 SYMMETRY = 1e-9  # allowed difference of a matrix from its transpose: assembly leaves round-off
 MOST = 300  # columns of the basis before a tolerance counts as out of reach
-PROMISING = 30.0  # the full certificate is worked out once one shift alone comes this near to the tolerance
+ROOM = 32  # columns that the basis has room for at first
+PROMISING = 10.0  # the full certificate is worked out once one shift alone comes this near to the tolerance
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +68,13 @@ class Reduction:
     def order(self) -> int:
         """Number of states."""
         return self.model.order
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        from thermofem.display import card, model_card
+
+        bound = f"below {self.error_bound:.1e} of R_th at every frequency"
+        return card("Reduction", [("error", bound), ("solves", str(self.solves))], model_card(self.model))
 
     @property
     def provenance(self) -> dict[str, Any]:
@@ -116,13 +124,11 @@ def reduce(system: StateSpace, tolerance: float = 1e-4) -> Reduction:
     >>> rom.error_bound < 1e-4
     True
     """
-    checks.between("tolerance", tolerance, 1e-7, 0.1, hint="it is relative to the static gain")
-    K, M, ports, heated, read = _parts(system)
-    pairs: tuple[Indices, Indices] = (np.repeat(read, heated.size), np.tile(heated, read.size))
-    space = _Space(K, M, ports, tolerance)
-    projection, certificate = _grow(space, pairs, tolerance)
-    scale, shape = _scale(projection, pairs), (read.size, heated.size)
-    model, basis = _model(system, projection, space.V @ projection.vectors, heated, read)
+    found = project(system, tolerance)
+    projection, certificate = found.projection, found.certificate
+    shape = (found.read.size, found.heated.size)
+    scale = _scale(projection, found.pairs)
+    model, basis = _model(system, projection, found.basis, found.heated, found.read)
     bound = (certificate.samples / scale).reshape(-1, *shape)
     return Reduction(
         model=model,
@@ -131,10 +137,50 @@ def reduce(system: StateSpace, tolerance: float = 1e-4) -> Reduction:
         frequency=certificate.omega / (2 * np.pi),
         bound=bound[:, 0, 0] if isinstance(model, Foster) else bound,
         basis=basis,
-        shifts=space.shifts,
+        shifts=found.shifts,
         tolerance=tolerance,
-        solves=space.solves,
+        solves=found.solves,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Projected:
+    """A system in the modes of a certified basis, between its ports.
+
+    Attributes
+    ----------
+    projection, certificate
+    basis : array, shape (n, k)
+        M-orthonormal modes of ``projection.rate``.
+    heated, read : array of int
+        which port each input and output is.
+    shifts : array, 1/s
+    solves : int
+    """
+
+    projection: Projection
+    certificate: Certificate
+    basis: Array
+    heated: Indices
+    read: Indices
+    shifts: Array
+    solves: int
+
+    @property
+    def pairs(self) -> tuple[Indices, Indices]:
+        """The two ports of each channel, outputs slowest."""
+        return np.repeat(self.read, self.heated.size), np.tile(self.heated, self.read.size)
+
+
+def project(system: StateSpace, tolerance: float) -> Projected:
+    """The certified projection that `reduce` and `balanced_truncation` begin with; raises as `reduce`."""
+    checks.between("tolerance", tolerance, 1e-7, 0.1, hint="it is relative to the static gain")
+    K, M, ports, heated, read = _parts(system)
+    space = _Space(K, M, ports, tolerance)
+    pairs = (np.repeat(read, heated.size), np.tile(heated, read.size))
+    projection, certificate = _grow(space, pairs, tolerance)
+    basis = space.V @ projection.vectors
+    return Projected(projection, certificate, basis, heated, read, space.shifts, space.solves)
 
 
 def _grow(space: _Space, pairs: tuple[Indices, Indices], tolerance: float) -> tuple[Projection, Certificate]:
@@ -145,6 +191,12 @@ def _grow(space: _Space, pairs: tuple[Indices, Indices], tolerance: float) -> tu
         projection = space.projection
         if projection is not None:
             scale = tolerance * _scale(projection, pairs)
+            if projection.exhausted:
+                certificate = certify_defect(projection, space.defect, space.factors[0], pairs=pairs)
+                reached = float(np.max(certificate.top / scale)) * tolerance
+                if reached <= tolerance:
+                    return projection, certificate
+                break
             alone = certify(projection, space.shifts[[j]], [solution], pairs=pairs)
             if np.max(alone.top / scale) <= PROMISING:
                 solutions = [solution if i == j else space.solve(i) for i in range(space.shifts.size)]
@@ -161,20 +213,35 @@ class _Space:
     """A rational Krylov space that grows one shift at a time, M-orthonormal."""
 
     def __init__(self, K: Any, M: Any, ports: Array, tolerance: float) -> None:
+        from scipy.sparse import triu
+
         self.K, self.M, self.ports, self.solves = K, M, ports, 0
-        n = ports.shape[0]
-        self.V, self.MV, self.stiffness = np.empty((n, 0)), np.empty((n, 0)), np.empty((0, 0))
+        self.order, self.stiffness = 0, np.empty((0, 0))
+        self._V, self._MV = (np.empty((ports.shape[0], ROOM), order="F") for _ in range(2))
         self.projection: Projection | None = None
         self.remainder = ports
         self.turn = 0
-        static = factorize(K)
+        upper_K, upper_M = triu(K, format="csc"), triu(M, format="csc")
+        static = factorize(upper_K, upper=True)
         self.shifts = _shifts(M, static, ports, tolerance)
-        self.factors = [static, *(factorize(K + s * M) for s in self.shifts[1:])]
+        self.factors = [static, *(factorize(upper_K + s * upper_M, upper=True) for s in self.shifts[1:])]
 
     @property
-    def order(self) -> int:
-        """Number of columns."""
-        return self.V.shape[1]
+    def V(self) -> Array:
+        """The basis."""
+        return self._V[:, : self.order]
+
+    @property
+    def MV(self) -> Array:
+        """M times the basis."""
+        return self._MV[:, : self.order]
+
+    @property
+    def defect(self) -> Array:
+        """K V Z - M V Z diag(rate) of the projection."""
+        assert self.projection is not None
+        Z, rate = self.projection.vectors, self.projection.rate
+        return np.asarray(self.K @ (self.V @ Z) - (self.MV @ Z) * rate)
 
     def solve(self, j: int) -> Array:
         """(K + s_j M)^-1 times what the basis leaves of the ports."""
@@ -188,22 +255,29 @@ class _Space:
         return j, self.solve(j)
 
     def extend(self, W: Array) -> bool:
-        """Add the columns of W; False when the space holds them already."""
-        before = np.einsum("ij,ij->j", W, self.M @ W)
+        """Add the columns of W; False when the space holds them already, or everything."""
+        room = self.M.shape[0] - self.order
+        if room == 0:
+            return False
+        MW = self.M @ W
+        before = np.einsum("ij,ij->j", W, MW)
         if np.any(before <= 0):
             raise checks.InputError("E is not positive definite; every heat capacity must be positive")
-        W = W / np.sqrt(before)
+        W, MW = W / np.sqrt(before), MW / np.sqrt(before)
         for _ in range(2):  # once more removes what round-off left
-            W = W - self.V @ (self.MV.T @ W)
-        value, vector = np.linalg.eigh(W.T @ (self.M @ W))
+            inside = self.MV.T @ W
+            W, MW = W - self.V @ inside, MW - self.MV @ inside
+        value, vector = np.linalg.eigh(_symmetric(W.T @ MW))
         kept = value > 1e-20  # columns are of unit length before projection: below, only round-off is left
+        kept[: max(0, kept.size - room)] = False
         if not kept.any():
             return False
-        W = W @ (vector[:, kept] / np.sqrt(value[kept]))
-        MW, KW = self.M @ W, self.K @ W
+        turn = vector[:, kept] / np.sqrt(value[kept])
+        W = W @ turn
+        KW = self.K @ W
         across, corner = self.V.T @ KW, W.T @ KW
-        self.V, self.MV = np.column_stack([self.V, W]), np.column_stack([self.MV, MW])
-        self.stiffness = np.block([[self.stiffness, across], [across.T, (corner + corner.T) / 2]])
+        self._append(W, self.M @ W)
+        self.stiffness = np.block([[self.stiffness, across], [across.T, _symmetric(corner)]])
         rate, Z = np.linalg.eigh(self.stiffness)
         if rate[0] <= 0:
             raise checks.InputError(
@@ -213,6 +287,22 @@ class _Space:
         self.remainder = self.ports - self.MV @ inside
         self.projection = Projection(rate, Z.T @ inside, self.remainder, self.MV, Z)
         return True
+
+    def _append(self, W: Array, MW: Array) -> None:
+        """New columns, in room made before."""
+        wanted = self.order + W.shape[1]
+        if wanted > self._V.shape[1]:
+            more = np.empty_like(self._V)
+            self._V, self._MV = (
+                np.asfortranarray(np.hstack([self._V, more])),
+                np.asfortranarray(np.hstack([self._MV, more])),
+            )
+        self._V[:, self.order : wanted], self._MV[:, self.order : wanted] = W, MW
+        self.order = wanted
+
+
+def _symmetric(matrix: Array) -> Array:
+    return (matrix + matrix.T) / 2
 
 
 def _shifts(M: Any, static: Callable[[Array], Array], ports: Array, tolerance: float) -> Array:
@@ -261,9 +351,9 @@ def _model(
 
 def _parts(system: StateSpace) -> tuple[Any, Any, Array, Indices, Indices]:
     """K, M, the different columns among B and C^T, and which of them each input and output is."""
-    from scipy.sparse import csc_matrix
+    from scipy.sparse import csr_matrix
 
-    K, M = -csc_matrix(system.A), csc_matrix(system.E)
+    K, M = -csr_matrix(system.A), csr_matrix(system.E)
     for name, matrix in (("E", M), ("A", K)):
         if abs(matrix - matrix.T).max() > SYMMETRY * abs(matrix).max():
             raise checks.InputError(

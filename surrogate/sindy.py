@@ -19,12 +19,13 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermofem import Foster, Waveform, checks
+from thermofem import Foster, Quadratic, Waveform, checks
+from thermofem.nonlinear_models import warn_beyond
 from thermofem.waveforms import from_json
 
 if TYPE_CHECKING:
@@ -37,11 +38,6 @@ DOMAINS = 400  # test functions, at random places
 SEED = 0
 UNIT = 50.0  # time unit in samples: 100 ns at 2 ns
 STATIC = 1e-3  # largest error of the static gain that passes
-BEYOND = 1.2  # a rise this far above the training's largest draws a warning
-
-
-class OutsideTrainingWarning(UserWarning):
-    """A model is asked for rises that its training did not reach."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,30 +92,27 @@ class Network:
 
     def response(self, wave: Waveform, times: ArrayLike) -> Array:
         """Rise in K from rest; warns beyond the training."""
-        return self._warned(self.poles.response(wave, times))
+        return warn_beyond(self.poles.response(wave, times), self.largest_rise)
 
     def periodic_response(self, wave: Waveform, samples: int) -> Array:
         """One period of the periodic state in K; warns beyond the training."""
-        return self._warned(self.poles.periodic_response(wave, samples))
+        return warn_beyond(self.poles.periodic_response(wave, samples), self.largest_rise)
 
-    def _warned(self, rise: Array) -> Array:
-        if np.max(rise, initial=0.0) > BEYOND * self.largest_rise:
-            reach = f"a rise of {rise.max():.3g} K; its training reached {self.largest_rise:.3g} K"
-            warnings.warn(f"the identified network is asked for {reach}", OutsideTrainingWarning, stacklevel=3)
-        return rise
+
+Identified = TypeVar("Identified", Network, Quadratic)
 
 
 @dataclass(frozen=True, eq=False)
-class SindyFit:
+class SindyFit(Generic[Identified]):
     """An identified network and how well it fits.
 
     Attributes
     ----------
-    model : Network
+    model : Network, or Quadratic from `fit_sindy_quadratic`
     equations : tuple of str
         in K, W and seconds.
     parameters : dict of float
-        A (1/s) as ``A_row_column`` and b (K/J) as ``b_row``, counted from 1.
+        A (1/s) as ``A_row_column`` and b (K/J) as ``b_row``, counted from 1; of a Quadratic also H and G.
     standard_errors : dict of float
         nan: the weak form's residuals are correlated, their scatter says nothing.
     residual : float, K
@@ -129,7 +122,7 @@ class SindyFit:
     training : tuple of str
     """
 
-    model: Network
+    model: Identified
     equations: tuple[str, ...]
     parameters: Mapping[str, float]
     standard_errors: Mapping[str, float]
@@ -139,7 +132,7 @@ class SindyFit:
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """What `surrogate.save_model` keeps beside ``model.poles``."""
+        """What `surrogate.save_model` keeps beside the model."""
         method = "SINDy, weak form, static gains imposed"
         reach, error = self.model.largest_rise, self.residual
         return {"method": method, "equations": list(self.equations), "largest_rise_K": reach, "residual_K": error}
@@ -147,7 +140,7 @@ class SindyFit:
 
 def fit_sindy(
     data: xr.Dataset, static: Sequence[float], *, window: float | None = None, impose: bool = True
-) -> SindyFit:
+) -> SindyFit[Network]:
     """Identify a thermal network from the rises of the core and of shells around it.
 
     Parameters
@@ -174,7 +167,7 @@ def fit_sindy(
     MissingLibraryError
         pysindy or cvxpy cannot be loaded.
     """
-    times, rise, wave, names = _read(data)
+    times, rise, wave, names = read_probes(data)
     gains = checks.array("static", static)
     if gains.size != rise.shape[1] or gains.min() <= 0:
         raise checks.InputError(f"static has {gains.size} values for {rise.shape[1]} probes; one positive K/W for each")
@@ -232,6 +225,33 @@ def gate(A: ArrayLike, b: ArrayLike, static: float, *, name: str = "core") -> Fo
 
 def _identify(states: Array, control: Array, times: Array, half: float, impose: bool) -> Array:
     """Coefficients (n, n + 1) of the states and the control in each equation, all of order one."""
+    n = states.shape[1]
+    rows = [np.outer(np.eye(n)[i], np.eye(n + 1)[n]).ravel() for i in range(1, n)]  # power enters the core only
+    if impose:
+        rows += [np.outer(np.eye(n)[i], np.ones(n + 1)).ravel() for i in range(n)]  # A 1 + b = 0
+    return regress([states], [control], times, half, rows, degree=1)
+
+
+def regress(
+    states: Sequence[Array], controls: Sequence[Array], times: Array, half: float, rows: Sequence[Array], *, degree: int
+) -> Array:
+    """Weak-form regression by pysindy on one or several trajectories, coefficients held to ``rows @ c = 0``.
+
+    Parameters
+    ----------
+    states, controls : sequence of array, shapes (m, n) and (m,)
+        of order one, all at ``times``.
+    half : float
+        half width of the test functions, in the unit of ``times``.
+    rows : sequence of array, shape (n * terms,)
+        terms of one equation after the other.
+    degree : int
+        of the polynomials in (states, control), without the constant.
+
+    Returns
+    -------
+    array, shape (n, terms)
+    """
     try:
         import pysindy
         from pysindy.optimizers import ConstrainedSR3
@@ -240,10 +260,6 @@ def _identify(states: Array, control: Array, times: Array, half: float, impose: 
             f"fit_sindy needs pysindy and cvxpy: {error}; pip install pysindy cvxpy"
         ) from None
 
-    n = states.shape[1]
-    rows = [np.outer(np.eye(n)[i], np.eye(n + 1)[n]).ravel() for i in range(1, n)]  # power enters the core only
-    if impose:
-        rows += [np.outer(np.eye(n)[i], np.ones(n + 1)).ravel() for i in range(n)]  # A 1 + b = 0
     constraints = {"constraint_lhs": np.array(rows), "constraint_rhs": np.zeros(len(rows))} if rows else {}
     optimizer = ConstrainedSR3(
         reg_weight_lam=0.0,
@@ -253,20 +269,21 @@ def _identify(states: Array, control: Array, times: Array, half: float, impose: 
         tol=1e-12,
         **constraints,
     )
-    terms = pysindy.PolynomialLibrary(degree=1, include_bias=False)
+    terms = pysindy.PolynomialLibrary(degree=degree, include_bias=False)
+    u = [c[:, None] for c in controls]
     before = np.random.get_state()  # noqa: NPY002 - pysindy draws the places of its test functions from the global state
     np.random.seed(SEED)  # noqa: NPY002
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # pysindy warns of its own array bookkeeping; the gate judges the result
             library = pysindy.WeakPDELibrary(terms, spatiotemporal_grid=times, K=DOMAINS, p=4, H_xt=[half])
-            sindy = pysindy.SINDy(feature_library=library, optimizer=optimizer).fit(states, times, u=control)
+            sindy = pysindy.SINDy(feature_library=library, optimizer=optimizer).fit(list(states), times, u=u)
     finally:
         np.random.set_state(before)  # noqa: NPY002
     return np.asarray(sindy.coefficients(), dtype=float)
 
 
-def _read(data: xr.Dataset) -> tuple[Array, Array, Waveform, tuple[str, ...]]:
+def read_probes(data: xr.Dataset) -> tuple[Array, Array, Waveform, tuple[str, ...]]:
     """Times, rises (time, probe), drive and names of the probes."""
     if "delta_T" not in data or "probe" not in data["delta_T"].dims:
         raise checks.InputError("data.delta_T has no probes; solve with read=(core, shell, ...)")

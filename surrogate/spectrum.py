@@ -64,6 +64,7 @@ def fit_spectrum(
     if problem.thermal_resistance is not None:
         R = R * problem.thermal_resistance / R.sum()
     misfit = (problem.target - phi @ gain)[: problem.weight.size]
+    training.check_explained(float(np.sqrt(np.mean(misfit**2))))
     count = R.size
     names = [f"{name}_{i}" for name in ("R", "tau") for i in range(1, count + 1)]
     return Fit(

@@ -206,6 +206,22 @@ def test_foster_to_cauer_to_foster(poles):
     assert np.allclose(back.impedance(frequency), model.impedance(frequency), rtol=1e-13 * max(spread, 10), atol=0)
 
 
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(RATIO, RESISTANCE), min_size=1, max_size=12), st.randoms(use_true_random=False))
+def test_foster_to_state_space_to_foster(poles, random):
+    """In states that are mixed by any rotation, the system is the same network."""
+    model = th.Foster(R=[r for _, r in poles], tau=1e-9 * np.cumprod([q for q, _ in poles]))
+    n, b = model.order, np.sqrt(model.gain)
+    Q = np.linalg.qr(np.random.default_rng(random.randrange(2**32)).standard_normal((n, n)))[0]
+    scale = np.diag(np.sqrt(model.tau))  # states in which every rate is one, so that a rotation loses no digits
+    rotated = th.StateSpace(Q.T @ scale @ scale @ Q, -np.eye(n), (Q.T @ scale @ b)[:, None], (b @ scale @ Q)[None])
+    back = th.model.foster(rotated)
+    frequency = np.geomspace(1e-2 / np.max(model.tau), 1e2 / np.min(model.tau), 25)
+    spread = np.max(model.tau) / np.min(model.tau)
+    # E has the spread of the time constants as its condition: its smallest carry 1e-16 of the largest
+    assert np.allclose(back.impedance(frequency), model.impedance(frequency), rtol=1e-14 * max(spread, 100), atol=0)
+
+
 def test_ladder_of_two_by_hand():
     """Z = 1/(s C1 + 1/(R1 + 1/(s C2 + 1/R2))) with R = 1, 2 and C = 3, 4."""
     ladder = surrogate.Cauer(R=[1.0, 2.0], C=[3.0, 4.0])
@@ -252,6 +268,16 @@ def test_measured_devices(name):
     assert fit.model.thermal_resistance == pytest.approx(rise[-1], rel=0.003)
 
 
+FITS = (surrogate.fit_newton, surrogate.fit_second_order, surrogate.fit_foster, surrogate.fit_spectrum)
+
+
+def noise(data):
+    """The periodic state of a square wave, of which nothing but noise was measured."""
+    wave = th.SquareWave(1e-3, 1e-6, 1 / 3)
+    times = th.waveforms.period_times(wave, 301)
+    return th.dataset.build(times, np.random.default_rng(3).standard_normal(301), wave, periodic=True)
+
+
 @pytest.mark.parametrize(
     ("call", "reason"),
     [
@@ -265,6 +291,16 @@ def test_measured_devices(name):
         (lambda d: surrogate.fit_newton(d.assign(delta_T=-d.delta_T)), "cools when heated"),
         (lambda d: surrogate.fit_spectrum(d.assign(delta_T=-d.delta_T)), "no pole of the spectrum heats"),
         (lambda d: surrogate.fit_spectrum(d, per_decade=1), "per_decade"),
+        (lambda d: surrogate.fit_second_order(d.assign(delta_T=-d.delta_T)), "cools when heated"),
+        *[(lambda d, f=f: f(noise(d)), "explains|heats|cools") for f in FITS],
+        *[(lambda d, f=f: f(d.assign(power=0 * d.power).drop_attrs()), "zero throughout") for f in FITS],
+        *[(lambda d, f=f: f(d.where(d.time != d.time[7])), "not finite") for f in FITS],
+        *[(lambda d, f=f: f(d.isel(time=slice(0, 3))), "3 samples; at least 8") for f in FITS],
+        *[
+            (lambda d, f=f, c=c: f(d, heat_capacity=c), "heat_capacity")
+            for f in FITS[:2]
+            for c in (0.0, -1e-12, np.nan)
+        ],
         (lambda d: surrogate.cauer(th.Foster(R=[-1.0, 2.0], tau=[1e-9, 1e-6])), "not passive"),
         (lambda d: surrogate.Cauer(R=[1.0], C=[0.0]), "must be positive"),
         (lambda d: surrogate.Cauer(R=[1.0, 2.0], C=[1.0]), "each node needs"),

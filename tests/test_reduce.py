@@ -145,15 +145,27 @@ def test_heater_and_core_have_a_certificate_per_channel():
     assert cross.error_bound <= 1e-4
 
 
-def test_slicot_heat_conduction():
+def test_for_several_ports_a_finer_sampling_finds_nothing_higher(monkeypatch):
+    """That the bound is smooth between samples is proved for one port and assumed for several: checked here."""
+    system = discretized(heater=True, smallest=0.2).state_space(("core", "heater"), ("core", "heater"))
+    coarse = surrogate.reduce(system, 1e-3)
+    monkeypatch.setattr("surrogate.certificate.PER_DECADE", 20 * PER_DECADE)
+    fine = surrogate.reduce(system, 1e-3)
+    assert fine.order == coarse.order
+    assert fine.bound.max() > coarse.bound.max()  # there is something between the samples
+    assert np.all(fine.bound.max(axis=0) <= coarse.channel_bounds)
+
+
+def test_slicot_heat_conduction(validated):
     """SLICOT's heat-cont (Chahlaoui, Van Dooren, 2002): A = 0.01 201^2 tridiag(1, -2, 1), collocated at state 67."""
     n, at = 200, 66
     A = 0.01 * 201**2 * diags([np.ones(n - 1), -2 * np.ones(n), np.ones(n - 1)], [-1, 0, 1])
     e = np.eye(n)[at]
     system = th.StateSpace(diags(np.ones(n)).tocsc(), A.tocsc(), e[:, None], e[None])
-    assert system.thermal_resistance == pytest.approx(0.1105583195, abs=5e-11)  # published with ten digits
+    source, ours = "published with ten digits", system.thermal_resistance
+    validated("Compact models", "static gain of SLICOT heat-cont", ours, 0.1105583195, within=5e-11, source=source)
     frequency = np.geomspace(1e-4, 1e5, 50)
-    for tolerance in (1e-3, 1e-6):
+    for tolerance in (1e-3, 1e-6, 1e-7):  # a smooth system: what the basis leaves of the port is soon 1e-5 of it
         rom = surrogate.reduce(system, tolerance)
         error = abs(system.impedance(frequency) - rom.model.impedance(frequency)) / 0.1105583195
         assert error.max() <= rom.error_bound <= tolerance
@@ -192,3 +204,24 @@ def test_what_is_no_heat_problem_is_refused(change, reason):
 def test_tolerance_out_of_range(tolerance):
     with pytest.raises(th.InputError, match="tolerance"):
         surrogate.reduce(strip(), tolerance)
+
+
+@pytest.mark.parametrize("n", [2, 5, 7, 12])
+@pytest.mark.parametrize("ports", [1, 2])
+def test_the_bound_holds_where_the_basis_holds_the_ports_to_round_off(n, ports):
+    """Short chains of lumps: what is left of the ports then says nothing, and once a bound of 1e-10 stood for 2e-8."""
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        K = 1e-4 * (np.diag(2 + rng.random(n)) - np.diag(np.ones(n - 1), 1) - np.diag(np.ones(n - 1), -1))
+        M, B = np.diag(10 ** rng.uniform(-12, -10, n)), np.eye(n)[:, :ports]
+        names = ("core", "heater")[:ports]
+        rom = surrogate.reduce(th.StateSpace(M, -K, B, B.T, inputs=names, outputs=names), tolerance=1e-7)
+        small = rom.model if ports == 1 else rom.model.channel("heater", "core")
+        full = th.StateSpace(M, -K, B[:, [-1]], B[:, [0]].T, inputs=names[-1:], outputs=names[:1])
+        f = np.geomspace(1e2, 1e10, 100)
+        # solves of these small matrices leave 1e-12
+        scale = np.sqrt(np.prod(np.diag(np.linalg.inv(K))[[0, ports - 1]]))
+        error = np.abs(full.impedance(f) - small.impedance(f)).max() / scale
+        assert error < rom.error_bound + 1e-12
+        assert rom.error_bound <= 1e-7
+        assert small.order <= n

@@ -74,6 +74,17 @@ def test_five_states_reach_the_published_error(five, fitted):
     assert fit.parameters["b_1"] == fit.model.b[0]
 
 
+def test_five_states_on_drives_that_had_no_part_in_choosing_the_settings(five, fitted):
+    """Window, test functions and training drive were chosen in view of the 55 square waves: these are others."""
+    squares = [th.SquareWave(2e-3, t, d) for t in np.geomspace(1.4e-7, 7e-6, 7) for d in (0.15, 0.5)]
+    others = [d for d in surrogate.held_out_drives() if not isinstance(d, th.SquareWave)]
+    judged = surrogate.compare({"": fitted.model.poles}, five[0][0], [*squares, *others])
+    error = judged.rms_relative.values[0]
+    assert np.sqrt(np.mean(error[: len(squares)] ** 2)) < 0.008  # as on the squares that were in view
+    assert np.sqrt(np.mean(error**2)) < 0.01
+    assert error.max() < 0.03  # the 20 us pulse, whose end lies beyond the slowest of five poles
+
+
 def test_three_states_reach_the_published_error():
     models, names = around_the_core(0.2, 0.8)
     assert error_on_squares(identify(models, names).model.poles, models[0]) < 5

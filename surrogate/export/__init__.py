@@ -1,1 +1,63 @@
-"""Compact models as files for other programs."""
+"""Models as files: JSON in and out (`surrogate.export.json`), and for other programs, out only.
+
+A format joins by one file with a function ``write(model, path, header)`` and one line in `FORMATS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from thermofem import checks
+
+if TYPE_CHECKING:
+    from thermofem import ThermalModel
+
+# name -> module here, usual ending of the file
+FORMATS = {
+    "spice": ("spice", ".cir"),
+    "verilog-a": ("verilog_a", ".va"),
+    "fmu": ("fmu", ".fmu"),
+    "mat": ("mat", ".mat"),
+    "csv": ("csv", ".csv"),
+}
+
+
+def export_model(
+    model: ThermalModel, path: str | Path, *, to: str, provenance: Mapping[str, Any] | None = None
+) -> Path:
+    """Write a model for a circuit or system simulator, or as matrices or a table.
+
+    Parameters
+    ----------
+    model : Foster, StateSpace, or another kind that the format can hold
+    path : str or Path
+        SPICE and Verilog-A call the subcircuit or module after the file.
+    to : str
+        "spice" (subcircuit), "verilog-a" (module), "fmu" (FMI 2.0 co-simulation; needs pythonfmu), "mat" (matrices for
+        SciPy, MATLAB, pyMOR) or "csv" (poles).
+    provenance : mapping
+        ``fit.provenance``, ``rom.provenance`` or `load_provenance` of the model's file; ends up in the header.
+
+    Returns
+    -------
+    Path
+        the file written, whole or not at all.
+
+    Raises
+    ------
+    InputError
+        an unknown format, a kind of model that it cannot hold, or a file that cannot be written.
+    MissingLibraryError
+        pythonfmu is not installed and ``to="fmu"``.
+    """
+    from thermofem.dataset import check_target
+
+    from .header import header
+
+    name, _ = FORMATS[checks.choice("to", to, FORMATS)]
+    check_target(path)
+    written: Path = import_module(f".{name}", __name__).write(model, Path(path), header(model, provenance or {}))
+    return written

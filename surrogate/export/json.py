@@ -19,8 +19,10 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import Foster, StateSpace, ThermalModel, checks
+from thermofem import Foster, OutputMap, Quadratic, StateSpace, ThermalModel, checks
 from thermofem.dataset import write_whole
+
+from ..sindy import Network, gate
 
 FORMAT = "thermofem thermal model"
 SCHEMA = 1
@@ -167,6 +169,60 @@ def _read_foster(content: Mapping[str, Any]) -> Foster:
     return model
 
 
+def _write_output_map(model: OutputMap) -> dict[str, Any]:
+    content = _write_foster(model.linear)
+    units = {**content.pop("units"), "coefficient": "1/K", "largest_rise": "K"}
+    return {**content, "coefficient": model.coefficient, "largest_rise": model.largest_rise, "units": units}
+
+
+def _read_output_map(content: Mapping[str, Any]) -> OutputMap:
+    return OutputMap(_read_foster(content), content["coefficient"], content.get("largest_rise"))
+
+
+def _write_quadratic(model: Quadratic) -> dict[str, Any]:
+    arrays = {name: getattr(model, name).tolist() for name in ("A", "H", "G", "B", "C")}
+    units = {"A": "1/s", "H": "1/(K s)", "G": "1/J", "B": "K/J", "C": "1", "largest_rise": "K"}
+    return {**arrays, "largest_rise": model.largest_rise, "units": units}
+
+
+def _read_quadratic(content: Mapping[str, Any]) -> Quadratic:
+    return Quadratic(
+        A=content["A"],
+        H=content["H"],
+        G=content["G"],
+        B=content["B"],
+        C=content["C"],
+        inputs=_names(content, "inputs"),
+        outputs=_names(content, "outputs"),
+        largest_rise=content.get("largest_rise"),
+    )
+
+
+def _write_network(model: Network) -> dict[str, Any]:
+    units = {"A": "1/s", "b": "K/J", "thermal_resistance": "K/W", "largest_rise": "K"}
+    return {
+        "states": list(model.names),
+        "A": model.A.tolist(),
+        "b": model.b.tolist(),
+        "thermal_resistance": model.thermal_resistance,
+        "largest_rise": model.largest_rise,
+        "units": units,
+    }
+
+
+def _read_network(content: Mapping[str, Any]) -> Network:
+    names = _names(content, "states")
+    try:
+        A, b = np.array(content["A"], dtype=float), np.array(content["b"], dtype=float)
+    except ValueError:
+        raise checks.InputError("A and b must be tables of numbers") from None
+    if A.shape != (len(names), len(names)) or b.shape != (len(names),):
+        raise checks.InputError(f"A has shape {A.shape} and b {b.shape} for {len(names)} states")
+    stated = checks.positive("thermal_resistance", content["thermal_resistance"], unit="K/W")
+    poles = gate(checks.numbers("A", A), checks.numbers("b", b), stated, name=names[0])
+    return Network(A, b, names, poles, checks.positive("largest_rise", content["largest_rise"], unit="K"))
+
+
 def _check_passive(model: Foster) -> None:
     """Refuse a network that could give out heat it never took in; between two parts an R may be negative."""
     R = np.asarray(model.R)
@@ -223,5 +279,8 @@ def _names(content: Mapping[str, Any], which: str) -> tuple[str, ...]:
 
 KINDS: dict[str, Kind] = {
     "Foster": Kind(Foster, _write_foster, _read_foster),
+    "Network": Kind(Network, _write_network, _read_network),
+    "OutputMap": Kind(OutputMap, _write_output_map, _read_output_map),
+    "Quadratic": Kind(Quadratic, _write_quadratic, _read_quadratic),
     "StateSpace": Kind(StateSpace, _write_state_space, _read_state_space),
 }

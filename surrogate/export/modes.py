@@ -1,0 +1,87 @@
+"""The form of a linear model that circuits, co-simulation and tables share: independent poles.
+
+dx_k/dt = -rate_k x_k + sum_i B_ki P_i,    dT_j = sum_k C_jk x_k
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem import Foster, OutputMap, StateSpace, checks
+
+from ..sindy import Network
+
+Array = NDArray[np.float64]
+
+MOST = 500  # poles in a file for a simulator
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Poles with their share in every input and output.
+
+    Attributes
+    ----------
+    rate : array, shape (n,), 1/s
+    B : array, shape (n, inputs), K/J
+    C : array, shape (outputs, n)
+        the largest entry of each column is 1 in size, so that x_k is a temperature in K.
+    inputs, outputs : tuple of str
+    coefficient : float, 1/K
+        0 for a linear model.
+    """
+
+    rate: Array
+    B: Array
+    C: Array
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    coefficient: float = 0.0
+
+
+def modes(model: Any) -> Modes:
+    """The poles of a Foster network, output map, SINDy network or StateSpace, slowest last, unfelt ones left out.
+
+    Raises
+    ------
+    InputError
+        another kind of model, too many states, or a pole that does not decay.
+    """
+    if isinstance(model, OutputMap):
+        return replace(modes(model.linear), coefficient=model.coefficient)
+    if isinstance(model, Network):
+        return modes(model.poles)
+    names = (model.inputs, model.outputs)
+    if isinstance(model, Foster):
+        R, tau = np.asarray(model.R), np.asarray(model.tau)
+        kept = R != 0
+        return Modes(1 / tau[kept], (R / tau)[kept, None], np.ones((1, int(kept.sum()))), *names)
+    if not isinstance(model, StateSpace):
+        raise checks.InputError(
+            f"a {type(model).__name__} is not a set of independent poles; to='mat' takes it, or export its .linear"
+        )
+    if model.order > MOST:
+        raise checks.InputError(f"a StateSpace of {model.order} states is not compact; surrogate.reduce it first")
+    rate, vectors = _eigen(model)
+    B, C = vectors.T @ np.asarray(model.B), np.asarray(model.C) @ vectors
+    scale = np.abs(C).max(axis=0)
+    kept = (scale > 0) & np.any(B != 0, axis=1)
+    rate, B, C, scale = rate[kept], B[kept], C[:, kept], scale[kept]
+    order = np.argsort(-rate)
+    return Modes(rate[order], (B * scale[:, None])[order], (C / scale)[:, order], *names)
+
+
+def _eigen(model: StateSpace) -> tuple[Array, Array]:
+    """Rates and E-orthonormal modes of a small symmetric system."""
+    from scipy.linalg import eigh
+    from scipy.sparse import issparse
+
+    E, A = (m.toarray() if issparse(m) else np.asarray(m) for m in (model.E, model.A))
+    rate, vectors = eigh(-A, E)
+    if rate[0] <= 0:
+        raise checks.InputError(f"the slowest pole has rate {rate[0]:g} 1/s; every one must decay")
+    return rate, vectors

@@ -1,0 +1,93 @@
+"""SPICE subcircuit: heat is a current (1 A = 1 W), temperature rise a voltage (1 V = 1 K).
+
+A model whose heated part is the one that is read becomes a Foster network and, where it is passive, also a Cauer
+ladder. A model of several parts, or one with an output map, becomes one R and C for each pole, coupled to the pins by
+controlled sources.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem import Foster
+from thermofem.dataset import write_whole
+
+from ..cauer import cauer
+from .circuit import Network, network
+from .header import comment, identifiers
+
+USAGE = (
+    "SPICE subcircuit: 1 A into a pin is 1 W of heat, 1 V is 1 K above the pin ambient",
+    "set .options reltol=1e-6 trtol=1 to keep the simulator's own error below 1e-4",
+)
+
+
+def write(model: Any, path: Path, header: list[str]) -> Path:
+    """Write the subcircuit named after the file; see `surrogate.export_model`."""
+    name = identifiers([path.stem])[0]
+    net = network(model, taken=("ambient", "gnd"))
+    lines = [*USAGE, "", *header]
+    if net.turns is not None:
+        body = _coupled(name, net, net.turns)
+    else:
+        body = _foster(name, net)
+        poles = Foster(net.R, net.R * net.C)
+        if poles.passive:
+            body += ["", *_cauer(f"{name}_cauer", net.pins[0], poles)]
+            lines.insert(2, f"{name} is a Foster network, {name}_cauer the same impedance as a Cauer ladder")
+    text = comment(lines, "*") + "\n" + "\n".join(body) + "\n"
+    return write_whole(path, lambda p: p.write_text(text, encoding="ascii"))
+
+
+def _foster(name: str, net: Network) -> list[str]:
+    """R parallel to C, in series from the pin to the ambient."""
+    nodes = [net.pins[0], *(f"n__{k}" for k in range(1, net.R.size)), "ambient"]
+    lines = [f".subckt {name} {net.pins[0]} ambient"]
+    for k, (R, C) in enumerate(zip(net.R, net.C, strict=True)):
+        ends = f"{nodes[k]} {nodes[k + 1]}"
+        lines += [f"R{k + 1} {ends} {float(R)!r}", f"C{k + 1} {ends} {float(C)!r}"]
+    return [*lines, f".ends {name}"]
+
+
+def _cauer(name: str, pin: str, model: Foster) -> list[str]:
+    """Capacities to the ambient, resistances from one to the next."""
+    ladder = cauer(model)
+    nodes = [pin, *(f"n__{k}" for k in range(1, ladder.order)), "ambient"]
+    lines = [f".subckt {name} {pin} ambient"]
+    for k, (R, C) in enumerate(zip(np.asarray(ladder.R), np.asarray(ladder.C), strict=True)):
+        lines += [f"C{k + 1} {nodes[k]} ambient {float(C)!r}", f"R{k + 1} {nodes[k]} {nodes[k + 1]} {float(R)!r}"]
+    return [*lines, f".ends {name}"]
+
+
+def _coupled(name: str, net: Network, turns: NDArray[np.float64]) -> list[str]:
+    """One R and C for each pole; the pins feel sums of the poles and feed them shares of their power."""
+    lines = [f".subckt {name} {' '.join(net.pins)} ambient"]
+    for i, pin in enumerate(net.pins):
+        lines += _pin(i, pin, net)
+    for k, (R, C) in enumerate(zip(net.R, net.C, strict=True), start=1):
+        lines += [f"R{k} x__{k} ambient {float(R)!r}", f"C{k} x__{k} ambient {float(C)!r}"]
+        for i, at in enumerate(net.heated):
+            lines.append(f"F{k}_{i + 1} ambient x__{k} Vpin{at + 1} {float(turns[k - 1, i])!r}")
+    return [*lines, f".ends {name}"]
+
+
+def _pin(i: int, pin: str, net: Network) -> list[str]:
+    """A source that senses the power into the pin, and the sources that add up its temperature."""
+    shares = net.read_by(i)
+    if shares is None:
+        return [f"* {pin} is heated, but not read: it stays at 0 K", f"Vpin{i + 1} {pin} ambient 0"]
+    note = [] if i in net.heated else [f"* {pin} is only read: power into it is lost"]
+    first = "z__" if net.coefficient else "p__"
+    nodes = [f"{first}{i + 1}", *(f"p{i + 1}__{k}" for k in range(1, shares.size)), "ambient"]
+    sums = [
+        f"E{i + 1}_{k + 1} {nodes[k]} {nodes[k + 1]} x__{k + 1} ambient {float(share)!r}"
+        for k, share in enumerate(shares)
+    ]
+    if net.coefficient:
+        z = f"V({nodes[0]},ambient)"
+        sums.append(f"Bmap{i + 1} p__{i + 1} ambient V={z}+({net.coefficient!r})*{z}*{z}")
+    return [*note, f"Vpin{i + 1} {pin} p__{i + 1} 0", *sums]

@@ -1,0 +1,243 @@
+"""Every compact model of one geometry, from one pole to the certified reduction, and which of them suffices where."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thermofem import (
+    Constant,
+    Foster,
+    HeatProblem,
+    Probe,
+    Pulse,
+    SquareWave,
+    Telegraph,
+    ThermalModel,
+    assemble,
+    checks,
+    dataset,
+    solve,
+    waveforms,
+)
+from thermofem.model import foster
+
+from .fit import fit_foster, fit_newton, fit_second_order
+from .quadratic import output_map, reduce_quadratic
+from .reduce import reduce
+from .sindy import fit_sindy
+from .truncate import balanced_truncation
+from .validate import period_error, valid_range
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+SHELLS = (0.1e-6, 0.3e-6, 0.8e-6, 1.8e-6)  # m around the heated part, states of SINDy
+TOLERANCES = (0.1, 0.03, 0.01, 0.001, 1e-4)
+REFERENCE = 1e-6  # certificate of what the others are judged by
+SAMPLES = 301
+
+
+@dataclass(frozen=True, eq=False)
+class Ladder:
+    """Compact models of one geometry, by name, and what they are judged by.
+
+    Attributes
+    ----------
+    models : mapping from a name to a ThermalModel
+    reference : ThermalModel
+        the certified reduction to 1e-6; with k(T) the quadratic reduction fitted to two transients of the full order.
+    reference_error : float
+        certificate of it; with k(T) its rms misfit to those transients over the largest rise.
+    refused : mapping from a name to the reason
+        models that could not be trained on this geometry.
+    """
+
+    models: Mapping[str, ThermalModel]
+    reference: ThermalModel
+    reference_error: float
+    refused: Mapping[str, str]
+
+
+def train_all(
+    heat: HeatProblem,
+    *,
+    power: float = 2e-3,
+    duty: float = 1 / 3,
+    hot: float | None = None,
+    names: Sequence[str] | None = None,
+) -> Ladder:
+    """Train Newton, second order, SINDy and Foster networks and reduce the FEM to several orders.
+
+    All are trained at small power on the first heated part: Newton and second order on the paper's square wave (1 us),
+    Foster networks on a step, SINDy on a telegraph. The drives come from the certified reduction to 1e-6.
+
+    Parameters
+    ----------
+    heat : HeatProblem
+    power : float, W
+        of the training drives.
+    duty : float
+        of the square wave.
+    hot : float, W
+        with k(T): the largest power of interest, which the quadratic reduction and the output map are made for; default
+        ten times ``power``; 0 leaves k(T) out, of the reference too, and with it transients of the full order.
+    names : sequence of str
+        the models to train, such as "Newton" or "Foster, trained (5)"; default all of them.
+
+    Raises
+    ------
+    InputError
+        a power or duty out of range, a name that is none of the models'.
+    """
+    checks.positive("power", power, unit="W", at_most=10, hint="powers are in W (did you mean 2e-3 for 2 mW?)")
+    part = heat.heated[0]
+    system = heat.channels(part, part)
+    fine = reduce(system, REFERENCE)
+    exact: Foster = fine.model  # type: ignore[assignment]  # one channel
+    wave, times = SquareWave(power, 1e-6, duty), np.geomspace(1e-9, 50 * float(np.max(exact.tau)), 121)
+    periodic = dataset.build(
+        waveforms.period_times(wave, SAMPLES), exact.periodic_response(wave, SAMPLES), wave, periodic=True
+    )
+    known = {"thermal_resistance": exact.thermal_resistance}
+    step = dataset.build(times, exact.response(Constant(power), times), Constant(power), attributes=known)
+    makers: dict[str, Callable[[], ThermalModel]] = {
+        "Newton": lambda: fit_newton(periodic).model,
+        "second order": lambda: fit_second_order(periodic).model,
+        "SINDy": lambda: _sindy(heat, part, power),
+        **{f"Foster, trained ({n})": lambda n=n: fit_foster(step, n).model for n in range(3, 9)},  # type: ignore[misc]
+        **{f"balanced truncation ({n})": lambda n=n: balanced_truncation(system, n).model for n in range(3, 9)},  # type: ignore[misc]
+        **{f"certified reduction ({t:g})": lambda t=t: reduce(system, t).model for t in TOLERANCES},  # type: ignore[misc]
+    }
+    reference: ThermalModel = exact
+    error = fine.error_bound
+    if heat.nonlinear and hot != 0:
+        hot = 10 * power if hot is None else checks.positive("hot", hot, unit="W", at_most=10)
+        model = heat.model(part, part)
+        drives = [solve(heat, Pulse(hot, 2e-5), _pulse_times()), solve(heat, Constant(hot / 2), times[times < 1e-4])]
+        quadratic = reduce_quadratic(model, hot, data=drives)  # type: ignore[arg-type]  # it is nonlinear
+        reference, error = quadratic.model, quadratic.residual / float(drives[0]["delta_T"].max())
+        makers["output map"] = lambda: output_map(model, hot)  # type: ignore[arg-type]
+    models, refused = {}, {}
+    for name in makers if names is None else names:
+        make = makers[checks.choice("names", name, makers)]
+        try:
+            models[name] = make()
+        except (checks.InputError, checks.MissingLibraryError) as reason:
+            refused[name] = str(reason)
+    return Ladder(models, reference, error, refused)
+
+
+def _pulse_times() -> Array:
+    """Log-spaced after both edges of a 20 us pulse."""
+    times = np.geomspace(1e-9, 2e-5, 60)
+    return np.unique(np.concatenate([times, 2e-5 + times]))
+
+
+def _sindy(heat: HeatProblem, part: str, power: float) -> ThermalModel:
+    """Five states: the heated part and four shells around it."""
+    return fit_sindy(*shells(heat, part, power)).model.poles
+
+
+def shells(heat: HeatProblem, part: str, power: float) -> tuple[xr.Dataset, list[float]]:
+    """What `fit_sindy` wants: rises of a part and of shells around it under a telegraph, and their static gains (K/W).
+
+    From a certified reduction with all of them as outputs, in closed form, sampled every 2 ns for 40 us.
+    """
+    probes = tuple(Probe(name=f"shell {d * 1e6:g} um", part=part, shell=d) for d in SHELLS)
+    probed = assemble(replace(heat.geometry, probes=probes), heat.accuracy)
+    read = (part, *(p.name for p in probes))
+    fine = reduce(probed.channels(part, read), 1e-5).model
+    parts = [foster(fine.channel(part, name)) for name in read]  # type: ignore[union-attr]  # several outputs
+    wave, times = Telegraph(power, dwell=5e-7, duration=4e-5, seed=1), np.arange(20_000) * 2e-9
+    rises = np.stack([p.response(wave, times) for p in parts], axis=1)
+    return dataset.build(times, rises, wave, read=read), [p.thermal_resistance for p in parts]
+
+
+def judge(
+    models: Mapping[str, ThermalModel],
+    reference: ThermalModel,
+    *,
+    powers: Sequence[float] = (2e-3,),
+    periods: ArrayLike | None = None,
+    duty: float = 1 / 3,
+) -> xr.Dataset:
+    """Period and swing errors of several models over periods and powers, and where each can be trusted.
+
+    Parameters
+    ----------
+    models : mapping from a name to a ThermalModel
+    reference : ThermalModel
+    powers : sequence of float, W
+        of the square wave; more than one tells something where k depends on temperature.
+    periods : array, s
+        default 13 from .1 to 10 us.
+    duty : float
+
+    Returns
+    -------
+    Dataset
+        over ``model``, ``power`` (W) and ``period`` (s): ``period_error`` (relative, `period_error`) and
+        ``swing_error`` (relative); over model and power: ``shortest`` and ``longest`` period (s) of the range within
+        10 %, nan where there is none; over model: ``states``. ``attrs["verdict"]`` says it in words.
+    """
+    import xarray as xr
+
+    if not models:
+        raise checks.InputError("models is empty; surrogate.train_all(heat).models has them all")
+    periods = np.geomspace(1e-7, 1e-5, 13) if periods is None else checks.array("periods", periods, increasing=True)
+    watts = checks.array("powers", powers, increasing=True)
+    shape = (len(models), watts.size, periods.size)
+    error, swing, ends = np.empty(shape), np.empty(shape), np.empty((*shape[:2], 2))
+    for j, power in enumerate(watts):
+        exact = np.array([np.ptp(reference.periodic_response(SquareWave(power, t, duty), SAMPLES)) for t in periods])
+        for i, model in enumerate(models.values()):
+            curve = period_error(model, reference, periods, power=float(power), duty=duty)
+            error[i, j], ends[i, j] = curve["relative_error"].values, valid_range(curve)
+            own = [np.ptp(model.periodic_response(SquareWave(power, t, duty), SAMPLES)) for t in periods]
+            swing[i, j] = np.array(own) / exact - 1
+    over = ("model", "power", "period")
+    states = [float(getattr(m, "order", np.nan)) for m in models.values()]
+    found = xr.Dataset(
+        {
+            "period_error": (over, error, {"units": "1", "long_name": "period error over period"}),
+            "swing_error": (over, swing, {"units": "1", "long_name": "swing error over swing"}),
+            "shortest": (over[:2], ends[..., 0], {"units": "s", "long_name": "shortest period within 10 %"}),
+            "longest": (over[:2], ends[..., 1], {"units": "s", "long_name": "longest period within 10 %"}),
+            "states": ("model", states, {"units": "1", "long_name": "number of states"}),
+        },
+        coords={
+            "model": list(models),
+            "power": ("power", watts, {"units": "W", "long_name": "power"}),
+            "period": ("period", periods, {"units": "s", "long_name": "period"}),
+        },
+    )
+    return found.assign_attrs(verdict=verdict(found), duty=duty)
+
+
+def verdict(judged: xr.Dataset, *, within: float = 0.1) -> str:
+    """Which model suffices where, one line for each model and power, and the smallest that suffices everywhere."""
+    lines = []
+    low, high = float(judged["period"][0]), float(judged["period"][-1])
+    for power in judged["power"].values:
+        here = judged.sel(power=power)
+        worst = abs(here["period_error"]).max("period")
+        enough = [m for m in here["model"].values if float(worst.sel(model=m)) <= within]
+        said = f"{power * 1e3:g} mW, {low * 1e6:g} to {high * 1e6:g} us, within {within:.0%}: "
+        if enough:
+            least = min(enough, key=lambda m: (float(here["states"].sel(model=m)), float(worst.sel(model=m))))
+            lines.append(said + f"{least} suffices ({here['states'].sel(model=least).item():.0f} states)")
+        else:
+            lines.append(said + "no model suffices everywhere")
+        for m in here["model"].values:
+            if m not in enough:
+                a, b = (float(here[end].sel(model=m)) for end in ("shortest", "longest"))
+                reach = f"{a * 1e6:.3g} to {b * 1e6:.3g} us" if a <= b else "nowhere"
+                lines.append(f"  {m}: {reach}")
+    return "\n".join(lines)

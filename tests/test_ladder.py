@@ -1,0 +1,85 @@
+"""Every model of one geometry, and the verdict on which suffices where."""
+
+import numpy as np
+import pytest
+
+import surrogate
+import thermofem as th
+
+
+@pytest.fixture(scope="module")
+def ladder():
+    return surrogate.train_all(th.assemble(th.strip_ring()))
+
+
+def test_all_models_are_trained_and_ranked(ladder):
+    assert not ladder.refused
+    assert ladder.reference_error <= 1e-6
+    error = surrogate.compare(ladder.models, ladder.reference, surrogate.square_waves(periods=4))
+    rms = np.sqrt((error.rms_relative**2).mean("drive"))
+    ranked = ["Newton", "second order", *(f"Foster, trained ({n})" for n in range(3, 9))]
+    assert np.all(np.diff(rms.sel(model=ranked)) < 0)
+    assert float(rms.sel(model="certified reduction (0.001)")) < 1e-3
+    assert float(rms.sel(model="SINDy")) < 0.01
+
+
+def test_the_verdict_names_the_smallest_model_that_suffices(ladder):
+    some = {
+        name: ladder.models[name] for name in ("Newton", "second order", "Foster, trained (4)", "Foster, trained (8)")
+    }
+    judged = surrogate.judge(some, ladder.reference)
+    lines = judged.verdict.splitlines()
+    assert lines[0] == "2 mW, 0.1 to 10 us, within 10%: Foster, trained (4) suffices (4 states)"
+    assert lines[1] == "  Newton: nowhere"
+    # .6 to 1.45 us by an independent code, between periods an eighth of a decade apart
+    assert judged.shortest.sel(model="second order").item() == pytest.approx(0.6e-6, rel=0.15)
+    assert judged.longest.sel(model="second order").item() == pytest.approx(1.45e-6, rel=0.15)
+    assert "suffices" not in "".join(lines[1:])
+
+
+def test_power_decides_where_the_output_is_not_linear():
+    linear = th.Foster(R=[3000.0, 5000.0], tau=[1e-7, 2e-6])
+    reference = th.OutputMap(linear, -1e-3)
+    judged = surrogate.judge({"linear": linear, "map": reference}, reference, powers=[1e-4, 50e-3])
+    # at .1 mW the rise is .8 K: 1e-3 of it is all the map changes
+    assert abs(judged.period_error.sel(model="linear", power=1e-4)).max() < 0.01
+    assert abs(judged.period_error.sel(model="linear", power=50e-3)).max() > 0.1
+    assert np.abs(judged.swing_error.sel(model="map")).max() < 1e-12
+    assert "50 mW, 0.1 to 10 us, within 10%: map suffices (2 states)" in judged.verdict
+    assert surrogate.verdict(judged.sel(model=["linear"])).splitlines()[1].endswith("no model suffices everywhere")
+
+
+def test_a_model_that_cannot_be_trained_is_named_and_does_not_stop_the_others(monkeypatch):
+    def refuse(*_):
+        raise th.InputError("it is not stable")
+
+    for name in ("_sindy", "fit_foster", "balanced_truncation"):
+        monkeypatch.setattr(f"surrogate.ladder.{name}", refuse)
+    ladder = surrogate.train_all(th.assemble(th.strip_ring()))
+    assert ladder.refused["SINDy"] == "it is not stable"
+    assert "Newton" in ladder.models
+
+
+def test_models_asked_for_by_name_are_trained_alone_and_as_among_all(ladder):
+    names = ("Foster, trained (5)", "Newton")
+    some = surrogate.train_all(th.assemble(th.strip_ring()), names=names)
+    assert tuple(some.models) == names
+    for name in names:
+        # the same computation twice, on a mesh that is the same
+        assert some.models[name].thermal_resistance == pytest.approx(ladder.models[name].thermal_resistance, rel=1e-9)
+    with pytest.raises(th.InputError, match="did you mean 'Newton'"):
+        surrogate.train_all(th.assemble(th.strip_ring()), names=["newton"])
+
+
+def test_without_a_large_power_the_reference_is_that_of_small_power():
+    text = th.strip_ring().to_toml().replace('"Si"', '"Si(T)"')
+    heat = th.assemble(th.CrossSection.from_toml_text(text))
+    ladder = surrogate.train_all(heat, hot=0, names=["Newton"])
+    assert isinstance(ladder.reference, th.Foster)
+    # a shift at zero: the static gain is that of the elements but for round-off
+    assert ladder.reference.thermal_resistance == pytest.approx(heat.thermal_resistance(), rel=1e-9)
+
+
+def test_nothing_to_judge_is_refused():
+    with pytest.raises(th.InputError, match="models is empty"):
+        surrogate.judge({}, th.Foster(R=[1.0], tau=[1e-6]))

@@ -1,0 +1,112 @@
+"""Quadratic identification: a known network is found again, what is unsound is refused, extrapolation warns."""
+
+import numpy as np
+import pytest
+
+import surrogate
+import thermofem as th
+
+N, POWER = 4, 20e-3
+NAMES = ("core", "near", "middle", "far")
+TIMES = np.arange(8000) * 2e-9
+WAVES = [th.Telegraph(POWER, 3e-7, 1.6e-5, seed=1), th.Telegraph(POWER / 2, 3e-7, 1.6e-5, seed=2)]
+
+
+def chain() -> th.Quadratic:
+    """Four heat capacities in a row to the ground; conductances grow by 5e-4 /K, the core's capacity too."""
+    g, c = np.array([5e-4, 3e-4, 2e-4, 2e-4]), np.array([1e-11, 5e-11, 1e-10, 4e-10])
+    K = np.diag(g + np.append(0, g[:-1])) - np.diag(g[:-1], 1) - np.diag(g[:-1], -1)
+    A, H, G = -K / c[:, None], np.zeros((N, N, N)), np.zeros((N, N))
+    for j in range(N):
+        H[:, j, j] = 2.5e-4 * A[:, j]
+    G[0, 0] = -5e-4 / c[0]
+    return th.Quadratic(A, H, G, np.eye(N)[0] / c[0], np.eye(N)[0])
+
+
+CHAIN = chain()
+
+
+def dataset(wave, states=None):
+    return th.dataset.build(TIMES, CHAIN.states(wave, TIMES) if states is None else states, wave, read=NAMES)
+
+
+@pytest.fixture(scope="module")
+def data():
+    return [dataset(w) for w in WAVES]
+
+
+def known():
+    return {
+        "static": -np.linalg.solve(CHAIN.A, CHAIN.B),
+        "power": POWER,
+        "steady": CHAIN.steady_state(POWER),
+    }
+
+
+@pytest.fixture(scope="module")
+def fitted(data):
+    return surrogate.fit_sindy_quadratic(data, **known())
+
+
+def test_a_known_network_is_found_again(fitted):
+    model = fitted.model
+    # test functions of 30 ns against a fastest time constant of 11 ns: measured 1 % on A of the core's equation
+    assert model.A[0, :2] == pytest.approx(CHAIN.A[0, :2], rel=0.03)
+    assert model.B[0] == pytest.approx(CHAIN.B[0], rel=0.03)
+    assert fitted.relative_residual < 2e-3
+    fresh = th.Telegraph(POWER, 1e-7, 1e-5, seed=5)
+    exact = CHAIN.response(fresh, TIMES[:6000])
+    assert np.sqrt(np.mean((model.response(fresh, TIMES[:6000]) - exact) ** 2)) < 3e-3 * np.ptp(exact)
+    linear = th.Quadratic(CHAIN.A, 0 * CHAIN.H, 0 * CHAIN.G, CHAIN.B, CHAIN.C).response(fresh, TIMES[:6000])
+    assert np.sqrt(np.mean((linear - exact) ** 2)) > 1e-2 * np.ptp(exact)  # the squares are needed
+
+
+def test_both_steady_states_are_exact(fitted):
+    assert fitted.model.thermal_resistance == pytest.approx(CHAIN.thermal_resistance, rel=1e-6)
+    assert fitted.model.steady_rise(POWER) == pytest.approx(CHAIN.steady_rise(POWER), rel=1e-6)
+
+
+def test_only_neighbours_are_coupled_and_the_core_alone_is_heated(fitted):
+    model = fitted.model
+    assert model.A[0, 3] == model.A[3, 0] == 0
+    assert np.count_nonzero(model.G) == np.count_nonzero(model.B) == 1
+    off = model.H.copy()
+    off[:, range(N), range(N)] = 0
+    assert not off.any()
+    assert model.H[0, 2, 2] == 0
+    assert fitted.parameters["H_1_1_1"] == model.H[0, 0, 0]
+    assert fitted.equations[3].startswith("dT[far]/dt = +")
+    assert "T[core] P" in fitted.equations[0]
+    assert " P" not in fitted.equations[1]
+
+
+def test_it_warns_beyond_its_training(fitted):
+    with pytest.warns(th.OutsideTrainingWarning, match="its training reached"):
+        fitted.model.response(th.Constant(2 * POWER), [1e-5])
+
+
+def test_noise_is_refused(data):
+    draw = np.random.default_rng(1)
+    noisy = [d.assign(delta_T=d.delta_T + 10 * draw.standard_normal(d.delta_T.shape)) for d in data]
+    with pytest.raises(th.InputError, match="refused"):
+        surrogate.fit_sindy_quadratic(noisy, **known())
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"static": [1.0]}, "static has 1 and steady 4 values for 4 probes"),
+        ({"steady": [1.0, -1.0, 1.0, 1.0]}, "all positive"),
+        ({"power": 0.0}, "power"),
+        ({"window": 1.0}, "window"),
+        ({"steady": 2 * CHAIN.steady_state(POWER)}, "refused|settles|no steady"),
+    ],
+)
+def test_what_does_not_fit_the_data_is_named(data, change, reason):
+    with pytest.raises(th.InputError, match=reason):
+        surrogate.fit_sindy_quadratic(data[0], **{**known(), **change})
+
+
+def test_datasets_must_share_probes_and_times(data):
+    with pytest.raises(th.InputError, match="same probes and times"):
+        surrogate.fit_sindy_quadratic([data[0], data[1].isel(time=slice(0, 4000))], **known())
