@@ -1,7 +1,7 @@
 """Fixed points of ring and heat as compiled functions: all follows from the energy U and the detuned D in closed form.
 
-    k = tau0 g U^2:       b N^2 + (1 - a k) N - k = 0,        dT = R_th P_abs(U, N),      gamma = gamma(U, N)
-    shift(U) = -thermal_shift dT - S(N)                       the resonance's own shift, with D = shift - detuning
+    k = tau0 g U^2:       b N^2 + (1 - a k) N - k = 0,        z = R_th P_abs(U, N),       gamma = gamma(U, N)
+    shift(U) = -thermal_shift dT - S(N) - kerr U             the resonance's own shift, with D = shift - detuning
     drive^2  = U (gamma^2 + D^2)
 
 At one power the fixed points lie on one smooth curve, the tilted resonance, with the parameter s:
@@ -30,6 +30,13 @@ SPACING = 0.02  # of s, in the search for turning points; pairs of them closer t
 CLOSE = 4e-16  # relative width at which a bracket has no floating-point number left inside
 
 
+class Static(NamedTuple):
+    """Heat at rest: dT = z + curvature z^2, z = R P_abs."""
+
+    R: float  # K/uW
+    curvature: float = 0.0  # 1/K
+
+
 class Balance(NamedTuple):
     """Everything at a fixed point of energy U that does not depend on the laser; primes are d/dU."""
 
@@ -43,8 +50,8 @@ class Balance(NamedTuple):
 
 
 @inlined
-def balance(U: float, rates: Rates, fcd: Array, R: float) -> Balance:
-    """Return the fixed point of energy ``U``; ``R`` is R_th in K/uW."""
+def balance(U: float, rates: Rates, fcd: Array, heat: Static) -> Balance:
+    """Return the fixed point of energy ``U``."""
     k = rates.tau0 * rates.g * U * U
     p = 1.0 - rates.a * k
     root = math.sqrt(p * p + 4.0 * rates.b * k)
@@ -52,35 +59,36 @@ def balance(U: float, rates: Rates, fcd: Array, R: float) -> Balance:
     N_slope = 2.0 * rates.tau0 * rates.g * U * (1.0 + rates.a * N) / root
     gamma = rates.loss + rates.fca * N + rates.tpa * U
     gamma_slope = rates.fca * N_slope + rates.tpa
-    heat = absorbed_power(U, N, rates)
-    heat_slope = 2.0 * (rates.absorbed + rates.fca * (N + N_slope * U) + 2.0 * rates.tpa * U)
+    z = heat.R * absorbed_power(U, N, rates)
+    z_slope = heat.R * 2.0 * (rates.absorbed + rates.fca * (N + N_slope * U) + 2.0 * rates.tpa * U)
+    dT, dT_slope = z + heat.curvature * z * z, z_slope * (1.0 + 2.0 * heat.curvature * z)
     S, S_slope = dispersion(N, fcd)
-    shift = -rates.thermal_shift * R * heat - S
-    shift_slope = -rates.thermal_shift * R * heat_slope - S_slope * N_slope
-    return Balance(N, N_slope, R * heat, shift, shift_slope, gamma, gamma_slope)
+    shift = -rates.thermal_shift * dT - S - rates.kerr * U
+    shift_slope = -rates.thermal_shift * dT_slope - S_slope * N_slope - rates.kerr
+    return Balance(N, N_slope, dT, shift, shift_slope, gamma, gamma_slope)
 
 
 @compiled
-def balances(U: Array, rates: Rates, fcd: Array, R: float) -> Array:
+def balances(U: Array, rates: Rates, fcd: Array, heat: Static) -> Array:
     """Return the fields of `Balance` as rows, shape (7, n), for the energies ``U``, shape (n,)."""
     out = np.empty((7, U.size))
     for j in range(U.size):
-        row = balance(U[j], rates, fcd, R)
+        row = balance(U[j], rates, fcd, heat)
         out[0, j], out[1, j], out[2, j], out[3, j] = row.N, row.N_slope, row.dT, row.shift
         out[4, j], out[5, j], out[6, j] = row.shift_slope, row.gamma, row.gamma_slope
     return out
 
 
 @compiled
-def energy(s: float, drive: float, rates: Rates, fcd: Array, R: float) -> float:
+def energy(s: float, drive: float, rates: Rates, fcd: Array, heat: Static) -> float:
     """Return U with U gamma(U)^2 = drive^2/cosh^2 s: Newton in log U, kept within a bracket."""
     target = 2.0 * (math.log(drive) - math.log(math.cosh(s)))
     high = target - 2.0 * math.log(rates.loss)  # gamma >= loss
-    gamma = balance(math.exp(high), rates, fcd, R).gamma
+    gamma = balance(math.exp(high), rates, fcd, heat).gamma
     low = target - 2.0 * math.log(gamma)
     x = high
     for _ in range(200):
-        at = balance(math.exp(x), rates, fcd, R)
+        at = balance(math.exp(x), rates, fcd, heat)
         f = x + 2.0 * math.log(at.gamma) - target
         if f >= 0.0:
             high = x
@@ -96,10 +104,10 @@ def energy(s: float, drive: float, rates: Rates, fcd: Array, R: float) -> float:
 
 
 @compiled
-def tilted(s: float, drive: float, rates: Rates, fcd: Array, R: float) -> tuple[float, float, float, float]:
+def tilted(s: float, drive: float, rates: Rates, fcd: Array, heat: Static) -> tuple[float, float, float, float]:
     """Return U, D, detuning and d(detuning)/ds of the tilted resonance at ``s``."""
-    U = energy(s, drive, rates, fcd, R)
-    at = balance(U, rates, fcd, R)
+    U = energy(s, drive, rates, fcd, heat)
+    at = balance(U, rates, fcd, heat)
     D = at.gamma * math.sinh(s)
     U_slope = -2.0 * U * math.tanh(s) / (1.0 + 2.0 * U * at.gamma_slope / at.gamma)
     slope = (at.shift_slope - at.gamma_slope * math.sinh(s)) * U_slope - at.gamma * math.cosh(s)
@@ -107,22 +115,23 @@ def tilted(s: float, drive: float, rates: Rates, fcd: Array, R: float) -> tuple[
 
 
 @compiled
-def reach(detuning: float, drive: float, rates: Rates, fcd: Array, R: float) -> float:
+def reach(detuning: float, drive: float, rates: Rates, fcd: Array, heat: Static) -> float:
     """Return an s beyond which, on either side, the tilted resonance is farther off than ``detuning`` (rad/ns)."""
-    top = balance(energy(0.0, drive, rates, fcd, R), rates, fcd, R)
-    largest = abs(rates.thermal_shift * top.dT) + abs(dispersion(top.N, fcd)[0])
+    U = energy(0.0, drive, rates, fcd, heat)
+    top = balance(U, rates, fcd, heat)
+    largest = abs(rates.thermal_shift * top.dT) + abs(dispersion(top.N, fcd)[0]) + abs(rates.kerr * U)
     return math.asinh((abs(detuning) + largest) / rates.loss + 1.0)
 
 
 @compiled
-def _slope_zero(left: float, right: float, drive: float, rates: Rates, fcd: Array, R: float) -> float:
+def _slope_zero(left: float, right: float, drive: float, rates: Rates, fcd: Array, heat: Static) -> float:
     """Return the s between two of opposite slope where the slope vanishes, by bisection."""
-    sign = tilted(left, drive, rates, fcd, R)[3] > 0.0
+    sign = tilted(left, drive, rates, fcd, heat)[3] > 0.0
     while right - left > CLOSE * (1.0 + abs(left)):
         middle = 0.5 * (left + right)
         if middle <= left or middle >= right:
             break
-        if (tilted(middle, drive, rates, fcd, R)[3] > 0.0) == sign:
+        if (tilted(middle, drive, rates, fcd, heat)[3] > 0.0) == sign:
             left = middle
         else:
             right = middle
@@ -130,12 +139,12 @@ def _slope_zero(left: float, right: float, drive: float, rates: Rates, fcd: Arra
 
 
 @compiled
-def _flattest(left: float, right: float, drive: float, rates: Rates, fcd: Array, R: float) -> float:
+def _flattest(left: float, right: float, drive: float, rates: Rates, fcd: Array, heat: Static) -> float:
     """Return the s of the smallest |slope| between two, by golden section; stops where the slope changes sign."""
     golden = 0.6180339887498949
-    sign = tilted(left, drive, rates, fcd, R)[3] > 0.0
+    sign = tilted(left, drive, rates, fcd, heat)[3] > 0.0
     a, b = right - golden * (right - left), left + golden * (right - left)
-    fa, fb = tilted(a, drive, rates, fcd, R)[3], tilted(b, drive, rates, fcd, R)[3]
+    fa, fb = tilted(a, drive, rates, fcd, heat)[3], tilted(b, drive, rates, fcd, heat)[3]
     for _ in range(40):
         if (fa > 0.0) != sign:
             return a
@@ -144,35 +153,35 @@ def _flattest(left: float, right: float, drive: float, rates: Rates, fcd: Array,
         if abs(fa) < abs(fb):
             right, b, fb = b, a, fa
             a = right - golden * (right - left)
-            fa = tilted(a, drive, rates, fcd, R)[3]
+            fa = tilted(a, drive, rates, fcd, heat)[3]
         else:
             left, a, fa = a, b, fb
             b = left + golden * (right - left)
-            fb = tilted(b, drive, rates, fcd, R)[3]
+            fb = tilted(b, drive, rates, fcd, heat)[3]
     return 0.5 * (left + right)
 
 
 @compiled
-def turning_points(s_end: float, drive: float, rates: Rates, fcd: Array, R: float) -> Array:
+def turning_points(s_end: float, drive: float, rates: Rates, fcd: Array, heat: Static) -> Array:
     """Return -s_end, every s between where detuning(s) turns, and s_end, in increasing order."""
     n = math.ceil(2.0 * s_end / SPACING) + 1
     s = np.linspace(-s_end, s_end, n)
     slope = np.empty(n)
     for k in range(n):
-        slope[k] = tilted(s[k], drive, rates, fcd, R)[3]
+        slope[k] = tilted(s[k], drive, rates, fcd, heat)[3]
     out = np.empty(n + 2)
     out[0], count = -s_end, 1
     for k in range(n - 1):
         if (slope[k] > 0.0) != (slope[k + 1] > 0.0):
-            out[count] = _slope_zero(s[k], s[k + 1], drive, rates, fcd, R)
+            out[count] = _slope_zero(s[k], s[k + 1], drive, rates, fcd, heat)
             count += 1
         elif k > 0 and (slope[k - 1] > 0.0) == (slope[k] > 0.0) and abs(slope[k]) < abs(slope[k - 1]) and (
             abs(slope[k]) <= abs(slope[k + 1])
         ):  # fmt: skip
-            flat = _flattest(s[k - 1], s[k + 1], drive, rates, fcd, R)
-            if (tilted(flat, drive, rates, fcd, R)[3] > 0.0) != (slope[k] > 0.0):
-                out[count] = _slope_zero(s[k - 1], flat, drive, rates, fcd, R)
-                out[count + 1] = _slope_zero(flat, s[k + 1], drive, rates, fcd, R)
+            flat = _flattest(s[k - 1], s[k + 1], drive, rates, fcd, heat)
+            if (tilted(flat, drive, rates, fcd, heat)[3] > 0.0) != (slope[k] > 0.0):
+                out[count] = _slope_zero(s[k - 1], flat, drive, rates, fcd, heat)
+                out[count + 1] = _slope_zero(flat, s[k + 1], drive, rates, fcd, heat)
                 count += 2
     out[count] = s_end
     return out[: count + 1]
@@ -180,14 +189,14 @@ def turning_points(s_end: float, drive: float, rates: Rates, fcd: Array, R: floa
 
 @compiled
 def crossing(
-    left: float, right: float, detuning: float, drive: float, rates: Rates, fcd: Array, R: float
+    left: float, right: float, detuning: float, drive: float, rates: Rates, fcd: Array, heat: Static
 ) -> tuple[float, float]:
     """Return U and D where a monotone piece of the tilted resonance meets ``detuning``; Newton kept in the bracket."""
-    falling = tilted(left, drive, rates, fcd, R)[2] > detuning
+    falling = tilted(left, drive, rates, fcd, heat)[2] > detuning
     s = 0.5 * (left + right)
     U, D = 0.0, 0.0
     for _ in range(200):
-        U, D, at, slope = tilted(s, drive, rates, fcd, R)
+        U, D, at, slope = tilted(s, drive, rates, fcd, heat)
         f = at - detuning
         if (f > 0.0) == falling:
             left = s
@@ -203,14 +212,14 @@ def crossing(
 
 
 @compiled
-def fixed_points(detuning: float, drive: float, rates: Rates, fcd: Array, R: float, pieces: Array) -> Array:
+def fixed_points(detuning: float, drive: float, rates: Rates, fcd: Array, heat: Static, pieces: Array) -> Array:
     """Return every fixed point as columns (U, D), shape (2, m), in the order of s; ``pieces`` by `turning_points`."""
     out, count = np.empty((2, pieces.size - 1)), 0
-    above = tilted(pieces[0], drive, rates, fcd, R)[2] > detuning
+    above = tilted(pieces[0], drive, rates, fcd, heat)[2] > detuning
     for k in range(pieces.size - 1):
-        after = tilted(pieces[k + 1], drive, rates, fcd, R)[2] > detuning
+        after = tilted(pieces[k + 1], drive, rates, fcd, heat)[2] > detuning
         if above != after:
-            out[0, count], out[1, count] = crossing(pieces[k], pieces[k + 1], detuning, drive, rates, fcd, R)
+            out[0, count], out[1, count] = crossing(pieces[k], pieces[k + 1], detuning, drive, rates, fcd, heat)
             count += 1
         above = after
     return out[:, :count]

@@ -4,7 +4,7 @@ Energy U and detuned D fix a fixed point, and with it power and detuning (`balan
 
     A(lambda, U) + D^2 - D B(lambda, U) = 0
     A = (lambda + gamma) [lambda + gamma + 2 tpa U + alpha/(lambda + rho)]
-    B = [beta + Z(lambda) (heat (lambda + rho) + cross)]/(lambda + rho)
+    B = kerr + [beta + Z(lambda) (heat (lambda + rho) + cross)]/(lambda + rho)
 
 with the names of `spectrum` and the thermal impedance as Z. A Hopf point has lambda = i w: the real part is a quadratic
 equation for D, and the imaginary part leaves one real equation on each of its two sheets over the plane of U and w,
@@ -25,13 +25,14 @@ from numpy.typing import ArrayLike, NDArray
 from thermofem.model import ThermalModel
 
 from .resonator import RingResonator
-from .steady import check_axis, check_ring
-from .thermal import network
+from .steady import check_axis, check_ring, internal
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from .balance import Static
     from .equations import Rates
+    from .kinds import Network
 
 Array = NDArray[np.float64]
 
@@ -48,8 +49,8 @@ class _Plane(NamedTuple):
     ring: RingResonator
     rates: Rates
     fcd: Array
-    poles: Array
-    R: float
+    thermal: Network
+    static: Static
     powers: Array
     detunings: Array
     energies: Array
@@ -71,7 +72,7 @@ def hopf_curves(
     ----------
     ring : RingResonator
     model : ThermalModel
-        linear and small: a Foster network or a StateSpace with at most 500 states.
+        a Foster network, a StateSpace with at most 500 states, or an OutputMap over one.
     powers : array, W
         of a map; the curves are cut to their range.
     detunings : array, Hz
@@ -80,8 +81,10 @@ def hopf_curves(
     Returns
     -------
     list of xarray.Dataset
-        one for each curve, over point: power (W), detuning (Hz), energy (J), frequency (Hz, w / 2 pi) and leading,
-        whether no other mode grows there, so that the curve bounds a stable region. A curve that leaves the window
+        one for each curve, over point: power (W), detuning (Hz), energy (J), frequency (Hz, w / 2 pi), leading,
+        whether no other mode grows there, so that the curve bounds a stable region, and lyapunov (1/s), the first
+        Lyapunov coefficient g of dr/dt = growth r + g r^3 for carriers N (1 + r cos wt): below 0 the bifurcation is
+        supercritical, above 0 subcritical, with a pulsing ring beside the stable point. A curve that leaves the window
         goes on to its first point outside.
 
     Raises
@@ -91,7 +94,7 @@ def hopf_curves(
 
     Measured by dense eigenvalues at the returned power and detuning: the pair's real part is below 3e-13 w.
     """
-    from . import spectrum
+    from . import equations as eq
 
     plane = _plane(ring, model, powers, detunings)
     curves = []
@@ -99,11 +102,13 @@ def hopf_curves(
         U, D, omega = _smooth(plane, line)
         for part in _inside(plane, U, D):
             curve = _dataset(plane, "Hopf curve", U[part], D[part], omega[part])
-            leading = [
-                _others_decay(spectrum.dense(u, d, plane.rates, plane.fcd, plane.poles), w)
-                for u, d, w in zip(U[part], D[part], omega[part], strict=True)
-            ]
+            points = list(zip(U[part], D[part], omega[part], strict=True))
+            found = [_criticality(plane, u, d, w) for u, d, w in points]
+            growth = np.array([g for g, _ in found])
+            leading = [_others_decay(values, w) for (_, values), (_, _, w) in zip(found, points, strict=True)]
             curve["leading"] = ("point", leading, {"units": "1", "long_name": "no other mode grows"})
+            about = {"units": "1/s", "long_name": "first Lyapunov coefficient"}
+            curve["lyapunov"] = ("point", growth / eq.NS, about)
             curves.append(curve)
     return curves
 
@@ -134,22 +139,22 @@ def _plane(ring: RingResonator, model: ThermalModel, powers: ArrayLike, detuning
 
     check_ring(ring)
     P, nu = check_axis("powers", powers), check_axis("detunings", detunings)
-    poles, (rates, fcd) = network(model), eq.internal_rates(ring)
-    R, shifts = poles.thermal_resistance * eq.UW, 2 * np.pi * eq.NS * nu
+    at, shifts = internal(ring, model), 2 * np.pi * eq.NS * nu
     weak, strong = eq.internal_drive(ring, P[0]), eq.internal_drive(ring, P[-1])
-    high = balance.energy(0.0, strong, rates, fcd, R)
-    low = balance.energy(balance.reach(np.abs(shifts).max(), strong, rates, fcd, R), weak, rates, fcd, R)
+    rest = (at.rates, at.fcd, at.static)
+    high = balance.energy(0.0, strong, *rest)
+    low = balance.energy(balance.reach(np.abs(shifts).max(), strong, *rest), weak, *rest)
     energies = np.geomspace(low, high, ENERGIES)
-    return _Plane(ring, rates, fcd, eq.internal_poles(poles), R, P, shifts, energies)
+    return _Plane(ring, at.rates, at.fcd, at.thermal, at.static, P, shifts, energies)
 
 
 def _frequencies(plane: _Plane) -> Array:
     """From far below the slowest thermal pole to above the beat of laser and resonance, in rad/ns."""
     from . import balance
 
-    shift, gamma = balance.balances(plane.energies, plane.rates, plane.fcd, plane.R)[[3, 5]]
+    shift, gamma = balance.balances(plane.energies, plane.rates, plane.fcd, plane.static)[[3, 5]]
     highest = gamma.max() + np.abs(shift).max() + np.abs(plane.detunings).max()
-    return np.geomspace(1e-4 * plane.poles[1].min(), 2 * highest, FREQUENCIES)
+    return np.geomspace(1e-4 * plane.thermal.poles[1].min(), 2 * highest, FREQUENCIES)
 
 
 def _terms(plane: _Plane, log_U: Array, log_w: Array) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
@@ -157,12 +162,12 @@ def _terms(plane: _Plane, log_U: Array, log_w: Array) -> tuple[NDArray[np.comple
     from . import spectrum
 
     z = 1j * np.exp(log_w)
-    at = spectrum.seculars(np.exp(log_U).ravel(), plane.rates, plane.fcd, plane.R).reshape(7, *log_U.shape)
-    gamma, gamma_2, rho, alpha, beta, heat, cross = at
+    at = spectrum.seculars(np.exp(log_U).ravel(), plane.rates, plane.fcd, plane.static).reshape(8, *log_U.shape)
+    gamma, gamma_2, rho, alpha, beta, heat, cross, kerr = at
     Z = np.zeros(z.shape, dtype=complex)
-    for gain, rate in plane.poles.T:
+    for gain, rate in plane.thermal.poles.T:
         Z += gain / (z + rate)
-    return (z + gamma) * (z + gamma_2 + alpha / (z + rho)), (beta + Z * (heat * (z + rho) + cross)) / (z + rho)
+    return (z + gamma) * (z + gamma_2 + alpha / (z + rho)), kerr + (beta + Z * (heat * (z + rho) + cross)) / (z + rho)
 
 
 def _sheet(plane: _Plane, log_U: Array, log_w: Array, sign: int) -> tuple[Array, Array, NDArray[np.bool_]]:
@@ -273,7 +278,7 @@ def _fold_equation(plane: _Plane, U: Array) -> tuple[Array, Array]:
     """a and b of D^2 + 2 a D + b = 0."""
     from . import balance
 
-    _, _, _, _, shift_slope, gamma, gamma_slope = balance.balances(U, plane.rates, plane.fcd, plane.R)
+    _, _, _, _, shift_slope, gamma, gamma_slope = balance.balances(U, plane.rates, plane.fcd, plane.static)
     return U * shift_slope, gamma**2 + 2 * U * gamma * gamma_slope
 
 
@@ -302,7 +307,7 @@ def _laser(plane: _Plane, U: Array, D: Array) -> tuple[Array, Array]:
     from . import balance
     from . import equations as eq
 
-    shift, gamma = balance.balances(np.ascontiguousarray(U), plane.rates, plane.fcd, plane.R)[[3, 5]]
+    shift, gamma = balance.balances(np.ascontiguousarray(U), plane.rates, plane.fcd, plane.static)[[3, 5]]
     return U * (gamma**2 + D**2) / (2 * plane.ring.bus_rate * eq.NS) * eq.UW, shift - D
 
 
@@ -313,6 +318,21 @@ def _inside(plane: _Plane, U: Array, D: Array) -> list[slice]:
     change = np.diff(np.concatenate([[0], inside.astype(int), [0]]))
     starts, stops = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
     return [slice(max(a - 1, 0), b + 1) for a, b in zip(starts, stops, strict=True)]
+
+
+def _criticality(plane: _Plane, U: float, D: float, w: float) -> tuple[float, NDArray[np.complex128]]:
+    """The first Lyapunov coefficient in 1/ns, for the relative amplitude of the carriers, and the eigenvalues."""
+    from . import equations as eq
+    from . import spectrum
+    from .lyapunov import first_lyapunov
+
+    y, detuning = spectrum.state(U, D, plane.rates, plane.fcd, plane.thermal)
+    size = np.abs(y)
+    size[:2], size[3:] = np.sqrt(U), max(float(size[3:].sum()), 1e-12)
+    g, values = first_lyapunov(
+        lambda x: eq.jacobian(x, detuning, plane.rates, plane.fcd, plane.thermal), y, size, w, 2
+    )  # fmt: skip
+    return g * y[2] ** 2, values
 
 
 def _others_decay(values: NDArray[np.complex128], w: float) -> bool:

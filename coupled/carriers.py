@@ -26,7 +26,7 @@ class ShockleyReadHall:
     Parameters
     ----------
     tau_n, tau_p : float, s
-        characteristic lifetimes of electrons and of holes (trap density times capture cross-section).
+        characteristic lifetimes of electrons and of holes: 1/(trap density x capture cross-section x velocity).
     intrinsic_density : float, 1/m^3
         n_i.
     hole_density : float, 1/m^3

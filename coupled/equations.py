@@ -1,18 +1,19 @@
 """Light, carriers and heat as compiled functions, and the only place where SI becomes internal units.
 
 Internal units: ns, fJ, uW, K and 1e23 carriers per m^3 (1 uW is 1 fJ/ns), in which every state is of order one.
-State: y = [Re a, Im a, N, x_1 .. x_n], with U = |a|^2 and dT = sum_i x_i.
+State: y = [Re a, Im a, N, x_1 .. x_n], with U = |a|^2.
 
     da/dt   = (i D - gamma) a + i drive
     dN/dt   = -N/tau(N) + g U^2
-    dx_i/dt = gain_i P_abs - rate_i x_i
-    D       = -thermal_shift dT - S(N) - detuning,        S(N) = sum_k c_k N (N^2 + eps^2)^((p_k - 1)/2)
+    dx_i/dt = gain_i P_abs - rate_i x_i,                  dT = z + curvature z^2,  z = sum_i x_i       (a network)
+    dx/dt   = A x + H[x, x] + (G x + B) P_abs,            dT = C x                                     (quadratic)
+    D       = -thermal_shift dT - S(N) - kerr U - detuning,      S(N) = sum_k c_k N (N^2 + eps^2)^((p_k - 1)/2)
     gamma   = loss + fca N + tpa U
     P_abs   = 2 (absorbed + fca N + tpa U) U,             tau(N) = tau0 (1 + a N)/(1 + b N)
 
-The heat of the coupling loss leaves through the buses, so ``absorbed`` is gamma_i alone. S(N) stands for N^p, whose
-slope at N = 0 is infinite for p < 1. Heat meets light only through dT and P_abs: the Jacobian is a 3 x 3 block, a
-diagonal, and two blocks of rank one.
+The heat of the coupling loss leaves through the buses and that of scattering with the light, so ``absorbed`` is the
+absorbing loss alone. S(N) stands for N^p, whose slope at N = 0 is infinite for p < 1. Heat meets light only through dT
+and P_abs: the Jacobian of a network is a 3 x 3 block, a diagonal, and two blocks of rank one.
 
 Source: Borghi et al., Opt. Express 29, 4363 (2021), Eqs. 1 and 2.1-2.5, with 2 gamma_e in drive and drop.
 """
@@ -20,16 +21,19 @@ Source: Borghi et al., Opt. Express 29, 4363 (2021), Eqs. 1 and 2.1-2.5, with 2 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiling import compiled, inlined
+from . import kinds
+from .compiling import compiled, forget_if_older, inlined
+from .kinds import flow, lift, read, spread
 
 if TYPE_CHECKING:
     from thermofem.model import Foster
 
+    from .kinds import Network, Quadratic
     from .resonator import RingResonator
 
 Array = NDArray[np.float64]
@@ -52,6 +56,7 @@ class Rates(NamedTuple):
     a: float  # m^3/1e23
     b: float  # m^3/1e23
     thermal_shift: float  # rad/ns/K
+    kerr: float  # rad/ns/fJ
 
 
 def internal_rates(ring: RingResonator) -> tuple[Rates, Array]:
@@ -66,6 +71,7 @@ def internal_rates(ring: RingResonator) -> tuple[Rates, Array]:
         a=ring.carriers.a * DENSITY,
         b=ring.carriers.b * DENSITY,
         thermal_shift=ring.thermal_shift * NS,
+        kerr=ring.kerr_shift * FJ * NS,
     )
     fcd = np.array(ring.fcd, dtype=float).reshape(-1, 2)
     fcd[:, 0] *= ring.index_rate * NS * DENSITY ** fcd[:, 1]
@@ -76,6 +82,16 @@ def internal_poles(model: Foster) -> Array:
     """Return the Foster network in internal units, rows (gain_i in K/fJ, rate_i in 1/ns)."""
     R, tau = np.asarray(model.R, dtype=float), np.asarray(model.tau, dtype=float)
     return np.array([R * UW * NS / tau, NS / tau])
+
+
+def internal_thermal(model: Any) -> Network | Quadratic:
+    """Return a network, an output map over one, or a quadratic model in internal units."""
+    if not hasattr(model, "H"):
+        return kinds.Network(internal_poles(getattr(model, "linear", model)), float(getattr(model, "coefficient", 0.0)))
+    A, H, G, B, C = (np.ascontiguousarray(getattr(model, name), dtype=float) for name in "AHGBC")
+    static = np.linalg.solve(A, B)
+    weight = np.where(C != 0, np.abs(C), np.abs(C @ static) / np.abs(static).max())
+    return kinds.Quadratic(A * NS, H * NS, G * FJ, B * FJ, C, weight)
 
 
 def internal_drive(ring: RingResonator, power: float) -> float:
@@ -99,7 +115,7 @@ def dispersion(N: float, fcd: Array) -> tuple[float, float]:
             slope += c
         else:
             square = N * N + EPSILON * EPSILON
-            factor = c * square ** (0.5 * (p - 1.0))
+            factor = c * np.exp(0.5 * (p - 1.0) * np.log(square))  # half the time of a power
             shift += factor * N
             slope += factor * (1.0 + (p - 1.0) * N * N / square)
     return shift, slope
@@ -115,7 +131,7 @@ def absorbed_power(U: float, N: float, rates: Rates) -> float:
 def optics(ar: float, ai: float, N: float, dT: float, shift: float, drive: float, detuning: float, rates: Rates) -> Row:
     """Return d(Re a)/dt, d(Im a)/dt, dN/dt and P_abs; ``shift`` is S(N)."""
     U = ar * ar + ai * ai
-    D = -rates.thermal_shift * dT - shift - detuning
+    D = -rates.thermal_shift * dT - shift - rates.kerr * U - detuning
     gamma = rates.loss + rates.fca * N + rates.tpa * U
     recombination = N * (1.0 + rates.b * N) / (rates.tau0 * (1.0 + rates.a * N))
     heat = absorbed_power(U, N, rates)
@@ -128,43 +144,53 @@ def optics_jacobian(
 ) -> Rows:
     """Return the derivatives of what `optics` returns (rows) by Re a, Im a, N and dT (columns)."""
     U = ar * ar + ai * ai
-    D = -rates.thermal_shift * dT - shift - detuning
+    D = -rates.thermal_shift * dT - shift - rates.kerr * U - detuning
     gamma = rates.loss + rates.fca * N + rates.tpa * U
     saturation = 1.0 + rates.a * N
     relaxation = (1.0 + rates.b * N * (2.0 + rates.a * N)) / (rates.tau0 * saturation * saturation)
-    cross = 2.0 * rates.tpa * ar * ai
+    cross, turn = 2.0 * rates.tpa * ar * ai, 2.0 * rates.kerr * ar * ai
     by_U = 2.0 * (rates.absorbed + rates.fca * N + 2.0 * rates.tpa * U)
     return (
-        (-gamma - 2.0 * rates.tpa * ar * ar, -D - cross, -rates.fca * ar + slope * ai, rates.thermal_shift * ai),
-        (D - cross, -gamma - 2.0 * rates.tpa * ai * ai, -rates.fca * ai - slope * ar, -rates.thermal_shift * ar),
+        (
+            -gamma - 2.0 * rates.tpa * ar * ar + turn,
+            -D - cross + 2.0 * rates.kerr * ai * ai,
+            -rates.fca * ar + slope * ai,
+            rates.thermal_shift * ai,
+        ),
+        (
+            D - cross - 2.0 * rates.kerr * ar * ar,
+            -gamma - 2.0 * rates.tpa * ai * ai - turn,
+            -rates.fca * ai - slope * ar,
+            -rates.thermal_shift * ar,
+        ),
         (4.0 * rates.g * U * ar, 4.0 * rates.g * U * ai, -relaxation, 0.0),
         (2.0 * by_U * ar, 2.0 * by_U * ai, 2.0 * rates.fca * U, 0.0),
     )
 
 
 @compiled
-def right_hand_side(y: Array, drive: float, detuning: float, rates: Rates, fcd: Array, poles: Array) -> Array:
-    """Return dy/dt, shape (3 + n,)."""
-    out = np.empty_like(y)
-    shift = dispersion(y[2], fcd)[0]
-    out[0], out[1], out[2], heat = optics(y[0], y[1], y[2], y[3:].sum(), shift, drive, detuning, rates)
-    for i in range(poles.shape[1]):
-        out[3 + i] = poles[0, i] * heat - poles[1, i] * y[3 + i]
+def right_hand_side(y: Array, drive: float, detuning: float, rates: Rates, fcd: Array, thermal: Any) -> Array:
+    """Return dy/dt, shape (3 + n,); ``thermal`` is of any of the `kinds`, or the array of a network's poles."""
+    out, shift = np.empty_like(y), dispersion(y[2], fcd)[0]
+    dT = lift(read(y, thermal), thermal)[0]
+    out[0], out[1], out[2], heat = optics(y[0], y[1], y[2], dT, shift, drive, detuning, rates)
+    flow(y, heat, thermal, out)
     return out
 
 
 @compiled
-def jacobian(y: Array, detuning: float, rates: Rates, fcd: Array, poles: Array) -> Array:
-    """Return d(dy/dt)/dy, shape (3 + n, 3 + n): the blocks of `optics_jacobian` spread over the poles."""
+def jacobian(y: Array, detuning: float, rates: Rates, fcd: Array, thermal: Any) -> Array:
+    """Return d(dy/dt)/dy, shape (3 + n, 3 + n), for the same kinds."""
     shift, slope = dispersion(y[2], fcd)
-    J = optics_jacobian(y[0], y[1], y[2], y[3:].sum(), shift, slope, detuning, rates)
+    dT = lift(read(y, thermal), thermal)[0]
+    J = optics_jacobian(y[0], y[1], y[2], dT, shift, slope, detuning, rates)
     out = np.zeros((y.size, y.size))
     for i in range(3):
         out[i, 0], out[i, 1], out[i, 2] = J[i][0], J[i][1], J[i][2]
-        for j in range(3, y.size):
-            out[i, j] = J[i][3]
-    for j in range(3, y.size):
-        gain = poles[0, j - 3]
-        out[j, 0], out[j, 1], out[j, 2] = gain * J[3][0], gain * J[3][1], gain * J[3][2]
-        out[j, j] = -poles[1, j - 3]
+    heat = absorbed_power(y[0] * y[0] + y[1] * y[1], y[2], rates)
+    spread(y, heat, J[3], (J[0][3], J[1][3], J[2][3]), thermal, out)
     return out
+
+
+for kernel in (right_hand_side, jacobian):
+    forget_if_older(kernel, kinds.__file__)

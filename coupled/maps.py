@@ -3,28 +3,42 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
+from enum import StrEnum
+from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from thermofem import checks
-from thermofem.model import Foster, ThermalModel
+from thermofem.model import ThermalModel
 
-from .pulsing import Regime, pulsing
+from .grid import Grid, Point, grid_of
+from .journal import Journal
+from .progress import bar
+from .pulsing import Regime
+from .quick import pulse
 from .resonator import RingResonator
-from .simulate import simulate
-from .stability import axes_of, stability_map
-from .steady import check_axis, check_ring, provenance
-from .thermal import network
+from .stability import stable_points
+from .states import State
+from .steady import provenance
+from .thermal import compact, states_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
 FAILED = "failed"
+
+
+class Follow(StrEnum):
+    """Which way a laser is stepped along the second axis of a map, each point from where the last one ended."""
+
+    UP = "up"
+    DOWN = "down"
 
 
 class _Cell(NamedTuple):
@@ -43,46 +57,57 @@ def pulsing_map(
     powers: ArrayLike,
     detunings: ArrayLike,
     *,
+    vary: Mapping[str, ArrayLike] | None = None,
     duration: float = 20e-6,
     rtol: float = 1e-5,
+    follow: Follow | str | None = None,
+    file: str | Path | None = None,
     executor: Executor | None = None,
     progress: bool = False,
 ) -> xr.Dataset:
-    """Integrate every point of a map from a cold ring and classify its trace: `simulate` and `pulsing` for each.
+    """Integrate every point of a map and classify its trace: `simulate` and `pulsing` for each.
 
     Parameters
     ----------
     ring : RingResonator
     model : ThermalModel
-        linear and small: a Foster network or a StateSpace with at most 500 states.
+        as for `simulate`.
     powers : array, shape (n,), W
         in the bus waveguide, larger than 0, increasing.
     detunings : array, shape (m,), Hz
         laser minus cold resonance, increasing.
+    vary : mapping of str to array, optional
+        other axes: numbers of the ring or its carriers, as `identify` names them. A map has two axes, so with one here
+        give the power or the detuning as one number, with two both.
     duration : float, s
     rtol : float
         of `simulate`.
+    follow : "up" or "down", optional
+        begin each point of the second axis where the one before, or after, ended, as a laser does that is stepped up or
+        down; the two maps differ where there is hysteresis. By default every point begins cold.
+    file : path, optional
+        fills up with the rows (of the first axis) as they are done. A map that was interrupted, however, goes on from
+        it; a file of another map is refused.
     executor : concurrent.futures.Executor, optional
-        takes one row of equal power at a time; by default one thread for each processor.
+        takes one row at a time; by default one thread for each processor.
     progress : bool
         whether to draw a bar on the terminal.
 
     Returns
     -------
     xarray.Dataset
-        over power (W) and detuning (Hz): regime ("self-pulsing", "stable", "slow transient" or "failed"), period (s,
-        nan unless it pulses), duty, swing (K) and reason, in words; a point that cannot be integrated says why there.
+        over power (W) and detuning (Hz), or the axes given: regime ("self-pulsing", "stable", "slow transient" or
+        "failed"), period (s, nan unless it pulses), duty, swing (K) and reason, in words; a point that cannot be
+        integrated says why there.
 
     Raises
     ------
     InputError
-        a power or detuning out of range or not increasing, a duration or rtol out of range, or a model that is not
-        linear, small and passive.
+        a power or detuning out of range or not increasing, a duration or rtol out of range, a model that cannot be
+        integrated, an unknown name, not two axes, or a file of another map.
 
-    Near a fold that has just vanished the first pulse can take longer than any duration chosen, and where a slow drift
-    leads up to an unstable fixed point, long steps of the integration damp what noise would let grow (a smaller rtol
-    then helps). So a trace that seems to rest where `stability_map` finds no stable fixed point reads "slow transient",
-    with the reason.
+    Near a fold that has just vanished the first pulse can take longer than any duration chosen. So a trace that seems
+    to rest where `stability_map` finds no stable fixed point reads "slow transient", with the reason.
 
     Source: Borghi et al., Opt. Express 29, 4363 (2021), Figs. 4 and 6; cold start, as the paper's shutter does.
     """
@@ -90,30 +115,37 @@ def pulsing_map(
 
     from thermofem import dataset
 
-    check_ring(ring)
-    P, nu = check_axis("powers", powers), check_axis("detunings", detunings)
+    grid = grid_of(ring, powers, detunings, vary)
     checks.positive("duration", duration, unit="s", at_most=1, hint="times are in s (did you mean 20e-6 for 20 us?)")
     checks.between("rtol", rtol, 1e-13, 1e-3, hint="1e-5 gives periods to 1e-4")
-    poles = network(model)
-    rows: list[list[_Cell]] = [[] for _ in P]
-    with _pool(executor) as pool, _bar(P.size, progress) as advance:
-        jobs = {pool.submit(_row, ring, poles, float(p), nu.tolist(), duration, rtol): k for k, p in enumerate(P)}
-        for job in as_completed(jobs):
-            rows[jobs[job]] = job.result()
+    order = None if follow is None else Follow(checks.choice("follow", str(follow), [str(way) for way in Follow]))
+    small = compact(model)
+    attrs = provenance("pulsing map", ring, small) | {"duration": float(duration), "rtol": float(rtol), **grid.fixed}
+    if order is not None:
+        attrs["follow"] = str(order)
+    journal = Journal(file, _identity(attrs, grid, small), partial(_fits, grid))
+    left = [k for k in range(len(grid.rows)) if k not in journal.rows]
+    with _pool(executor) as pool, bar("map", len(grid.rows), progress) as advance:
+        for _ in journal.rows:
             advance()
-    stable = stability_map(ring, poles, P, nu)["stable_points"].values
-    rows = [
-        [_checked(cell, n) for cell, n in zip(row, points, strict=True)]
-        for row, points in zip(rows, stable, strict=True)
-    ]
-    over = ("power", "detuning")
+        jobs = {pool.submit(_row, small, grid.rows[k], float(duration), float(rtol), order): k for k in left}
+        for job in as_completed(jobs):
+            journal.add(jobs[job], [list(cell) for cell in job.result()])
+            advance()
+    rows = [[_Cell(*cell) for cell in journal.rows[k]] for k in range(len(grid.rows))]
+    if not hasattr(small, "H"):  # whose fixed points are not known
+        stable = stable_points(small, grid)
+        rows = [
+            [_checked(cell, n) for cell, n in zip(row, points, strict=True)]
+            for row, points in zip(rows, stable, strict=True)
+        ]
     columns = {name: [[getattr(cell, name) for cell in row] for row in rows] for name in _Cell._fields}
     variables: dict[str, Any] = {
-        name: (over, np.array(columns[name]), dataset.describe(name)) for name in ("regime", "period", "duty", "swing")
+        name: (grid.names, np.array(columns[name]), dataset.describe(name))
+        for name in ("regime", "period", "duty", "swing")
     }
-    variables["reason"] = (over, np.array(columns["reason"]), {"units": "1", "long_name": "why, in words"})
-    attrs = provenance("pulsing map", ring, poles) | {"duration": float(duration), "rtol": float(rtol)}
-    return xr.Dataset(variables, coords=axes_of(P, nu), attrs=attrs)
+    variables["reason"] = (grid.names, np.array(columns["reason"]), {"units": "1", "long_name": "why, in words"})
+    return xr.Dataset(variables, coords=grid.coordinates(), attrs=attrs)
 
 
 def overlap(first: xr.Dataset, second: xr.Dataset) -> float:
@@ -135,7 +167,9 @@ def overlap(first: xr.Dataset, second: xr.Dataset) -> float:
     for name, data in (("first", first), ("second", second)):
         if "regime" not in getattr(data, "variables", {}):
             raise checks.InputError(f"{name} has no variable 'regime'; give maps from pulsing_map or stability_map")
-    for axis in ("power", "detuning"):
+    if first["regime"].dims != second["regime"].dims:
+        raise checks.InputError(f"the maps are over {first['regime'].dims} and {second['regime'].dims}")
+    for axis in first["regime"].dims:
         a, b = first[axis].values, second[axis].values
         if a.shape != b.shape or not np.allclose(a, b, rtol=1e-9, atol=1e-3 if axis == "detuning" else 0):
             raise checks.InputError(f"the maps have different points along {axis}; compute them on the same axes")
@@ -146,20 +180,42 @@ def overlap(first: xr.Dataset, second: xr.Dataset) -> float:
     return float(np.mean((one == "self-pulsing")[known] == (other == "self-pulsing")[known]))
 
 
-def _row(
-    ring: RingResonator, model: Foster, power: float, detunings: list[float], duration: float, rtol: float
-) -> list[_Cell]:
-    """All points of one power."""
-    return [_cell(ring, model, power, detuning, duration, rtol) for detuning in detunings]
+def _identity(attrs: dict[str, Any], grid: Grid, model: Any) -> dict[str, Any]:
+    """What the rows of a map depend on, as JSON."""
+    numbers = {name: np.asarray(value).tolist() for name, value in attrs.items()}
+    numbers |= {f"axis {name}": axis.tolist() for name, axis in zip(grid.names, grid.axes, strict=True)}
+    if hasattr(model, "H"):
+        numbers |= {f"model {name}": np.asarray(getattr(model, name)).tolist() for name in "AHGBC"}
+    return numbers
 
 
-def _cell(ring: RingResonator, model: Foster, power: float, detuning: float, duration: float, rtol: float) -> _Cell:
-    """One point; whatever stops it becomes its reason."""
+def _fits(grid: Grid, row: int, cells: list[Any]) -> bool:
+    """Whether a row of a file can be one of this map."""
+    known = {FAILED, *Regime}
+    return 0 <= row < len(grid.rows) and [
+        [type(value) for value in cell] for cell in cells if isinstance(cell, list) and cell and cell[0] in known
+    ] == [[str, float, float, float, str]] * len(grid.rows[row])
+
+
+def _row(model: Any, points: list[Point], duration: float, rtol: float, follow: Follow | None) -> list[_Cell]:
+    """All points of one row, each on its own or from where its neighbour ended."""
+    cells: list[_Cell] = []
+    state = cold = State.cold(states_of(model))
+    for point in reversed(points) if follow == Follow.DOWN else points:
+        cell, end = _cell(model, point, duration, rtol, state)
+        cells.append(cell)
+        state = cold if follow is None or end is None else end
+    return cells[::-1] if follow == Follow.DOWN else cells
+
+
+def _cell(model: Any, point: Point, duration: float, rtol: float, state: State) -> tuple[_Cell, State | None]:
+    """One point, and where its run ended; whatever stops it becomes its reason."""
+    ring, power, detuning = point
     try:
-        found = pulsing(simulate(ring, model, power=power, detuning=detuning, duration=duration, rtol=rtol))
+        found, end = pulse(ring, model, power=power, detuning=detuning, duration=duration, rtol=rtol, initial=state)
     except (checks.InputError, RuntimeError) as error:
-        return _Cell(FAILED, float("nan"), float("nan"), float("nan"), str(error))
-    return _Cell(str(found.regime), found.period, found.duty, found.swing, found.reason)
+        return _Cell(FAILED, float("nan"), float("nan"), float("nan"), str(error)), None
+    return _Cell(str(found.regime), found.period, found.duty, found.swing, found.reason), end
 
 
 def _checked(cell: _Cell, stable_points: int) -> _Cell:
@@ -177,16 +233,3 @@ def _pool(executor: Executor | None) -> Iterator[Executor]:
         return
     with ThreadPoolExecutor(os.cpu_count()) as pool:  # the integration releases the interpreter's lock
         yield pool
-
-
-@contextmanager
-def _bar(total: int, progress: bool) -> Iterator[Any]:
-    """A function to call after each row, which moves a bar where one is wanted."""
-    if not progress:
-        yield lambda: None
-        return
-    from rich.progress import Progress
-
-    with Progress() as bar:
-        task = bar.add_task("map", total=total)
-        yield lambda: bar.advance(task)

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
+    from .identify import Identification
+
 LIGHT, HEAT = "#0072B2", "#D55E00"  # blue and vermilion of Okabe and Ito, apart for every kind of colour vision
 
 
@@ -59,7 +61,8 @@ REGIMES = {  # light to dark, so that the order survives in grey
     "failed": "#222222",
 }
 _HOPF: dict[str, Any] = {"color": "#111111", "linewidth": 1.3}
-_FOLD: dict[str, Any] = {"color": LIGHT, "linewidth": 1.3, "linestyle": (0, (4, 1.5))}
+_DASHED = (0, (3.5, 1.8))
+_FOLD: dict[str, Any] = {"color": LIGHT, "linewidth": 1.3, "linestyle": (0, (1, 1.2))}
 _SCALED = {
     "period": (1e9, "period (ns)"),
     "frequency": (1e-6, "pulsing frequency (MHz)"),
@@ -79,7 +82,7 @@ def plot_map(
     limits: tuple[float, float] | None = None,
     key: bool = True,
 ) -> Axes:
-    """Draw one variable of a map over detuning (GHz) and power (dBm), with Hopf and fold curves over it.
+    """Draw one variable of a map over detuning (GHz) and power (dBm), or its own axes, with curves over it.
 
     Parameters
     ----------
@@ -90,7 +93,8 @@ def plot_map(
     ax : matplotlib Axes, optional
         drawn into; a new figure by default.
     hopf, folds : sequence of xarray.Dataset
-        from `hopf_curves` (solid; dotted where another mode grows already) and `fold_curves` (dashed).
+        from `hopf_curves` (solid where supercritical, dashed where subcritical, thinly dotted where another mode grows
+        already) and `fold_curves` (blue, dotted).
     limits : (float, float), optional
         ends of the colour scale, in the units that are drawn; by default those of the data.
     key : bool
@@ -104,7 +108,8 @@ def plot_map(
     choice("show", show, ["regime", *(name for name in _SCALED if name in data or name == "frequency")])
     if ax is None:
         _, ax = plt.subplots(figsize=(5, 3.8), layout="constrained")
-    x, y = _edges(data["detuning"].values * 1e-9), _edges(_dbm(data["power"].values))
+    (y_axis, y_label), (x_axis, x_label) = (_drawn_axis(data, str(dim)) for dim in data["regime"].dims)
+    x, y = _edges(x_axis), _edges(y_axis)
     if show == "regime":
         _draw_regimes(data, ax, x, y)
         if key:
@@ -119,12 +124,16 @@ def plot_map(
         ax.set_facecolor(REGIMES["stable"])
     for curve in hopf:
         nu, power = curve["detuning"].values * 1e-9, _dbm(curve["power"].values)
-        leading = bool(np.all(curve["leading"].values))
-        ax.plot(nu, power, linestyle="-" if leading else ":", **_HOPF)
+        leading, hard = curve["leading"].values, curve["lyapunov"].values > 0
+        for style, part in (("-", leading & ~hard), (_DASHED, leading & hard), (":", ~leading)):
+            drawn = part | np.roll(part, 1) if part.any() else part  # so that the styles meet
+            drawn[0] = part[0] if part.size else False
+            if drawn.any():
+                ax.plot(nu, np.where(drawn, power, np.nan), **{**_HOPF, "linestyle": style})
     for curve in folds:
         nu, power = curve["detuning"].values * 1e-9, _dbm(curve["power"].values)
         ax.plot(nu, power, **_FOLD)
-    ax.set(xlabel="detuning (GHz)", ylabel="power (dBm)", xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
+    ax.set(xlabel=x_label, ylabel=y_label, xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
     return ax
 
 
@@ -144,8 +153,11 @@ def plot_maps(
         what to draw, as in `plot_map`.
     hopf, folds : mapping from the model's name to its curves, optional
     """
-    size = (3.4 * len(maps) + 0.9, 2.6 * len(show) + 0.4)
-    _, axes = plt.subplots(
+    handles, names = _maps_key(maps, show, hopf or {}, folds or {})
+    width = 3.4 * len(maps) + 0.9
+    columns = int(width // 1.8)  # inches that the longest name takes
+    size = (width, 2.6 * len(show) + 0.2 + 0.2 * -(-len(names) // columns))
+    figure, axes = plt.subplots(
         len(show), len(maps), figsize=size, layout="constrained", sharex=True, sharey=True, squeeze=False
     )
     for row, name in zip(axes, show, strict=True):
@@ -157,13 +169,31 @@ def plot_maps(
             ax.label_outer()
     for ax, title in zip(axes[0], maps, strict=True):
         ax.set_title(title, fontsize="medium")
-    handles, names = _regime_key(list(maps.values())) if "regime" in show else ([], [])
-    for curves, name, style in ((hopf, "Hopf", _HOPF), (folds, "fold", _FOLD)):
-        if curves and any(curves.values()):
-            handles, names = [*handles, plt.Line2D([], [], **style)], [*names, name]
     if names:
-        axes[0, 0].figure.legend(handles, names, loc="outside lower center", ncols=len(names), frameon=False)
+        figure.legend(
+            handles, names, loc="outside lower center", ncols=columns, frameon=False, fontsize="small", borderpad=0
+        )
     return axes
+
+
+def _maps_key(
+    maps: Mapping[str, xr.Dataset],
+    show: Sequence[str],
+    hopf: Mapping[str, Sequence[xr.Dataset]],
+    folds: Mapping[str, Sequence[xr.Dataset]],
+) -> tuple[list[Any], list[str]]:
+    """Handles and names of the regimes and of the curves that are there."""
+    handles, names = _regime_key(list(maps.values())) if "regime" in show else ([], [])
+    lines = [curve for several in hopf.values() for curve in several]
+    soft, hard = (any(np.any(np.sign(c["lyapunov"].values) == sign) for c in lines) for sign in (-1, 1))
+    for wanted, name, style in (
+        (soft, "Hopf, supercritical", _HOPF),
+        (hard, "Hopf, subcritical", {**_HOPF, "linestyle": _DASHED}),
+        (any(folds.values()), "fold", _FOLD),
+    ):
+        if wanted:
+            handles, names = [*handles, plt.Line2D([], [], **style)], [*names, name]
+    return handles, names
 
 
 def _common_limits(maps: Mapping[str, xr.Dataset], name: str) -> tuple[float, float] | None:
@@ -193,6 +223,17 @@ def _regime_key(maps: Sequence[xr.Dataset]) -> tuple[list[Any], list[str]]:
     return handles, seen
 
 
+def _drawn_axis(data: xr.Dataset, name: str) -> tuple[np.ndarray, str]:
+    """An axis of a map as it is drawn, and its label."""
+    values = data[name].values
+    if name == "detuning":
+        return values * 1e-9, "detuning (GHz)"
+    if name == "power":
+        return _dbm(values), "power (dBm)"
+    scaled, unit = _readable(values, data[name].attrs["units"])
+    return scaled, f"{data[name].attrs['long_name']} ({unit})"
+
+
 def _dbm(power: np.ndarray) -> np.ndarray:
     """Power in W as dBm."""
     return 10 * np.log10(power * 1e3)
@@ -209,7 +250,151 @@ def _edges(centres: np.ndarray) -> np.ndarray:
 def _readable(values: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
     """Scale values so that their largest reads well, and name the scaled unit."""
     largest = float(np.max(np.abs(values), initial=0.0))
-    for factor, prefix in ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"), (1e-12, "p")):
+    for factor, prefix in (
+        (1e9, "G"),
+        (1e6, "M"),
+        (1e3, "k"),
+        (1.0, ""),
+        (1e-3, "m"),
+        (1e-6, "µ"),
+        (1e-9, "n"),
+        (1e-12, "p"),
+    ):
         if largest >= factor:
             return values / factor, prefix + unit
     return values, unit
+
+
+def plot_identification(found: Identification, axes: Sequence[Axes] | None = None) -> np.ndarray:
+    """Draw the measured mean cycle of every trace and the model's over it, each with its drive and the two periods.
+
+    Parameters
+    ----------
+    found : Identification
+        from `identify`.
+    axes : sequence of matplotlib Axes, optional
+        one for each trace; a new row of them by default.
+    """
+    cycles, errors = found.cycles, found.residuals
+    n = cycles.sizes["trace"]
+    if axes is None:
+        _, row = plt.subplots(1, n, figsize=(2.7 * n + 0.6, 2.7), layout="constrained", sharey=True, squeeze=False)
+        axes = list(row[0])
+    for k, ax in enumerate(axes):
+        one, at = cycles.isel(trace=k), errors.isel(trace=k)
+        first = int(one["drop"].values.argmin())  # the cycle begins where the drop power is lowest
+        phase, unit = one["phase"].values, 1e3
+        measured, model = (np.roll(one[name].values, -first) * unit for name in ("drop", "drop_model"))
+        ax.plot(phase, measured, color="#111111", linewidth=2.4, alpha=0.45, label="measured")
+        ax.plot(phase, model, color=HEAT, linewidth=1.3, label="model")
+        drive = f"{_dbm(at['power'].values):.0f} dBm, {float(at['detuning']) * 1e-9:.0f} GHz"
+        periods = f"{float(at['period']) * 1e9:.0f} ns, model {float(at['period_model']) * 1e9:.0f} ns"
+        ax.set_title(f"{drive}\n{periods}", fontsize="small")
+        ax.set(xlabel="fraction of the period", xlim=(0, 1))
+    axes[0].set_ylabel("drop power (mW)")
+    axes[0].legend(frameon=False, fontsize="small")
+    return np.array(axes)
+
+
+def plot_newton_traces(found: xr.Dataset, ax: Axes | None = None, *, reference: float | None = None) -> Axes:
+    """Draw heat capacity against lifetime of Newton's law, a dot for each trace, coloured by its period.
+
+    Parameters
+    ----------
+    found : xarray.Dataset
+        from `fit_newton_per_trace`.
+    ax : matplotlib Axes, optional
+    reference : float, J/K, optional
+        heat capacity m c_p to divide by; without it the axis is in pJ/K.
+    """
+    if ax is None:
+        _, ax = plt.subplots(figsize=(4.6, 3.4), layout="constrained")
+    unit = reference or 1e-12
+    tau, capacity = found["tau_th"].values * 1e9, found["heat_capacity"].values / unit
+    ends = np.array([np.nanmin(tau), np.nanmax(tau)])
+    line = (found.attrs["slope"] * ends * 1e-9 + found.attrs["intercept"]) / unit
+    ax.plot(ends, line, color="#777777", linewidth=1, zorder=1)
+    dots = ax.scatter(tau, capacity, c=found["period"].values * 1e9, cmap="viridis", s=22, edgecolor="white", lw=0.4)
+    ax.figure.colorbar(dots, ax=ax, label="period (ns)")
+    label = "heat capacity / (m c$_{p,ref}$)" if reference else "heat capacity (pJ/K)"
+    ax.set(xlabel="thermal lifetime (ns)", ylabel=label)
+    ax.set_title(f"correlation {found.attrs['correlation']:.2f}", fontsize="small", loc="left")
+    return ax
+
+
+def plot_carrier_decay(decay: xr.Dataset, axes: Sequence[Axes] | None = None) -> np.ndarray:
+    """Draw a carrier decay with the exponentials of its first and last lifetime, and the lifetime against density.
+
+    Parameters
+    ----------
+    decay : xarray.Dataset
+        from `carrier_decay`.
+    axes : two matplotlib Axes, optional
+    """
+    if axes is None:
+        _, axes = plt.subplots(1, 2, figsize=(7.6, 3.1), layout="constrained")
+    left, right = axes
+    t, N, tau = (decay[name].values for name in ("time", "carriers", "lifetime"))
+    left.semilogy(t * 1e9, N * 1e-6, color="#111111", linewidth=1.6)
+    for at, where in ((0, "first"), (-1, "last")):
+        line = N[at] * np.exp(-(t - t[at]) / tau[at]) * 1e-6
+        left.semilogy(t * 1e9, line, color=HEAT, linestyle="--", linewidth=1)
+        style: dict[str, Any] = {
+            "textcoords": "offset points",
+            "fontsize": "small",
+            "color": HEAT,
+            "ha": "right" if at else "left",
+        }
+        offset = (-14, 8) if at else (8, -20)
+        left.annotate(f"{where}: {tau[at] * 1e9:.0f} ns", (t[at] * 1e9, N[at] * 1e-6), offset, **style)
+    left.set(xlabel="time (ns)", ylabel="carrier density (cm$^{-3}$)", xlim=(t[0] * 1e9, t[-1] * 1e9))
+    left.set_ylim(0.6 * N[-1] * 1e-6, 1.6 * N[0] * 1e-6)
+    right.semilogx(N * 1e-6, tau * 1e9, color="#111111", linewidth=1.6)
+    right.set(xlabel="carrier density (cm$^{-3}$)", ylabel="lifetime (ns)")
+    return np.array([left, right])
+
+
+def plot_transmission(
+    curve: xr.Dataset,
+    show: str = "drop",
+    ax: Axes | None = None,
+    *,
+    sweeps: Mapping[str, xr.Dataset] | None = None,
+) -> Axes:
+    """Draw one output against detuning or power: stable stretches solid, unstable ones dotted, sweeps over them.
+
+    Parameters
+    ----------
+    curve : xarray.Dataset
+        from `transmission`.
+    show : str
+        "drop", "through", "absorbed", "delta_T" or "carriers".
+    ax : matplotlib Axes, optional
+    sweeps : mapping of a name to a Dataset of `sweep` or of `simulate` with a swept laser, optional
+        drawn over the curve, each in its colour.
+    """
+    labels = {
+        "drop": (1e3, "drop power (mW)"),
+        "through": (1e3, "through power (mW)"),
+        "absorbed": (1e3, "absorbed power (mW)"),
+        "delta_T": (1.0, "temperature rise (K)"),
+        "carriers": (1e-6, "carrier density (cm$^{-3}$)"),
+    }
+    choice("show", show, labels)
+    if ax is None:
+        _, ax = plt.subplots(figsize=(5, 3.4), layout="constrained")
+    unit, label = labels[show]
+    by_power = np.ptp(curve["detuning"].values) == 0
+    name, scale = ("power", 1e3) if by_power else ("detuning", 1e-9)
+    x, y = curve[name].values * scale, curve[show].values * unit
+    stable = curve["regime"].values == "stable"
+    touching = stable | np.roll(stable, 1)  # so that the two styles meet
+    ax.plot(x, np.where(touching, y, np.nan), color="#111111", linewidth=1.4, label="stable")
+    dots: dict[str, Any] = {"color": "#111111", "linewidth": 1.2, "linestyle": (0, (1, 1.5))}
+    ax.plot(x, np.where(stable, np.nan, y), **dots, label="unstable")
+    for (title, run), colour in zip((sweeps or {}).items(), (LIGHT, HEAT, "#009E73", "#CC79A7"), strict=False):
+        ax.plot(run[name].values * scale, run[show].values * unit, color=colour, linewidth=1.1, alpha=0.85, label=title)
+    ax.set(xlabel="power (mW)" if by_power else "detuning (GHz)", ylabel=label, xlim=(x.min(), x.max()))
+    ax.set_ylim(bottom=0)
+    ax.legend(frameon=False, fontsize="small")
+    return ax

@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 DUTY_LEVEL = 0.45  # of the drop power between its minimum and its maximum; the paper's definition, caption of Fig. 6
 QUIET = 1e-4  # relative range of the carriers that is no oscillation (at least ten times rtol)
 SETTLED = 0.02  # relative change of an amplitude, or of the carriers at the end, that counts as none
+FINE = 12  # samples that a cycle needs at least
+THINNED = 40  # steps of the integration to one sample: fewer samples may show a slow beat instead of the pulses
+LONGEST_PATTERN = 4  # unequal pulses that repeat together
 
 
 class Regime(StrEnum):
@@ -41,13 +44,17 @@ class Pulsing:
     reason : str
         why, in words.
     period : float, s
-        of the last cycle; nan unless it pulses.
+        of the last cycle, or of the last pattern where unequal pulses alternate; nan unless it pulses.
     duty : float
         fraction of the last cycle with the drop power above min + 0.45 (max - min); nan unless it pulses.
     swing : float, K
         largest minus smallest temperature rise in the last cycle; in the last half of the trace unless it pulses.
     cycles : int
         complete cycles in the trace.
+    extinction : float, dB
+        largest to smallest drop power of the last cycle; nan unless it pulses.
+    pattern : int
+        pulses in a period: 1, or more where large and small ones alternate.
     """
 
     regime: Regime
@@ -56,6 +63,8 @@ class Pulsing:
     duty: float
     swing: float
     cycles: int
+    extinction: float = float("nan")
+    pattern: int = 1
 
 
 def pulsing(run: xr.Dataset) -> Pulsing:
@@ -68,7 +77,8 @@ def pulsing(run: xr.Dataset) -> Pulsing:
     Parameters
     ----------
     run : xarray.Dataset
-        time (s), carriers (1/m^3), drop (W) and delta_T (K), at 8 times or more.
+        time (s), carriers (1/m^3), drop (W) and delta_T (K), at 8 times or more. A ring without a drop port is judged
+        by its energy instead.
 
     Returns
     -------
@@ -77,40 +87,87 @@ def pulsing(run: xr.Dataset) -> Pulsing:
     Raises
     ------
     InputError
-        a variable is missing or the trace is too short.
+        a variable is missing, the trace is too short, or its samples are too far apart to show its cycles.
 
     Measured on accepted steps at rtol = 1e-6 against 1e-10, six rings: period to 2e-7, duty to 5e-5, swing to 6e-5.
 
     Source of the duty cycle: Borghi et al., Opt. Express 29, 4363 (2021), caption of Fig. 6.
     """
     t, N, drop, dT = (_values(run, name) for name in ("time", "carriers", "drop", "delta_T"))
+    if not drop.any() and "energy" in run.variables:
+        drop = _values(run, "energy")
+    steps = int(run.attrs.get("steps", 0))
+    if steps > THINNED * t.size:
+        raise checks.InputError(
+            f"run has {t.size} samples of {steps} steps; the sampling is too coarse to tell pulses from their beat: "
+            f"ask for {steps // THINNED} times or more, or for none, which keeps every step"
+        )
+    rtol = float(run.attrs.get("rtol", 0))
+    return classify(t, N, drop, dT, rtol=rtol, every_step=steps == t.size - 1)
+
+
+def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, every_step: bool = False) -> Pulsing:
+    """The same for arrays: time (s), carriers, drop power and temperature rise (K).
+
+    ``rtol`` is the tolerance behind them; ``every_step`` says that they are the accepted steps of an integration, which
+    are as dense as the trace needs.
+    """
     swing = float(np.ptp(dT[t >= (t[0] + t[-1]) / 2]))
-    noise = min(max(QUIET, 10 * float(run.attrs.get("rtol", 0))), SETTLED)
+    noise = min(max(QUIET, 10 * rtol), SETTLED)
     for share in (1 / 2, 1 / 4):  # a slow drift may hide a small oscillation
         late = N[t >= t[-1] - share * (t[-1] - t[0])]
         if np.ptp(late) <= noise * late.max():
             return _quiet(Regime.STABLE, f"the carriers are constant over the last {share:.0%}", swing)
         up = crossings(t, N, (late.min() + late.max()) / 2)
         waits = np.diff(up, append=t[-1])  # the last one is still running
-        if up.size >= 3 and waits[-2] <= 1.5 * waits[-3] and waits[-1] <= 1.5 * waits[-2]:
+        if up.size >= 3 and waits[-2] <= 1.5 * waits[-6:-2].max() and waits[-1] <= 1.5 * waits[-6:-1].max():
             break
     else:
         return _under_way(t, N, swing, max(up.size - 1, 0))
     edges = np.searchsorted(t, up)
+    samples = float(np.median(np.diff(edges)))
+    if samples < FINE and not every_step:
+        raise checks.InputError(f"a cycle has {samples:.0f} samples; the sampling is too coarse, {FINE} are needed")
     heights = np.array([np.ptp(N[i:j]) for i, j in pairwise(edges)])
-    limit, seen = amplitude_limit(heights), f"{heights.size} cycles of "
-    if limit < 0.2 * heights[-1]:
+    together = pattern(heights, waits[:-1])
+    tops = heights[heights.size % together :].reshape(-1, together).max(axis=1)
+    limit, seen = amplitude_limit(tops), f"{heights.size} cycles of "
+    if limit < 0.2 * tops[-1]:
         return _quiet(Regime.STABLE, seen + "an oscillation that dies away", swing, heights.size)
-    change = limit / heights[heights.size // 3] - 1
-    begin, end = float(up[-2]), float(up[-1])
+    change = limit / tops[tops.size // 3] - 1
+    begin, end = float(up[-1 - together]), float(up[-1])
+    last = (t >= begin) & (t <= end)
+    low, high = drop[last].min(), drop[last].max()
     return Pulsing(
         Regime.SELF_PULSING,
-        seen + ("steady" if abs(change) < SETTLED else "growing" if change > 0 else "still falling") + " amplitude",
+        seen
+        + ("steady" if abs(change) < SETTLED else "growing" if change > 0 else "still falling")
+        + " amplitude"
+        + (f", in a pattern of {together}" if together > 1 else "")
+        + (", whose period still changes" if abs(waits[-2] / waits[-2 - together] - 1) > SETTLED else ""),
         period=end - begin,
         duty=_duty(t, drop, begin, end),
-        swing=float(np.ptp(dT[(t >= begin) & (t <= end)])),
+        swing=float(np.ptp(dT[last])),
         cycles=heights.size,
+        extinction=float(10 * np.log10(high / low)) if low > 0 else float("inf"),
+        pattern=together,
     )
+
+
+def pattern(heights: Array, waits: Array) -> int:
+    """How many cycles repeat together: the smallest number after which heights and lengths return, or 1 if none does.
+
+    Three repetitions are needed, so that a drift is no pattern.
+    """
+    for together in range(1, LONGEST_PATTERN + 1):
+        if heights.size < 3 * together:
+            return 1
+        if all(
+            np.all(np.abs(x[-2 * together :] - x[-3 * together : -together]) <= SETTLED * x[-3 * together :].max())
+            for x in (heights, waits)
+        ):
+            return together
+    return 1
 
 
 def crossings(t: Array, x: Array, level: float) -> Array:
@@ -122,24 +179,16 @@ def crossings(t: Array, x: Array, level: float) -> Array:
         times, increasing, and values.
     level : float
     """
-    at = np.flatnonzero((x[:-1] < level) & (x[1:] >= level))
-    first = np.clip(at - 1, 0, t.size - 4)
-    s, v = (np.stack([array[first + k] for k in range(4)]) for array in (t, x - level))
-    d1 = (v[1:] - v[:-1]) / (s[1:] - s[:-1])  # divided differences
-    d2 = (d1[1:] - d1[:-1]) / (s[2:] - s[:-2])
-    d3 = (d2[1] - d2[0]) / (s[3] - s[0])
-    left, right = t[at].copy(), t[at + 1].copy()
-    for _ in range(32):  # bisection, to 2e-10 of a step
-        middle = (left + right) / 2
-        below = v[0] + (middle - s[0]) * (d1[0] + (middle - s[1]) * (d2[0] + (middle - s[2]) * d3)) < 0
-        left, right = np.where(below, middle, left), np.where(below, right, middle)
-    return (left + right) / 2
+    from .levels import rises
+
+    return np.asarray(rises(np.ascontiguousarray(t), np.ascontiguousarray(x), float(level), 1.0))
 
 
 def amplitude_limit(heights: Array) -> float:
     """Where a sequence of amplitudes is heading: C for ``C + A r^k``, from the means of three blocks of equal length.
 
-    The blocks cover the last two thirds, so the cold start does not count. The last amplitude where nothing is lost.
+    The blocks cover the last two thirds, so the cold start does not count. The last amplitude where nothing is lost, or
+    so little that it says nothing about the end: a decay that ends at zero is no slower at first.
     """
     length = max(2 * heights.size // 9, 1)
     if heights.size < 3:
@@ -148,7 +197,9 @@ def amplitude_limit(heights: Array) -> float:
     if last > (1 - SETTLED) * first:
         return float(heights[-1])
     curvature = (last - middle) - (middle - first)
-    return max(float(last - (last - middle) ** 2 / curvature), 0.0) if curvature > 0 else 0.0
+    if curvature > 0:
+        return max(float(last - (last - middle) ** 2 / curvature), 0.0)
+    return float(heights[-1]) if last > 0.9 * first else 0.0
 
 
 def _duty(t: Array, drop: Array, begin: float, end: float) -> float:
@@ -170,7 +221,8 @@ def _under_way(t: Array, N: Array, swing: float, cycles: int) -> Pulsing:
     ratio = np.clip(after / before, 0, 0.95) if before else 0.0
     change = float((np.ptp(tail) + abs(after) * ratio / (1 - ratio)) / tail.max())  # with what an exponential has left
     if change <= SETTLED:
-        return _quiet(Regime.STABLE, f"the carriers move by {change:.1%} from the last quarter on", swing, cycles)
+        words = f"settled: from the last quarter on the carriers move by {100 * change:.1g} %"
+        return _quiet(Regime.STABLE, words, swing, cycles)
     seen = f"{cycles} complete cycle{'s' if cycles != 1 else ''} and no more" if cycles else "no complete cycle"
     return _quiet(Regime.SLOW_TRANSIENT, f"{seen}, yet still moving: simulate longer", swing, cycles)
 

@@ -4,25 +4,31 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 from thermofem import checks
 
 from .carriers import ShockleyReadHall
+from .lifetime import ConstantLifetime
 
 _RATE_HINT = "amplitude rates are in 1/s (did you mean 43e9?)"
+DERIVED = ("eta_fca", "eta_tpa", "g_tpa", "kerr_shift", "thermal_shift")
 _VOLUME_HINT = "volumes are in m^3 (1 um^3 is 1e-18)"
 
 
 @dataclass(frozen=True)
 class RingResonator:
-    """Silicon add-drop ring: resonance, losses, and the three ways in which its own light detunes and damps it.
+    """Silicon ring on one bus or two: resonance, losses, and the ways in which its own light detunes and damps it.
 
-        da/dt = [i D - gamma] a + i sqrt(2 gamma_e P),            |a|^2 = U in J
-        D     = -(w0/n0) [(dn/dT) dT + S(N)] - 2 pi detuning,     S(N) = sum_k c_k N^p_k
-        gamma = 2 gamma_e + gamma_i + eta_FCA N + eta_TPA U
+        da/dt = [i D - gamma] a + i sqrt(2 gamma_e P),                       |a|^2 = U in J
+        D     = -(w0/n0) [(dn/dT) dT + S(N)] - kerr U - 2 pi detuning,       S(N) = sum_k c_k N^p_k
+        gamma = gamma_e + gamma_d + gamma_i + gamma_s + eta_FCA N + eta_TPA U
         dN/dt = -N/tau(N) + g_TPA U^2
+        P_abs = 2 (gamma_i + eta_FCA N + eta_TPA U) U
 
-    ``dataclasses.replace`` varies a field; the derived rates follow.
+    ``dataclasses.replace`` varies a field and the derived rates follow; `with_rates` sets a derived rate itself;
+    `from_quality_factors` and `from_toml` make one from what is measured.
 
     Parameters
     ----------
@@ -31,7 +37,7 @@ class RingResonator:
     frequency : float, Hz
         cold resonance w0 / 2 pi.
     bus_rate : float, 1/s
-        gamma_e, amplitude decay rate into each of the two bus waveguides.
+        gamma_e, amplitude decay rate into the bus that the light comes from.
     loss_rate : float, 1/s
         gamma_i, amplitude decay rate by absorption at low power; all of it heats the core.
     refractive_index, group_index : float
@@ -41,17 +47,26 @@ class RingResonator:
     fcd : tuple of (coefficient, exponent); m^(3 exponent), 1
         free-carrier dispersion, the index change sum_k c_k N^p_k with N in 1/m^3; carriers lower it, so c_k <= 0.
     fca_cross_section : float, m^2
-        sigma_FCA of free-carrier absorption.
+        sigma_FCA of free-carrier absorption, as the paper counts it: c sigma_FCA N/n_g is the rate of the amplitude. Of
+        a cross-section for power (alpha = sigma N, silicon's 1.45e-21 m^2) give half.
     tpa_coefficient : float, m/W
         beta of two-photon absorption.
     tpa_confinement, tpa_volume : float; 1, m^3
         Gamma_TPA and V_TPA, for the loss by two-photon absorption.
     fca_confinement, fca_volume : float; 1, m^3
         Gamma_FC and V_FCA, for the carriers made by it.
-    carriers : ShockleyReadHall
+    carriers : ShockleyReadHall or ConstantLifetime
         recombination, tau(N).
     lumped_fcd : float, m^3, optional
         the one coefficient that stands for both carrier kinds where heat follows Newton's law (`with_lumped_fcd`).
+    drop_rate : float, 1/s, optional
+        gamma_d, amplitude decay rate into the other bus; by default that of the first one, and 0 for a ring on one bus.
+    scattering_rate : float, 1/s
+        gamma_s, amplitude decay rate by scattering and radiation, which heats nothing.
+    kerr_coefficient : float, m^2/W
+        n_2 of the Kerr effect, with the confinement and volume of two-photon absorption; silicon has 4.5e-18.
+    rates : tuple of (name, value)
+        derived rates that are given instead of computed (`with_rates`).
 
     Raises
     ------
@@ -76,13 +91,16 @@ class RingResonator:
     tpa_volume: float
     fca_confinement: float
     fca_volume: float
-    carriers: ShockleyReadHall
+    carriers: ShockleyReadHall | ConstantLifetime
     lumped_fcd: float | None = None
+    drop_rate: float | None = None
+    scattering_rate: float = 0.0
+    kerr_coefficient: float = 0.0
+    rates: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
         checks.between("frequency", self.frequency, 1e13, 1e16, unit="Hz", hint="did you mean 192.88e12?")
         checks.between("bus_rate", self.bus_rate, 1e6, 1e13, unit="1/s", hint=_RATE_HINT)
-        checks.between("loss_rate", self.loss_rate, 1e5, 1e13, unit="1/s", hint=_RATE_HINT)
         checks.between("refractive_index", self.refractive_index, 1, 10)
         checks.between("group_index", self.group_index, 1, 10)
         checks.between("thermo_optic", self.thermo_optic, -1e-2, 1e-2, unit="1/K", hint="silicon has 1.86e-4")
@@ -94,6 +112,16 @@ class RingResonator:
             checks.between(f"{kind}_confinement", getattr(self, f"{kind}_confinement"), 0, 2)
             volume = getattr(self, f"{kind}_volume")
             checks.between(f"{kind}_volume", volume, 1e-22, 1e-12, unit="m^3", hint=_VOLUME_HINT)
+        for name in ("loss_rate", "drop_rate", "scattering_rate"):  # none, or one that is no slip of a unit
+            if getattr(self, name) not in (None, 0):
+                checks.between(name, getattr(self, name), 1e5, 1e13, unit="1/s", hint=_RATE_HINT)
+        hint = "silicon has 4.5e-18 m^2/W"
+        checks.between("kerr_coefficient", self.kerr_coefficient, -1e-15, 1e-15, unit="m^2/W", hint=hint)
+        for name, value in self.rates:
+            checks.choice("rates", name, DERIVED)
+            checks.finite(f"rates {name}", value)
+            if name != "thermal_shift" and value < 0:
+                raise checks.InputError(f"rates {name} = {value:g} must not be negative")
         _check_dispersion(self.fcd)
         if self.lumped_fcd is not None:
             _check_dispersion(((self.lumped_fcd, 1.0),))
@@ -105,18 +133,24 @@ class RingResonator:
 
     @property
     def linear_rate(self) -> float:
-        """2 gamma_e + gamma_i in 1/s: the amplitude decay rate of the cold ring."""
-        return 2 * self.bus_rate + self.loss_rate
+        """gamma_e + gamma_d + gamma_i + gamma_s in 1/s: the amplitude decay rate of the cold ring."""
+        return self.bus_rate + self.drop_bus_rate + self.loss_rate + self.scattering_rate
+
+    @property
+    def drop_bus_rate(self) -> float:
+        """gamma_d in 1/s: that of the other bus, 0 for a ring on one bus."""
+        return self.bus_rate if self.drop_rate is None else self.drop_rate
 
     @property
     def loaded_q(self) -> float:
-        """w0 / (2 (2 gamma_e + gamma_i))."""
+        """w0 / (2 (gamma_e + gamma_d + gamma_i + gamma_s))."""
         return self.omega / (2 * self.linear_rate)
 
     @property
     def intrinsic_q(self) -> float:
-        """w0 / (2 gamma_i)."""
-        return self.omega / (2 * self.loss_rate)
+        """w0 / (2 (gamma_i + gamma_s)); infinite without loss."""
+        own = self.loss_rate + self.scattering_rate
+        return self.omega / (2 * own) if own else math.inf
 
     @property
     def index_rate(self) -> float:
@@ -126,26 +160,35 @@ class RingResonator:
     @property
     def thermal_shift(self) -> float:
         """(w0/n0) dn/dT in rad/s/K: how far the resonance moves down for one kelvin."""
-        return self.index_rate * self.thermo_optic
+        return self._given("thermal_shift", self.index_rate * self.thermo_optic)
 
     @property
     def eta_fca(self) -> float:
-        """c sigma_FCA / n_g in m^3/s: amplitude loss rate for a unit carrier density."""
+        """c sigma_FCA / n_g in m^3/s: amplitude loss rate for a unit carrier density; half that of the energy."""
         from scipy.constants import c
 
-        return c * self.fca_cross_section / self.group_index
+        return self._given("eta_fca", c * self.fca_cross_section / self.group_index)
 
     @property
     def eta_tpa(self) -> float:
         """Gamma_TPA c^2 beta / (2 n0^2 V_TPA) in 1/(s J): amplitude loss rate for a unit energy."""
-        return self.tpa_confinement * self._two_photon / self.tpa_volume
+        return self._given("eta_tpa", self.tpa_confinement * self._two_photon / self.tpa_volume)
 
     @property
     def g_tpa(self) -> float:
         """Gamma_FC c^2 beta / (2 n0^2 hbar w0 V_FCA^2) in 1/(m^3 s J^2): carriers made by a unit energy squared."""
         from scipy.constants import hbar
 
-        return self.fca_confinement * self._two_photon / (hbar * self.omega * self.fca_volume**2)
+        made = self.fca_confinement * self._two_photon / (hbar * self.omega * self.fca_volume**2)
+        return self._given("g_tpa", made)
+
+    @property
+    def kerr_shift(self) -> float:
+        """Gamma_TPA w0 c n_2 / (n0^2 V_TPA) in rad/(s J): how far the resonance moves down for a unit energy."""
+        from scipy.constants import c
+
+        each = c * self.kerr_coefficient / (self.refractive_index * self.tpa_volume)
+        return self._given("kerr_shift", self.tpa_confinement * self.index_rate * each)
 
     @property
     def _two_photon(self) -> float:
@@ -153,6 +196,100 @@ class RingResonator:
         from scipy.constants import c
 
         return c**2 * self.tpa_coefficient / (2 * self.refractive_index**2)
+
+    def _given(self, name: str, computed: float) -> float:
+        """A derived rate: the one that was given, or the one that follows from the fields."""
+        return dict(self.rates).get(name, computed)
+
+    def with_rates(self, **values: float) -> RingResonator:
+        """Return the ring with derived rates set: eta_fca, eta_tpa, g_tpa, thermal_shift, kerr_shift, in their units.
+
+        >>> from coupled import borghi2021
+        >>> borghi2021().with_rates(eta_fca=2e-13).eta_fca
+        2e-13
+        """
+        return replace(self, rates=tuple(sorted((dict(self.rates) | values).items())))
+
+    @classmethod
+    def from_quality_factors(
+        cls,
+        base: RingResonator,
+        *,
+        name: str,
+        frequency: float,
+        loaded_q: float,
+        intrinsic_q: float,
+        buses: int = 2,
+        absorbed_fraction: float = 1.0,
+        perimeter: float | None = None,
+        mode_area: float | None = None,
+    ) -> RingResonator:
+        """Return a ring from what a transmission spectrum and a layout tell.
+
+            gamma = w0/(2 Q_L),   gamma_i + gamma_s = w0/(2 Q_i),   V = perimeter x mode_area
+
+        Parameters
+        ----------
+        base : RingResonator
+            the material and what is not named here, such as `borghi2021`.
+        name, frequency : str, Hz
+        loaded_q, intrinsic_q : float
+            Q_L below Q_i.
+        buses : int
+            1 or 2; what is not lost in the ring leaves through them, half each.
+        absorbed_fraction : float
+            of the intrinsic loss, the part that heats; the rest scatters.
+        perimeter, mode_area : float, m and m^2, optional
+            both or none: the volume of two-photon absorption and of the carriers.
+
+        Raises
+        ------
+        InputError
+            Q_L not below Q_i, a number of buses other than 1 and 2, or one of perimeter and mode_area alone.
+        """
+        checks.between("frequency", frequency, 1e13, 1e16, unit="Hz", hint="did you mean 192.88e12?")
+        checks.between("loaded_q", loaded_q, 10, 1e10)
+        checks.between("intrinsic_q", intrinsic_q, 10, 1e10)
+        checks.between("absorbed_fraction", absorbed_fraction, 0, 1)
+        if buses not in (1, 2):
+            raise checks.InputError(f"buses = {buses!r} must be 1 or 2")
+        if loaded_q >= intrinsic_q:
+            raise checks.InputError(
+                f"loaded_q = {loaded_q:g} must be smaller than intrinsic_q = {intrinsic_q:g}: "
+                "coupling to the bus adds loss"
+            )
+        if (perimeter is None) != (mode_area is None):
+            raise checks.InputError("perimeter and mode_area make a volume together; give both or none")
+        volumes: dict[str, Any] = {}
+        if perimeter is not None and mode_area is not None:
+            checks.between("perimeter", perimeter, 1e-7, 1, unit="m", hint="did you mean 50e-6?")
+            checks.between("mode_area", mode_area, 1e-15, 1e-10, unit="m^2", hint="0.1 um^2 is 1e-13 m^2")
+            volumes = {"tpa_volume": perimeter * mode_area, "fca_volume": perimeter * mode_area}
+        whole, own = math.pi * frequency / loaded_q, math.pi * frequency / intrinsic_q
+        bus = (whole - own) / buses
+        return replace(
+            base,
+            name=name,
+            frequency=frequency,
+            bus_rate=bus,
+            drop_rate=bus if buses == 2 else 0.0,
+            loss_rate=absorbed_fraction * own,
+            scattering_rate=(1 - absorbed_fraction) * own,
+            **volumes,
+        )
+
+    @classmethod
+    def from_toml(cls, path: str | Path) -> RingResonator:
+        """Read a ring from a TOML file with units in its text; the keys stand in `ring_toml`.
+
+        Raises
+        ------
+        InputError
+            a file that cannot be read, an unknown or missing key, a wrong unit, or a number out of range.
+        """
+        from .ring_toml import read_file
+
+        return read_file(path)
 
     def with_lumped_fcd(self) -> RingResonator:
         """Return the ring with free-carrier dispersion lumped into one linear term, as it belongs to Newton's law."""
@@ -162,6 +299,8 @@ class RingResonator:
 
     def with_swapped_srh(self) -> RingResonator:
         """Return the ring with the electron and the hole lifetime exchanged."""
+        if not isinstance(self.carriers, ShockleyReadHall):
+            raise checks.InputError(f"ring {self.name!r} has one constant lifetime; there is nothing to exchange")
         swapped = replace(self.carriers, tau_n=self.carriers.tau_p, tau_p=self.carriers.tau_n)
         return replace(self, name=f"{self.name}, swapped SRH", carriers=swapped)
 

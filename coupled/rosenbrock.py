@@ -5,7 +5,8 @@ With s = 1/(gamma h), heat eliminated from (s - J) k = r leaves a 3 x 3 system, 
     k_i = (r_i + gain_i w.k_o) / (s + rate_i),        w = d(P_abs)/d(Re a, Im a, N)
     (s - J_o - G u w^T) k_o = r_o + u sum_i r_i/(s + rate_i),     G = sum_i gain_i/(s + rate_i),  u = d(optics)/d(dT)
 
-so a step costs O(n) with a small constant, and never a dense factorization.
+so a step costs O(n) with a small constant, and never a dense factorization. An output map dT = z + curvature z^2 over
+the network multiplies u by d(dT)/dz.
 
 Sources: Hairer and Wanner, Solving Ordinary Differential Equations II (1996), Section IV.7 (methods) and Section IV.8
 (the predictive step-size control of Gustafsson); coefficients in tableaus.json.
@@ -14,44 +15,35 @@ Sources: Hairer and Wanner, Solving Ordinary Differential Equations II (1996), S
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba.extending import overload
 from numpy.typing import NDArray
 
-from . import equations
+from . import algebra, equations, kinds, quadratic
+from .algebra import inverse
 from .compiling import compiled, forget_if_older, inlined
 from .equations import Array, Rates, dispersion, optics, optics_jacobian
+from .kinds import lift, read, weigh
 from .tableaus import Tableau
 
-DONE, TOO_MANY_STEPS, STEP_TOO_SMALL = 0, 1, 2  # how `integrate` ended
-
-Row3 = tuple[float, float, float]
-
-
-@inlined
-def _inverse(m: tuple[Row3, Row3, Row3]) -> tuple[Row3, Row3, Row3]:
-    """Return the inverse of a 3 x 3 matrix by cofactors; s on the diagonal keeps it well conditioned."""
-    c0 = m[1][1] * m[2][2] - m[1][2] * m[2][1]
-    c1 = m[1][2] * m[2][0] - m[1][0] * m[2][2]
-    c2 = m[1][0] * m[2][1] - m[1][1] * m[2][0]
-    d = 1.0 / (m[0][0] * c0 + m[0][1] * c1 + m[0][2] * c2)
-    return (
-        (d * c0, d * (m[0][2] * m[2][1] - m[0][1] * m[2][2]), d * (m[0][1] * m[1][2] - m[0][2] * m[1][1])),
-        (d * c1, d * (m[0][0] * m[2][2] - m[0][2] * m[2][0]), d * (m[0][2] * m[1][0] - m[0][0] * m[1][2])),
-        (d * c2, d * (m[0][1] * m[2][0] - m[0][0] * m[2][1]), d * (m[0][0] * m[1][1] - m[0][1] * m[1][0])),
-    )
+QUIET = 1e-2  # of its size, what a step moves a state that rests
+DONE, TOO_MANY_STEPS, STEP_TOO_SMALL, EVENT = 0, 1, 2, 3  # how `integrate` ended
 
 
 @compiled
 def step(
-    y: Array, h: float, drive: float, detuning: float, rates: Rates, fcd: Array, poles: Array, method: Tableau,
-    out: Array, k: Array, total: Array, damping: Array,
+    y: Array, h: float, drive: Array, detuning: Array, slopes: Array, rates: Rates, fcd: Array, thermal: Any,
+    method: Tableau, out: Array, k: Array, total: Array, damping: Array,
 ) -> tuple[float, float]:  # fmt: skip
-    """Take one step of ``h`` ns from ``y`` to ``out``; return dT before and after.
+    """Take one step of ``h`` ns from ``y`` to ``out``; return z = sum of the x_i before and after.
 
-    Fills ``k``, shape (stages, 3 + n), with the stages (the last one is the error estimate) and ``total`` with the sum
-    of each over the poles; ``damping``, shape (n,), is workspace for 1/(s + rate_i).
+    ``drive`` and ``detuning``, shape (stages,), are the laser at the times of the stages, ``slopes`` the derivatives of
+    both at the first. Fills ``k``, shape (stages, 3 + n), with the stages (the last one is the error estimate) and
+    ``total`` with the sum of each over the poles; ``damping``, shape (n,), is workspace for 1/(s + rate_i).
     """
+    poles = thermal.poles
     n, stages = poles.shape[1], method.a.shape[0]
     a, c, s, per_h = method.a, method.c, 1.0 / (method.gamma * h), 1.0 / h
     start, G = 0.0, 0.0
@@ -60,35 +52,40 @@ def step(
         damping[i] = 1.0 / (s + poles[1, i])
         G += poles[0, i] * damping[i]
     shift, slope = dispersion(y[2], fcd)
-    J = optics_jacobian(y[0], y[1], y[2], start, shift, slope, detuning, rates)
-    u0, u1, w = J[0][3], J[1][3], J[3]
-    m = _inverse(
+    dT, dT_slope = lift(start, thermal)
+    J = optics_jacobian(y[0], y[1], y[2], dT, shift, slope, detuning[0], rates)
+    u0, u1, w = J[0][3] * dT_slope, J[1][3] * dT_slope, J[3]
+    turn0, turn1 = h * slopes[1] * y[1], -h * slopes[1] * y[0]
+    push = h * slopes[0]
+    m = inverse(
         (
             (s - J[0][0] - G * u0 * w[0], -J[0][1] - G * u0 * w[1], -J[0][2] - G * u0 * w[2]),
             (-J[1][0] - G * u1 * w[0], s - J[1][1] - G * u1 * w[1], -J[1][2] - G * u1 * w[2]),
             (-J[2][0], -J[2][1], s - J[2][2]),
         )
     )
-    f0, f1, f2, heat = optics(y[0], y[1], y[2], start, shift, drive, detuning, rates)
-    dT = start
+    f0, f1, f2, heat = optics(y[0], y[1], y[2], dT, shift, drive[0], detuning[0], rates)
+    z_now = start
     for q in range(stages):
-        ar, ai, N, dT = y[0], y[1], y[2], start
+        ar, ai, N, z_now = y[0], y[1], y[2], start
         r0, r1, r2 = 0.0, 0.0, 0.0
         for i in range(n):
             k[q, 3 + i] = -poles[1, i] * y[3 + i]
         for j in range(q):
             x, z = a[q, j], c[q, j] * per_h
-            ar, ai, N, dT = ar + x * k[j, 0], ai + x * k[j, 1], N + x * k[j, 2], dT + x * total[j]
+            ar, ai, N, z_now = ar + x * k[j, 0], ai + x * k[j, 1], N + x * k[j, 2], z_now + x * total[j]
             r0, r1, r2 = r0 + z * k[j, 0], r1 + z * k[j, 1], r2 + z * k[j, 2]
             for i in range(n):
                 k[q, 3 + i] += (z - x * poles[1, i]) * k[j, 3 + i]
         if q > 0:
-            f0, f1, f2, heat = optics(ar, ai, N, dT, dispersion(N, fcd)[0], drive, detuning, rates)
+            dT = lift(z_now, thermal)[0]
+            f0, f1, f2, heat = optics(ar, ai, N, dT, dispersion(N, fcd)[0], drive[q], detuning[q], rates)
         back = 0.0
         for i in range(n):
             k[q, 3 + i] = (k[q, 3 + i] + poles[0, i] * heat) * damping[i]
             back += k[q, 3 + i]
-        r0, r1, r2 = r0 + f0 + u0 * back, r1 + f1 + u1 * back, r2 + f2
+        g = method.slope[q]
+        r0, r1, r2 = r0 + f0 + u0 * back + g * turn0, r1 + f1 + u1 * back + g * (turn1 + push), r2 + f2
         k0 = m[0][0] * r0 + m[0][1] * r1 + m[0][2] * r2
         k1 = m[1][0] * r0 + m[1][1] * r1 + m[1][2] * r2
         k2 = m[2][0] * r0 + m[2][1] * r1 + m[2][2] * r2
@@ -103,24 +100,24 @@ def step(
     for j in range(last):
         for i in range(n):
             out[3 + i] += a[last, j] * k[j, 3 + i]
-    return start, dT + total[last]
+    return start, z_now + total[last]
 
 
 @inlined
-def step_error(y: Array, out: Array, dT: float, dT_new: float, k: Array, rtol: float, floor: Array) -> float:
+def step_error(
+    y: Array, out: Array, z: float, z_new: float, k: Array, rtol: float, floor: Array, thermal: Any
+) -> float:
     """Return the error of a step in units of the tolerance.
 
     Root mean square over field, carriers and temperature, so that neither the number of poles nor a zero of Re a
     matters; each relative to ``rtol`` times its size, or times ``floor`` (sqrt(fJ), 1e23/m^3, K) where it is smaller.
     """
     last = k.shape[0] - 1
-    heat = 0.0
-    for i in range(3, k.shape[1]):
-        heat += abs(k[last, i])
+    heat = weigh(k, thermal)
     energy = max(y[0] * y[0] + y[1] * y[1], out[0] * out[0] + out[1] * out[1], floor[0] * floor[0])
     e0 = (k[last, 0] * k[last, 0] + k[last, 1] * k[last, 1]) / energy
     e1 = k[last, 2] / max(abs(y[2]), abs(out[2]), floor[1])
-    e2 = heat / max(abs(dT), abs(dT_new), floor[2])
+    e2 = heat / max(abs(z), abs(z_new), floor[2])
     return math.sqrt((e0 + e1 * e1 + e2 * e2) / 3.0) / rtol
 
 
@@ -133,30 +130,133 @@ def dense_output(x: float, y0: float, y1: float, k: Array, d: Array) -> float:
     return (1.0 - x) * y0 + x * (y1 + (1.0 - x) * (d1 + x * (d2 + x * d3)))
 
 
+class Laser(NamedTuple):
+    """The light that comes in, as cubics in t - edges[k] between edges[k] and edges[k + 1] (ns)."""
+
+    edges: Array  # shape (m + 1,)
+    drive: Array  # 2 gamma_e P in fJ/ns^2, shape (m, 4)
+    detuning: Array  # rad/ns, shape (m, 4)
+
+
 @inlined
-def _record(rows: Array, at: int, t: float, y: Array, dT: float) -> None:
+def light(laser: Laser, piece: int, u: float, h: float, at: Array, largest: float, drive: Array, detuning: Array, slopes: Array) -> None:  # fmt: skip  # noqa: E501
+    """Write the laser at the stages of a step that begins ``u`` after the edge of its piece, and its slopes there.
+
+    The drive sqrt(2 gamma_e P) is as steep as one likes where P leaves 0. Its slope is an ingredient of the step, not
+    of the equations: below 1e-12 of the ``largest`` P it is bounded, and the step control does the rest.
+    """
+    p, d = laser.drive[piece], laser.detuning[piece]
+    for q in range(at.size):
+        v = u + at[q] * h
+        drive[q] = math.sqrt(max(p[0] + v * (p[1] + v * (p[2] + v * p[3])), 0.0))
+        detuning[q] = d[0] + v * (d[1] + v * (d[2] + v * d[3]))
+    rise = p[1] + u * (2.0 * p[2] + u * 3.0 * p[3])
+    slopes[0] = 0.5 * rise * drive[0] / max(drive[0] * drive[0] + 1e-12 * largest, 1e-300)
+    slopes[1] = d[1] + u * (2.0 * d[2] + u * 3.0 * d[3])
+
+
+@inlined
+def _record(rows: Array, at: int, t: float, y: Array, z: float, thermal: Any) -> None:
     """Write t, Re a, Im a, N, dT into one row."""
-    rows[at, 0], rows[at, 1], rows[at, 2], rows[at, 3], rows[at, 4] = t, y[0], y[1], y[2], dT
+    rows[at, 0], rows[at, 1], rows[at, 2], rows[at, 3] = t, y[0], y[1], y[2]
+    rows[at, 4] = lift(z, thermal)[0]
+
+
+@compiled
+def _between(
+    rows: Array, at: int, t: float, x: float, y: Array, out: Array, z: float, z_new: float, k: Array, total: Array,
+    d: Array, thermal: Any,
+) -> None:  # fmt: skip
+    """Write the dense output at the fraction ``x`` of a step into one row."""
+    rows[at, 0] = t
+    for i in range(3):
+        rows[at, 1 + i] = dense_output(x, y[i], out[i], k[:, i], d)
+    zx = dense_output(x, z, z_new, total, d)
+    rows[at, 4] = lift(zx, thermal)[0]
+
+
+@inlined
+def _watched(kind: int, ar: float, ai: float, N: float, dT: float) -> float:
+    """Return the quantity that an event watches: U, N or dT for 1, 2 and 3."""
+    return ar * ar + ai * ai if kind == 1 else N if kind == 2 else dT
+
+
+def _workspace(n: int, thermal: Any) -> Any:
+    """Return what a step of the model's kind needs to work in."""
+
+
+def _take(
+    y: Array, h: float, drive: Array, detuning: Array, slopes: Array, rates: Rates, fcd: Array, thermal: Any,
+    method: Tableau, out: Array, k: Array, total: Array, space: Any,
+) -> Any:  # fmt: skip
+    """Take one step of the model's kind."""
+
+
+@overload(_workspace, strict=False)
+def _workspace_of(n: Any, thermal: Any) -> Any:
+    def network(n, thermal):  # type: ignore[no-untyped-def]
+        return np.empty(n)
+
+    def full(n, thermal):  # type: ignore[no-untyped-def]
+        return np.empty((n, n)), np.empty(n, np.int64), np.empty((3, 3 + n))
+
+    return full if thermal.instance_class is kinds.Quadratic else network
+
+
+@overload(_take, strict=False)
+def _take_of(y, h, drive, detuning, slopes, rates, fcd, thermal, method, out, k, total, space):  # type: ignore[no-untyped-def]
+    def network(y, h, drive, detuning, slopes, rates, fcd, thermal, method, out, k, total, space):  # type: ignore[no-untyped-def]
+        return step(y, h, drive, detuning, slopes, rates, fcd, thermal, method, out, k, total, space)
+
+    def full(y, h, drive, detuning, slopes, rates, fcd, thermal, method, out, k, total, space):  # type: ignore[no-untyped-def]
+        return quadratic.step(y, h, drive, detuning, slopes, rates, fcd, thermal, method, out, k, total, space)
+
+    return full if thermal.instance_class is kinds.Quadratic else network
+
+
+@compiled
+def growing(y: Array, detuning: float, rates: Rates, fcd: Array, thermal: Any) -> float:
+    """Return the modulus of the fastest mode that grows at a state, in 1/ns, or 0 where all decay."""
+    J = equations.jacobian(y, detuning, rates, fcd, thermal)
+    fastest = 0.0
+    for value in np.linalg.eigvals(J.astype(np.complex128)):
+        if value.real > 0.0:
+            fastest = max(fastest, abs(value))
+    return fastest
+
+
+@inlined
+def _moved(y: Array, out: Array, z: float, z_new: float, floor: Array) -> float:
+    """Return by how much of its size a step moves the state: the largest of field, carriers and temperature."""
+    d0 = math.hypot(out[0] - y[0], out[1] - y[1]) / max(math.hypot(out[0], out[1]), floor[0])
+    d1 = abs(out[2] - y[2]) / max(abs(out[2]), floor[1])
+    return max(d0, d1, abs(z_new - z) / max(abs(z_new), floor[2]))
 
 
 @compiled
 def integrate(
-    y: Array, duration: float, drive: float, detuning: float, rates: Rates, fcd: Array, poles: Array,
-    method: Tableau, rtol: float, floor: Array, times: Array, max_steps: int,
-) -> tuple[Array, Array, float, NDArray[np.int64]]:  # fmt: skip
-    """Integrate from ``y`` at t = 0 to ``duration`` ns under a constant drive and detuning.
+    y: Array, laser: Laser, rates: Rates, fcd: Array, thermal: Any, method: Tableau, rtol: float, floor: Array,
+    times: Array, per_step: int, first: float, event: Array, max_steps: int,
+) -> tuple[Array, Array, float, float, Array, NDArray[np.int64]]:  # fmt: skip
+    """Integrate from ``y`` through every piece of ``laser``, whose edges it lands on.
 
     Parameters
     ----------
     y : array, shape (3 + n,)
-        Re a, Im a (sqrt(fJ)), N (1e23/m^3) and the temperatures of the poles (K).
-    drive, detuning : float; sqrt(fJ)/ns, rad/ns
-    rates, fcd, poles : Rates, array of shape (terms, 2), array of shape (2, n)
-        from `equations.internal_rates` and `internal_poles`.
+        Re a, Im a (sqrt(fJ)), N (1e23/m^3) and the states of the thermal model.
+    laser : Laser
+    rates, fcd, thermal : Rates, array of shape (terms, 2), Thermal
+        from `equations.internal_rates` and `internal_thermal`.
     method, rtol, floor : Tableau, float, array of shape (3,)
         error per step in field, carriers and temperature, relative to their size, or to ``floor`` where that is larger.
     times : array, ns
         wanted output times, or empty.
+    per_step : int
+        rows for every accepted step, at equal distances to its end, where ``times`` is empty.
+    first : float, ns
+        the first step tried; 0 for a cautious one.
+    event : array, shape (3,)
+        what is watched (0 nothing, 1 U in fJ, 2 N, 3 dT), the level, and whether the integration ends there (0 or 1).
     max_steps : int
 
     Returns
@@ -166,59 +266,156 @@ def integrate(
     y : array, shape (3 + n,)
         the state at the end.
     t : float
-        the end, ns: ``duration`` unless the integration gave up.
+        the end, ns: the last edge unless an event came before or the integration gave up.
+    h : float
+        the step it would take next, ns.
+    crossings : array, ns
+        when the watched quantity rose through its level.
     counts : array of int, shape (3,)
-        accepted steps, rejected steps, and how it ended (DONE, TOO_MANY_STEPS or STEP_TOO_SMALL).
+        accepted steps, rejected steps, and how it ended (DONE, TOO_MANY_STEPS, STEP_TOO_SMALL, EVENT).
+
+    Steps are bounded where the state rests: an L-stable method damps with a long step what grows by the equations, and
+    would stay on an unstable fixed point. A state that a step moves by less than 1 % has its Jacobian's eigenvalues
+    looked at whenever the step has grown fourfold, and every 20 steps; those that grow bound it by |lambda| h <= 1/4.
     """
-    n, stages = poles.shape[1], method.a.shape[0]
-    y, out, damping = y.copy(), np.empty(3 + n), np.empty(n)
-    k, total = np.empty((stages, 3 + n)), np.empty(stages)
+    n, stages = y.size - 3, method.a.shape[0]
+    y, out = y.copy(), np.empty(3 + n)
+    space = _workspace(n, thermal)
+    k, total = np.zeros((stages, 3 + n)), np.empty(stages)
+    drive, detuning, slopes = np.empty(stages), np.empty(stages), np.zeros(2)
     wanted, filled = times.size, 0
     rows = np.empty((wanted if wanted > 0 else 4096, 5))
-    if wanted == 0 or times[0] <= 0.0:
-        _record(rows, 0, 0.0, y, np.sum(y[3:]))
+    probe = np.empty((1, 5))
+    crossings, crossed, kind = np.empty(16), 0, int(event[0])
+    t, end = laser.edges[0], laser.edges[-1]
+    z_new = read(y, thermal)
+    seen = _watched(kind, y[0], y[1], y[2], lift(z_new, thermal)[0]) - event[1]
+    if wanted == 0:
+        _record(rows, 0, t, y, z_new, thermal)
         filled = 1
-    t, h, h_before, size_before, growth = 0.0, 1e-2 / rates.loss, 0.0, 1.0, 5.0
+    while filled < wanted and times[filled] <= t:
+        _record(rows, filled, times[filled], y, z_new, thermal)
+        filled += 1
+    largest = max(np.abs(laser.drive[:, 0]).max(), 1e-300)
+    cautious = 1e-2 / rates.loss
+    h, h_before, size_before, growth = first if first > 0.0 else cautious, 0.0, 1.0, 5.0
     accepted, rejected = 0, 0
-    while t < duration:
-        if accepted + rejected >= max_steps:
-            return rows[:filled], y, t, np.array([accepted, rejected, TOO_MANY_STEPS])
-        last = t + 1.0001 * h >= duration
-        if last:
-            h = duration - t
-        dT, dT_new = step(y, h, drive, detuning, rates, fcd, poles, method, out, k, total, damping)
-        error = step_error(y, out, dT, dT_new, k, rtol, floor)
-        size = max(error, 1e-8) ** (1.0 / method.order)  # of the step, in units of the one that the tolerance allows
-        if not error <= 1.0:  # nan too
-            rejected += 1
-            growth = 1.0
-            h *= max(0.2, 0.9 / size) if error < math.inf else 0.2
-            if h < 1e-13 * max(t, 1e-3):
-                return rows[:filled], y, t, np.array([accepted, rejected, STEP_TOO_SMALL])
-            continue
-        while filled < wanted and (last or times[filled] <= t + h):
-            x = (times[filled] - t) / h
-            rows[filled, 0] = times[filled]
-            for i in range(3):
-                rows[filled, 1 + i] = dense_output(x, y[i], out[i], k[:, i], method.dense)
-            rows[filled, 4] = dense_output(x, dT, dT_new, total, method.dense)
-            filled += 1
-        accepted += 1
-        t = duration if last else t + h
-        y, out = out, y
-        if wanted == 0:
-            if filled == rows.shape[0]:
-                rows = np.concatenate((rows, np.empty_like(rows)))
-            _record(rows, filled, t, y, dT_new)
-            filled += 1
-        factor = 0.9 / size
-        if accepted > 1:  # what the last two steps say about the next one
-            factor = min(factor, factor * h / h_before * size_before / size)
-        h_before, size_before = h, max(size, 0.3)
-        h *= max(0.2, min(growth, factor))
-        growth = 5.0
-    return rows[:filled], y, t, np.array([accepted, rejected, DONE])
+    quiet_step = 0.1 * rates.tau0  # no mode of carriers and heat turns within a shorter one
+    look_again = 0
+    looked, cap = 0.0, math.inf  # the step at the last look at the eigenvalues, and the bound from it
+    for piece in range(laser.edges.size - 1):
+        begin, stop = laser.edges[piece], laser.edges[piece + 1]
+        p, d = laser.drive[piece], laser.detuning[piece]
+        steady = p[1] == 0.0 and p[2] == 0.0 and p[3] == 0.0 and d[1] == 0.0 and d[2] == 0.0 and d[3] == 0.0
+        before_drive, before_detuning = drive[0], detuning[0]
+        light(laser, piece, 0.0, 0.0, method.at, largest, drive, detuning, slopes)
+        if piece > 0:
+            was = begin - laser.edges[piece - 1]
+            q, e = laser.drive[piece - 1], laser.detuning[piece - 1]
+            before_drive = math.sqrt(max(q[0] + was * (q[1] + was * (q[2] + was * q[3])), 0.0))
+            before_detuning = e[0] + was * (e[1] + was * (e[2] + was * e[3]))
+            jump = abs(drive[0] - before_drive) > 1e-6 * math.sqrt(largest)
+            if jump or abs(detuning[0] - before_detuning) > 1e-6 * rates.loss:
+                h, h_before = min(h, cautious), 0.0
+            looked, cap = 0.0, math.inf
+        while t < stop:
+            if accepted + rejected >= max_steps:
+                return rows[:filled], y, t, h, crossings[:crossed], np.array([accepted, rejected, TOO_MANY_STEPS])
+            planned = h
+            landing = t + 1.0001 * h >= stop
+            if landing:
+                h = stop - t
+            if not steady:
+                light(laser, piece, t - begin, h, method.at, largest, drive, detuning, slopes)
+            z, z_new = _take(y, h, drive, detuning, slopes, rates, fcd, thermal, method, out, k, total, space)
+            error = step_error(y, out, z, z_new, k, rtol, floor, thermal)
+            size = max(error, 1e-8) ** (1.0 / method.order)  # of the step, in units of the one the tolerance allows
+            if not error <= 1.0:  # nan too
+                rejected += 1
+                growth = 1.0
+                h *= max(0.2, 0.9 / size) if error < math.inf else 0.2
+                if h < 1e-13 * max(abs(t), 1e-3):
+                    return rows[:filled], y, t, h, crossings[:crossed], np.array([accepted, rejected, STEP_TOO_SMALL])
+                continue
+            if kind > 0:
+                rest = _watched(kind, out[0], out[1], out[2], lift(z_new, thermal)[0]) - event[1]
+                if seen < 0.0 and rest >= 0.0:
+                    low, high = 0.0, 1.0
+                    for _ in range(40):  # bisection of the dense output
+                        x = 0.5 * (low + high)
+                        _between(probe, 0, t, x, y, out, z, z_new, k, total, method.dense, thermal)
+                        if _watched(kind, probe[0, 1], probe[0, 2], probe[0, 3], probe[0, 4]) < event[1]:
+                            low = x
+                        else:
+                            high = x
+                    if crossed == crossings.size:
+                        crossings = np.concatenate((crossings, np.empty_like(crossings)))
+                    crossings[crossed] = t + high * h
+                    crossed += 1
+                    if event[2] > 0.0:  # ends here, with the dense output as its state
+                        while filled < wanted and times[filled] <= t + high * h:
+                            x = (times[filled] - t) / h
+                            _between(rows, filled, times[filled], x, y, out, z, z_new, k, total, method.dense, thermal)
+                            filled += 1
+                        if wanted == 0:
+                            _between(
+                                rows, filled, t + high * h, high, y, out, z, z_new, k, total, method.dense, thermal
+                            )
+                            filled += 1
+                        for i in range(3 + n):
+                            out[i] = dense_output(high, y[i], out[i], k[:, i], method.dense)
+                        counts = np.array([accepted + 1, rejected, EVENT])
+                        return rows[:filled], out, t + high * h, h, crossings[:crossed], counts
+                seen = rest
+            last = landing and stop == end
+            while filled < wanted and (last or times[filled] <= t + h):
+                _between(
+                    rows,
+                    filled,
+                    times[filled],
+                    (times[filled] - t) / h,
+                    y,
+                    out,
+                    z,
+                    z_new,
+                    k,
+                    total,
+                    method.dense,
+                    thermal,
+                )
+                filled += 1
+            accepted += 1
+            if wanted == 0:
+                if filled + per_step > rows.shape[0]:
+                    rows = np.concatenate((rows, np.empty_like(rows)))
+                for j in range(1, per_step):
+                    x = j / per_step
+                    _between(rows, filled, t + x * h, x, y, out, z, z_new, k, total, method.dense, thermal)
+                    filled += 1
+            t = stop if landing else t + h
+            y, out = out, y
+            if wanted == 0:
+                _record(rows, filled, t, y, z_new, thermal)
+                filled += 1
+            factor = 0.9 / size
+            if h_before > 0.0:  # what the last two steps say about the next one
+                factor = min(factor, factor * h / h_before * size_before / size)
+            h_before, size_before = h, max(size, 0.3)
+            h *= max(0.2, min(growth, factor))
+            growth = 5.0
+            if landing and t < end:
+                h = max(h, planned)
+            if h > quiet_step:
+                if _moved(out, y, z, z_new, floor) > QUIET:
+                    looked, cap = 0.0, math.inf
+                elif h > 4.0 * looked or accepted >= look_again:
+                    looked, look_again = h, accepted + 20
+                    fastest = growing(y, detuning[0], rates, fcd, thermal)
+                    cap = 0.25 / fastest if fastest > 0.0 else math.inf
+                h = min(h, cap)
+    return rows[:filled], y, t, h, crossings[:crossed], np.array([accepted, rejected, DONE])
 
 
-for kernel in (step, integrate):
-    forget_if_older(kernel, equations.__file__)
+for kernel in (step, quadratic.step, growing, integrate):
+    for module in (equations, algebra, kinds, quadratic):
+        forget_if_older(kernel, str(module.__file__))

@@ -3,9 +3,11 @@
 The phase of the field does not matter, so a = sqrt(U). A perturbation exp(lambda t) of field, carriers and heat needs
 
     E(lambda) = (lambda + gamma) [(lambda + gamma + 2 tpa U)(lambda + rho) + alpha] + D^2 (lambda + rho)
-                - D [beta + G(lambda) (heat (lambda + rho) + cross)] = 0,        G = sum_i gain_i/(lambda + rate_i)
+                - D [beta + kerr (lambda + rho) + G(lambda) (heat (lambda + rho) + cross)] = 0
+    G = sum_i gain_i/(lambda + rate_i)
     made = 4 g U^2,   alpha = fca made,   beta = S'(N) made,   rho = d(N/tau)/dN
-    heat = 4 thermal_shift (absorbed + fca N + 2 tpa U) U,     cross = 2 thermal_shift fca U made
+    heat = 4 thermal_shift lift (absorbed + fca N + 2 tpa U) U,     cross = 2 thermal_shift lift fca U made
+    lift = d(dT)/dz = 1 + 2 curvature z,                            kerr = 2 U times the Kerr shift of unit energy
 
 E times the product of all (lambda + rate_i) is the characteristic polynomial, of degree 3 + n. All its zeros are found
 at once, from those of a neighbour, and checked by their sum, which is the trace.
@@ -22,8 +24,10 @@ from numpy.typing import NDArray
 
 from . import balance as fixed
 from . import equations
+from .balance import Static
 from .compiling import compiled, forget_if_older, inlined
-from .equations import Array, Rates, dispersion
+from .equations import Array, Rates, absorbed_power, dispersion
+from .kinds import Network
 
 Complex = NDArray[np.complex128]
 
@@ -42,17 +46,19 @@ class Secular(NamedTuple):
     beta: float
     heat: float
     cross: float
+    kerr: float
 
 
 @inlined
-def secular(U: float, rates: Rates, fcd: Array, R: float) -> Secular:
+def secular(U: float, rates: Rates, fcd: Array, static: Static) -> Secular:
     """Return the coefficients at the fixed point of energy ``U``; none depends on D."""
-    at = fixed.balance(U, rates, fcd, R)
+    at = fixed.balance(U, rates, fcd, static)
     N = at.N
     saturation = 1.0 + rates.a * N
     rho = (1.0 + rates.b * N * (2.0 + rates.a * N)) / (rates.tau0 * saturation * saturation)
     made = 4.0 * rates.g * U * U
-    heat = 4.0 * rates.thermal_shift * (rates.absorbed + rates.fca * N + 2.0 * rates.tpa * U) * U
+    lift = 1.0 + 2.0 * static.curvature * static.R * absorbed_power(U, N, rates)
+    heat = lift * 4.0 * rates.thermal_shift * (rates.absorbed + rates.fca * N + 2.0 * rates.tpa * U) * U
     return Secular(
         at.gamma,
         at.gamma + 2.0 * rates.tpa * U,
@@ -60,31 +66,38 @@ def secular(U: float, rates: Rates, fcd: Array, R: float) -> Secular:
         rates.fca * made,
         dispersion(N, fcd)[1] * made,
         heat,
-        2.0 * rates.thermal_shift * rates.fca * U * made,
+        lift * 2.0 * rates.thermal_shift * rates.fca * U * made,
+        2.0 * rates.kerr * U,
     )
 
 
 @compiled
-def seculars(U: Array, rates: Rates, fcd: Array, R: float) -> Array:
-    """Return the fields of `Secular` as rows, shape (7, n)."""
-    out = np.empty((7, U.size))
+def seculars(U: Array, rates: Rates, fcd: Array, static: Static) -> Array:
+    """Return the fields of `Secular` as rows, shape (8, n)."""
+    out = np.empty((8, U.size))
     for j in range(U.size):
-        c = secular(U[j], rates, fcd, R)
+        c = secular(U[j], rates, fcd, static)
         out[0, j], out[1, j], out[2, j], out[3, j] = c.gamma, c.gamma_2, c.rho, c.alpha
-        out[4, j], out[5, j], out[6, j] = c.beta, c.heat, c.cross
+        out[4, j], out[5, j], out[6, j], out[7, j] = c.beta, c.heat, c.cross, c.kerr
     return out
 
 
 @compiled
-def dense(U: float, D: float, rates: Rates, fcd: Array, poles: Array) -> Complex:
+def state(U: float, D: float, rates: Rates, fcd: Array, thermal: Network) -> tuple[Array, float]:
+    """Return the state at the fixed point, turned so that the field is real, and its detuning."""
+    poles = thermal.poles
+    at = fixed.balance(U, rates, fcd, Static(np.sum(poles[0] / poles[1]), thermal.curvature))
+    y = np.empty(3 + poles.shape[1])
+    y[0], y[1], y[2] = np.sqrt(U), 0.0, at.N
+    y[3:] = poles[0] / poles[1] * absorbed_power(U, at.N, rates)
+    return y, at.shift - D
+
+
+@compiled
+def dense(U: float, D: float, rates: Rates, fcd: Array, thermal: Network) -> Complex:
     """Return the eigenvalues of the Jacobian, shape (3 + n,), in 1/ns, by a dense factorization."""
-    R = np.sum(poles[0] / poles[1])
-    at = fixed.balance(U, rates, fcd, R)
-    y = np.zeros(3 + poles.shape[1])
-    y[0], y[2] = np.sqrt(U), at.N
-    y[3:] = poles[0] / poles[1] * (at.dT / R)
-    detuning = at.shift - D
-    return np.linalg.eigvals(equations.jacobian(y, detuning, rates, fcd, poles).astype(np.complex128))
+    y, detuning = state(U, D, rates, fcd, thermal)
+    return np.linalg.eigvals(equations.jacobian(y, detuning, rates, fcd, thermal).astype(np.complex128))
 
 
 @inlined
@@ -107,8 +120,8 @@ def _newton(z: complex, c: Secular, D: float, poles: Array) -> complex:
         logs += inverse
     u, v, w = z + c.gamma, z + c.gamma_2, z + c.rho
     source = c.heat * w + c.cross
-    E = u * (v * w + c.alpha) + D * D * w - D * (c.beta + G * source)
-    E_slope = v * w + c.alpha + u * (v + w) + D * D - D * (G_slope * source + G * c.heat)
+    E = u * (v * w + c.alpha) + D * D * w - D * (c.beta + c.kerr * w + G * source)
+    E_slope = v * w + c.alpha + u * (v + w) + D * D - D * (c.kerr + G_slope * source + G * c.heat)
     return E * _inverse(E_slope + logs * E)
 
 
@@ -138,28 +151,29 @@ def follow(z: Complex, c: Secular, D: float, poles: Array) -> bool:
 
 
 @compiled
-def survey(detunings: Array, drive: float, rates: Rates, fcd: Array, poles: Array) -> Array:
+def survey(detunings: Array, drive: float, rates: Rates, fcd: Array, thermal: Network) -> Array:
     """Return what linear stability says at one power, shape (4, m) for ``detunings`` in rad/ns, shape (m,).
 
     Rows: number of fixed points, number of stable ones, and of the least unstable fixed point the largest real part of
     its eigenvalues (1/ns) and the angular frequency that goes with it (rad/ns, 0 if real).
     """
-    R = np.sum(poles[0] / poles[1])
-    s_end = fixed.reach(np.max(np.abs(detunings)), drive, rates, fcd, R)
-    pieces = fixed.turning_points(s_end, drive, rates, fcd, R)
+    poles = thermal.poles
+    static = Static(np.sum(poles[0] / poles[1]), thermal.curvature)
+    s_end = fixed.reach(np.max(np.abs(detunings)), drive, rates, fcd, static)
+    pieces = fixed.turning_points(s_end, drive, rates, fcd, static)
     near = np.empty((pieces.size, 3 + poles.shape[1]), dtype=np.complex128)  # eigenvalues last seen on each branch
     known = np.zeros(pieces.size, dtype=np.bool_)
     out = np.zeros((4, detunings.size))
     for j in range(detunings.size):
         out[2, j] = np.inf
-        points = fixed.fixed_points(detunings[j], drive, rates, fcd, R, pieces)
+        points = fixed.fixed_points(detunings[j], drive, rates, fcd, static, pieces)
         out[0, j] = points.shape[1]
         for k in range(points.shape[1]):
             U, D = points[0, k], points[1, k]
             branch = k if points.shape[1] > 1 or D > 0.0 else pieces.size - 1
             z = near[branch]
-            if not known[branch] or not follow(z, secular(U, rates, fcd, R), D, poles):
-                z[:] = dense(U, D, rates, fcd, poles)
+            if not known[branch] or not follow(z, secular(U, rates, fcd, static), D, poles):
+                z[:] = dense(U, D, rates, fcd, thermal)
             known[branch] = True
             first = z[np.argmax(z.real)]
             if first.real < 0.0:

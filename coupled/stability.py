@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermofem.model import Foster, ThermalModel
+from thermofem.model import ThermalModel
 
+from .grid import Grid, Point, grid_of
 from .resonator import RingResonator
-from .steady import check_axis, check_ring, provenance
-from .thermal import network
+from .steady import Internal, internal, provenance
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -21,7 +22,14 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-def stability_map(ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike) -> xr.Dataset:
+def stability_map(
+    ring: RingResonator,
+    model: ThermalModel,
+    powers: ArrayLike,
+    detunings: ArrayLike,
+    *,
+    vary: Mapping[str, ArrayLike] | None = None,
+) -> xr.Dataset:
     """Classify every point of a map by the eigenvalues at all of its fixed points.
 
         d(perturbation)/dt = J(U, D) perturbation,     growth = max Re eigenvalue(J)
@@ -30,23 +38,27 @@ def stability_map(ring: RingResonator, model: ThermalModel, powers: ArrayLike, d
     ----------
     ring : RingResonator
     model : ThermalModel
-        linear and small: a Foster network or a StateSpace with at most 500 states.
+        a Foster network, a StateSpace with at most 500 states, or an OutputMap over one.
     powers : array, shape (n,), W
         in the bus waveguide, larger than 0, increasing.
     detunings : array, shape (m,), Hz
         laser minus cold resonance, increasing.
+    vary : mapping of str to array, optional
+        other axes, as for `pulsing_map`.
 
     Returns
     -------
     xarray.Dataset
-        over power (W) and detuning (Hz): regime, "self-pulsing" without a stable fixed point, "stable" with one,
-        "bistable" with two or more; fixed_points and stable_points, their numbers; growth_rate (1/s) of the least
-        unstable fixed point, and frequency (Hz) of its fastest growing or slowest decaying mode, 0 if that is real.
+        over power (W) and detuning (Hz), or the axes given: regime, "self-pulsing" without a stable fixed point,
+        "stable" with one, "bistable" with two or more; fixed_points and stable_points, their numbers; growth_rate
+        (1/s) of the least unstable fixed point, and frequency (Hz) of its fastest growing or slowest decaying mode, 0
+        if that is real.
 
     Raises
     ------
     InputError
-        a power or detuning out of range or not increasing, or a model that is not linear, small and passive.
+        a power or detuning out of range or not increasing, an unknown name, not two axes, or a model that is not
+        linear (or an OutputMap), small and passive.
 
     Where a limit cycle exists beside a stable point (a subcritical Hopf bifurcation, common with Newton's law), a ring
     switched on from cold may pulse although the point counts as stable here; `pulsing_map` integrates.
@@ -57,13 +69,11 @@ def stability_map(ring: RingResonator, model: ThermalModel, powers: ArrayLike, d
 
     from thermofem import dataset
 
-    check_ring(ring)
-    P, nu = check_axis("powers", powers), check_axis("detunings", detunings)
-    poles = network(model)
-    rows = _rows(ring, poles, P, nu)
-    fixed, stable, growth, omega = (np.stack([row[k] for row in rows]) for k in range(4))
+    grid = grid_of(ring, powers, detunings, vary)
+    at = internal(ring, model)
+    fixed, stable, growth, omega = survey_grid(at, grid)
     names = np.array(["self-pulsing", "stable", "bistable"])
-    over = ("power", "detuning")
+    over = grid.names
     variables: dict[str, Any] = {
         "regime": (over, names[np.minimum(stable, 2).astype(int)], dataset.describe("regime")),
         "fixed_points": (over, fixed.astype(int), {"units": "1", "long_name": "number of fixed points"}),
@@ -71,36 +81,40 @@ def stability_map(ring: RingResonator, model: ThermalModel, powers: ArrayLike, d
         "growth_rate": (over, growth, dataset.describe("growth_rate")),
         "frequency": (over, omega, dataset.describe("frequency")),
     }
-    return xr.Dataset(variables, coords=axes_of(P, nu), attrs=provenance("stability map", ring, poles))
+    attrs = provenance("stability map", ring, at.model) | grid.fixed
+    return xr.Dataset(variables, coords=grid.coordinates(), attrs=attrs)
 
 
-def axes_of(powers: Array, detunings: Array) -> dict[str, Any]:
-    """Coordinates of a map."""
-    from thermofem import dataset
-
-    return {
-        "power": ("power", powers, dataset.describe("input_power")),
-        "detuning": ("detuning", detunings, dataset.describe("detuning")),
-    }
+def stable_points(model: ThermalModel, grid: Grid) -> NDArray[np.int64]:
+    """Numbers of stable fixed points at the points of a grid."""
+    return np.asarray(survey_grid(internal(grid.rows[0][0][0], model), grid)[1].astype(int))
 
 
-def _rows(ring: RingResonator, model: Foster, powers: Array, detunings: Array) -> list[Array]:
-    """What `spectrum.survey` finds at each power, in SI, by as many threads as there are processors."""
+def survey_grid(at: Internal, grid: Grid) -> Array:
+    """What `spectrum.survey` finds at every point, in SI, shape (4, n, m), by as many threads as processors.
+
+    Points of a row that share ring and power are surveyed at one go.
+    """
     from . import equations as eq
     from . import spectrum
 
-    rates, fcd = eq.internal_rates(ring)
-    poles = _heated_poles(eq.internal_poles(model))
-    shifts = 2 * np.pi * eq.NS * detunings
+    thermal = at.thermal._replace(poles=_heated_poles(at.thermal.poles))
 
-    def row(power: float) -> Array:
-        return spectrum.survey(shifts, eq.internal_drive(ring, power), rates, fcd, poles)
+    def part(points: list[Point]) -> Array:
+        ring, power, _ = points[0]
+        shifts = 2 * np.pi * eq.NS * np.array([nu for _, _, nu in points])
+        return spectrum.survey(shifts, eq.internal_drive(ring, power), *eq.internal_rates(ring), thermal)
 
-    first = row(float(powers[0]))  # compiles in one thread
+    def row(points: list[Point]) -> Array:
+        if all(ring is points[0][0] and power == points[0][1] for ring, power, _ in points):
+            return part(points)
+        return np.concatenate([part([point]) for point in points], axis=1)
+
+    first = row(grid.rows[0])  # compiles in one thread
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        rows = [first, *pool.map(row, powers[1:].tolist())]
-    unit = np.array([1, 1, 1 / eq.NS, 1 / (2 * np.pi * eq.NS)])[:, None]
-    return [r * unit for r in rows]
+        rows = np.array([first, *pool.map(row, grid.rows[1:])])
+    unit = np.array([1, 1, 1 / eq.NS, 1 / (2 * np.pi * eq.NS)])[:, None, None]
+    return np.asarray(rows.transpose(1, 0, 2) * unit)
 
 
 def _heated_poles(poles: Array) -> Array:

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import checks
-from thermofem.model import Foster, ThermalModel
+from thermofem.model import ThermalModel
 
 from .resonator import RingResonator
-from .thermal import network
+from .thermal import compact
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from .balance import Static
+    from .equations import Rates
+    from .kinds import Network
 
 Array = NDArray[np.float64]
 
@@ -37,7 +41,7 @@ def steady_states(
     ----------
     ring : RingResonator
     model : ThermalModel
-        linear and small: a Foster network or a StateSpace with at most 500 states.
+        a Foster network, a StateSpace with at most 500 states, or an OutputMap over one.
     power : float, W
         in the bus waveguide, larger than 0.
     detuning : float, Hz
@@ -75,38 +79,71 @@ def steady_states(
 
     from thermofem import dataset
 
-    from . import balance, spectrum
+    from . import balance
     from . import equations as eq
 
     check_ring(ring)
     check_power(power)
     check_detuning(detuning)
-    poles = network(model)
-    rates, fcd = eq.internal_rates(ring)
-    drive, shift, R = eq.internal_drive(ring, power), eq.internal_detuning(detuning), poles.thermal_resistance * eq.UW
-    pieces = balance.turning_points(balance.reach(shift, drive, rates, fcd, R), drive, rates, fcd, R)
-    U, D = balance.fixed_points(shift, drive, rates, fcd, R, pieces)
+    at = internal(ring, model)
+    drive, shift = eq.internal_drive(ring, power), eq.internal_detuning(detuning)
+    rest = (drive, at.rates, at.fcd, at.static)
+    U, D = balance.fixed_points(shift, *rest, balance.turning_points(balance.reach(shift, *rest), *rest))
     order = np.argsort(U)
     U, D = U[order], D[order]
-    N, _, dT, _, _, gamma, _ = balance.balances(U, rates, fcd, R)
-    thermal = eq.internal_poles(poles)
-    found = [kind_of(spectrum.dense(u, d, rates, fcd, thermal)) for u, d in zip(U, D, strict=True)]
-    coupling = 2 * ring.bus_rate * eq.NS
-    values: dict[str, Any] = {
+    values = observables(ring, at, U, D, np.full(U.size, power))
+    return xr.Dataset(
+        {name: ("branch", v, dataset.describe(name)) for name, v in values.items()},
+        attrs=provenance("steady states", ring, at.model) | {"input_power": float(power), "detuning": float(detuning)},
+    )
+
+
+class Internal(NamedTuple):
+    """A ring and its heat in internal units."""
+
+    model: Any  # Foster, or OutputMap over one
+    rates: Rates
+    fcd: Array
+    thermal: Network
+    static: Static
+
+
+def internal(ring: RingResonator, model: ThermalModel) -> Internal:
+    """Resolve ring and thermal model, or raise InputError for one whose fixed points are not explicit in the energy."""
+    from . import equations as eq
+    from .balance import Static
+
+    small = compact(model)
+    if hasattr(small, "H"):
+        raise checks.InputError(
+            "model is quadratic; fixed points and stability take linear models and an OutputMap over one "
+            "(simulate and pulsing_map take quadratic ones too)"
+        )
+    rates, fcd = eq.internal_rates(ring)
+    R = float(getattr(small, "linear", small).thermal_resistance) * eq.UW
+    thermal: Any = eq.internal_thermal(small)
+    return Internal(small, rates, fcd, thermal, Static(R, float(getattr(small, "coefficient", 0))))
+
+
+def observables(ring: RingResonator, at: Internal, U: Array, D: Array, powers: Array) -> dict[str, Any]:
+    """All that is measured at the fixed points (U, D), internal units, under ``powers`` in W; by name, in SI."""
+    from . import balance, spectrum
+    from . import equations as eq
+
+    N, _, dT, _, _, gamma, _ = balance.balances(np.ascontiguousarray(U), at.rates, at.fcd, at.static)
+    found = [kind_of(spectrum.dense(u, d, at.rates, at.fcd, at.thermal)) for u, d in zip(U, D, strict=True)]
+    coupling, dropped = 2 * ring.bus_rate * eq.NS, 2 * ring.drop_bus_rate * eq.NS
+    return {
         "energy": U * eq.FJ,
         "carriers": N * eq.DENSITY,
         "delta_T": dT,
-        "drop": coupling * U * eq.UW,
-        "through": power * np.abs(1 - coupling / (gamma - 1j * D)) ** 2,
-        "absorbed": eq.absorbed_power.py_func(U, N, rates) * eq.UW,
+        "drop": dropped * U * eq.UW,
+        "through": powers * np.abs(1 - coupling / (gamma - 1j * D)) ** 2,
+        "absorbed": eq.absorbed_power.py_func(U, N, at.rates) * eq.UW,
         "growth_rate": np.array([growth for growth, _, _ in found]) / eq.NS,
         "frequency": np.array([omega for _, omega, _ in found]) / (2 * np.pi * eq.NS),
         "regime": np.array([regime for _, _, regime in found], dtype=str),
     }
-    return xr.Dataset(
-        {name: ("branch", v, dataset.describe(name)) for name, v in values.items()},
-        attrs=provenance("steady states", ring, poles) | {"input_power": float(power), "detuning": float(detuning)},
-    )
 
 
 def kind_of(eigenvalues: NDArray[np.complex128]) -> tuple[float, float, str]:
@@ -125,19 +162,23 @@ def kind_of(eigenvalues: NDArray[np.complex128]) -> tuple[float, float, str]:
     return float(first.real), float(omega), regime
 
 
-def provenance(kind: str, ring: RingResonator, model: Foster) -> dict[str, Any]:
+def provenance(kind: str, ring: RingResonator, model: Any) -> dict[str, Any]:
     """Attributes of a Dataset of this package: what it is, and the ring and the network it was made with."""
     from thermofem import __version__, dataset
 
-    return {
+    said: dict[str, Any] = {
         "schema": dataset.SCHEMA,
         "thermofem_version": __version__,
         "kind": kind,
         "ring": ring.name,
         "ring_parameters": json.dumps(asdict(ring)),
-        "model_R": np.asarray(model.R),
-        "model_tau": np.asarray(model.tau),
     }
+    poles = getattr(model, "linear", model)
+    if hasattr(poles, "tau"):
+        said |= {"model_R": np.asarray(poles.R), "model_tau": np.asarray(poles.tau)}
+    if hasattr(model, "coefficient"):
+        said["model_coefficient"] = float(model.coefficient)
+    return said
 
 
 def check_ring(ring: RingResonator) -> None:

@@ -1,12 +1,15 @@
-"""What `coupled` takes as a thermal model: anything linear and small, as a Foster network."""
+"""What `coupled` takes as a thermal model: small ones, linear or not."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
 from thermofem import checks
 from thermofem.model import Foster, StateSpace, ThermalModel, foster
 
+LARGEST_QUADRATIC = 60  # states
 LARGEST = 500  # poles; a certified reduction needs 10 to 40, and the time of a step grows with their number
 
 
@@ -43,3 +46,37 @@ def network(model: ThermalModel) -> Foster:
             f"{model.thermal_resistance:g} K/W must be positive; refit it with fewer poles"
         )
     return model
+
+
+def compact(model: Any) -> Any:
+    """Return ``model`` in the form that the integration runs: a Foster network, an output map over one, or quadratic.
+
+    Raises
+    ------
+    InputError
+        as `network`, and a nonlinear model with more than 60 states, or with numbers that are not finite.
+    """
+    if hasattr(model, "H") and hasattr(model, "G"):
+        n = np.shape(model.A)[0]
+        if n > LARGEST_QUADRATIC:
+            raise checks.InputError(
+                f"model is quadratic with {n} states, at most {LARGEST_QUADRATIC} can be integrated with the optics: "
+                "a step costs n^3"
+            )
+        if not all(np.all(np.isfinite(getattr(model, name))) for name in "AHGBC"):
+            raise checks.InputError("model has matrices that are not finite")
+        if np.linalg.eigvals(np.asarray(model.A, dtype=float)).real.max() >= 0:
+            raise checks.InputError("model has a mode that does not decay; every eigenvalue of A must be negative")
+        return model
+    if hasattr(model, "coefficient") and hasattr(model, "linear"):
+        checks.finite("model.coefficient", model.coefficient, unit="1/K")
+        if isinstance(model.linear, Foster):
+            network(model.linear)
+            return model
+        return type(model)(network(model.linear), model.coefficient)
+    return network(model)
+
+
+def states_of(model: Any) -> int:
+    """Number of states of a compact model."""
+    return int(np.shape(model.A if hasattr(model, "A") else getattr(model, "linear", model).R)[0])

@@ -14,7 +14,8 @@ import thermofem as th
 from coupled import Method
 from coupled import equations as eq
 from coupled.compiling import forget_if_older
-from coupled.rosenbrock import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS, dense_output, integrate, step, step_error
+from coupled.kinds import Network
+from coupled.rosenbrock import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS, Laser, dense_output, integrate, step, step_error
 from coupled.tableaus import tableau
 
 POWER = 10**0.8 * 1e-3
@@ -29,15 +30,27 @@ def problem(ring, model):
 def one_step(y, h, ring, model, method):
     """The new state, the stages and their sums over the poles."""
     table, n = tableau(method), model.order
-    k, total, out = np.empty((table.a.shape[0], 3 + n)), np.empty(table.a.shape[0]), np.empty(3 + n)
-    step(y, h, *problem(ring, model), table, out, k, total, np.empty(n))
+    stages = table.a.shape[0]
+    k, total, out = np.empty((stages, 3 + n)), np.empty(stages), np.empty(3 + n)
+    drive, detuning, rates, fcd, _ = problem(ring, model)
+    light = np.full(stages, drive), np.full(stages, detuning), np.zeros(2)
+    step(y, h, *light, rates, fcd, eq.internal_thermal(model), table, out, k, total, np.empty(n))
     return out, k, total
+
+
+def steady_laser(duration, drive, detuning=0.0):
+    """Constant light for ``duration`` ns."""
+    return Laser(np.array([0, duration]), np.array([[drive**2, 0, 0, 0]]), np.array([[detuning, 0, 0, 0.0]]))
 
 
 def run(method, rtol, duration=20e3, times=(), model=SECOND_ORDER, max_steps=10**7):
     y = np.zeros(3 + model.order)
-    args = (tableau(method), rtol, FLOOR, np.asarray(times, dtype=float), max_steps)
-    return integrate(y, duration, *problem(RING, model), *args)
+    drive, detuning, rates, fcd, _ = problem(RING, model)
+    args = (tableau(method), rtol, FLOOR, np.asarray(times, dtype=float), 1, 0.0, np.zeros(3), max_steps)
+    rows, y, reached, _, _, counts = integrate(
+        y, steady_laser(duration, drive, detuning), rates, fcd, eq.internal_thermal(model), *args
+    )
+    return rows, y, reached, counts
 
 
 @pytest.mark.parametrize("method", Method)
@@ -110,10 +123,13 @@ def test_field_carriers_and_heat_weigh_alike_in_the_error(part, size, poles):
     k = np.zeros((6, 3 + poles))
     at = {"field": np.array([0.6, -0.8, 0]), "carriers": np.array([0, 0, -1.0]), "heat": np.zeros(3)}[part]
     k[-1] = [*at, *np.full(poles, (part == "heat") / poles) * (-1) ** np.arange(poles)]  # an error of 1 in all
+    network = Network(np.empty((2, poles)), 0.0)
     want = 1 / size / np.sqrt(3) / 1e-6  # round-off decides the tolerance
-    assert step_error(y, out, 7.0, 0.0, k, 1e-6, FLOOR) == pytest.approx(want, rel=1e-14)
-    assert step_error(out, y, 0.0, 7.0, k, 1e-6, FLOOR) == pytest.approx(want, rel=1e-14)
-    assert step_error(y, out, 7.0, 0.0, k, 1e-6, np.full(3, 100.0)) == pytest.approx(want * size / 100, rel=1e-14)
+    assert step_error(y, out, 7.0, 0.0, k, 1e-6, FLOOR, network) == pytest.approx(want, rel=1e-14)
+    assert step_error(out, y, 0.0, 7.0, k, 1e-6, FLOOR, network) == pytest.approx(want, rel=1e-14)
+    assert step_error(
+        y, out, 7.0, 0.0, k, 1e-6, np.full(3, 100.0), Network(np.empty((2, poles)), 0.0)
+    ) == pytest.approx(want * size / 100, rel=1e-14)
 
 
 TIMES = np.linspace(0, 20e3, 2001)
@@ -175,9 +191,10 @@ def test_it_gives_up_with_a_reason_instead_of_running_for_ever():
     assert counts[2] == TOO_MANY_STEPS
     assert counts[:2].sum() == 100
     assert reached == rows[-1, 0] < 20e3
-    drive, _, rates, fcd, poles = problem(RING, SECOND_ORDER)
-    args = (tableau(Method.RODAS4), 1e-6, FLOOR, np.empty(0), 10**6)
-    _, _, reached, counts = integrate(np.zeros(5), 1.0, drive, np.nan, rates, fcd, poles, *args)
+    drive, _, rates, fcd, _ = problem(RING, SECOND_ORDER)
+    args = (tableau(Method.RODAS4), 1e-6, FLOOR, np.empty(0), 1, 0.0, np.zeros(3), 10**6)
+    laser = steady_laser(1.0, drive, np.nan)
+    _, _, reached, _, _, counts = integrate(np.zeros(5), laser, rates, fcd, eq.internal_thermal(SECOND_ORDER), *args)
     assert (reached, counts[2]) == (0, STEP_TOO_SMALL)
     assert run(Method.RODAS4, 1e-4, duration=1.0)[3][2] == DONE
 

@@ -14,6 +14,7 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.plot import plot_map, plot_maps
+from coupled.quick import pulse
 
 RING = coupled.borghi2021()
 LUMPED = RING.with_lumped_fcd()
@@ -72,12 +73,12 @@ def test_any_executor_will_do_and_a_bar_may_be_drawn(small, capsys):
 def test_a_failing_point_stores_its_reason_and_spares_the_others(small, monkeypatch):
     maps = import_module("coupled.maps")
 
-    def sometimes(ring, model, *, power, detuning, duration, rtol):
+    def sometimes(*setting, power, detuning, **options):
         if power == POWERS[1] and detuning == 0:
             raise RuntimeError("the integration found no step small enough")
-        return coupled.simulate(ring, model, power=power, detuning=detuning, duration=duration, rtol=rtol)
+        return pulse(*setting, power=power, detuning=detuning, **options)
 
-    monkeypatch.setattr(maps, "simulate", sometimes)
+    monkeypatch.setattr(maps, "pulse", sometimes)
     found = coupled.pulsing_map(RING, EXPERIMENT, POWERS, DETUNINGS)
     failed = found.regime == "failed"
     assert int(failed.sum()) == 1
@@ -90,7 +91,7 @@ def test_a_failing_point_stores_its_reason_and_spares_the_others(small, monkeypa
 
 def test_no_trace_counts_as_at_rest_where_no_fixed_point_is_stable(monkeypatch):
     rest = coupled.Pulsing(coupled.Regime.STABLE, "at rest", np.nan, np.nan, 0.1, 0)
-    monkeypatch.setattr(import_module("coupled.maps"), "pulsing", lambda run: rest)
+    monkeypatch.setattr(import_module("coupled.maps"), "pulse", lambda *a, **k: (rest, k["initial"]))
     found = coupled.pulsing_map(RING, EXPERIMENT, POWERS[[0, 2]], DETUNINGS[1:], duration=1e-7)
     assert found.regime.values.tolist() == [["slow transient", "stable"], ["slow transient", "slow transient"]]
     assert str(found.reason.values[1, 0]) == "at rest, but no fixed point is stable"
@@ -114,14 +115,23 @@ def classes(integrated, linear):
 
 
 @pytest.mark.parametrize(
-    ("ring", "model", "least", "kinds"),
-    [(RING, EXPERIMENT, 0.98, {"ghost", "slow"}), (LUMPED, NEWTON, 0.92, {"subcritical"})],
-    ids=["second order", "newton"],
+    ("ring", "model", "duration", "least", "kinds"),
+    [
+        (RING, EXPERIMENT, 20e-6, 0.98, {"ghost", "slow"}),
+        (LUMPED, NEWTON, 20e-6, 0.92, {"subcritical"}),
+        (RING, "FEM", 60e-6, 0.98, {"ghost", "slow"}),
+    ],
+    ids=["second order", "newton", "fem"],
 )
-def test_linear_stability_agrees_with_integration(ring, model, least, kinds):
-    """A subset of 29 powers x 36 detunings, of which 99.1 % (second order) and 93.1 % (Newton) agree."""
+def test_linear_stability_agrees_with_integration(ring, model, duration, least, kinds):
+    """A subset of 29 powers x 36 detunings, of which 99.0 % (second order) and 93.1 % (Newton) agree after 20 us.
+
+    The slow poles of the FEM let unstable points grow for longer: after 20 us 93 % agree, after 60 us 99 %.
+    """
+    if model == "FEM":
+        model = surrogate.reduce(th.assemble(th.strip_ring()).system, tolerance=1e-3).model
     powers, detunings = 1e-3 * 10 ** (np.linspace(3, 10, 29)[::2] / 10), np.linspace(-30e9, 30e9, 36)[1::3]
-    integrated = coupled.pulsing_map(ring, model, powers, detunings)
+    integrated = coupled.pulsing_map(ring, model, powers, detunings, duration=duration)
     linear = coupled.stability_map(ring, model, powers, detunings)
     # On 180 points the sampled share scatters by sqrt(p (1 - p)/180): 0.7 % and 1.9 %.
     share = coupled.overlap(integrated, linear)
@@ -185,6 +195,12 @@ def test_figures_label_themselves(small):
     axes = plot_maps({"A": small, "B": small}, hopf={"A": curves}, folds={"B": folds})
     assert axes.shape == (3, 2)
     assert [ax.get_title() for ax in axes[0]] == ["A", "B"]
+    every = small.assign(regime=(small.regime.dims, np.resize(["stable", "slow transient", "self-pulsing"], (3, 3))))
+    alone = plot_maps({"A": every}, hopf={"A": curves}, folds={"A": folds})[0, 0].figure
+    alone.draw_without_rendering()
+    legend = alone.legends[0].get_window_extent()
+    assert min(legend.x0, legend.y0) >= 0  # no name is cut off by the edge
+    assert legend.x1 <= alone.bbox.width
     with pytest.raises(th.InputError, match="perid"):
         plot_map(small, "perid")
     plt.close("all")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -139,6 +141,82 @@ def test_amplitude_limit_is_exact_for_geometric_sequences():
     assert amplitude_limit(np.linspace(1, 3, 18)) == 3
     assert amplitude_limit(np.array([1.0, 0.99])) == 0.99
     assert amplitude_limit(np.array([1.0, 0.5])) == 0
+
+
+@pytest.mark.parametrize("together", [2, 3])
+def test_large_and_small_pulses_that_alternate_have_the_period_of_their_pattern(together):
+    x = TIMES / PERIOD
+    heights = 1 - 0.3 * (np.floor(x) % together) / together
+    found = coupled.pulsing(trace(2 + heights * np.sin(2 * np.pi * x) ** 2 * np.sign(np.sin(2 * np.pi * x))))
+    assert found.regime == "self-pulsing"
+    assert f"pattern of {together}" in found.reason
+    assert found.pattern == together
+    assert found.period == pytest.approx(together * PERIOD, rel=1e-4, abs=0)  # samples 1/140 apart on a kinked wave
+
+
+def test_extinction_is_the_ratio_of_the_drop_power():
+    found = coupled.pulsing(trace(wave(), drop=wave(0.9, mean=1.0)))
+    assert found.extinction == pytest.approx(10 * np.log10(1.9 / 0.1), abs=0.02)  # extrema between samples: .9 x 2.5e-4
+    assert np.isnan(coupled.pulsing(trace(2 - np.exp(-TIMES / 1e-6))).extinction)
+
+
+SECOND_ORDER = surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)
+
+
+def test_a_decaying_oscillation_of_a_real_run_is_stable():
+    # at 4 dBm and -4 GHz the only fixed point is a focus that decays at 3.4e5 1/s and turns at 2.18 MHz
+    run = coupled.simulate(coupled.borghi2021(), SECOND_ORDER, power=1e-3 * 10**0.4, detuning=-4e9)
+    found = coupled.pulsing(run)
+    assert found.regime == "stable"
+    assert "dies away" in found.reason
+
+
+def test_a_period_longer_than_the_window_is_under_way():
+    ring = coupled.borghi2021()
+    whole = coupled.pulsing(coupled.simulate(ring, SECOND_ORDER, power=6.31e-3, duration=10e-6))
+    short = coupled.simulate(ring, SECOND_ORDER, power=6.31e-3, duration=1.2 * whole.period)
+    assert coupled.pulsing(short).regime == "slow transient"
+
+
+@pytest.mark.parametrize("rtol", [1e-5, 1e-6, 1e-8])
+def test_an_unstable_fixed_point_is_left_at_every_tolerance(rtol):
+    """The steps may not damp what grows: the ring rests first, near a focus that grows at 9e5 1/s, and then pulses."""
+    model = surrogate.reduce(th.assemble(th.strip_ring()).system, tolerance=1e-3).model
+    run = coupled.simulate(coupled.borghi2021(), model, power=1e-3 * 10**0.4, detuning=-6e9, duration=60e-6, rtol=rtol)
+    found = coupled.pulsing(run)
+    assert found.regime == "self-pulsing"
+    assert found.period == pytest.approx(633.5e-9, rel=2e-3, abs=0)  # 633.46 and 633.54 at 1e-6 and 1e-8
+
+
+def test_pulses_that_slow_down_on_the_way_to_a_long_cycle_do_not_die_away():
+    model = surrogate.reduce(th.assemble(th.strip_ring()).system, tolerance=1e-3).model
+    run = coupled.simulate(
+        coupled.borghi2021(), model, power=1e-3 * 10**0.725, detuning=26.571e9, duration=60e-6, rtol=1e-6
+    )
+    found = coupled.pulsing(run)
+    assert found.regime == "self-pulsing"
+    assert found.period == pytest.approx(4.083e-6, rel=1e-3, abs=0)
+
+
+def test_a_ring_on_one_bus_is_judged_by_its_energy():
+    ring = replace(coupled.borghi2021(), drop_rate=0.0, bus_rate=86e9)
+    found = coupled.pulsing(coupled.simulate(ring, SECOND_ORDER, power=10**0.8 * 0.5e-3))
+    # half the power into a bus twice as strong: the same drive and the same loss, so the same pulses
+    assert found.period == pytest.approx(535.939e-9, rel=3e-6, abs=0)
+    assert found.duty == pytest.approx(0.2819, abs=3e-4)
+
+
+def test_coarse_samples_are_refused():
+    ring = coupled.borghi2021()
+    for n in (90, 400):
+        times = np.linspace(0, 20e-6, n)
+        run = coupled.simulate(ring, SECOND_ORDER, power=6.31e-3, times=times)
+        with pytest.raises(th.InputError, match="too coarse"):
+            coupled.pulsing(run)
+    with pytest.raises(th.InputError, match="too coarse"):
+        coupled.pulsing(trace(wave()).isel(time=slice(None, None, 20)))
+    fine = coupled.pulsing(coupled.simulate(ring, SECOND_ORDER, power=6.31e-3, times=np.linspace(0, 20e-6, 4000)))
+    assert fine.period == pytest.approx(535.94e-9, rel=5e-3, abs=0)  # samples of 5 ns
 
 
 def test_what_is_no_run_is_named():

@@ -13,6 +13,7 @@ import surrogate
 import thermofem as th
 from coupled.parameters import borghi2021 as paper
 from coupled.plot import plot_traces
+from coupled.quick import pulse
 
 
 def second_order(s):
@@ -62,15 +63,21 @@ REGRESSION = [
 
 @pytest.mark.parametrize("rtol", [1e-6, 1e-8])
 @pytest.mark.parametrize(("ring", "model", "power", "detuning", "period", "duty", "swing", "highest"), REGRESSION)
-def test_regression(ring, model, power, detuning, period, duty, swing, highest, rtol):
+def test_regression(ring, model, power, detuning, period, duty, swing, highest, rtol, validated):
     run = coupled.simulate(ring, model, power=dbm(power), detuning=detuning * 1e9, duration=20e-6, rtol=rtol)
     found = coupled.pulsing(run)
     assert found.regime == "self-pulsing"
     # Printed digits: period 1e-6, duty 2e-4, swing 1e-5. Integration at rtol = 1e-6: period below 1e-6. Reading extrema
     # and edges off the accepted steps: duty 1e-4, swing and maximum 1e-4.
-    assert found.period == pytest.approx(period * 1e-9, rel=3e-6, abs=0)
-    assert found.duty == pytest.approx(duty, abs=3e-4)
-    assert found.swing == pytest.approx(swing, rel=3e-4)
+    poles = "1 pole" if model.order == 1 else f"{model.order} poles"
+    case = f"{poles} of {model.thermal_resistance:.0f} K/W, {power} dBm, {detuning} GHz"
+    for name, ours, value, kept, unit in (
+        ("period", found.period * 1e9, period, {"rel": 3e-6}, "ns"),
+        ("duty cycle", found.duty, duty, {"within": 3e-4}, ""),
+        ("swing", found.swing, swing, {"rel": 3e-4}, "K"),
+    ):
+        what = f"{name}, {case}, rtol {rtol:g}"
+        validated("Coupled dynamics", what, ours, value, **kept, unit=unit, source="independent implementation")
     last = run.delta_T.values[run.time.values > run.time.values[-1] - 1.5 * found.period]
     assert last.max() == pytest.approx(highest, rel=3e-4)
 
@@ -209,7 +216,7 @@ def test_round_off_around_zero_detuning_is_no_slip():
 
 
 def test_a_run_that_cannot_end_says_so(monkeypatch):
-    monkeypatch.setattr(import_module("coupled.simulate"), "MAX_STEPS", 50)
+    monkeypatch.setattr(import_module("coupled.window"), "MAX_STEPS", 50)
     with pytest.raises(th.InputError, match="more than 50 steps"):
         coupled.simulate(RING, EXPERIMENT, power=dbm(8))
 
@@ -229,3 +236,17 @@ def test_plot_labels_itself_in_readable_units(run):
     assert 3 < ax.lines[0].get_ydata().max() < 6.31  # mW, and never more than comes in
     assert plot_traces(run).figure is not ax.figure
     plt.close("all")
+
+
+def test_a_point_of_a_map_is_simulate_and_pulsing():
+    power, detuning = dbm(7), -10e9
+    run = coupled.simulate(RING, EXPERIMENT, power=power, detuning=detuning, rtol=1e-5)
+    found, end = pulse(
+        RING, EXPERIMENT, power=power, detuning=detuning, duration=20e-6, rtol=1e-5, initial=coupled.State.cold(2)
+    )
+    want = coupled.pulsing(run)
+    assert (found.period, found.swing, found.cycles) == (want.period, want.swing, want.cycles)
+    assert (found.duty, found.extinction) == pytest.approx(
+        (want.duty, want.extinction), rel=1e-12
+    )  # of energy, not drop
+    assert np.array_equal(end.as_array(), run.attrs["final_state"])

@@ -12,6 +12,7 @@ import surrogate
 import thermofem as th
 from coupled import equations as eq
 from coupled import spectrum
+from coupled.balance import Static
 
 RING = coupled.borghi2021()
 LUMPED = RING.with_lumped_fcd()
@@ -99,7 +100,7 @@ def test_fold_points_have_a_zero_eigenvalue(ring, model):
     curves = coupled.fold_curves(ring, model, *WIDE)
     assert curves
     rates, fcd = eq.internal_rates(ring)
-    poles, R = eq.internal_poles(model), model.thermal_resistance * eq.UW
+    poles, R = eq.internal_thermal(model), Static(model.thermal_resistance * eq.UW)
     for curve in curves:
         for k in range(0, curve.sizes["point"], 7):
             U, P = float(curve.energy[k]) / eq.FJ, float(curve.power[k])

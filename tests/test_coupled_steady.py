@@ -14,6 +14,7 @@ import surrogate
 import thermofem as th
 from coupled import balance, spectrum
 from coupled import equations as eq
+from coupled.balance import Static
 
 RING = coupled.borghi2021()
 LUMPED = RING.with_lumped_fcd()
@@ -49,23 +50,30 @@ def test_three_fixed_points_at_7_dbm_minus_28_ghz():
     assert list(found.frequency.values > 0) == [False, False, True]
 
 
-def test_fixed_point_at_8_dbm_on_resonance():
+def test_fixed_point_at_8_dbm_on_resonance(validated):
     found = coupled.steady_states(RING, EXPERIMENT, power=dbm(8), detuning=0.0)
     # The same scan; tolerances are half a unit of its last digit.
-    assert found.energy.values == pytest.approx([18.740013e-15], rel=3e-8, abs=0)
-    assert found.carriers.values == pytest.approx([1.990834e23], rel=3e-7, abs=0)
-    assert found.delta_T.values == pytest.approx([6.945106], rel=1e-7, abs=0)
-    assert found.growth_rate.values == pytest.approx([0.01518554e9], rel=4e-7, abs=0)
-    assert found.frequency.values == pytest.approx([0.006693e9 / (2 * np.pi)], rel=8e-5, abs=0)
+    for name, unit, value, rel in (
+        ("energy", "J", 18.740013e-15, 3e-8),
+        ("carriers", "1/m³", 1.990834e23, 3e-7),
+        ("delta_T", "K", 6.945106, 1e-7),
+        ("growth_rate", "1/s", 0.01518554e9, 4e-7),
+        ("frequency", "Hz", 0.006693e9 / (2 * np.pi), 8e-5),
+    ):
+        what = f"{name} of the fixed point at 8 dBm, 0 GHz"
+        (ours,) = found[name].values
+        validated("Coupled dynamics", what, ours, value, rel=rel, unit=unit, source="independent scan")
     assert found.regime.values == ["unstable focus"]
     N = 1.990834
     U, D = (np.array([v]) for v in (18.740013, -128.149671))
     rates, fcd = eq.internal_rates(RING)
-    values = spectrum.dense(U[0], D[0], rates, fcd, eq.internal_poles(EXPERIMENT))
+    values = spectrum.dense(U[0], D[0], rates, fcd, eq.internal_thermal(EXPERIMENT))
     values = sorted(values[values.imag >= 0], key=lambda v: -v.real)
     assert values[1] == pytest.approx(-0.00580991, rel=2e-6, abs=0)  # half a unit of the last digit, and U's
     assert values[2] == pytest.approx(-112.08 + 128.18j, abs=0.005 * 2**0.5)
-    assert balance.balances(U, rates, fcd, EXPERIMENT.thermal_resistance * eq.UW)[0, 0] == pytest.approx(N, rel=3e-7)
+    assert balance.balances(U, rates, fcd, Static(EXPERIMENT.thermal_resistance * eq.UW))[0, 0] == pytest.approx(
+        N, rel=3e-7
+    )
 
 
 @given(
@@ -104,11 +112,11 @@ def test_every_branch_is_a_fixed_point_of_the_right_hand_side(power, mhz, lumped
 def test_slopes_of_the_balance_are_derivatives(ring):
     rates, fcd = eq.internal_rates(ring)
     U = np.geomspace(1e-2, 1e3, 40)
-    at = balance.balances(U, rates, fcd, 7e-3)
+    at = balance.balances(U, rates, fcd, Static(7e-3))
     h = 1e-3 * U
     # Fourth-order differences: truncation (1e-3)^4/30 of powers of U up to the fourth, 1e-12; round-off 1e-16/1e-3 of
     # the value, 1e3 times that where thermal and carrier shift nearly cancel: 1e-10.
-    rows = [balance.balances(U + k * h, rates, fcd, 7e-3) for k in (-2, -1, 1, 2)]
+    rows = [balance.balances(U + k * h, rates, fcd, Static(7e-3)) for k in (-2, -1, 1, 2)]
     slopes = (rows[0] - 8 * rows[1] + 8 * rows[2] - rows[3]) / (12 * h)
     for value, slope in ((0, 1), (3, 4), (5, 6)):
         scale = np.abs(at[slope]) + np.abs(at[value]) / U * 1e-2
@@ -121,7 +129,7 @@ def brute_force(ring, R, power, detuning, n=400_000):
     drive, shift = eq.internal_drive(ring, power), eq.internal_detuning(detuning)
     top = (drive / rates.loss) ** 2
     U = np.unique(np.concatenate([np.geomspace(1e-9 * top, top, n), np.linspace(1e-9 * top, top, n)]))
-    _, _, _, resonance, _, gamma, _ = balance.balances(U, rates, fcd, R * eq.UW)
+    _, _, _, resonance, _, gamma, _ = balance.balances(U, rates, fcd, Static(R * eq.UW))
     f = drive**2 - U * (gamma**2 + (resonance - shift) ** 2)
     return int(np.sum(np.sign(f[1:]) != np.sign(f[:-1])))
 
@@ -226,10 +234,10 @@ def test_eigenvalues_are_those_of_the_differentiated_right_hand_side(poles, powe
 def test_eigenvalues_followed_from_a_neighbour_are_the_dense_ones(poles):
     rates, fcd = eq.internal_rates(RING)
     model = EXPERIMENT if poles == 2 else th.Foster(R=np.full(poles, 7e3 / poles), tau=np.geomspace(1e-9, 9e-6, poles))
-    thermal, R = eq.internal_poles(model), model.thermal_resistance * eq.UW
+    thermal, R = eq.internal_thermal(model), Static(model.thermal_resistance * eq.UW)
     z = spectrum.dense(1.0, -50.0, rates, fcd, thermal)
     for U, D in [(2.0, -50.0), (5.0, 0.0), (20.0, -130.0), (22.0, 60.0), (9.0, 180.0), (0.01, 2000.0)]:
-        if not spectrum.follow(z, spectrum.secular(U, rates, fcd, R), D, thermal):
+        if not spectrum.follow(z, spectrum.secular(U, rates, fcd, R), D, thermal.poles):
             assert D == 0  # heat and light apart: two zeros may fall on one pole, which their sum tells
             z = spectrum.dense(U, D, rates, fcd, thermal)
         left = list(spectrum.dense(U, D, rates, fcd, thermal))
@@ -244,7 +252,7 @@ def test_a_lost_eigenvalue_is_noticed():
     rates, fcd = eq.internal_rates(RING)
     thermal = eq.internal_poles(EXPERIMENT)
     z = np.full(5, np.nan + 0j)
-    assert not spectrum.follow(z, spectrum.secular(5.0, rates, fcd, 7e-3), 10.0, thermal)
+    assert not spectrum.follow(z, spectrum.secular(5.0, rates, fcd, Static(7e-3)), 10.0, thermal)
 
 
 def test_fem_reduction_goes_in_as_any_other_model():

@@ -19,6 +19,7 @@ from thermofem.factor import factorize
 from thermofem.heat import HeatProblem
 from thermofem.transient import integrate
 
+SERIES = "infinite series (Carslaw and Jaeger)"
 FOURIER = 0.2  # k t/(rho c a^2), with all of them 1
 
 
@@ -37,25 +38,26 @@ def cooling(mesh, where, place, *, convection=False):
 # 24 quadratic elements a radius: (1/24)^3 ~ 7e-5 of the highest mode that is left, itself well below one
 
 
-def test_infinite_cylinder():
+def test_infinite_cylinder(validated):
     mesh = tensor_mesh(np.linspace(0, 1, 25), [0, 0.5])
-    assert cooling(mesh, lambda r, z: np.isclose(r, 1), (0, 0.25)) == pytest.approx(0.501487, rel=1e-4)
+    centre = cooling(mesh, lambda r, z: np.isclose(r, 1), (0, 0.25))
+    validated("Heat equation", "axis of a cooling cylinder, Fo = .2", centre, 0.501487, rel=1e-4, source=SERIES)
 
 
-def test_infinite_cylinder_with_convection():
+def test_infinite_cylinder_with_convection(validated):
     mesh = tensor_mesh(np.linspace(0, 1, 25), [0, 0.5])
     centre = cooling(mesh, lambda r, z: np.isclose(r, 1), (0, 0.25), convection=True)
-    assert centre == pytest.approx(0.870174, rel=1e-4)
+    validated("Heat equation", "the same with convection, Bi = 1", centre, 0.870174, rel=1e-4, source=SERIES)
 
 
-def test_finite_cylinder_is_the_product_of_cylinder_and_slab():
+def test_finite_cylinder_is_the_product_of_cylinder_and_slab(validated):
     """Half height 1 = radius: the centre is 0.501487 x 0.772312."""
     mesh = tensor_mesh(np.linspace(0, 1, 25), np.linspace(0, 1, 25))
     centre = cooling(mesh, lambda r, z: np.isclose(r, 1) | np.isclose(z, 1), (0, 0))
-    assert centre == pytest.approx(0.387304, rel=1e-4)
+    validated("Heat equation", "centre of a finite cylinder, Fo = .2", centre, 0.387304, rel=1e-4, source=SERIES)
 
 
-def test_sphere():
+def test_sphere(validated):
     """A half disc in (r, z), with 96 chords for its arc, which take (pi/192)^2/3 = 9e-5 off the mean radius."""
     grid = skfem.MeshTri.init_tensor(np.linspace(0, 1, 25), np.linspace(0, 1, 97))
     rho, angle = grid.p[0], np.pi * grid.p[1]
@@ -70,7 +72,7 @@ def test_sphere():
     mesh = th.Mesh(used, triangles, np.zeros(len(triangles), dtype=np.int64), ("body",))
     centre = cooling(mesh, lambda r, z: (r > 0) & (np.hypot(r, z) > 0.99), (0, 0.0))
     # the smaller radius raises Fo by 1.8e-4; d ln T/d ln Fo = -pi^2 Fo = -2
-    assert centre == pytest.approx(0.277078, rel=4.5e-4)
+    validated("Heat equation", "centre of a sphere, Fo = .2", centre, 0.277078, rel=4.5e-4, source=SERIES)
 
 
 def test_anisotropic_manufactured_solution_converges_with_order_three():
@@ -147,7 +149,7 @@ def cross_sections(draw):
 
 
 @given(cross_sections())
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=120, deadline=None)
 def test_any_geometry_is_refused_or_meshed_exactly_and_keeps_its_heat(pieces):
     layers, parts, contact, top, outer = pieces
     try:
@@ -155,7 +157,7 @@ def test_any_geometry_is_refused_or_meshed_exactly_and_keeps_its_heat(pieces):
         geometry.volumes()
     except th.InputError:  # what contradicts itself, named in test_geometry
         return
-    heat: HeatProblem = th.assemble(geometry, accuracy=1e-2)
+    heat: HeatProblem = th.assemble(geometry, accuracy=0.05)
     assert heat.mesh.volumes() == pytest.approx(geometry.volumes(), rel=1e-11, abs=0)  # sums of a thousand triangles
     run = integrate(heat.model(), th.Pulse(1e-3, 1e-7), [1e-7, 1e-6], rtol=1e-2, ledger=heat.audit("part0"))
     assert abs(run.imbalance) < 1e-8  # solves of matrices with a condition of 1e8

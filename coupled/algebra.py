@@ -1,0 +1,60 @@
+"""Small dense linear algebra for the compiled integrators."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .compiling import inlined
+from .equations import Array
+
+Row3 = tuple[float, float, float]
+
+
+@inlined
+def inverse(m: tuple[Row3, Row3, Row3]) -> tuple[Row3, Row3, Row3]:
+    """Return the inverse of a 3 x 3 matrix by cofactors; 1/(gamma h) on the diagonal keeps it well conditioned."""
+    c0 = m[1][1] * m[2][2] - m[1][2] * m[2][1]
+    c1 = m[1][2] * m[2][0] - m[1][0] * m[2][2]
+    c2 = m[1][0] * m[2][1] - m[1][1] * m[2][0]
+    d = 1.0 / (m[0][0] * c0 + m[0][1] * c1 + m[0][2] * c2)
+    return (
+        (d * c0, d * (m[0][2] * m[2][1] - m[0][1] * m[2][2]), d * (m[0][1] * m[1][2] - m[0][2] * m[1][1])),
+        (d * c1, d * (m[0][0] * m[2][2] - m[0][2] * m[2][0]), d * (m[0][2] * m[1][0] - m[0][0] * m[1][2])),
+        (d * c2, d * (m[0][1] * m[2][0] - m[0][0] * m[2][1]), d * (m[0][0] * m[1][1] - m[0][1] * m[1][0])),
+    )
+
+
+@inlined
+def factorize(m: Array, order: NDArray[np.int64]) -> None:
+    """Overwrite the square matrix ``m`` by its triangular factors, with the exchanged rows in ``order``."""
+    n = m.shape[0]
+    for j in range(n):
+        pivot = j
+        for i in range(j + 1, n):
+            if abs(m[i, j]) > abs(m[pivot, j]):
+                pivot = i
+        order[j] = pivot
+        if pivot != j:
+            for k in range(n):
+                m[j, k], m[pivot, k] = m[pivot, k], m[j, k]
+        for i in range(j + 1, n):
+            m[i, j] /= m[j, j]
+            for k in range(j + 1, n):
+                m[i, k] -= m[i, j] * m[j, k]
+
+
+@inlined
+def solve(m: Array, order: NDArray[np.int64], x: Array) -> None:
+    """Overwrite ``x`` by the solution of the factorized system."""
+    n = x.size
+    for j in range(n):
+        pivot = order[j]
+        x[j], x[pivot] = x[pivot], x[j]
+    for i in range(n):
+        for j in range(i):
+            x[i] -= m[i, j] * x[j]
+    for i in range(n - 1, -1, -1):
+        for j in range(i + 1, n):
+            x[i] -= m[i, j] * x[j]
+        x[i] /= m[i, i]

@@ -1,0 +1,179 @@
+"""What keeps a co-simulation right: a program that knows how hot the core gets, and the FEM as one of them.
+
+Contract of a `Corrector` (COMSOL behind a socket, NGSolve, a measured device: anything that keeps it may be one):
+
+1. ``corrector.advance(times, power)`` returns the mode-averaged rise dT in K at ``times`` (s, increasing), under the
+   absorbed power ``power(t)`` in W, which may be called with any times between the first and the last.
+2. It starts from the accepted state, which belongs to ``times[0]``. It may be called again for the same window, or for
+   a shorter one, with another power: each call starts from the same accepted state.
+3. ``corrector.accept()`` makes the end of the last call the accepted state. The first window starts at t = 0.
+4. What else heats the device (a heater, a neighbour) is the corrector's own affair.
+5. ``corrector.summary()`` returns numbers worth keeping with the result; it may be left out.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thermofem import HeatProblem, checks
+from thermofem.deflation import Field, State
+from thermofem.krylov import CYCLES, krylov
+from thermofem.model import Foster, StateSpace, foster
+from thermofem.nonlinear import NonlinearSystem
+from thermofem.solve import mesh_hash
+from thermofem.waveforms import Waveform, to_json
+
+Array = NDArray[np.float64]
+
+SHARE = 0.3  # of the tolerance of the co-simulation, for the FEM's own steps
+
+
+class Corrector(Protocol):
+    """Power in, temperature out, window by window; the numbered contract stands in the module's docstring."""
+
+    def advance(self, times: Array, power: Waveform) -> Array:
+        """Rise in K at ``times`` from the accepted state."""
+
+    def accept(self) -> None:
+        """Keep the end of the last call."""
+
+
+class FEM:
+    """The full-order heat problem as a corrector, linear or with k(T) and c_p(T).
+
+    Parameters
+    ----------
+    heat : HeatProblem, StateSpace or NonlinearSystem
+        matrices from elsewhere do as well: E dx/dt = A x + B P, dT = C x with E and -A symmetric.
+    heated : str, optional
+        part that the light heats and whose mean detunes it; default: the first heated part.
+    heaters : mapping of name to Waveform
+        other heated parts and their power in W.
+    tolerance : float, K
+        of the co-simulation; the FEM's steps keep to a third of it.
+    field_times : array, s
+        when the whole temperature field is kept.
+    cycles : int
+        size of the Krylov basis (`thermofem.krylov`); it decides the work, not the answer.
+    """
+
+    def __init__(
+        self,
+        heat: HeatProblem | StateSpace | NonlinearSystem,
+        *,
+        heated: str | None = None,
+        heaters: Mapping[str, Waveform] | None = None,
+        tolerance: float = 1e-3,
+        field_times: ArrayLike = (),
+        cycles: int = CYCLES,
+    ) -> None:
+        if not isinstance(heat, HeatProblem | StateSpace | NonlinearSystem):
+            raise checks.InputError(f"heat is a {type(heat).__name__}; th.assemble(geometry) makes the HeatProblem")
+        checks.between("tolerance", tolerance, 1e-9, 10, unit="K")
+        self.problem = heat if isinstance(heat, HeatProblem) else None
+        if not isinstance(heaters or {}, Mapping):
+            raise checks.InputError(
+                f"heaters = {heaters!r} must map names to waveforms: {{'heater': th.Constant(5e-3)}}"
+            )
+        names = heat.heated if isinstance(heat, HeatProblem) else heat.inputs
+        self.heaters, self.heated = dict(heaters or {}), checks.choice("heated", heated or names[0], names)
+        for name, wave in self.heaters.items():
+            checks.choice("heaters", name, names)
+            if name == self.heated:
+                raise checks.InputError(f"heaters holds {name!r}, which the light heats; give the power of other parts")
+            if isinstance(wave, type) or not hasattr(wave, "breakpoints"):
+                raise checks.InputError(f"heaters[{name!r}] = {wave!r} is no waveform; e.g. th.Constant(5e-3)")
+        if np.size(field_times) and self.problem is None:
+            raise checks.InputError("field_times needs a HeatProblem, whose mesh the fields belong to")
+        inputs = (self.heated, *self.heaters)
+        system = heat.model(inputs, self.heated) if isinstance(heat, HeatProblem) else _channels(heat, inputs)
+        self.linear = system.linear if isinstance(system, NonlinearSystem) else system
+        self.basis = krylov(self.linear, cycles)
+        self.field = Field(
+            system,
+            self.basis,
+            tolerance=SHARE * tolerance,
+            ledger=self.problem.ledger if self.problem else None,
+            direct=[self.problem.audit(name).direct for name in inputs] if self.problem else (),
+            factors=self.problem.discretization.factors if self.problem else None,
+        )
+        self.field_times = checks.array("field_times", field_times, increasing=True) if np.size(field_times) else None
+        self.fields: list[Array] = []
+        self.state = self.field.start()
+        self._tried: tuple[State, Array] | None = None
+
+    def advance(self, times: Array, power: Waveform) -> Array:
+        """Rise of the heated part in K at ``times``."""
+        begin, end, wanted = times[0], times[-1], self.field_times
+        keep = np.empty(0) if wanted is None else wanted[(wanted > begin) & (wanted <= end * (1 + 1e-12))]
+        if wanted is not None and begin == 0:
+            keep = wanted[wanted <= end * (1 + 1e-12)]
+        outputs, state, fields = self.field.advance(self.state, [power, *self.heaters.values()], times, keep=keep)
+        self._tried = state, fields
+        return outputs[:, 0]
+
+    def accept(self) -> None:
+        """Keep the end of the last call, and its fields."""
+        if self._tried is None:
+            raise checks.InputError("accept() comes after advance()")
+        self.state, fields = self._tried
+        self.fields.extend(fields)
+
+    @cached_property
+    def predictor(self) -> Foster:
+        """The Krylov reduction of the linear problem from the heated part to itself."""
+        return foster(self.basis.reduced(self.linear).channel(self.heated, self.heated))
+
+    def background(self, times: Array, reduced: StateSpace | None = None) -> Array:
+        """Rise in K that a reduction with all inputs, by default the Krylov one, expects from the heaters."""
+        reduced, rise = reduced or self.basis.reduced(self.linear), np.zeros(np.size(times))
+        for name, wave in self.heaters.items():
+            if wave.piecewise_linear and name in reduced.inputs:
+                rise = rise + foster(reduced.channel(name, self.heated)).response(wave, times)
+        return rise
+
+    def summary(self) -> dict[str, Any]:
+        """What the FEM is and did, and its heat balance in J."""
+        s, state = self.field.stepper, self.state
+        stored = self.field.stored(state)
+        scale = max(abs(state.heat_in), abs(stored), abs(state.heat_out))
+        imbalance = (state.heat_in - stored - state.heat_out) / scale if scale else 0.0
+        heat, provenance = self.problem, {}
+        if heat:
+            provenance = {
+                "heated": self.heated,
+                "thermal_resistance": heat.thermal_resistance(self.heated),
+                "geometry": heat.geometry.to_toml(),
+                "mesh_hash": mesh_hash(heat.mesh),
+                "accuracy": heat.accuracy,
+                "materials": json.dumps({m.name: m.source for m in map(heat.geometry.material_of, heat.regions)}),
+            }
+        return {
+            **provenance,
+            **{f"power_in_{name}": to_json(wave) for name, wave in self.heaters.items()},
+            "fem_unknowns": self.linear.order,
+            "fem_steps": s.steps,
+            "fem_solves": s.solves,
+            "fem_factorizations": s.factorizations,
+            "heat_in": state.heat_in,
+            "heat_stored": stored,
+            "heat_out": state.heat_out,
+            "heat_imbalance": imbalance,
+        }
+
+
+def _channels(system: StateSpace | NonlinearSystem, inputs: tuple[str, ...]) -> StateSpace | NonlinearSystem:
+    """The same system with some of its inputs, and the first of them read."""
+    linear = system.linear if isinstance(system, NonlinearSystem) else system
+    checks.choice("heated", inputs[0], linear.outputs, hint="the part that the light heats must also be read")
+    columns, row = [linear.inputs.index(name) for name in inputs], linear.outputs.index(inputs[0])
+    B, C = linear.B[:, columns], linear.C[[row]]
+    picked = StateSpace(linear.E, linear.A, B, C, inputs=inputs, outputs=(inputs[0],))
+    return replace(system, linear=picked) if isinstance(system, NonlinearSystem) else picked

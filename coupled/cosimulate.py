@@ -1,0 +1,198 @@
+"""FEM in the loop: light and carriers coupled to the full-order heat problem, or to any other corrector."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thermofem import Foster, HeatProblem, StateSpace, checks
+from thermofem.model import ThermalModel
+from thermofem.nonlinear import NonlinearSystem
+from thermofem.waveforms import Waveform
+
+from .corrector import FEM, Corrector
+from .relaxation import Passed, Relaxation
+from .resonator import RingResonator
+from .simulate import _check, _provenance, _traces, check_detuning, check_power
+from .states import State
+from .thermal import compact, states_of
+from .window import Window
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+NO_PREDICTOR = Foster(R=[0.0], tau=[1e-6])
+"""A predictor that knows nothing: the fed-back discrepancy carries the whole temperature."""
+
+FIRST = 0.25e-6  # s, about the first window
+
+
+def cosimulate(
+    ring: RingResonator,
+    heat: HeatProblem | StateSpace | NonlinearSystem | Corrector,
+    *,
+    power: Any,
+    detuning: Any = 0.0,
+    duration: float = 20e-6,
+    predictor: ThermalModel | None = None,
+    tolerance: float = 1e-3,
+    rtol: float = 1e-6,
+    heaters: Mapping[str, Waveform] | None = None,
+    field_times: ArrayLike = (),
+    progress: Callable[[float], None] | None = None,
+) -> xr.Dataset:
+    """Switch the laser on at t = 0 on a cold, empty ring and integrate it together with the full-order heat problem.
+
+    The equations are those of `simulate`; its thermal model only predicts. Window by window (`coupled.relaxation`) the
+    corrector takes the absorbed power, and the difference of temperatures is fed back until it is below ``tolerance``.
+
+    Parameters
+    ----------
+    ring : RingResonator
+    heat : HeatProblem, StateSpace, NonlinearSystem or Corrector
+        the FEM, linear or with k(T) and c_p(T); its matrices, also from elsewhere; or anything that keeps the contract
+        of `coupled.corrector`.
+    power, detuning, duration : W, Hz, s
+        as in `simulate`: numbers or waveforms.
+    predictor : ThermalModel, optional
+        any model that `simulate` takes; it decides the work, not the answer. A StateSpace may have the heaters as
+        further inputs. Default: for a HeatProblem a Krylov reduction of it, otherwise `NO_PREDICTOR`.
+    tolerance : float, K
+        largest difference left between the temperature that the light sees and the corrector's.
+    rtol : float
+        of light and carriers, as in `simulate`.
+    heaters : mapping of name to Waveform, optional
+        power in W of other heated parts of a HeatProblem.
+    field_times : array, s, optional
+        when the temperature field of a HeatProblem is kept.
+    progress : callable, optional
+        called with the simulated time in s after every window.
+
+    Returns
+    -------
+    xarray.Dataset
+        as of `simulate`, delta_T being the corrector's; passes and discrepancy (K) over window (its start in s); field
+        over field_time and vertex where ``field_times`` asks for it. In attrs: passes, largest_discrepancy (K), what
+        the FEM did (fem_steps, fem_solves, fem_factorizations), its heat balance (J), and the CPU time of both sides.
+
+    Raises
+    ------
+    InputError
+        an argument out of range, a predictor that cannot be integrated, a relaxation that does not converge in any
+        window, with the reason.
+
+    Source: Borghi et al., Opt. Express 29, 4363 (2021), Section 7, where this is left open.
+
+    >>> import coupled, thermofem as th
+    >>> heat = th.assemble(th.strip_ring())
+    >>> run = coupled.cosimulate(coupled.borghi2021(), heat, power=6.31e-3, duration=20e-6)
+    >>> print(f"{coupled.pulsing(run).period * 1e9:.0f} ns, {coupled.pulsing(run).swing:.2f} K")
+    680 ns, 5.87 K
+    """
+    _check(ring, duration, rtol)
+    checks.between("tolerance", tolerance, 1e-8, 1, unit="K", hint="1e-3 K gives periods to about 1e-4")
+    light = {"input_power": check_power(power, duration), "detuning": check_detuning(detuning, duration)}
+    kept = checks.array("field_times", field_times, increasing=True) if np.size(field_times) else np.zeros(1)
+    if not 0 <= kept[0] <= kept[-1] <= duration:
+        raise checks.InputError(f"field_times must lie between 0 and the duration of {duration:g} s")
+    if isinstance(heat, HeatProblem | StateSpace | NonlinearSystem):
+        corrector: Any = FEM(heat, heaters=heaters, tolerance=tolerance, field_times=field_times)
+    elif heaters or np.size(field_times):
+        raise checks.InputError("heaters and field_times go with a HeatProblem; a corrector takes care of its own")
+    elif not callable(getattr(heat, "advance", None)) or not callable(getattr(heat, "accept", None)):
+        raise checks.InputError(
+            f"heat is a {type(heat).__name__}; give th.assemble(geometry), or an object with advance() and accept() "
+            "(coupled.Corrector)"
+        )
+    else:
+        corrector = heat
+    chosen = getattr(corrector, "predictor", NO_PREDICTOR) if predictor is None else predictor
+    if isinstance(chosen, StateSpace) and len(chosen.inputs) > 1 and isinstance(corrector, FEM):
+        chosen = chosen.channel(corrector.heated, corrector.heated)
+    model = chosen if chosen is NO_PREDICTOR else compact(chosen)
+    loop = Relaxation(
+        ring, model, corrector, light["input_power"], light["detuning"], float(duration), min(FIRST, duration),
+        tolerance, rtol, State.cold(states_of(model)), _background(corrector, predictor),
+    )  # fmt: skip
+    parts = []
+    while loop.time < duration:
+        parts.append(loop.advance())
+        if progress:
+            progress(loop.time)
+    return _dataset(ring, light, loop, parts, duration)
+
+
+def _background(corrector: Any, predictor: ThermalModel | None) -> Callable[[Array], Array] | None:
+    """What heaters do to the ring, as far as the predictor or the corrector's own reduction knows."""
+    if not isinstance(corrector, FEM) or not corrector.heaters:
+        return None
+    if isinstance(predictor, StateSpace):
+        return lambda times: corrector.background(times, predictor)
+    return corrector.background
+
+
+def _dataset(
+    ring: RingResonator, light: dict[str, Any], loop: Relaxation, parts: list[Passed], duration: float
+) -> xr.Dataset:
+    import xarray as xr
+
+    from thermofem import dataset
+    from thermofem.solve import fields
+
+    run = _joined(parts)
+    kelvin = {"units": "K", "long_name": "largest discrepancy of the temperature"}
+    starts = np.array([part.run.time[0] for part in parts])
+    summary = loop.corrector.summary() if hasattr(loop.corrector, "summary") else {}
+    data = xr.Dataset(
+        {
+            **{name: ("time", values, dataset.describe(name)) for name, values in _traces(ring, run, light).items()},
+            "passes": ("window", [part.passes for part in parts], {"units": "1", "long_name": "passes of the window"}),
+            "discrepancy": ("window", [part.discrepancy for part in parts], kelvin),
+        },
+        coords={
+            "time": ("time", run.time, dataset.describe("time")),
+            "window": ("window", starts, {"units": "s", "long_name": "start of the window"}),
+        },
+        attrs={
+            **_provenance(ring, light, duration),
+            "rtol": loop.rtol,
+            "tolerance": loop.tolerance,
+            "predictor": _named(loop.model),
+            "steps": int(run.counts[0]),
+            "windows": len(parts),
+            "windows_abandoned": loop.abandoned,
+            "passes": loop.passes,
+            "largest_discrepancy": max(part.discrepancy for part in parts),
+            "cpu_optics": loop.seconds["optics"],
+            "cpu_corrector": loop.seconds["corrector"],
+            **summary,
+        },
+    )
+    fem = loop.corrector
+    if isinstance(fem, FEM) and fem.problem and fem.field_times is not None:
+        kept = fields(fem.problem, np.array(fem.fields), fem.field_times)
+        data = data.merge(kept, combine_attrs="override")
+    return data
+
+
+def _joined(parts: list[Passed]) -> Window:
+    """All windows as one, with the corrector's temperature; times where two meet stand once."""
+
+    def together(name: str) -> Any:
+        return np.concatenate([getattr(part.run, name)[(k > 0) :] for k, part in enumerate(parts)])
+
+    rise = np.concatenate([part.delta_T[(k > 0) :] for k, part in enumerate(parts)])
+    joined = {name: together(name) for name in ("time", "field", "carriers", "absorbed", "absorbed_slope")}
+    counts = np.sum([part.run.counts for part in parts], axis=0)
+    return parts[-1].run._replace(**joined, delta_T=rise, counts=counts)
+
+
+def _named(model: ThermalModel) -> str:
+    if model is NO_PREDICTOR:
+        return "none"
+    return f"{type(model).__name__} with {states_of(model)} states"

@@ -1,0 +1,218 @@
+"""The mean cycle of a drop trace as Fourier coefficients: what two traces are compared by.
+
+    drop(t) = Re sum_k c_k exp(2 pi i k (t - t_0)/T),      k = 0 .. 32
+
+Two traces that pulse almost alike drift out of phase within some cycles, and a comparison in time then has an optimum
+as thin as a needle. So period and shape are taken apart: ln(T_model/T) says how well the period agrees, and the
+coefficients, after the one shift of phase that brings them closest, how well the shape does. Cut at k = 32, the cycle
+is as a detector of 32/T bandwidth shows it, and moves smoothly with every parameter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem import checks
+
+from .pulsing import Regime, crossings, pulsing
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+HARMONICS = 32
+SETTLED_SHARE = 0.5  # of a trace, counted from its end, that is compared: the start is the cold one
+LAST = 3  # cycles of a simulated trace, which has no noise to average
+SAMPLES = 2048  # of a simulated cycle
+PERIOD_ERROR, SHAPE_ERROR = 0.01, 0.03  # of the period, of the swing: misfits that count alike
+NO_CYCLE = 3.0  # ln(T_model/T) where only one of the two pulses
+
+
+@dataclass(frozen=True, eq=False)
+class Cycle:
+    """A mean cycle.
+
+    Attributes
+    ----------
+    period : float, s
+        nan where the trace does not pulse.
+    harmonics : complex array, shape (33,), W
+        c_k, with the phase of an arbitrary t_0; only the mean where the trace does not pulse.
+    """
+
+    period: float
+    harmonics: Complex
+
+    def curve(self, phase: Array) -> Array:
+        """Drop power at the fractions ``phase`` of the cycle."""
+        waves = np.exp(2j * np.pi * np.outer(phase, np.arange(self.harmonics.size)))
+        return np.asarray((waves @ self.harmonics).real)
+
+    @property
+    def swing(self) -> float:
+        """Largest minus smallest value."""
+        return float(np.ptp(self.curve(np.linspace(0, 1, 256, endpoint=False))))
+
+    def shifted(self, by: float) -> Cycle:
+        """The same cycle, ``by`` of a period earlier."""
+        return Cycle(self.period, self.harmonics * np.exp(2j * np.pi * by * np.arange(self.harmonics.size)))
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """All cycles of a measured trace, cut by one clock.
+
+    Attributes
+    ----------
+    clock : float, s
+        length of the pieces; nan where the trace does not pulse.
+    pieces : complex array, shape (n, 33)
+        c_k of each.
+    absolute : bool
+        whether the drop power is in W, not in an arbitrary unit.
+    """
+
+    clock: float
+    pieces: Complex
+    absolute: bool
+
+    def mean(self, drawn: NDArray[np.int64] | None = None) -> Cycle:
+        """The mean cycle of all pieces, or of those that were ``drawn``; their phases correct the clock."""
+        picked = np.arange(len(self.pieces)) if drawn is None else np.sort(drawn)
+        pieces = self.pieces[picked]
+        if not np.isfinite(self.clock) or np.ptp(picked) == 0:
+            return Cycle(self.clock, pieces.mean(axis=0))
+        slope, _ = np.polyfit(picked, np.unwrap(np.angle(pieces[:, 1])), 1)
+        period = self.clock / (1 + slope / (2 * np.pi))
+        turned = np.exp(-1j * slope * np.outer(picked, np.arange(pieces.shape[1])))
+        return Cycle(period, (pieces * turned).mean(axis=0))
+
+
+def observe(trace: xr.Dataset, name: str = "trace") -> Observed:
+    """Find the cycles of a measured or simulated drop trace, in its second half.
+
+    Parameters
+    ----------
+    trace : xarray.Dataset
+        drop (W, or in an arbitrary unit where its attribute "units" says another) over time (s).
+    name : str
+        for the error messages.
+
+    Raises
+    ------
+    InputError
+        a variable is missing, not finite or too short.
+    """
+    for variable in ("time", "drop"):
+        if variable not in getattr(trace, "variables", {}):
+            raise checks.InputError(f"{name} has no variable {variable!r}; it needs drop (W) over time (s)")
+    t = checks.array(f"{name}.time", trace["time"].values, increasing=True, hint="times are in s")
+    drop = checks.array(f"{name}.drop", trace["drop"].values)
+    if t.size < 64 or t.size != drop.size:
+        raise checks.InputError(f"{name} has {drop.size} values at {t.size} times; at least 64 of both are needed")
+    absolute = trace["drop"].attrs.get("units", "W") == "W"
+    begin = t[-1] - SETTLED_SHARE * (t[-1] - t[0])
+    late = t >= begin
+    steps = np.diff(t[late])
+    if late.sum() >= 64 and np.ptp(steps) <= 1e-3 * steps.mean():
+        t, drop = t[late], drop[late]
+    else:
+        grid = np.linspace(begin, t[-1], 16 * SAMPLES)
+        t, drop = grid, np.interp(grid, t, drop)
+    clock = _repetition(t, drop)
+    if not np.isfinite(clock):
+        pieces = np.zeros((8, HARMONICS + 1), dtype=complex)
+        pieces[:, 0] = [part.mean() for part in np.array_split(drop, 8)]
+        return Observed(clock, pieces, absolute)
+    for _ in range(3):
+        seen = Observed(clock, _pieces(t, drop, t[0] + clock * np.arange((t[-1] - t[0]) / clock)), absolute)
+        clock = seen.mean().period
+    return seen
+
+
+def cycle_of(run: xr.Dataset) -> Cycle:
+    """The mean of the last three cycles of a noiseless trace of `simulate`, each by its own clock."""
+    found = pulsing(run)
+    t, drop, N = (run[name].values for name in ("time", "drop", "carriers"))
+    level = N[t >= t[-1] / 2]
+    edges = crossings(t, N, (level.min() + level.max()) / 2)[-LAST - 1 :]
+    if found.regime != Regime.SELF_PULSING or edges.size < 2:
+        still = np.zeros(HARMONICS + 1, dtype=complex)
+        still[0] = np.interp(np.linspace(t[0] + 0.75 * (t[-1] - t[0]), t[-1], 512), t, drop).mean()
+        return Cycle(float("nan"), still)
+    return Cycle(float(np.mean(np.diff(edges))), _pieces(t, drop, edges, SAMPLES).mean(axis=0))
+
+
+def misfit(model: Cycle, measured: Cycle, absolute: bool = True) -> tuple[Array, Cycle]:
+    """How far a model's cycle is from a measured one, and the model's cycle brought to its phase (and scale).
+
+    Returns
+    -------
+    residuals : array, shape (66,)
+        ln(T_model/T)/0.01, and the differences of the coefficients over 0.03 of the measured swing, so that the sum of
+        their squares is the mean square over the cycle; a swing below a twentieth of the mean counts as that.
+    aligned : Cycle
+    """
+    pulses = np.isfinite([model.period, measured.period])
+    drift = np.log(model.period / measured.period) if pulses.all() else NO_CYCLE * float(pulses.any())
+    aligned = model.shifted(_lag(model.harmonics, measured.harmonics)) if pulses.all() else model
+    both = np.array([aligned.harmonics, measured.harmonics])
+    if not absolute:
+        factor = np.vdot(both[0], both[1]).real / np.vdot(both[0], both[0]).real
+        aligned = Cycle(aligned.period, factor * aligned.harmonics)
+    off = aligned.harmonics - measured.harmonics
+    size = SHAPE_ERROR * max(measured.swing, 0.05 * abs(measured.harmonics[0]))
+    waves = off[1:] / np.sqrt(2)  # the mean square of Re c exp(i phi) is |c|^2 / 2
+    shape = np.concatenate([[off[0].real], waves.real, waves.imag]) / size
+    return np.concatenate([[drift / PERIOD_ERROR], shape]), aligned
+
+
+def _repetition(t: Array, x: Array) -> float:
+    """Time after which an evenly sampled trace repeats, by its autocorrelation; nan if it does not."""
+    x = x - x.mean()
+    if np.std(x) < 1e-12 * np.max(np.abs(x), initial=1e-300):
+        return float("nan")
+    n = x.size
+    power = np.abs(np.fft.rfft(x, 2 * n)) ** 2
+    alike = np.fft.irfft(power)[: n // 2] / np.arange(n, n - n // 2, -1)
+    alike /= alike[0]
+    first = int(np.argmax(alike < 0))
+    if first == 0 or alike[first:].max() < 0.5:
+        return float("nan")
+    middle = alike[first + 1 : -1]
+    peaks = first + 1 + np.flatnonzero((middle >= alike[first:-2]) & (middle > alike[first + 2 :]))
+    if peaks.size == 0:
+        return float("nan")
+    best = peaks[alike[peaks] > 0.9 * alike[peaks].max()][0]
+    return float(best * (t[-1] - t[0]) / (n - 1))
+
+
+def _pieces(t: Array, drop: Array, edges: Array, least: int = 0) -> Complex:
+    """c_k of the pieces between ``edges``, shape (n, 33)."""
+    n = max(least, 4 * HARMONICS, int(np.ceil((edges[1] - edges[0]) / np.median(np.diff(t)))))
+    phase = (np.arange(n) + 0.5) / n
+    at = edges[:-1, None] + np.diff(edges)[:, None] * phase
+    waves = np.fft.rfft(np.interp(at, t, drop), axis=1)[:, : HARMONICS + 1] * (2 / n)
+    waves[:, 0] /= 2
+    return np.asarray(waves * np.exp(-1j * np.pi * np.arange(HARMONICS + 1) / n))
+
+
+def _lag(model: Complex, measured: Complex) -> float:
+    """The shift of the model's phase, in periods, that brings it closest: the peak of the correlation."""
+    k = np.arange(1, model.size)
+    products = model[1:] * measured[1:].conj()
+    n = 16 * model.size
+    shift = float(np.argmax(np.fft.irfft(np.concatenate([[0], products]), n))) / n
+    for _ in range(4):
+        turning = products * np.exp(2j * np.pi * k * shift)
+        slope, bend = float(np.sum(-k * turning.imag)), float(np.sum(-(k**2) * turning.real))
+        if bend >= 0:
+            break
+        shift -= slope / bend / (2 * np.pi)
+    return shift

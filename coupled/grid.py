@@ -1,0 +1,92 @@
+"""The points of a map: power and detuning, and whatever of the ring is varied with or instead of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thermofem import checks
+
+from .resonator import RingResonator
+from .steady import check_axis, check_ring
+from .unknowns import optical_names, varied
+
+Array = NDArray[np.float64]
+Point = tuple[RingResonator, float, float]  # ring, power in W, detuning in Hz
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Two axes, and the ring, power and detuning of every point.
+
+    Attributes
+    ----------
+    names : (str, str)
+    axes : (array, array)
+    rows : list of list of Point
+        one list for each value of the first axis.
+    fixed : dict of str to float
+        power and detuning where they are no axes.
+    """
+
+    names: tuple[str, str]
+    axes: tuple[Array, Array]
+    rows: list[list[Point]]
+    fixed: dict[str, float]
+
+    def coordinates(self) -> dict[str, Any]:
+        """Coordinates of the Dataset."""
+        from thermofem import dataset
+
+        about = {"power": dataset.describe("input_power"), "detuning": dataset.describe("detuning")}
+        return {
+            name: (name, axis, about.get(name, {"units": UNITS.get(name, "1"), "long_name": name.replace("_", " ")}))
+            for name, axis in zip(self.names, self.axes, strict=True)
+        }
+
+
+UNITS = {
+    "frequency": "Hz", "bus_rate": "1/s", "loss_rate": "1/s", "scattering_rate": "1/s", "second_bus_rate": "1/s",
+    "thermo_optic": "1/K", "fca_cross_section": "m^2", "tpa_coefficient": "m/W", "tpa_volume": "m^3",
+    "fca_volume": "m^3", "kerr_coefficient": "m^2/W", "tau0": "s", "tau_n": "s", "tau_p": "s", "tau": "s",
+}  # fmt: skip
+
+
+def grid_of(
+    ring: RingResonator, powers: ArrayLike, detunings: ArrayLike, vary: Mapping[str, ArrayLike] | None
+) -> Grid:  # fmt: skip
+    """Resolve the axes of a map.
+
+    Raises
+    ------
+    InputError
+        values out of range or not increasing, an unknown name, or not two axes.
+    """
+    check_ring(ring)
+    laser = {"power": check_axis("powers", powers), "detuning": check_axis("detunings", detunings)}
+    own: dict[str, Array] = {}
+    for name, values in (vary or {}).items():
+        checks.choice("a name in vary", name, optical_names(ring))
+        own[name] = checks.array(f"vary[{name!r}]", values)
+        if np.any(np.diff(own[name]) <= 0):
+            raise checks.InputError(f"vary[{name!r}] must increase from value to value; sort it")
+    axes = own | {name: axis for name, axis in laser.items() if axis.size > 1 or not own}
+    if len(axes) != 2:
+        raise checks.InputError(
+            f"the map has the axes {', '.join(axes)}; it needs two: give the others as one number each"
+        )
+    fixed = {name: float(axis[0]) for name, axis in laser.items() if name not in axes}
+    (first, one), (second, other) = axes.items()
+    rows = []
+    for a in one.tolist():
+        row = []
+        for b in other.tolist():
+            at = fixed | {first: a, second: b}
+            changed = varied(ring, {name: at[name] for name in own}) if own else ring
+            row.append((changed, at["power"], at["detuning"]))
+        rows.append(row)
+    return Grid((first, second), (one, other), rows, fixed)

@@ -1,0 +1,192 @@
+"""Light that changes with time: power and detuning of the laser as piecewise cubics, which the integration lands on.
+
+Whatever drives a ring is a number, a waveform, a piecewise polynomial, or a list of these, which add: a bias with a
+pulse on it is ``[2e-3, th.Pulse(power=1e-3, width=10e-9, start=5e-6)]``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thermofem import checks
+from thermofem.waveforms import Waveform, linear_pieces
+
+Array = NDArray[np.float64]
+Input: TypeAlias = "float | Waveform | Pieces | Sequence[Any]"
+DEGREE = 3
+
+
+class Pieces(NamedTuple):
+    """A piecewise cubic: sum_j coefficients[k, j] (t - edges[k])^j between edges[k] and edges[k + 1].
+
+    ``edges`` has shape (n + 1,), in s, increasing; ``coefficients`` has shape (n, 4).
+    """
+
+    edges: Array
+    coefficients: Array
+
+    def __call__(self, t: ArrayLike) -> Array:
+        """The value at ``t``, continuous from the right; the first and last piece go on outside."""
+        times = np.asarray(t, dtype=float)
+        k = np.clip(np.searchsorted(self.edges, times, side="right") - 1, 0, len(self.coefficients) - 1)
+        u = times - self.edges[k]
+        return np.asarray(
+            sum((self.coefficients[k, j] * u**j for j in range(1, DEGREE + 1)), self.coefficients[k, 0].copy())
+        )
+
+    def on(self, edges: Array) -> Pieces:
+        """The same function on finer edges, which must hold those of this one that lie among them."""
+        k = np.clip(np.searchsorted(self.edges, (edges[:-1] + edges[1:]) / 2) - 1, 0, len(self.coefficients) - 1)
+        u, (a, b, c, d) = edges[:-1] - self.edges[k], self.coefficients[k].T
+        moved = [a + u * (b + u * (c + u * d)), b + u * (2 * c + 3 * u * d), c + 3 * u * d, d]
+        return Pieces(edges, np.stack(moved, axis=1))
+
+    def times(self, factor: float) -> Pieces:
+        """The function multiplied by a number."""
+        return Pieces(self.edges, self.coefficients * factor)
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """A detuning, or anything of either sign, through given samples, straight between them: a laser that sweeps.
+
+    Keeps the contract of `thermofem.waveforms`; two samples at one time make a jump.
+
+    Parameters
+    ----------
+    times : array, s
+        increasing; a time may stand twice.
+    values : array, same length
+        Hz for a detuning, W for a power.
+
+    >>> Sweep([0, 10e-6], [5e9, -5e9])(2e-6)
+    array(3.e+09)
+    """
+
+    times: ArrayLike
+    values: ArrayLike
+    piecewise_linear: ClassVar[bool] = True
+    period: ClassVar[None] = None
+
+    def __post_init__(self) -> None:
+        times, values = checks.array("times", self.times, increasing=True), checks.array("values", self.values)
+        if times.size != values.size or times.size < 2:
+            raise checks.InputError(
+                f"times has {times.size} samples, values {values.size}; both need the same, at least 2"
+            )
+        if times[0] == times[1] or times[-1] == times[-2] or np.any(times[2:] == times[:-2]):
+            raise checks.InputError("times must not begin or end with a jump, nor hold a time more than twice")
+        object.__setattr__(self, "times", times)
+        object.__setattr__(self, "values", values)
+
+    def _at(self, t: ArrayLike, side: str) -> Array:
+        times, values, t = np.asarray(self.times), np.asarray(self.values), np.asarray(t, dtype=float)
+        slack = 1e-9 * (times[-1] - times[0])
+        outside = (t < times[0] - slack) | (t > times[-1] + slack)
+        if np.any(outside):
+            raise checks.InputError(
+                f"the sweep is asked for at t = {np.atleast_1d(t)[np.atleast_1d(outside)][0]:g} s and has samples "
+                f"from {times[0]:g} to {times[-1]:g} s; give samples that cover the run"
+            )
+        k = np.clip(np.searchsorted(times, t, side=side) - 1, 0, times.size - 2)  # type: ignore[call-overload]
+        length = times[k + 1] - times[k]
+        share = np.where(length > 0, (t - times[k]) / np.where(length > 0, length, 1.0), side == "right")
+        return np.asarray(values[k] + share * (values[k + 1] - values[k]))
+
+    def __call__(self, t: ArrayLike) -> Array:
+        """The value at ``t``, continuous from the right."""
+        return self._at(t, "right")
+
+    def before(self, t: ArrayLike) -> Array:
+        """The value just before ``t``."""
+        return self._at(t, "left")
+
+    def breakpoints(self, start: float, stop: float) -> Array:
+        """Every sample inside."""
+        times = np.unique(np.asarray(self.times))
+        return times[(times > start) & (times < stop)]
+
+    def mean(self, start: float, stop: float) -> float:
+        """Trapezoids between the samples, which is exact."""
+        edges, after, before = linear_pieces(self, start, stop)
+        return float(np.sum(np.diff(edges) * (after + before)) / 2 / (stop - start))
+
+
+def pieces(name: str, value: Any, start: float, stop: float) -> Pieces:
+    """Turn an input into a piecewise cubic over [start, stop] in s.
+
+    Parameters
+    ----------
+    name : str
+        what the input is called in an error message.
+    value : float, Waveform, Pieces, scipy.interpolate.PPoly of degree 3 or less, or a list of these, which add
+
+    Raises
+    ------
+    InputError
+        none of these, or a function that is not given on the whole window.
+    """
+    if isinstance(value, list | tuple) and not isinstance(value, Pieces):
+        if not value:
+            raise checks.InputError(f"{name} is an empty list; give a number, a waveform, or a list of them, which add")
+        return add([pieces(f"{name}[{k}]", item, start, stop) for k, item in enumerate(value)])
+    whole = np.array([start, stop])
+    if isinstance(value, Pieces):
+        return _window(name, value, start, stop)
+    if hasattr(value, "c") and hasattr(value, "x"):  # a piecewise polynomial of SciPy, highest power first
+        c = np.asarray(value.c, dtype=float)
+        if c.ndim != 2 or len(c) > DEGREE + 1:
+            raise checks.InputError(f"{name} is a polynomial with coefficients {c.shape}; at most cubic, and scalar")
+        coefficients = np.vstack([c[::-1], np.zeros((DEGREE + 1 - len(c), c.shape[1]))]).T
+        return _window(name, Pieces(np.asarray(value.x, dtype=float), coefficients), start, stop)
+    if hasattr(value, "breakpoints"):
+        edges, after, before = linear_pieces(value, start, stop)
+        slope = (before - after) / np.diff(edges)
+        return Pieces(edges, np.stack([after, slope, 0 * slope, 0 * slope], axis=1))
+    return Pieces(whole, np.array([[checks.finite(name, value), 0.0, 0.0, 0.0]]))
+
+
+def add(parts: list[Pieces]) -> Pieces:
+    """The sum of functions on one window."""
+    edges = joint(*parts)
+    return Pieces(edges, np.sum([part.on(edges).coefficients for part in parts], axis=0))
+
+
+def joint(*parts: Pieces) -> Array:
+    """The edges of all of them; closer ones than a round-off of the window are one."""
+    edges = np.unique(np.concatenate([part.edges for part in parts]))
+    hair = 4e-16 * np.abs(edges[[0, -1]]).max()
+    keep = np.concatenate([[True], np.diff(edges) > hair])
+    return np.append(edges[keep][:-1], edges[-1]) if keep.sum() > 1 else edges
+
+
+def bounds(function: Pieces) -> tuple[float, float]:
+    """Lowest and highest value of a piecewise cubic."""
+    length, (_, b, c, d) = np.diff(function.edges), function.coefficients.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        root = np.sqrt(np.maximum(c * c - 3 * b * d, 0))
+        turns = [-b / (c + root), -b / (c - root)]  # of b + 2 c u + 3 d u^2, in the form that d = 0 leaves valid
+    inside = [np.where((u > 0) & (u < length), u, 0.0) for u in turns]
+    values = [_value(function.coefficients, u) for u in (0 * length, length, *inside)]
+    return float(np.min(values)), float(np.max(values))
+
+
+def _value(coefficients: Array, u: Array) -> Array:
+    a, b, c, d = coefficients.T
+    return np.asarray(a + u * (b + u * (c + u * d)))
+
+
+def _window(name: str, function: Pieces, start: float, stop: float) -> Pieces:
+    """The part of a piecewise cubic between two times, which it must cover."""
+    edges, slack = function.edges, 1e-9 * (stop - start)
+    if start < edges[0] - slack or stop > edges[-1] + slack:
+        raise checks.InputError(
+            f"{name} is given from {edges[0]:g} to {edges[-1]:g} s; it must cover {start:g} to {stop:g} s"
+        )
+    inside = edges[(edges > start + 1e-6 * slack) & (edges < stop - 1e-6 * slack)]
+    return function.on(np.concatenate([[start], inside, [stop]]))

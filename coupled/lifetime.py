@@ -1,0 +1,41 @@
+"""Free-carrier recombination with one lifetime at every density."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thermofem import checks
+
+
+@dataclass(frozen=True)
+class ConstantLifetime:
+    """dN/dt = -N/tau: what most rings are modelled with, and right where carriers are swept out or few.
+
+    Parameters
+    ----------
+    tau : float, s
+
+    >>> float(ConstantLifetime(10e-9).lifetime(1e23))
+    1e-08
+    """
+
+    tau: float
+    a: ClassVar[float] = 0.0
+    b: ClassVar[float] = 0.0
+
+    def __post_init__(self) -> None:
+        hint = "lifetimes are in s (did you mean 10e-9 for 10 ns?)"
+        checks.positive("tau", self.tau, unit="s", at_most=0.1, hint=hint)
+
+    @property
+    def tau0(self) -> float:
+        """The lifetime in s."""
+        return self.tau
+
+    def lifetime(self, density: ArrayLike) -> NDArray[np.float64]:
+        """Tau in s, shape of ``density``."""
+        return np.full(np.shape(density), float(self.tau))

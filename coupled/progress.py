@@ -1,0 +1,19 @@
+"""One progress bar for everything that takes a while."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+
+@contextmanager
+def bar(name: str, total: int, wanted: bool) -> Iterator[Callable[[], None]]:
+    """A function to call after each of ``total`` pieces, which moves a bar on the terminal where one is wanted."""
+    if not wanted:
+        yield lambda: None
+        return
+    from rich.progress import Progress
+
+    with Progress() as drawn:
+        task = drawn.add_task(name, total=total)
+        yield lambda: drawn.advance(task)

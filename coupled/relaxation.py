@@ -1,0 +1,210 @@
+"""Windowed waveform relaxation: a small model predicts, a `Corrector` corrects, the difference is fed back.
+
+In a window the light sees dT = dT_predictor + delta(t). Pass k integrates light and carriers with delta_k, hands the
+absorbed power to the corrector, and finds how far the temperature that the light saw was from the one it made:
+
+    delta_{k+1}(t) = delta_k(t) + [dT_corrector(t) - dT_k(t)]
+
+until that bracket is below the tolerance everywhere. It contracts the faster the better the predictor and the shorter
+the window; windows halve when it is slow and double when a few passes do.
+
+Source: E. Lelarasmee, A. E. Ruehli, A. L. Sangiovanni-Vincentelli, IEEE Trans. CAD 1, 131 (1982) (waveform relaxation).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from time import process_time
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem import checks
+from thermofem.cubic import Cubic
+from thermofem.model import ThermalModel
+
+from .corrector import Corrector
+from .resonator import RingResonator
+from .states import State
+from .window import Window, advance
+
+Array = NDArray[np.float64]
+
+MOST_PASSES = 16
+FEW, MANY = 4, 8  # passes up to which windows double, and above which they halve: least work (measured)
+ROWS = 1000  # steps of the light beyond which a window does not double
+SHORTEST = 1e-12  # s; windows below are given up
+KNOTS = 0.02  # share of the tolerance that thinning the discrepancy may cost
+
+
+class Passed(NamedTuple):
+    """One accepted window."""
+
+    run: Window
+    delta_T: Array
+    """What the corrector says, K."""
+    passes: int
+    discrepancy: float
+    """Largest difference between the temperature that the light saw and the corrector's, K."""
+    rest: float
+    """The corrector's temperature less the predictor's at the end, K."""
+
+
+@dataclass
+class Relaxation:
+    """A co-simulation under way.
+
+    Attributes
+    ----------
+    ring, model, corrector
+    power, detuning : as `window.advance` takes them
+    duration, window : float, s
+        windows are ``duration`` over a power of two; ``window`` is the first.
+    tolerance : float, K
+    rtol : float
+    state : coupled State
+        of the optics at the accepted time.
+    background : callable
+        part of the discrepancy that is known before, K at given times.
+    """
+
+    ring: RingResonator
+    model: ThermalModel
+    corrector: Corrector
+    power: Any
+    detuning: Any
+    duration: float
+    window: float
+    tolerance: float
+    rtol: float
+    state: State
+    background: Callable[[Array], Array] | None = None
+    index: int = 0
+    level: int = 0
+    rest: float = 0.0  # discrepancy at the accepted time, less the background
+    first_step: float = 0.0
+    passes: int = 0
+    abandoned: int = 0
+    seconds: dict[str, float] = field(default_factory=lambda: {"optics": 0.0, "corrector": 0.0})
+
+    def __post_init__(self) -> None:
+        self.level = max(0, round(np.log2(self.duration / self.window)))
+
+    @property
+    def time(self) -> float:
+        """How far it is, s."""
+        return self.duration * self.index / 2**self.level
+
+    def advance(self) -> Passed:
+        """Take one window, as long as the relaxation likes it."""
+        while True:
+            start, stop = self.time, self.duration * (self.index + 1) / 2**self.level
+            found, reason = self._window(start, stop)
+            if found is not None:
+                self._accept(found)
+                return found
+            self.abandoned += 1
+            if (stop - start) / 2 < SHORTEST:
+                raise checks.InputError(
+                    f"the co-simulation stops at t = {start:g} s: {reason} even in a window of {stop - start:g} s; "
+                    "does the corrector answer the same when asked the same?"
+                )
+            self.index, self.level = 2 * self.index, self.level + 1
+
+    def _window(self, start: float, stop: float) -> tuple[Passed | None, str]:
+        """Relax one window; None and the reason where it is too long."""
+        offset: Any = self._guess(start, stop)
+        last = np.inf
+        for passes in range(1, MOST_PASSES + 1):
+            clock = process_time()
+            run = advance(
+                self.ring, self.model, self.state, start, stop, power=self.power, detuning=self.detuning,
+                offset=offset, rtol=self.rtol, first_step=self.first_step,
+            )  # fmt: skip
+            middle = process_time()
+            rise = _answer(self.corrector.advance(run.time.copy(), Cubic(run.time, run.absorbed, run.absorbed_slope)))
+            self.seconds["optics"] += middle - clock
+            self.seconds["corrector"] += process_time() - middle
+            self.passes += 1
+            if rise.shape != run.time.shape:
+                raise checks.InputError(
+                    f"corrector.advance returned an array of shape {rise.shape} for {run.time.size} times; "
+                    "one temperature each is needed"
+                )
+            change = float(np.abs(rise - run.delta_T).max())
+            if not np.isfinite(change):
+                return None, f"the corrector's temperature is not finite (pass {passes})"
+            if change <= self.tolerance:
+                seen = float(offset(stop)) if callable(offset) else float(offset)
+                return Passed(run, rise, passes, change, seen + float(rise[-1] - run.delta_T[-1])), ""
+            if passes > 1 and not _hopeful(change, last, self.tolerance, MOST_PASSES - passes):
+                return None, f"the discrepancy goes from {last:.2g} to {change:.2g} K in pass {passes}"
+            last = change
+            offset = self._fed_back(run, offset, rise - run.delta_T)
+        return None, f"{MOST_PASSES} passes leave {last:.2g} K"
+
+    def _guess(self, start: float, stop: float) -> Any:
+        """The discrepancy before the first pass: as it was, and what is known of it."""
+        if self.background is None:
+            return self.rest
+        times = np.linspace(start, stop, 33)
+        return _spline(times, self.background(times) + self.rest, KNOTS * self.tolerance)
+
+    def _fed_back(self, run: Window, offset: Any, change: Array) -> Any:
+        """The discrepancy after a pass."""
+        old = offset(run.time) if callable(offset) else offset
+        return _spline(run.time, old + change, KNOTS * self.tolerance)
+
+    def _accept(self, found: Passed) -> None:
+        self.corrector.accept()
+        self.state, self.first_step = found.run.final, found.run.step
+        self.index += 1
+        self.rest = found.rest
+        if self.background is not None:
+            self.rest -= float(self.background(np.array([self.time]))[0])
+        if found.passes > MANY:
+            self.index, self.level = 2 * self.index, self.level + 1
+        elif found.passes <= FEW and found.run.time.size <= ROWS and self.index % 2 == 0 and self.level > 0:
+            self.index, self.level = self.index // 2, self.level - 1
+
+
+def _answer(rise: Any) -> Array:
+    """What a corrector returned, as an array of our own: it may fill the same one again."""
+    try:
+        if np.iscomplexobj(rise):
+            raise TypeError
+        return np.array(rise, dtype=float)
+    except (TypeError, ValueError):
+        raise checks.InputError(
+            f"corrector.advance returned a {type(rise).__name__} that is no array of real numbers; "
+            "one temperature in K is needed for each time"
+        ) from None
+
+
+def _hopeful(change: float, last: float, tolerance: float, left: int) -> bool:
+    """Whether the passes that are left will do at the present rate."""
+    return change < last and np.log(tolerance / change) / np.log(change / last) <= left
+
+
+def _spline(times: Array, values: Array, allowed: float) -> Any:
+    """A cubic spline through as few of the samples as leave less than ``allowed`` at the others."""
+    from scipy.interpolate import CubicHermiteSpline
+
+    slope = np.gradient(values, times, edge_order=2 if times.size > 2 else 1)
+    knots, open_ = {0, times.size - 1}, [(0, times.size - 1)]
+    while open_:
+        a, b = open_.pop()
+        if b - a < 2:
+            continue
+        inside = slice(a + 1, b)
+        u = (times[inside] - times[a]) / (h := times[b] - times[a])
+        rise, d0, d1 = values[b] - values[a], h * slope[a], h * slope[b]
+        cubic = values[a] + u * (d0 + u * (3 * rise - 2 * d0 - d1 + u * (d0 + d1 - 2 * rise)))
+        if np.abs(cubic - values[inside]).max() > allowed:
+            middle = (a + b) // 2
+            knots.add(middle)
+            open_ += [(a, middle), (middle, b)]
+    at = np.array(sorted(knots))
+    return CubicHermiteSpline(times[at], values[at], slope[at])

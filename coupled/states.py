@@ -1,0 +1,86 @@
+"""What a ring holds at one moment: light, carriers and heat, from which a run can go on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thermofem import checks
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Field, carriers and thermal states at one moment.
+
+    Parameters
+    ----------
+    field : complex, sqrt(J)
+        a, with |a|^2 the stored energy, in the phase of the light that comes in.
+    carriers : float, 1/m^3
+        N.
+    thermal : array, shape (n,), K
+        the states of the thermal model: of a Foster network the rise over each R_i, whose sum is the rise.
+    """
+
+    field: complex
+    carriers: float
+    thermal: ArrayLike
+
+    def __post_init__(self) -> None:
+        value = complex(self.field)
+        checks.between(
+            "field energy", abs(value) ** 2, 0, 1e-9, unit="J", hint="fields are in sqrt(J); 20 fJ is 1.4e-7"
+        )
+        checks.between("carriers", self.carriers, 0, 1e28, unit="1/m^3", hint="1e17 cm^-3 is 1e23")
+        object.__setattr__(self, "field", value)
+        object.__setattr__(self, "thermal", checks.array("thermal", self.thermal))
+
+    @classmethod
+    def cold(cls, order: int) -> State:
+        """No light, no carriers and no heat, for a thermal model of ``order`` states."""
+        return cls(0.0, 0.0, np.zeros(order))
+
+    @classmethod
+    def end_of(cls, run: xr.Dataset) -> State:
+        """Where a run of `simulate` ended."""
+        if "final_state" not in getattr(run, "attrs", {}):
+            raise checks.InputError("initial has no final_state; give a Dataset from coupled.simulate, or a State")
+        values = checks.array("initial.attrs['final_state']", run.attrs["final_state"])
+        if values.size < 4:
+            raise checks.InputError(f"initial.attrs['final_state'] has {values.size} numbers; at least 4 are needed")
+        return cls.from_array(values)
+
+    @classmethod
+    def from_array(cls, values: Array) -> State:
+        """The state that `as_array` wrote; a density that round-off left below 0 is 0."""
+        return cls(complex(values[0], values[1]), max(float(values[2]), 0.0), values[3:])
+
+    @property
+    def energy(self) -> float:
+        """|a|^2 in J."""
+        return abs(self.field) ** 2
+
+    def as_array(self) -> Array:
+        """[Re a, Im a, N, x_1 .. x_n] in SI."""
+        return np.array([self.field.real, self.field.imag, self.carriers, *np.asarray(self.thermal)])
+
+
+def starting_point(initial: State | xr.Dataset | None, order: int) -> State:
+    """The state a run begins with: cold, given, or where another run ended."""
+    if initial is None:
+        return State.cold(order)
+    state = initial if isinstance(initial, State) else State.end_of(initial)
+    if np.size(state.thermal) != order:
+        raise checks.InputError(
+            f"initial has {np.size(state.thermal)} thermal states and the model {order}; "
+            "go on with the model that the run was made with"
+        )
+    return state

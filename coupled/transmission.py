@@ -1,0 +1,260 @@
+"""Transmission of a nonlinear ring: all branches against detuning or power, and the loop that a slow sweep follows."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thermofem import checks
+from thermofem.model import ThermalModel
+
+from .resonator import RingResonator
+from .steady import Internal, check_detuning, check_power, check_ring, internal, observables, provenance
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+POINTS = 600  # of a curve
+
+
+def transmission(
+    ring: RingResonator,
+    model: ThermalModel,
+    *,
+    power: float | ArrayLike,
+    detuning: float | ArrayLike,
+) -> xr.Dataset:
+    """Return the curve of all fixed points against detuning at one power, or against power at one detuning.
+
+    At one power it is the tilted resonance, one smooth curve with a parameter s (D = gamma sinh s); at one detuning
+    power is a function of the energy, P = U (gamma^2 + D^2)/(2 gamma_e). Either way the curve runs through its folds:
+    where it is bistable it has three values.
+
+    Parameters
+    ----------
+    ring : RingResonator
+    model : ThermalModel
+        as for `steady_states`.
+    power, detuning : float, or (first, last); W, Hz
+        one of them a pair, the range of the curve.
+
+    Returns
+    -------
+    xarray.Dataset
+        over point, along the curve, up to 600: power, detuning, and all that `steady_states` gives, with regime
+        "stable", "saddle", "unstable focus" or "unstable node".
+
+    Raises
+    ------
+    InputError
+        as `steady_states`; neither or both of them a pair.
+
+    >>> import coupled, thermofem as th
+    >>> model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
+    >>> curve = coupled.transmission(coupled.borghi2021(), model, power=5e-3, detuning=(-120e9, 20e9))
+    >>> peak = curve.isel(point=int(curve["drop"].values.argmax()))
+    >>> print(f"{float(peak['drop']) * 1e3:.2f} mW at {float(peak.detuning) / 1e9:.1f} GHz, {peak.regime.item()}")
+    2.20 mW at -92.0 GHz, stable
+    """
+    from . import balance
+    from . import equations as eq
+
+    check_ring(ring)
+    at = internal(ring, model)
+    rest = (at.rates, at.fcd, at.static)
+    P, nu = _ends("power", power), _ends("detuning", detuning)
+    if (P.size, nu.size) == (1, 2):
+        drive = eq.internal_drive(ring, P[0])
+        end = balance.reach(2 * np.pi * eq.NS * float(np.abs(nu).max()), drive, *rest)
+
+        def along(s: Array) -> tuple[Array, Array, Array, Array]:
+            U, D, shift, _ = np.array([balance.tilted(v, drive, *rest) for v in s]).T
+            return U, D, np.full(U.size, P[0]), shift / (2 * np.pi * eq.NS)
+
+        U, D, powers, detunings = _window(along, -end, end, lambda curve: (curve[3] >= nu[0]) & (curve[3] <= nu[1]))
+    elif (P.size, nu.size) == (2, 1):
+        shift_0 = 2 * np.pi * eq.NS * nu[0]
+        weak, strong = (eq.internal_drive(ring, p) for p in P)
+        high = np.log(balance.energy(0.0, strong, *rest))
+        low = np.log(balance.energy(balance.reach(abs(shift_0), weak, *rest), weak, *rest))
+
+        def along(s: Array) -> tuple[Array, Array, Array, Array]:
+            U = np.exp(s)
+            shift, gamma = balance.balances(U, *rest)[[3, 5]]
+            D = shift - shift_0
+            return U, D, U * (gamma**2 + D**2) / eq.internal_drive(ring, 1.0) ** 2, np.full(U.size, nu[0])
+
+        U, D, powers, detunings = _window(along, low, high, lambda curve: (curve[2] >= P[0]) & (curve[2] <= P[1]))
+    else:
+        raise checks.InputError("one of power and detuning must be a pair (first, last), the other one number")
+    found = _dataset(ring, at, U, D, powers, detunings)
+    found.attrs |= provenance("transmission", ring, at.model)
+    return found
+
+
+def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike, detuning: ArrayLike) -> Array:
+    """Return the bus power (W) that a steady drop power needs: the transmission turned round, which has one value.
+
+        U = P_drop/(2 gamma_drop),     P = U [gamma(U)^2 + D(U)^2]/(2 gamma_e)
+
+    No branch has to be guessed and nothing solved, so that measured loops, bistable or not, are fitted by plain least
+    squares in ln P.
+
+    Parameters
+    ----------
+    ring : RingResonator
+    model : ThermalModel
+        as for `steady_states`; only its static response matters.
+    drop : array, W
+        larger than 0.
+    detuning : array, Hz
+        of a shape that goes with that of ``drop``.
+
+    Raises
+    ------
+    InputError
+        a drop power that is not positive, or a model as for `steady_states`.
+    """
+    from . import balance
+    from . import equations as eq
+
+    check_ring(ring)
+    wanted, nu = np.broadcast_arrays(np.asarray(drop, dtype=float), np.asarray(detuning, dtype=float))
+    if not (np.all(np.isfinite(nu)) and np.all(wanted > 0) and np.all(wanted < 1)):
+        raise checks.InputError(f"drop = {np.min(wanted):g} .. {np.max(wanted):g} W must lie between 0 and 1 W")
+    at = internal(ring, model)
+    if ring.drop_bus_rate == 0:
+        raise checks.InputError(f"ring {ring.name!r} has no drop port")
+    U = wanted.ravel() / (2 * ring.drop_bus_rate) / eq.FJ
+    shift, gamma = balance.balances(U, at.rates, at.fcd, at.static)[[3, 5]]
+    D = shift - 2 * np.pi * eq.NS * nu.ravel()
+    return np.asarray(U * (gamma**2 + D**2) / eq.internal_drive(ring, 1.0) ** 2).reshape(wanted.shape)
+
+
+def sweep(
+    ring: RingResonator,
+    model: ThermalModel,
+    *,
+    power: float | ArrayLike,
+    detuning: float | ArrayLike,
+) -> xr.Dataset:
+    """Follow the fixed point of a laser whose power or detuning changes so slowly that the ring is always at rest.
+
+    From step to step the ring stays on its branch. Where that ends in a fold it jumps to the nearest stable one. Where
+    it turns unstable without ending (a Hopf point) the ring begins to pulse; the fixed point is followed on, and regime
+    says so: `simulate` with a waveform says what the ring does there.
+
+    Parameters
+    ----------
+    ring : RingResonator
+    model : ThermalModel
+        as for `steady_states`.
+    power, detuning : float or array, W, Hz
+        one of them the steps in the order in which they are taken, up, down, or up and down again.
+
+    Returns
+    -------
+    xarray.Dataset
+        over step: power, detuning, all that `steady_states` gives, and jumped, whether the ring left its branch.
+
+    Raises
+    ------
+    InputError
+        as `steady_states`; not exactly one of them an array.
+    """
+    from . import balance
+    from . import equations as eq
+
+    check_ring(ring)
+    P, nu = (checks.array(name, v) for name, v in (("power", power), ("detuning", detuning)))
+    if (P.size > 1) == (nu.size > 1):
+        raise checks.InputError("one of power and detuning must be an array of steps, the other one number")
+    for name, values, check in (("power", P, check_power), ("detuning", nu, check_detuning)):
+        for k, value in enumerate(values):
+            check(value, f"{name}[{k}]" if values.size > 1 else name)
+    at = internal(ring, model)
+    rest = (at.rates, at.fcd, at.static)
+    steps = max(P.size, nu.size)
+    P, nu = np.broadcast_to(P, steps), np.broadcast_to(nu, steps)
+    shifts = 2 * np.pi * eq.NS * nu
+    farthest = float(np.abs(shifts).max())
+    path, jumped, before, pieces, drive = np.empty((2, steps)), np.zeros(steps, dtype=bool), None, None, np.nan
+    for k in range(steps):
+        if eq.internal_drive(ring, P[k]) != drive:
+            drive = eq.internal_drive(ring, P[k])
+            pieces = balance.turning_points(balance.reach(farthest, drive, *rest), drive, *rest)
+        points = balance.fixed_points(shifts[k], drive, *rest, pieces)
+        points = points[:, np.argsort(points[0])]
+        here, jumped[k] = _next(points[0], before, lambda i, p=points: _stable(p[:, i], at))
+        path[:, k], before = points[:, here], (points[0], here)
+    found = _dataset(ring, at, path[0], path[1], P, nu, "step")
+    found["jumped"] = ("step", jumped, {"units": "1", "long_name": "left its branch"})
+    found.attrs |= provenance("slow sweep", ring, at.model)
+    return found
+
+
+def _window(along: Any, low: float, high: float, inside: Any) -> tuple[Array, Array, Array, Array]:
+    """The part of a curve within the window, with points at equal distances along it as it is drawn."""
+    parameter = np.linspace(low, high, POINTS)
+    seen = np.flatnonzero(inside(along(parameter)))
+    if seen.size:
+        low, high = parameter[max(seen[0] - 1, 0)], parameter[min(seen[-1] + 1, POINTS - 1)]
+    parameter = np.linspace(low, high, POINTS)
+    drawn = np.array(along(parameter))[[0, 2, 3]]  # energy, power, detuning
+    steps = np.diff(drawn, axis=1) / np.maximum(np.ptp(drawn, axis=1), 1e-300)[:, None]
+    length = np.concatenate([[0], np.cumsum(np.sqrt(np.sum(steps**2, axis=0)))])
+    curve = along(np.interp(np.linspace(0, length[-1], POINTS), length, parameter))
+    keep = inside(curve)
+    U, D, powers, detunings = (values[keep] for values in curve)
+    return U, D, powers, detunings
+
+
+def _next(U: Array, before: tuple[Array, int] | None, stable: Any) -> tuple[int, bool]:
+    """Which of the fixed points of energies ``U`` follows on the one of the step before, and whether that is a jump."""
+    if before is None:
+        rest = [i for i in range(U.size) if stable(i)]
+        return (rest or [0])[0], False
+    earlier, at = before
+    nearest = int(np.argmin(np.abs(np.log(U / earlier[at]))))
+    if U.size >= earlier.size:
+        return nearest, False
+    pair = int(np.argmin(np.diff(np.log(earlier))))  # the two that met and vanished
+    if at not in (pair, pair + 1):
+        return nearest, False
+    rest = [i for i in range(U.size) if stable(i)] or list(range(U.size))
+    return min(rest, key=lambda i: abs(np.log(U[i] / earlier[at]))), True
+
+
+def _stable(point: Array, at: Internal) -> bool:
+    """Whether a fixed point (U, D) is stable."""
+    from . import spectrum
+
+    return bool(spectrum.dense(point[0], point[1], at.rates, at.fcd, at.thermal).real.max() < 0)
+
+
+def _ends(name: str, value: float | ArrayLike) -> Array:
+    """One number, or an increasing pair."""
+    ends = checks.array(name, value)
+    if ends.size > 2 or (ends.size == 2 and ends[0] >= ends[1]):
+        raise checks.InputError(f"{name} = {value!r} must be one number or a pair (first, last) with first < last")
+    for end in ends:
+        (check_power if name == "power" else check_detuning)(end, name)
+    return ends
+
+
+def _dataset(
+    ring: RingResonator, at: Internal, U: Array, D: Array, powers: Array, detunings: Array, over: str = "point"
+) -> xr.Dataset:
+    """Fixed points along a line, in SI."""
+    import xarray as xr
+
+    from thermofem import dataset
+
+    values = {"power": powers, "detuning": detunings} | observables(ring, at, U, D, powers)
+    return xr.Dataset(
+        {name: (over, v, dataset.describe("input_power" if name == "power" else name)) for name, v in values.items()}
+    )

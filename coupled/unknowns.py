@@ -1,0 +1,195 @@
+"""What `identify` may vary: fields of the ring, of its carriers and of the thermal law, by name, in logarithms."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem import checks
+from thermofem.model import Foster, ThermalModel
+
+from .carriers import ShockleyReadHall
+from .parameters import borghi2021 as published
+from .resonator import RingResonator
+from .thermal import network
+
+Array = NDArray[np.float64]
+
+SECOND_ORDER = ("kappa", "tau_f", "tau_s", "eta")
+NEWTON = ("tau_th",)
+POLES = ("R", "tau")
+HEAT_CAPACITY = "heat_capacity"
+LIFETIMES = ("tau_n", "tau_p")
+SPAN = 4.0  # how far a value may go from its start, as a factor, where no bounds are given
+
+
+def second_order(kappa: float, tau_f: float, tau_s: float, eta: float, heat_capacity: float) -> Foster:
+    """Eq. 3 of the paper as its two poles, which may be of either sign."""
+    fast, slow = 1 / tau_f, 1 / tau_s
+    c_f = (eta * fast - kappa) / (fast - slow)
+    return Foster(R=[c_f * tau_f / heat_capacity, (eta - c_f) * tau_s / heat_capacity], tau=[tau_f, tau_s])
+
+
+@dataclass(frozen=True, eq=False)
+class Unknowns:
+    """The free parameters of a ring with a thermal law.
+
+    Attributes
+    ----------
+    ring : RingResonator
+    thermal : mapping of str to float
+        the parameters of the law, free or not; empty where ``model`` is taken as it is.
+    model : Foster, optional
+        the network that is taken as it is, or whose poles are free.
+    names : tuple of str
+        one for each number: "R" and "tau" of n poles become "R1" .. "Rn" and "tau1" .. "taun".
+    start, low, high : array
+        logarithms.
+    """
+
+    ring: RingResonator
+    thermal: Mapping[str, float]
+    model: Foster | None
+    names: tuple[str, ...]
+    start: Array
+    low: Array
+    high: Array
+
+    def build(self, x: Array) -> tuple[RingResonator, Foster]:
+        """The ring and the thermal network at the logarithms ``x``; raises InputError where they make no sense."""
+        values = dict(zip(self.names, np.exp(x).tolist(), strict=True))
+        law = {name: values.pop(name, value) for name, value in self.thermal.items()}
+        return varied(self.ring, values), network(_model(law, self.model, values))
+
+
+def unknowns(
+    ring: RingResonator,
+    free: Sequence[str],
+    model: ThermalModel | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+) -> Unknowns:
+    """Resolve the names of the free parameters.
+
+    Raises
+    ------
+    InputError
+        an unknown, repeated or fixed name, names of two thermal laws, or bounds that are not positive and in order.
+    """
+    if isinstance(free, str) or not free:
+        raise checks.InputError(f"free = {free!r} must be a list of names, such as ['kappa', 'tau_f', 'tau_s', 'eta']")
+    known = optical_names(ring) | {*SECOND_ORDER, *NEWTON, *POLES, HEAT_CAPACITY}
+    for name in free:
+        checks.choice("a name in free", name, known)
+    thermal, poles = _law(free, model)
+    start: dict[str, float] = {}
+    for name in free:
+        if name in POLES and poles is not None:
+            start |= {f"{name}{k + 1}": float(v) for k, v in enumerate(getattr(poles, name))}
+        else:
+            start[name] = thermal[name] if name in thermal else _of_ring(ring, name)
+    if len(set(free)) < len(free):
+        raise checks.InputError(f"free = {list(free)} holds a name twice")
+    names = tuple(start)
+    values = np.array(
+        [checks.positive(name, start[name], hint="a free parameter must start above 0") for name in names]
+    )
+    low, high = values / SPAN, values * SPAN
+    for name, pair in (bounds or {}).items():
+        checks.choice("a name in bounds", name, names)
+        ends = np.asarray(pair)
+        if not (ends.shape == (2,) and ends.dtype.kind in "iuf" and 0 < pair[0] < pair[1] < np.inf):
+            raise checks.InputError(f"bounds[{name!r}] = {pair!r} must be (low, high) with 0 < low < high")
+        k = names.index(name)
+        low[k], high[k] = pair
+        values[k] = min(max(values[k], low[k]), high[k])
+    return Unknowns(ring, thermal, poles, names, np.log(values), np.log(low), np.log(high))
+
+
+def _law(free: Sequence[str], model: ThermalModel | None) -> tuple[dict[str, float], Foster | None]:
+    """Start values of the thermal law that the names belong to, or the network."""
+    asked = {
+        "the second-order equation": set(free) & set(SECOND_ORDER),
+        "Newton's law": set(free) & set(NEWTON),
+        "a network": set(free) & set(POLES),
+    }
+    laws = [law for law, names in asked.items() if names]
+    if len(laws) > 1:
+        raise checks.InputError(f"free = {list(free)} mixes {' and '.join(laws)}; take the names of one")
+    poles = network(model) if model is not None else None
+    if laws == ["the second-order equation"]:
+        p = published.SECOND_ORDER_FEM
+        start = {name: float(getattr(p, name)) for name in (*SECOND_ORDER, HEAT_CAPACITY)}
+        return (start if poles is None else start | _as_second_order(poles, p.heat_capacity)), None
+    if laws == ["Newton's law"] or (not laws and HEAT_CAPACITY in free):
+        q = published.NEWTON_FIT
+        if poles is None:
+            return {"tau_th": q.tau_th, HEAT_CAPACITY: q.heat_capacity}, None
+        if poles.order != 1:
+            raise checks.InputError(f"Newton's law has one pole, the model {poles.order}; free 'R' and 'tau' instead")
+        (tau,), (R,) = np.asarray(poles.tau, dtype=float), np.asarray(poles.R, dtype=float)
+        return {"tau_th": float(tau), HEAT_CAPACITY: float(tau / R)}, None
+    if poles is None:
+        raise checks.InputError(f"free = {list(free)} has no thermal parameter; give the thermal model as model=")
+    return {}, poles
+
+
+def _as_second_order(poles: Foster, heat_capacity: float) -> dict[str, float]:
+    """The numbers of Eq. 3 for two poles."""
+    if poles.order != 2:
+        raise checks.InputError(f"the second-order equation has two poles, the model {poles.order}; free 'R' and 'tau'")
+    fast, slow = np.argsort(poles.tau)
+    tau, R = np.asarray(poles.tau, dtype=float), np.asarray(poles.R, dtype=float)
+    gain = R / tau * heat_capacity
+    kappa = gain[fast] / tau[slow] + gain[slow] / tau[fast]
+    return {
+        "kappa": float(kappa),
+        "tau_f": float(tau[fast]),
+        "tau_s": float(tau[slow]),
+        "eta": float(gain.sum()),
+        HEAT_CAPACITY: heat_capacity,
+    }
+
+
+def _of_ring(ring: RingResonator, name: str) -> float:
+    """Start value of a field of the ring or of its carriers."""
+    owner = ring if hasattr(ring, name) else ring.carriers
+    if not hasattr(owner, name):
+        raise checks.InputError(f"free holds {name!r}, which goes with another thermal model than the one given")
+    return float(getattr(owner, name))
+
+
+def optical_names(ring: RingResonator) -> set[str]:
+    """Every number of the ring and of its carriers that may be varied."""
+    own = {f.name for f in fields(ring) if isinstance(getattr(ring, f.name), float)}
+    return own | {f.name for f in fields(ring.carriers)} | {"tau0"}
+
+
+def varied(ring: RingResonator, values: Mapping[str, float]) -> RingResonator:
+    """The ring with new fields; "tau0" scales all lifetimes."""
+    names = {f.name for f in fields(ring)}
+    own: dict[str, Any] = {name: v for name, v in values.items() if name in names}
+    carriers: Any = ring.carriers
+    known = {f.name for f in fields(carriers)} - names
+    inner: dict[str, Any] = {name: v for name, v in values.items() if name in known}
+    if inner:
+        carriers = replace(carriers, **inner)
+    if "tau0" in values and "tau0" not in inner:
+        factor = values["tau0"] / carriers.tau0
+        lifetimes = LIFETIMES if isinstance(carriers, ShockleyReadHall) else ("tau",)
+        scaled: dict[str, Any] = {name: factor * getattr(carriers, name) for name in lifetimes}
+        carriers = replace(carriers, **scaled)
+    return replace(ring, **own, carriers=carriers)
+
+
+def _model(law: Mapping[str, float], poles: Foster | None, values: Mapping[str, float]) -> Foster:
+    """The thermal network of a law, or the given one with new poles."""
+    if poles is None:
+        if "kappa" in law:
+            return second_order(**law)
+        return Foster(R=[law["tau_th"] / law[HEAT_CAPACITY]], tau=[law["tau_th"]])
+    R, tau = ([values.get(f"{name}{k + 1}", float(v)) for k, v in enumerate(getattr(poles, name))] for name in POLES)
+    return Foster(R=R, tau=tau)

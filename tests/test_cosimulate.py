@@ -1,0 +1,380 @@
+"""FEM in the loop: against the certified reduction, a monolithic integration, closed forms, and itself."""
+
+from __future__ import annotations
+
+import multiprocessing
+from functools import cache
+
+import numpy as np
+import pytest
+from models import coarse_fem, coarse_warm_fem
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+
+import coupled
+import surrogate
+import thermofem as th
+from coupled import equations as eq
+from thermofem.cubic import Cubic
+from thermofem.model import pole_responses
+from thermofem.transient import integrate
+
+RING = coupled.borghi2021()
+MW = 6.31e-3  # 8 dBm
+NETWORK = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
+
+
+@cache
+def strip():
+    heat = th.assemble(th.strip_ring())
+    return heat, surrogate.reduce(heat.system, tolerance=1e-6).model
+
+
+def traces_apart(run, other):
+    """Largest difference of delta_T in units of its largest value, on the times of ``run``."""
+    times, values = run.time.values, run.delta_T.values
+    return np.abs(np.interp(times, other.time, other.delta_T) - values).max() / values.max()
+
+
+class Exact:
+    """A Foster network in closed form behind the contract, as anybody would write a corrector."""
+
+    def __repr__(self):
+        return "Exact()"  # in the name of a test: the same in every process
+
+    def __init__(self, network):
+        self.rate, self.gain = 1 / network.tau, network.R / network.tau
+        self.state, self.tried, self.accepted, self.said = np.zeros(network.order), None, 0, []
+
+    def advance(self, times, power):
+        fine = np.unique(
+            np.concatenate([times, power.breakpoints(times[0], times[-1]), np.linspace(times[0], times[-1], 500)])
+        )
+        wave = th.Sampled(fine - fine[0], np.maximum(power(fine), 0))
+        poles = pole_responses(self.rate, wave, np.minimum(times - times[0], fine[-1] - fine[0]))
+        states = poles * self.gain + np.exp(-self.rate * (times - times[0])[:, None]) * self.state
+        self.tried, self.last = states[-1], states.sum(axis=1)
+        return self.last
+
+    def accept(self):
+        self.state, self.accepted = self.tried, self.accepted + 1
+        self.said.append(self.last)
+
+
+@pytest.mark.parametrize(("dBm", "GHz"), [(8, 0), (5, 0), (7, -10), (10, 20), (8, 25), (6, 10)])
+def test_the_fem_in_the_loop_is_the_certified_reduction(dBm, GHz):
+    """The reduction is within 1e-6 of R_th; left are 1e-4 K of tolerance and how finely the steps sample the duty."""
+    heat, reduction = strip()
+    drive = {"power": 1e-3 * 10 ** (dBm / 10), "detuning": GHz * 1e9, "duration": 6e-6, "rtol": 1e-9}
+    run = coupled.cosimulate(RING, heat, tolerance=1e-4, **drive)
+    found, wanted = coupled.pulsing(run), coupled.pulsing(coupled.simulate(RING, reduction, **drive))
+    assert found.regime == wanted.regime == "self-pulsing"
+    for name in ("period", "duty", "swing"):
+        assert getattr(found, name) == pytest.approx(getattr(wanted, name), rel=1e-4, abs=0)
+    assert run.attrs["largest_discrepancy"] < 1e-4
+    assert abs(run.attrs["heat_imbalance"]) < 1e-7  # the cubics between the grid times of the fast part
+
+
+def test_period_at_8_dBm_after_20_us():
+    """680 ns and 5.87 K, found independently for this section; 1e-2 for what the other mesh differs."""
+    found = coupled.pulsing(coupled.cosimulate(RING, strip()[0], power=MW, duration=20e-6))
+    assert found.period == pytest.approx(680e-9, rel=1e-2, abs=0)
+    assert found.swing == pytest.approx(5.87, rel=1e-2)
+
+
+def shells(n=40):
+    """Half-cylinders of oxide around the core, each three quarters thinner than the next; finite volumes."""
+    radius = np.geomspace(0.2e-6, 6e-6, n + 1)
+    capacity = np.pi / 2 * (radius[1:] ** 2 - radius[:-1] ** 2) * 50e-6 * 2203 * 703
+    conductance = np.pi * 50e-6 * 1.38 / np.log(radius[1:] / radius[:-1])
+    A = (
+        np.diag(-conductance - np.append(0, conductance[:-1]))
+        + np.diag(conductance[:-1], 1)
+        + np.diag(conductance[:-1], -1)
+    )
+    first = np.eye(n)[:, [0]]
+    return th.StateSpace(np.diag(capacity), A, first, first.T)
+
+
+def test_a_monolithic_stiff_integration_agrees():
+    """Light, carriers and every temperature in one system, by SciPy's Radau at rtol 1e-9: 1e-5 of the largest rise."""
+    system, times = shells(), np.linspace(0, 0.2e-6, 101)
+    monolithic = _monolithic(system, 20e-3, times)
+    run = coupled.cosimulate(RING, system, power=20e-3, duration=0.2e-6, tolerance=1e-5, rtol=1e-10)
+    found = CubicSpline(run.time, run.delta_T)(times)
+    assert monolithic.max() > 3
+    assert np.abs(found - monolithic).max() < 1e-5 * monolithic.max()
+
+
+def _monolithic(system, power, times):
+    rates, fcd = eq.internal_rates(RING)
+    drive, capacity = eq.internal_drive(RING, power), system.E.diagonal() / (eq.UW * eq.NS)
+    A, n = system.A / (eq.UW * capacity[:, None]), system.order
+
+    def right(t, y):
+        ar, ai, N, dT = y[:4]
+        *light, heat = eq.optics.py_func(ar, ai, N, dT, eq.dispersion.py_func(N, fcd)[0], drive, 0.0, rates)
+        warming = A @ y[3:]
+        warming[0] += heat / capacity[0]
+        return np.concatenate([light, warming])
+
+    def jacobian(t, y):
+        ar, ai, N, dT = y[:4]
+        J = np.array(eq.optics_jacobian.py_func(ar, ai, N, dT, *eq.dispersion.py_func(N, fcd), 0.0, rates))
+        full = np.zeros((3 + n, 3 + n))
+        full[3:, 3:] = A
+        full[:3, :4] = J[:3]
+        full[3, :3] = J[3, :3] / capacity[0]
+        return full
+
+    options = {"jac": jacobian, "rtol": 1e-9, "atol": 1e-10}
+    return solve_ivp(right, (0, times[-1] / eq.NS), np.zeros(3 + n), "Radau", times / eq.NS, **options).y[3]
+
+
+@pytest.mark.parametrize(
+    "predictor",
+    [None, NETWORK, surrogate.newton(tau_th=275e-9), th.OutputMap(NETWORK, -4e-4), coupled.NO_PREDICTOR],
+    ids=["own", "second order", "newton", "output map", "none"],
+)
+def test_any_predictor_gives_the_same_answer(predictor):
+    system, drive = coarse_fem(), {"power": MW, "duration": 0.3e-6, "rtol": 1e-7}
+    reference = coupled.cosimulate(RING, system, tolerance=1e-5, **drive)
+    run = coupled.cosimulate(RING, system, predictor=predictor, tolerance=1e-3, **drive)
+    assert run.attrs["largest_discrepancy"] <= 1e-3
+    # the light turns a discrepancy of 1e-3 K into ten times as much where it switches
+    assert traces_apart(run, reference) * reference.delta_T.values.max() < 1e-2
+    assert (run.attrs["passes"] > 2 * run.attrs["windows"]) == (predictor is not None)
+
+
+def test_the_error_falls_with_the_tolerance():
+    drive = {"power": 20e-3, "duration": 0.2e-6, "rtol": 1e-8}
+    fine = np.linspace(0, 0.2e-6, 20001)
+    reduction = surrogate.reduce(coarse_fem(), tolerance=1e-7).model
+    reference = coupled.simulate(RING, reduction, times=fine, **drive).delta_T.values
+    errors = []
+    for tolerance in (3e-1, 3e-2, 3e-3):
+        run = coupled.cosimulate(
+            RING, coarse_fem(), predictor=surrogate.newton(tau_th=275e-9), tolerance=tolerance, **drive
+        )
+        errors.append(np.abs(np.interp(run.time, fine, reference) - run.delta_T).max())
+    assert errors[1] < errors[0] / 4
+    assert errors[2] < errors[1] / 4
+    assert errors[2] < 3e-3
+
+
+def test_k_of_T_in_the_loop():
+    """The run's own absorbed power through the full-order nonlinear solver gives the run's temperature."""
+    system = coarse_warm_fem()
+    run = coupled.cosimulate(RING, system, power=0.1, duration=40e-9, tolerance=5e-4)
+    times, spline = run.time.values, CubicSpline(run.time, run.absorbed)
+    wave, some = Cubic(times, spline(times), spline(times, 1)), slice(None, None, times.size // 10)
+    alone, linear = (integrate(model, wave, times[some], rtol=1e-4).outputs[:, 0] for model in (system, system.linear))
+    rise = run.delta_T.values[some]
+    assert rise == pytest.approx(alone, rel=0, abs=5e-4)
+    assert np.abs(rise - linear).max() > 1.5e-3  # so that it is seen
+
+
+def test_k_of_T_is_the_linear_problem_where_the_light_is_weak():
+    system, drive = coarse_warm_fem(), {"power": 1e-5, "duration": 30e-9, "tolerance": 1e-6}
+    run, linear = (coupled.cosimulate(RING, heat, **drive) for heat in (system, system.linear))
+    assert run.delta_T.values[-1] > 5e-4
+    # dT of 1 mK changes k by 1e-5 of itself; the tolerance is larger
+    assert run.delta_T.values[-1] == pytest.approx(linear.delta_T.values[-1], rel=0, abs=1e-6)
+
+
+def test_a_heater_beside_the_light():
+    """Weak light reads the temperature that the heater makes: compare with the heater alone."""
+    heat = th.assemble(th.heated_ring())
+    heater = next(name for name in heat.heated if name != "core")
+    wave, times = th.Pulse(20e-3, width=0.4e-6, start=0.1e-6), np.linspace(0, 1e-6, 51)
+    alone = integrate(heat.channels(heater, "core"), wave, times, rtol=1e-6).outputs[:, 0]
+    run = coupled.cosimulate(RING, heat, power=1e-9, duration=1e-6, heaters={heater: wave}, field_times=[0.5e-6])
+    assert np.interp(times, run.time, run.delta_T) == pytest.approx(alone, rel=0, abs=2e-3)
+    assert alone.max() > 1
+    assert run.attrs["passes"] == run.attrs["windows"]  # the reduction knows the heater
+    assert float(run.field.max()) > 2 * alone.max()  # the heater is hotter than the ring
+
+
+def test_a_predictor_may_know_the_heater():
+    heat = th.assemble(th.heated_ring())
+    several = surrogate.reduce(heat.channels(("core", "heater"), "core"), tolerance=1e-4).model
+    drive = {"power": 1e-9, "duration": 0.3e-6, "heaters": {"heater": th.Constant(20e-3)}}
+    run = coupled.cosimulate(RING, heat, predictor=several, **drive)
+    assert run.attrs["passes"] == run.attrs["windows"]
+    alone = heat.channels("heater", "core").response(th.Constant(20e-3), [0.3e-6])
+    assert run.delta_T.values[-1] == pytest.approx(alone[0], rel=0, abs=1e-3)
+
+
+def test_a_corrector_of_ones_own():
+    drive = {"power": MW, "duration": 1e-6}
+    corrector = Exact(NETWORK)
+    run = coupled.cosimulate(RING, corrector, predictor=surrogate.newton(tau_th=275e-9), **drive)
+    assert traces_apart(run, coupled.simulate(RING, NETWORK, **drive)) < 2e-3
+    assert corrector.accepted == run.attrs["windows"]
+    assert np.array_equal(run.delta_T, np.concatenate([corrector.said[0], *(rise[1:] for rise in corrector.said[1:])]))
+    assert run.attrs["passes"] < 1000  # 435; with half of the discrepancy fed back 4590
+    assert run.sizes["window"] == run.attrs["windows"]
+
+
+def _serve(pipe):
+    """Another process that owns the thermal model."""
+    corrector = Exact(NETWORK)
+    while (message := pipe.recv()) is not None:
+        pipe.send(corrector.advance(*message) if message else corrector.accept())
+
+
+class Remote:
+    """A corrector at the other end of a connection of the standard library."""
+
+    def __init__(self, pipe):
+        self.pipe = pipe
+
+    def advance(self, times, power):
+        self.pipe.send((times, Cubic(power.times, power.power, power.slope)))
+        return self.pipe.recv()
+
+    def accept(self):
+        self.pipe.send(())
+        self.pipe.recv()
+
+
+def test_two_processes():
+    context = multiprocessing.get_context("spawn")
+    here, there = context.Pipe()
+    process = context.Process(target=_serve, args=(there,))
+    process.start()
+    try:
+        drive = {"power": MW, "duration": 0.3e-6, "predictor": NETWORK}
+        run = coupled.cosimulate(RING, Remote(here), **drive)
+    finally:
+        here.send(None)
+        process.join(20)
+    assert process.exitcode == 0
+    assert np.array_equal(run.delta_T, coupled.cosimulate(RING, Exact(NETWORK), **drive).delta_T)
+
+
+def test_a_laser_that_sweeps():
+    heat, reduction = strip()
+    drive = {
+        "power": 1e-3,
+        "detuning": coupled.Sweep([0, 1e-6, 2e-6], [20e9, -30e9, 20e9]),
+        "duration": 2e-6,
+        "rtol": 1e-7,
+    }
+    run, reference = coupled.cosimulate(RING, heat, **drive), coupled.simulate(RING, reduction, **drive)
+    assert traces_apart(run, reference) < 1e-3
+    assert "detuning" in run
+
+
+def test_fields_are_those_of_the_temperature_that_is_read():
+    heat, _ = strip()
+    times = [0.0, 0.13e-6, 0.5e-6]
+    run = coupled.cosimulate(RING, heat, power=MW, duration=0.5e-6, field_times=times)
+    r, z = run.r.values, run.z.values
+    inside = (abs(r - 7.955e-6) < 0.2e-6) & (z > 0.02e-6) & (z < 0.2e-6)
+    for time, field in zip(times, run.field.values, strict=True):
+        rise = np.interp(time, run.time, run.delta_T)
+        assert field[inside].mean() == pytest.approx(rise, rel=0.03, abs=1e-12)  # silicon is nearly even
+    assert run.field.values[2].max() < 1.2 * run.delta_T.values.max()
+
+
+@pytest.mark.parametrize(
+    ("answer", "reason"),
+    [
+        (lambda rise, k: rise + np.random.default_rng(k).normal(), "discrepancy goes from"),
+        (lambda rise, k: rise * np.nan, "not finite"),
+    ],
+    ids=["noise", "nan"],
+)
+def test_a_corrector_that_cannot_be_followed_stops_the_run_with_the_reason(answer, reason):
+    class Broken(Exact):
+        calls = 0
+
+        def advance(self, times, power):
+            self.calls += 1
+            return answer(super().advance(times, power), self.calls)
+
+    with pytest.raises(th.InputError, match=f"stops at t = 0 s: .*{reason}"):
+        coupled.cosimulate(RING, Broken(NETWORK), power=MW, duration=1e-9)
+
+
+def test_a_corrector_with_too_few_answers_is_named():
+    class Short(Exact):
+        def advance(self, times, power):
+            return super().advance(times, power)[1:]
+
+    with pytest.raises(th.InputError, match="one temperature each"):
+        coupled.cosimulate(RING, Short(NETWORK), power=MW, duration=1e-9)
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [None, "hot", ["hot"], [[1.0], [1.0, 2.0]], 1j, np.array([1j])],
+    ids=["none", "text", "texts", "ragged", "complex", "complexes"],
+)
+def test_a_corrector_without_real_numbers_is_named(answer):
+    class Odd(Exact):
+        def advance(self, times, power):
+            return answer
+
+    with pytest.raises(th.InputError, match=r"no array of real numbers|one temperature each"):
+        coupled.cosimulate(RING, Odd(NETWORK), power=MW, duration=1e-9)
+
+
+def test_a_corrector_may_use_its_arrays_again():
+    """One that answers in the same memory each time, and shifts the times it is given to its own clock."""
+
+    class Thrifty(Exact):
+        memory = np.empty(100_000)
+
+        def advance(self, times, power):
+            answer = self.memory[: times.size]
+            answer[:] = super().advance(times, power)
+            times -= times[0]
+            return answer
+
+    arguments = {"power": MW, "duration": 2e-6, "predictor": NETWORK}
+    run = coupled.cosimulate(RING, Exact(NETWORK), **arguments)
+    assert run.window.size > 1
+    assert coupled.cosimulate(RING, Thrifty(NETWORK), **arguments).delta_T.identical(run.delta_T)
+
+
+def test_matrices_that_are_not_symmetric_are_refused():
+    """Their factors would take one triangle for both, and answer for another system."""
+    E, A = np.diag([1e-12, 2e-12]), -np.array([[1e-4, -9e-5], [0.0, 1e-4]])
+    with pytest.raises(th.InputError, match="symmetric"):
+        coupled.cosimulate(RING, th.StateSpace(E, A, np.eye(2)[:, :1], np.eye(2)[:1]), power=MW, duration=1e-8)
+
+
+def test_progress_reaches_the_end():
+    seen = []
+    coupled.cosimulate(RING, coarse_fem(), power=1e-6, duration=1e-6, progress=seen.append)
+    assert seen[-1] == pytest.approx(1e-6, rel=1e-12, abs=0)
+    assert np.all(np.diff(seen) > 0)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"power": 6.31}, "powers are in W"),
+        ({"tolerance": 0}, "tolerance"),
+        ({"duration": 20}, "times are in s"),
+        ({"heat": NETWORK}, "give th.assemble"),
+        ({"heat": th.strip_ring()}, "give th.assemble"),
+        ({"predictor": coarse_fem()}, "cosimulate|reduce it first"),
+        ({"heaters": {"heater": th.Constant(1e-3)}}, "heater"),
+        ({"heaters": {"core": th.Constant(1e-3)}}, "which the light heats"),
+        ({"heaters": ["heater"]}, "map names to waveforms"),
+        ({"heaters": "heater"}, "map names to waveforms"),
+        ({"field_times": ["1 ns"]}, "not an array of numbers"),
+        ({"field_times": [2e-9, 1e-9]}, "increase"),
+        ({"field_times": [1e-9]}, "HeatProblem"),
+        ({"field_times": [1.0]}, "between 0 and the duration"),
+        ({"heat": Exact(NETWORK), "heaters": {"heater": th.Constant(1e-3)}}, "takes care of its own"),
+    ],
+    ids=str,
+)
+def test_bad_input_is_named(change, message):
+    arguments = {"heat": coarse_fem(), "power": MW, "duration": 1e-8} | change
+    with pytest.raises(th.InputError, match=message):
+        coupled.cosimulate(RING, arguments.pop("heat"), **arguments)

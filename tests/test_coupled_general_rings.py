@@ -1,0 +1,118 @@
+"""Fixed points and stability of rings and heat beyond the paper's: Kerr shift, scattering, one bus, an output map."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import coupled
+import surrogate
+import thermofem as th
+from coupled import equations as eq
+from coupled import spectrum
+from coupled.balance import Static
+from coupled.steady import internal, kind_of
+
+RING = coupled.borghi2021()
+EXPERIMENT = surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)
+MAPPED = th.OutputMap(th.Foster(R=[2e3, 3e3, 3e3], tau=[5e-8, 4e-7, 1.5e-6]), -4e-3)  # ten times silicon in oxide
+KERR = replace(RING, kerr_coefficient=2e-16)  # about fifty times silicon's
+CASES = {
+    "kerr": (KERR, EXPERIMENT),
+    "scattering": (replace(RING, loss_rate=2e9, scattering_rate=8e9), EXPERIMENT),
+    "output map": (RING, MAPPED),
+    "all of it": (replace(KERR, scattering_rate=5e9), MAPPED),
+}
+LASERS = [(2e-3, -20e9), (6.3e-3, 0.0), (5e-3, -32e9), (10e-3, 15e9)]
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(("power", "detuning"), LASERS)
+def test_fixed_points_rest_and_their_eigenvalues_are_those_of_the_differentiated_right_hand_side(case, power, detuning):
+    ring, model = CASES[case]
+    found, at = coupled.steady_states(ring, model, power=power, detuning=detuning), internal(ring, model)
+    drive, shift = eq.internal_drive(ring, power), eq.internal_detuning(detuning)
+    for branch in (found.isel(branch=k) for k in range(found.sizes["branch"])):
+        y = np.zeros(3 + at.thermal.poles.shape[1])
+        U, y[2] = float(branch.energy) / eq.FJ, float(branch.carriers) / eq.DENSITY
+        y[3:] = at.thermal.poles[0] / at.thermal.poles[1] * float(branch.absorbed) / eq.UW
+        gamma = at.rates.loss + at.rates.fca * y[2] + at.rates.tpa * U
+        D = -at.rates.thermal_shift * float(branch.delta_T) - eq.dispersion(y[2], at.fcd)[0] - at.rates.kerr * U - shift
+        a = 1j * drive / (gamma - 1j * D)
+        y[0], y[1] = a.real, a.imag
+        assert abs(a) ** 2 == pytest.approx(U, rel=1e-11, abs=0)
+        f = eq.right_hand_side(y, drive, shift, at.rates, at.fcd, at.thermal)
+        assert np.abs(f[:2]).max() < 1e-11 * drive
+        assert np.all(np.abs(f[3:]) <= 1e-11 * at.thermal.poles[1] * y[3:])
+        J = np.empty((y.size, y.size))
+        for j in range(y.size):
+            h, unit = 1e-3 * abs(y[j]), np.eye(y.size)[j]
+            g = [
+                eq.right_hand_side(y + m * h * unit, drive, shift, at.rates, at.fcd, at.thermal) for m in (-2, -1, 1, 2)
+            ]
+            J[:, j] = (g[0] - 8 * g[1] + 8 * g[2] - g[3]) / (12 * h)
+        growth, _, regime = kind_of(np.linalg.eigvals(J))
+        # as for the paper's ring: round-off of the differences, 3e-11 per ns, magnified up to 2e4 times
+        assert float(branch.growth_rate) == pytest.approx(growth / eq.NS, rel=1e-6, abs=1e-6 * abs(growth) / eq.NS)
+        assert branch.regime.item() == regime
+        energy = branch["drop"] + branch.through + branch.absorbed + 2 * ring.scattering_rate * branch.energy
+        assert float(energy) == pytest.approx(power, rel=1e-10, abs=0)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_followed_eigenvalues_and_curves(case):
+    ring, model = CASES[case]
+    at = internal(ring, model)
+    z = spectrum.dense(1.0, -50.0, at.rates, at.fcd, at.thermal)
+    for U, D in [(2.0, -50.0), (5.0, 20.0), (20.0, -130.0), (22.0, 60.0)]:
+        assert spectrum.follow(z, spectrum.secular(U, at.rates, at.fcd, at.static), D, at.thermal.poles)
+        left = spectrum.dense(U, D, at.rates, at.fcd, at.thermal)
+        assert max(np.abs(left - value).min() for value in z) < 1e-10  # round-off of LAPACK, as for the paper's ring
+    powers, detunings = np.geomspace(1e-3, 2e-2, 8), np.linspace(-60e9, 40e9, 9)
+    points = [c.isel(point=k) for c in coupled.hopf_curves(ring, model, powers, detunings) for k in (1, 12)]
+    assert points
+    for point in points:
+        states = coupled.steady_states(ring, model, power=float(point.power), detuning=float(point.detuning))
+        branch = states.isel(branch=int(np.abs(states.energy.values - float(point.energy)).argmin()))
+        if bool(point.leading):
+            assert abs(float(branch.growth_rate)) < 1e-8 * 2 * np.pi * float(point.frequency)
+    for curve in coupled.fold_curves(ring, model, powers, detunings):
+        for k in (1, 100):
+            shift, _, gamma = spectrum.fixed.balances(
+                np.array([float(curve.energy[k]) / eq.FJ]), at.rates, at.fcd, at.static
+            )[[3, 4, 5], 0]
+            D = shift - eq.internal_detuning(float(curve.detuning[k]))
+            values = spectrum.dense(float(curve.energy[k]) / eq.FJ, D, at.rates, at.fcd, at.thermal)
+            assert np.abs(values).min() < 1e-9
+            assert gamma > 0
+
+
+def test_kerr_alone_is_a_cubic():
+    """No heat, no carriers: U (gamma^2 + (kerr U + delta)^2) = 2 gamma_e P, folds as for heat with c = kerr."""
+    ring = replace(KERR, kerr_coefficient=5e-16, tpa_coefficient=0.0, fcd=((0.0, 1.0),), thermo_optic=0.0)
+    rates, _ = eq.internal_rates(ring)
+    found = coupled.steady_states(ring, EXPERIMENT, power=10e-3, detuning=-40e9)
+    delta, drive = eq.internal_detuning(-40e9), eq.internal_drive(ring, 10e-3)
+    cubic = [rates.kerr**2, 2 * rates.kerr * delta, rates.loss**2 + delta**2, -(drive**2)]
+    roots = np.roots(cubic)
+    want = np.sort(roots[np.abs(roots.imag) < 1e-9].real)
+    assert want.size == 3
+    assert found.energy.values / eq.FJ == pytest.approx(want, rel=1e-10, abs=0)
+
+
+def test_a_mapped_model_is_its_linear_one_where_the_map_is_flat():
+    flat = th.OutputMap(EXPERIMENT, 0.0)
+    P, nu = [3e-3, 6e-3], [-10e9, 0.0, 10e9]
+    one, other = coupled.stability_map(RING, EXPERIMENT, P, nu), coupled.stability_map(RING, flat, P, nu)
+    assert other.growth_rate.values == pytest.approx(one.growth_rate.values, rel=1e-12)
+    assert other.attrs["model_coefficient"] == 0
+    assert Static(1.0).curvature == 0
+
+
+def test_a_quadratic_model_is_refused_in_words():
+    eye = -1e7 * np.eye(2)
+    quadratic = th.Quadratic(A=eye, H=np.zeros((2, 2, 2)), G=np.zeros((2, 2)), B=[1e10, 1e10], C=[1.0, 1.0])
+    with pytest.raises(th.InputError, match="model is quadratic; fixed points"):
+        coupled.steady_states(RING, quadratic, power=1e-3)

@@ -1,0 +1,169 @@
+"""Identification: known parameters come back from noisy traces, within what the runs say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+import xarray as xr
+
+import coupled
+import surrogate
+import thermofem as th
+from coupled.cycles import Cycle, cycle_of, misfit, observe
+from coupled.plot import plot_identification, plot_newton_traces
+from coupled.unknowns import second_order, unknowns
+
+RING = coupled.borghi2021()
+TRUE = {"kappa": 7.45e5, "tau_f": 71e-9, "tau_s": 1030e-9, "eta": 0.29}
+EXPERIMENT = surrogate.second_order(**TRUE)
+TIMES = np.arange(0, 12e-6, 2e-9)
+
+
+def measured(ring, model, power, detuning, noise=0.02, seed=3, times=TIMES):
+    run = coupled.simulate(ring, model, power=power, detuning=detuning, duration=times[-1], times=times)
+    scatter = noise * float(run["drop"].max()) * np.random.default_rng(seed).normal(size=times.size)
+    return run[["drop"]].assign(drop=run["drop"] + scatter)
+
+
+@pytest.fixture(scope="module")
+def traces():
+    return [measured(RING, EXPERIMENT, 5.01e-3, -10e9), measured(RING, EXPERIMENT, 6.31e-3, 0.0, seed=4)]
+
+
+def test_known_parameters_come_back(traces):
+    found = coupled.identify(RING, traces, free=["kappa", "tau_f"], model=EXPERIMENT, runs=3)
+    assert list(found.parameters) == ["kappa", "tau_f"]
+    for name, value in found.parameters.items():
+        deviation = found.standard_deviations[name]
+        assert 0 < deviation < 0.01 * TRUE[name]
+        # A deviation from three runs is itself uncertain by half: 6 of them.
+        assert abs(value - TRUE[name]) < 6 * deviation
+    assert found.model.thermal_resistance == pytest.approx(EXPERIMENT.thermal_resistance, rel=0.02)
+    # the noise of a mean of 12 cycles of 250 samples, cut at the 32nd harmonic: 2 % sqrt(65/3000) = 0.3 %
+    assert np.all(found.residuals.shape_error < 0.01)
+    assert found.residuals.period_model.values == pytest.approx(found.residuals.period.values, rel=2e-3, abs=0)
+    assert found.samples.sizes["run"] == 3
+    assert found.front.shape[1] == 2
+    axes = plot_identification(found)
+    assert axes[0].get_title().startswith("7 dBm, -10 GHz\n499 ns, model ")
+    plt.close("all")
+
+
+def test_optics_and_carriers_come_back_and_seeds_repeat(traces, capsys):
+    true = replace(RING, bus_rate=40e9, carriers=replace(RING.carriers, tau_n=38.5e-9, tau_p=24.75e-9))
+    trace = measured(true, EXPERIMENT, 6.31e-3, 0.0, noise=0.0)
+    bounds = {"bus_rate": (35e9, 50e9), "tau0": (30e-9, 45e-9)}
+    found = coupled.identify(
+        RING, trace, free=["bus_rate", "tau0"], model=EXPERIMENT, bounds=bounds, runs=1, progress=True
+    )
+    assert "100%" in capsys.readouterr().out
+    # no noise: what is left is the step control, 1e-4 of the period, over sensitivities of order one
+    assert found.parameters["bus_rate"] == pytest.approx(40e9, rel=3e-3)
+    assert found.parameters["tau0"] == pytest.approx(1.1 * RING.carriers.tau0, rel=3e-3)
+    assert found.ring.bus_rate == found.parameters["bus_rate"]
+    assert found.ring.carriers.tau0 == pytest.approx(found.parameters["tau0"], rel=1e-12)
+    assert np.isnan(found.standard_deviations["tau0"])
+    again = coupled.identify(RING, trace, free=["bus_rate", "tau0"], model=EXPERIMENT, bounds=bounds, runs=1)
+    assert again.parameters == found.parameters
+
+
+def test_newton_trace_by_trace():
+    ring, newton = RING, surrogate.newton(tau_th=417e-9, heat_capacity=6.9 * 7.63e-12)
+    traces = [measured(ring, newton, 6.31e-3, 0.0, noise=0.0), measured(ring, newton, 5.01e-3, -10e9, noise=0.0)]
+    found = coupled.fit_newton_per_trace(ring, traces)
+    # as above, and the two parameters of one trace are correlated: a few times 1e-4
+    assert found.tau_th.values == pytest.approx(417e-9, rel=5e-3, abs=0)
+    assert found.heat_capacity.values == pytest.approx(6.9 * 7.63e-12, rel=5e-3, abs=0)
+    assert found.misfit.values == pytest.approx(0, abs=0.1)
+    assert np.isnan(found.attrs["correlation"])  # two points are no correlation
+    found.attrs.update(slope=1e-4, intercept=0.0, correlation=1.0)
+    assert plot_newton_traces(found, reference=7.63e-12).get_ylabel().startswith("heat capacity / ")
+    plt.close("all")
+
+
+def test_cycles_of_a_known_wave():
+    """drop = 2 + cos(2 pi t/T) + 0.3 sin(6 pi t/T), a period that fits neither the samples nor the window."""
+    T, t = 0.71234e-6, np.arange(0, 20e-6, 3e-9)
+    drop = 2 + np.cos(2 * np.pi * t / T) + 0.3 * np.sin(6 * np.pi * t / T)
+    found = observe(xr.Dataset({"drop": ("time", drop)}, coords={"time": t})).mean()
+    assert found.period == pytest.approx(T, rel=1e-6, abs=0)  # linear interpolation between the samples
+    # and its loss at the third harmonic: (6 pi dt/T)^2/12
+    assert np.abs(found.harmonics[[0, 1, 3]]) == pytest.approx([2, 1, 0.3], rel=6e-4)
+    assert np.abs(found.harmonics[[2, 4, 5]]).max() < 1e-4
+    other = Cycle(1.01 * T, found.shifted(0.3).harmonics)
+    residuals, aligned = misfit(other, found)
+    assert residuals[0] == pytest.approx(np.log(1.01) / 0.01, rel=1e-4)
+    assert np.abs(residuals[1:]).max() < 1e-6
+    assert aligned.harmonics == pytest.approx(found.harmonics, rel=1e-6, abs=1e-9)
+    louder = Cycle(T, 3 * found.harmonics)
+    assert np.abs(misfit(louder, found, absolute=False)[0][1:]).max() < 1e-6
+    assert np.sqrt(np.sum(misfit(louder, found)[0][1:] ** 2)) == pytest.approx(
+        np.sqrt(np.mean((2 * found.curve(np.arange(64) / 64)) ** 2)) / 0.03 / found.swing, rel=1e-6
+    )
+
+
+def test_a_quiet_trace_is_a_level():
+    run = coupled.simulate(RING, EXPERIMENT, power=2e-3, duration=12e-6)
+    quiet, level = observe(run).mean(), float(run["drop"][-1])
+    assert np.isnan(quiet.period)
+    assert quiet.harmonics[0].real == pytest.approx(level, rel=1e-3)
+    assert not quiet.harmonics[1:].any()
+    assert misfit(cycle_of(run), quiet)[0] == pytest.approx(0, abs=1e-2)
+    pulses = cycle_of(coupled.simulate(RING, EXPERIMENT, power=6.31e-3, duration=12e-6))
+    assert misfit(pulses, quiet)[0][0] == 300  # a cycle against none: the cap, 3/0.01
+
+
+def test_laws_are_the_same_as_elsewhere():
+    model = second_order(**TRUE, heat_capacity=7.63e-12)
+    assert pytest.approx(np.asarray(EXPERIMENT.R), rel=1e-12) == model.R
+    what = unknowns(RING, list(TRUE), EXPERIMENT)
+    assert np.exp(what.start) == pytest.approx(list(TRUE.values()), rel=1e-9)
+    assert pytest.approx(np.asarray(EXPERIMENT.R), rel=1e-9) == what.build(what.start)[1].R
+    poles = unknowns(RING, ["R", "tau", "loss_rate"], EXPERIMENT)
+    assert poles.names == ("R1", "R2", "tau1", "tau2", "loss_rate")
+    ring, model = poles.build(poles.start + np.log([1, 1, 1, 1, 2]))
+    assert ring.loss_rate == pytest.approx(2 * RING.loss_rate)
+    assert model.tau == pytest.approx(np.asarray(EXPERIMENT.tau))
+    constant = unknowns(replace(RING, carriers=coupled.ConstantLifetime(2e-9)), ["tau0"], EXPERIMENT)
+    assert constant.build(constant.start + np.log(2))[0].carriers.tau == pytest.approx(4e-9, rel=1e-12, abs=0)
+    newton = unknowns(RING, ["heat_capacity"], surrogate.newton(tau_th=300e-9))
+    assert newton.build(newton.start + np.log(2))[1].R[0] == pytest.approx(300e-9 / 7.63e-12 / 2)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"free": ["kapa"]}, "did you mean 'kappa'"),
+        ({"free": "kappa"}, "list of names"),
+        ({"free": ["kappa", "tau_th"]}, "mixes"),
+        ({"free": ["kappa", "kappa"]}, "twice"),
+        ({"free": ["bus_rate"]}, "model="),
+        ({"free": ["kappa"], "model": surrogate.newton(tau_th=1e-7)}, "two poles"),
+        ({"bounds": {"kappa": (2.0, 1.0)}}, "0 < low < high"),
+        ({"bounds": {"eta": (1.0, 2.0)}}, "name in bounds"),
+        ({"bounds": {"kappa": 3.0}}, "0 < low < high"),
+        ({"bounds": {"kappa": ("1", "2")}}, "0 < low < high"),
+        ({"runs": 0}, "runs = 0"),
+        ({"runs": 1.5}, "runs = 1.5"),
+        ({"runs": "3"}, "runs = '3'"),
+        ({"seed": -1}, "seed = -1"),
+        ({"seed": "x"}, "seed = 'x'"),
+        ({"traces": []}, "traces is empty"),
+        ({"traces": [xr.Dataset()]}, "no variable 'time'"),
+    ],
+)
+def test_slips_are_named_in_one_line(traces, change, message):
+    arguments = {"ring": RING, "traces": traces, "free": ["kappa"]} | change
+    with pytest.raises(th.InputError, match=message) as error:
+        coupled.identify(**arguments)
+    assert "\n" not in str(error.value)
+
+
+def test_a_trace_must_say_its_drive(traces):
+    silent = traces[0].copy()
+    silent.attrs = {}
+    with pytest.raises(th.InputError, match=r"traces\[0\] does not say its drive"):
+        coupled.identify(RING, silent, free=["kappa"])

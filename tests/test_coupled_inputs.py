@@ -1,0 +1,235 @@
+"""Light that changes with time: order of the methods, breakpoints, zeros of the power, and runs that go on."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+from test_coupled_equations import RING, SECOND_ORDER, printed_equations, state
+
+import coupled
+import thermofem as th
+from coupled import Method, State, Sweep
+from coupled import equations as eq
+from coupled.inputs import Pieces, bounds, pieces
+from coupled.rosenbrock import light, step
+from coupled.tableaus import tableau
+from coupled.window import advance, laser_of
+
+NS, MW, GHZ = 1e-9, 1e-3, 1e9
+UNIT = np.array([np.sqrt(eq.FJ), np.sqrt(eq.FJ), eq.DENSITY, 1, 1])
+
+
+def exact(y, times, power, detuning, method="DOP853", rtol=1e-12):
+    """The printed equations by SciPy from ``y`` at times[0], in internal units; power in W and detuning in Hz of t."""
+
+    def f(t, z):
+        y = z * UNIT
+        da, dN, dx = printed_equations(
+            y[0] + 1j * y[1], max(y[2], 0.0), y[3:], power(t * NS), detuning(t * NS), SECOND_ORDER
+        )
+        return np.array([da.real, da.imag, dN, *dx]) / UNIT * NS
+
+    run = solve_ivp(f, (times[0], times[-1]), y, method=method, t_eval=times, rtol=rtol, atol=1e-13)
+    return run.y.T
+
+
+@pytest.mark.parametrize("method", Method)
+def test_observed_order_under_moving_light(method):
+    """Without df/dt in the stages it would be one."""
+    table, duration, start = tableau(method), 0.05, state(2)
+    power = Pieces(np.array([0, 1.0]) * NS, np.array([[6e-3, 1e-3 / NS * 20, -4e-3 / NS**2 * 100, 8 / NS**3]]))
+    detuning = Pieces(np.array([0, 1.0]) * NS, np.array([[-3e9, 400e9 / NS, 2e12 / NS**2, -5e12 / NS**3]]))
+    want = exact(start, [0, duration], power, detuning)[-1]
+    laser, (rates, fcd) = laser_of(RING, 0.0, 1e-9, power, detuning), eq.internal_rates(RING)
+    errors = []
+    for n in (64, 128):
+        y, h = start, duration / n
+        for m in range(n):
+            stages = table.a.shape[0]
+            drive, turn, slopes = np.empty(stages), np.empty(stages), np.empty(2)
+            light(laser, 0, m * h, h, table.at, laser.drive[0, 0], drive, turn, slopes)
+            out, k, total = np.empty(5), np.empty((stages, 5)), np.empty(stages)
+            args = (rates, fcd, eq.internal_thermal(SECOND_ORDER), table, out, k, total, np.empty(2))
+            step(y, h, drive, turn, slopes, *args)
+            y = out
+        errors.append(np.abs(y - want).max())
+    # As under constant light: the next order contributes h/tau = 0.13 of the leading one, log2(1.13) = 0.18.
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(table.order, abs=0.25)
+    assert errors[1] > 1e-12
+
+
+def test_a_smooth_drive_agrees_with_another_integrator():
+    times = np.linspace(0, 150, 31)
+    power = CubicSpline(np.linspace(0, 150, 7) * NS, np.array([1, 5, 3, 8, 2, 6, 4]) * MW)
+    sweep = CubicSpline([0, 50 * NS, 150 * NS], [-5 * GHZ, 12 * GHZ, 0])
+    want = exact(np.zeros(5), times, power, sweep, method="LSODA", rtol=1e-11)
+    for rtol in (1e-6, 1e-8):
+        run = coupled.simulate(
+            RING, SECOND_ORDER, power=power, detuning=sweep, duration=150 * NS, times=times * NS, rtol=rtol
+        )
+        # the tolerance itself, times a hundred steps whose errors the fast rates forget
+        assert run.carriers.values == pytest.approx(want[:, 2] * eq.DENSITY, rel=100 * rtol, abs=100 * rtol * 1e23)
+        assert run.delta_T.values == pytest.approx(want[:, 3:].sum(axis=1), rel=100 * rtol, abs=100 * rtol)
+        assert run["input_power"].values == pytest.approx(power(times * NS), rel=1e-12, abs=0)
+
+
+def test_a_short_pulse_on_a_bias_is_not_missed():
+    """A pulse of 2 ns at 5 us, where steps are long: the integration lands on both edges."""
+    bias = 1e-3
+    drive = [bias, th.Pulse(power=4e-3, width=2 * NS, start=5e-6)]
+    run = coupled.simulate(RING, SECOND_ORDER, power=drive, duration=6e-6)
+    t = run.time.values
+    for edge in (5e-6, 5.002e-6):
+        assert np.abs(t - edge).min() < 1e-15
+    assert set(run.input_power.values) == {bias, bias + 4e-3}
+    late = coupled.simulate(RING, SECOND_ORDER, power=[bias, 4e-3], duration=2 * NS, initial=_at(run, 5e-6))
+    inside = run.isel(time=np.flatnonzero((t > 5e-6 - 1e-15) & (t < 5.002e-6 + 1e-15)))
+    # both at rtol = 1e-6, with other floors of the error
+    assert inside.carriers.values[-1] == pytest.approx(float(late.carriers[-1]), rel=1e-5)
+
+
+def _at(run, time):
+    """The state at an accepted step, by running there again."""
+    again = coupled.simulate(RING, SECOND_ORDER, power=1e-3, duration=time)
+    at = int(np.abs(run.time.values - time).argmin())
+    assert float(again.carriers[-1]) == pytest.approx(float(run.carriers[at]), rel=1e-6)  # other steps
+    return State.end_of(again)
+
+
+def test_a_run_goes_on_where_another_ended():
+    whole = coupled.simulate(RING, SECOND_ORDER, power=6.31e-3, duration=2e-6, rtol=1e-9)
+    first = coupled.simulate(RING, SECOND_ORDER, power=6.31e-3, duration=0.7e-6, rtol=1e-9)
+    second = coupled.simulate(RING, SECOND_ORDER, power=6.31e-3, duration=1.3e-6, rtol=1e-9, initial=first)
+    for name in ("energy", "carriers", "delta_T"):
+        # errors of 1e-9 a step, grown by e^(0.015/ns x 300 ns) = 100 in the unstable passage
+        assert float(second[name][-1]) == pytest.approx(float(whole[name][-1]), rel=1e-6, abs=0)
+    state = State.end_of(first)
+    assert state.energy == pytest.approx(float(first.energy[-1]), rel=1e-14, abs=0)
+    assert np.sum(state.thermal) == pytest.approx(float(first.delta_T[-1]), rel=1e-13)
+    with pytest.raises(th.InputError, match="thermal states"):
+        coupled.simulate(RING, th.Foster(R=[7e3], tau=[1e-6]), power=1e-3, initial=first)
+
+
+def test_power_may_come_and_go_through_zero():
+    """A triangle from 0 to 0, whose drive sqrt(P) has an infinite slope at both ends, then darkness."""
+    wave = th.Sampled([0, 50e-9, 100e-9, 200e-9], [0, 5e-3, 0, 0])
+    times = np.linspace(1, 150, 30)
+    want = exact(
+        np.zeros(5), np.concatenate([[0], times]), lambda t: float(wave(t)), lambda t: 0.0, method="LSODA", rtol=1e-11
+    )[1:]
+    for rtol, bound in ((1e-6, 1e-4), (1e-8, 2e-6)):
+        run = coupled.simulate(RING, SECOND_ORDER, power=wave, duration=200e-9, times=times * NS, rtol=rtol)
+        size = np.abs(want).max(axis=0)
+        assert np.abs(run.carriers.values / eq.DENSITY - want[:, 2]).max() < bound * size[2]
+        assert np.abs(run.delta_T.values - want[:, 3:].sum(axis=1)).max() < bound * size[3:].sum()
+        assert run.attrs["steps"] < 4000
+
+
+def test_a_slow_sweep_lands_where_the_steady_states_are():
+    model = SECOND_ORDER
+    sweep = Sweep([0, 40e-6], [15e9, -5e9])
+    run = coupled.simulate(RING, model, power=1e-4, detuning=sweep, duration=40e-6, times=[20e-6, 30e-6])
+    for k, nu in enumerate((5e9, 0.0)):
+        found = coupled.steady_states(RING, model, power=1e-4, detuning=nu)
+        # 0.5 GHz/us against 1 us of heat: the heat of 0.02 K lags by a hundredth
+        assert float(run.energy[k]) == pytest.approx(float(found.energy[0]), rel=1e-2, abs=0)
+
+
+def test_an_offset_of_temperature_is_a_detuning():
+    state0, per_kelvin = State.cold(2), RING.thermal_shift / (2 * np.pi)
+    ramp = Sweep([0, 1e-6], [0, 0.5])
+    a = advance(RING, SECOND_ORDER, state0, 0.0, 1e-6, power=2e-3, offset=ramp)
+    b = advance(RING, SECOND_ORDER, state0, 0.0, 1e-6, power=2e-3, detuning=Sweep([0, 1e-6], [0, 0.5 * per_kelvin]))
+    assert a.absorbed == pytest.approx(b.absorbed, rel=1e-9, abs=0)  # the same steps but for round-off
+    assert a.delta_T - b.delta_T == pytest.approx(0.5 * a.time / 1e-6, abs=1e-9)
+
+
+def test_the_spline_of_absorbed_power_is_as_good_as_the_steps():
+    from scipy.interpolate import CubicHermiteSpline
+
+    run = advance(RING, SECOND_ORDER, State.cold(2), 0.0, 1e-6, power=6.31e-3, rtol=1e-6)
+    t = np.linspace(1e-9, 1e-6, 4001)
+    fine = advance(RING, SECOND_ORDER, State.cold(2), 0.0, 1e-6, power=6.31e-3, rtol=1e-10, times=t)
+    spline = CubicHermiteSpline(run.time, run.absorbed, run.absorbed_slope)
+    # heat: what the integral of the power is off by; and the power itself, through an edge of 1 ns after 800 ns
+    heat = np.abs(np.cumsum(spline(t) - fine.absorbed)).max() * (t[1] - t[0])
+    assert heat < 2e-6 * fine.absorbed.max() * 1e-6
+    assert np.abs(spline(t) - fine.absorbed).max() < 1e-3 * fine.absorbed.max()
+
+
+def test_windows_join():
+    power, edges = th.SquareWave(power=5e-3, period=0.4e-6, duty=0.5), np.array([0, 0.13, 0.5, 1.0]) * 1e-6
+    whole = advance(RING, SECOND_ORDER, State.cold(2), 0.0, 1e-6, power=power, rtol=1e-8)
+    state, first = State.cold(2), 0.0
+    for start, stop in pairwise(edges):
+        part = advance(RING, SECOND_ORDER, state, start, stop, power=power, rtol=1e-8, first_step=first)
+        state, first = part.final, part.step
+    assert part.time[-1] == 1e-6
+    assert state.carriers == pytest.approx(whole.final.carriers, rel=1e-5)
+    assert np.sum(state.thermal) == pytest.approx(np.sum(whole.final.thermal), rel=1e-5)
+
+
+def test_events_are_found_between_the_steps():
+    event = coupled.Event("delta_T", 5.0, stop=False)
+    run = coupled.simulate(RING, SECOND_ORDER, power=6.31e-3, duration=5e-6, event=event)
+    t, dT = run.time.values, run.delta_T.values
+    assert len(run.attrs["crossings"]) == np.sum((dT[:-1] < 5) & (dT[1:] >= 5)) > 3
+    at = run.attrs["crossings"][1]
+    again = coupled.simulate(RING, SECOND_ORDER, power=6.31e-3, duration=5e-6, times=[at])
+    assert float(again.delta_T[0]) == pytest.approx(5, abs=1e-8)  # bisection of a step to 1e-12
+    stopped = coupled.simulate(RING, SECOND_ORDER, power=6.31e-3, duration=5e-6, event=coupled.Event("delta_T", 5.0))
+    assert stopped.time.values[-1] == stopped.attrs["crossings"][0] == run.attrs["crossings"][0]
+    assert float(stopped.delta_T[-1]) == pytest.approx(5, abs=1e-8)
+    assert State.end_of(stopped).carriers == pytest.approx(float(stopped.carriers[-1]), rel=1e-12)
+    assert np.sum(State.end_of(stopped).thermal) == pytest.approx(5, abs=1e-8)
+    assert t[-1] == pytest.approx(5e-6)
+
+
+def test_pieces_of_everything_that_drives():
+    t = np.linspace(0, 1e-6, 101)
+    wave = th.SquareWave(power=2e-3, period=0.3e-6, duty=0.4)
+    total = pieces("power", [1e-3, wave, th.Pulse(power=1e-3, width=1e-7, start=0.05e-6)], 0.0, 1e-6)
+    assert total(t) == pytest.approx(1e-3 + wave(t) + th.Pulse(power=1e-3, width=1e-7, start=0.05e-6)(t), abs=1e-15)
+    spline = CubicSpline([0, 0.2e-6, 1e-6], [1.0, -2.0, 3.0])
+    cubic = pieces("x", spline, 0.1e-6, 0.9e-6)
+    inside = t[(t >= 0.1e-6) & (t <= 0.9e-6)]
+    assert cubic(inside) == pytest.approx(spline(inside), rel=1e-12)
+    low, high = bounds(pieces("x", spline, 0.0, 1e-6))
+    dense = spline(np.linspace(0, 1e-6, 100_001))
+    assert (low, high) == pytest.approx((dense.min(), dense.max()), rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"power": th.Constant(2.0)}, "8 dBm is 6.31e-3"),
+        ({"power": Sweep([0, 1e-6], [1e-3, -1e-3])}, "powers are in W"),
+        ({"power": Sweep([0, 0.5e-6], [1e-3, 1e-3])}, "cover the run"),
+        ({"power": []}, "empty list"),
+        ({"power": "8 dBm"}, "not a number"),
+        ({"power": [1e-3, float("nan")]}, r"power\[1\] = nan"),
+        ({"detuning": Sweep([0, 1e-6], [0, -10])}, "did you mean -10e9"),
+        ({"method": "Rodas5"}, "did you mean 'rodas5p'"),
+        ({"method": 4}, "method"),
+        ({"initial": 3}, "final_state"),
+        ({"initial": xr.Dataset(attrs={"final_state": "cold"})}, "final_state"),
+        ({"initial": xr.Dataset(attrs={"final_state": [0.0]})}, "at least 4"),
+        ({"event": "delta_T"}, "coupled.Event"),
+        ({"event": coupled.Event("delta_T", float("nan"))}, "event.level"),
+        ({"event": coupled.Event("heat", 3.0)}, "delta_T"),
+    ],
+)
+def test_slips_are_named(change, message):
+    arguments = {"ring": RING, "model": SECOND_ORDER, "power": 1e-3, "duration": 1e-6} | change
+    with pytest.raises(th.InputError, match=message):
+        coupled.simulate(**arguments)
+
+
+def test_methods_go_by_name():
+    run = coupled.simulate(RING, SECOND_ORDER, power=1e-3, duration=1e-8, method="Rodas4", rtol=1e-8)
+    assert run.attrs["method"] == "rodas4"

@@ -1,0 +1,107 @@
+"""Every kind of thermal model in the compiled integration: right-hand side, Jacobian, one step, and a run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from test_coupled_equations import RING, SECOND_ORDER, state
+
+import coupled
+import thermofem as th
+from coupled import Method, quadratic, rosenbrock
+from coupled import equations as eq
+from coupled.tableaus import tableau
+from coupled.thermal import compact
+
+R, TAU = np.asarray(SECOND_ORDER.R), np.asarray(SECOND_ORDER.tau)
+LINEAR = th.Quadratic(np.diag(-1 / TAU), np.zeros((2, 2, 2)), np.zeros((2, 2)), R / TAU, np.ones(2))
+DRAW = np.random.default_rng(3)
+H = DRAW.normal(size=(2, 2, 2)) * 2e-3 / TAU[:, None, None]
+BENT = th.Quadratic(
+    np.array([[-1 / TAU[0], 2e5], [1e5, -1 / TAU[1]]]),
+    (H + H.transpose(0, 2, 1)) / 2,
+    DRAW.normal(size=(2, 2)) * 1e-3 * (R / TAU)[:, None],
+    R / TAU,
+    np.array([1.0, 0.9]),
+)
+MAPPED = th.OutputMap(SECOND_ORDER, -4e-3)
+KINDS = {"network": SECOND_ORDER, "output map": MAPPED, "quadratic": BENT, "quadratic, linear": LINEAR}
+REAL = replace(RING, drop_rate=20e9, scattering_rate=3e9, kerr_coefficient=4.5e-18)
+RATES, FCD = eq.internal_rates(REAL)
+DRIVE, TURN = eq.internal_drive(REAL, 6.31e-3), eq.internal_detuning(-3e9)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_jacobian_by_complex_steps(kind):
+    thermal, y = eq.internal_thermal(KINDS[kind]), state(2)
+    J = eq.jacobian(y, TURN, RATES, FCD, thermal)
+    for j in range(5):
+        at = y.astype(complex)
+        at[j] += 1e-30j
+        column = eq.right_hand_side(at, DRIVE, TURN, RATES, FCD, thermal).imag / 1e-30
+        assert J[:, j] == pytest.approx(column, rel=1e-13, abs=1e-14 * np.abs(J).max())  # no difference, so round-off
+
+
+@pytest.mark.parametrize("kind", ["quadratic", "quadratic, linear"])
+def test_heat_flows_as_the_model_says(kind):
+    model, y = KINDS[kind], state(2)
+    got = eq.right_hand_side(y, DRIVE, TURN, RATES, FCD, eq.internal_thermal(model))[3:] / eq.NS
+    P = float(eq.absorbed_power.py_func(y[0] ** 2 + y[1] ** 2, y[2], RATES)) * eq.UW
+    assert got == pytest.approx(model.rate(y[3:], P), rel=1e-12)
+
+
+@pytest.mark.parametrize("method", Method)
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_step_solves_the_same_systems_as_a_dense_factorization(kind, method):
+    table, y, h, thermal = tableau(method), state(2), 0.7, eq.internal_thermal(KINDS[kind])
+    J, slopes = eq.jacobian(y, TURN, RATES, FCD, thermal), np.array([3.0, -0.4])
+    light = DRIVE + slopes[0] * table.at * h, TURN + slopes[1] * table.at * h
+    by_time = np.array([slopes[1] * y[1], slopes[0] - slopes[1] * y[0], 0, 0, 0])
+    matrix, k = np.eye(5) / (table.gamma * h) - J, []
+    for i, (a, c) in enumerate(zip(table.a, table.c, strict=True)):
+        at = y + sum((a[j] * k[j] for j in range(i)), np.zeros(5))
+        f = eq.right_hand_side(at, light[0][i], light[1][i], RATES, FCD, thermal) + table.slope[i] * h * by_time
+        k.append(np.linalg.solve(matrix, f + sum((c[j] / h * k[j] for j in range(i)), np.zeros(5))))
+    stages = len(k)
+    out, got, total = np.empty(5), np.empty((stages, 5)), np.empty(stages)
+    full = hasattr(KINDS[kind], "H")
+    space = (np.empty((2, 2)), np.empty(2, np.int64), np.empty((3, 5))) if full else np.empty(2)
+    take = quadratic.step if full else rosenbrock.step
+    take(y, h, *light, slopes, RATES, FCD, thermal, table, out, got, total, space)
+    size = np.abs(k).max()
+    assert np.abs(got - k).max() < 1e-12 * size  # as for networks under constant light
+    assert out == pytest.approx(at + k[-1], abs=1e-12 * size)
+
+
+@pytest.mark.parametrize("kind", ["output map", "quadratic"])
+def test_a_run_agrees_with_another_integrator(kind):
+    model, times = KINDS[kind], np.linspace(20, 400, 20)
+    thermal = eq.internal_thermal(model)
+
+    def f(_, y):
+        return eq.right_hand_side(y, DRIVE, TURN, RATES, FCD, thermal)
+
+    other = solve_ivp(f, (0, 400), np.zeros(5), method="LSODA", t_eval=times, rtol=1e-11, atol=1e-13)
+    run = coupled.simulate(REAL, model, power=6.31e-3, detuning=-3e9, duration=400e-9, times=times * eq.NS, rtol=1e-9)
+    z = other.y[3:].sum(axis=0)
+    want = z - 4e-3 * z**2 if kind == "output map" else model.C @ other.y[3:]
+    assert run.delta_T.values == pytest.approx(want, rel=1e-6)  # 1e-9 a step over a thousand of them
+    assert run.carriers.values == pytest.approx(other.y[2] * eq.DENSITY, rel=1e-6)
+
+
+def test_a_quadratic_model_without_its_quadratic_part_is_the_network():
+    a, b = (coupled.simulate(RING, m, power=6.31e-3, duration=2e-6) for m in (SECOND_ORDER, LINEAR))
+    assert a.sizes == b.sizes
+    # round-off, grown as in the splitting of poles
+    assert b.carriers.values == pytest.approx(a.carriers.values, rel=1e-6)
+
+
+def test_models_that_cannot_be_integrated_say_why():
+    with pytest.raises(th.InputError, match="passive"):
+        compact(th.OutputMap(th.Foster(R=[9e3, -1e3], tau=[1e-7, 1e-6]), 1e-3))
+    large = th.Quadratic(-np.eye(61), np.zeros((61, 61, 61)), np.zeros((61, 61)), np.ones(61), np.ones(61))
+    with pytest.raises(th.InputError, match="at most 60"):
+        compact(large)

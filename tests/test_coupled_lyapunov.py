@@ -1,0 +1,105 @@
+"""First Lyapunov coefficient: a closed form for planar systems, and what integration finds on both sides."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import coupled
+import surrogate
+from coupled.lyapunov import first_lyapunov
+
+RING = coupled.borghi2021()
+EXPERIMENT = surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)
+POWERS, DETUNINGS = 1e-3 * 10 ** (np.linspace(3, 10, 12) / 10), np.linspace(-30e9, 30e9, 13)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_closed_form_of_a_planar_system(seed):
+    """x' = -w y + f, y' = w x + g with all quadratic and cubic terms: Guckenheimer and Holmes (1983), Eq. 3.4.11."""
+    rng = np.random.default_rng(seed)
+    w = rng.uniform(0.5, 3)
+    second, third = rng.normal(size=(2, 3)), rng.normal(size=(2, 4))  # f and g: x^2, xy, y^2 and x^3, x^2 y, x y^2, y^3
+    (fxx, fxy, fyy), (gxx, gxy, gyy) = second * [2, 1, 2]
+    fxxx, fxyy, gxxy, gyyy = 6 * third[0, 0], 2 * third[0, 2], 2 * third[1, 1], 6 * third[1, 3]
+    want = (fxxx + fxyy + gxxy + gyyy) / 16 + (
+        fxy * (fxx + fyy) - gxy * (gxx + gyy) - fxx * gxx + fyy * gyy
+    ) / (16 * w)  # fmt: skip
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]  # with a third state that decays, and turned in space
+
+    def jacobian(z):
+        x, y, _ = turn.T @ z
+        J = np.zeros((3, 3))
+        J[:2, 0] = second @ [2 * x, y, 0] + third @ [3 * x * x, 2 * x * y, y * y, 0] + [0, w]
+        J[:2, 1] = second @ [0, x, 2 * y] + third @ [0, x * x, 2 * x * y, 3 * y * y] + [-w, 0]
+        J[2, 2] = -1.7
+        return turn @ J @ turn.T
+
+    found, values = first_lyapunov(jacobian, np.zeros(3), np.ones(3), 1.02 * w, 0)
+    # r is the amplitude of the first state, |row 0 of the turn in the plane| times that in the plane
+    plane = np.hypot(turn[0, 0], turn[0, 1])
+    # the circle of the plane is seen as an ellipse only if the third state took part: it does not
+    assert found * plane**2 == pytest.approx(want, rel=1e-6, abs=1e-8)  # differences: 1e-10 over the step
+    assert sorted(values.imag)[2] == pytest.approx(w, rel=1e-9)
+
+
+def swing_of(model, power, detuning, ring=RING, initial=None):
+    run = coupled.simulate(ring, model, power=power, detuning=detuning, duration=80e-6, rtol=1e-8, initial=initial)
+    late = run["carriers"].values[run["time"].values > 70e-6]
+    return float(np.ptp(late) / (late.max() + late.min())), run
+
+
+def test_a_supercritical_pulse_grows_like_the_root():
+    """r = sqrt(-growth/g): the amplitude of the carriers close to the curve, from the eigenvalue and g alone."""
+    (curve,) = [c for c in coupled.hopf_curves(RING, EXPERIMENT, POWERS, DETUNINGS) if bool(c.leading.all())][:1]
+    soft = np.flatnonzero(curve.lyapunov.values < 0)
+    assert soft.size
+    point = curve.isel(point=int(soft[np.argmin(np.abs(curve.detuning.values[soft] + 10e9))]))
+    for step in (-1, 1):  # into the pulsing side, whichever it is
+        detuning = float(point.detuning) + step * 0.1e9
+        states = coupled.steady_states(RING, EXPERIMENT, power=float(point.power), detuning=detuning)
+        branch = states.isel(branch=int(np.abs(states.energy.values - float(point.energy)).argmin()))
+        growth = float(branch.growth_rate)
+        amplitude, _ = swing_of(EXPERIMENT, float(point.power), detuning)
+        if growth > 0:
+            # the next term of the amplitude equation is of relative order r^2
+            want = np.sqrt(-growth / float(point.lyapunov))
+            assert want < 0.3
+            assert amplitude == pytest.approx(want, rel=2 * want**2 + 0.02)
+        else:
+            assert amplitude < 1e-2
+
+
+def test_a_subcritical_point_has_a_pulse_beside_it():
+    ring, newton = RING.with_lumped_fcd(), surrogate.newton(tau_th=275e-9)
+    curves = coupled.hopf_curves(ring, newton, POWERS, DETUNINGS)
+    hard = [c.isel(point=k) for c in curves for k in np.flatnonzero((c.lyapunov.values > 0) & c.leading.values)]
+    assert hard
+    point = min(hard, key=lambda p: abs(float(p.power) - 5e-3) + abs(float(p.detuning)) * 1e-12)
+    sides = [float(point.detuning) + step * 0.2e9 for step in (-1, 1)]
+    stable = [
+        nu for nu in sides
+        if int(coupled.stability_map(ring, newton, [float(point.power)], [nu]).stable_points[0, 0])
+    ]  # fmt: skip
+    (rest,), (pulses,) = stable, [nu for nu in sides if nu not in stable]
+    amplitude, run = swing_of(newton, float(point.power), pulses, ring)
+    assert amplitude > 0.3  # at once large
+    assert (
+        swing_of(newton, float(point.power), rest, ring, initial=run)[0] > 0.3
+    )  # and goes on where rest is stable too
+
+
+def test_weight_of_carriers_against_heat():
+    """The paper's own ratio, q = 5 q_0, and its scaling with every factor."""
+    ring = RING.with_lumped_fcd()
+    first = surrogate.newton(tau_th=275e-9)
+    q = coupled.van_vaerenbergh_q(ring, first)
+    average = surrogate.newton(tau_th=450e-9, heat_capacity=8 * 7.63e-12)
+    assert coupled.van_vaerenbergh_q(ring, average) / q == pytest.approx(8 * 275 / 450, rel=1e-9)
+    assert coupled.van_vaerenbergh_q(replace(ring, thermo_optic=2 * ring.thermo_optic), first) == pytest.approx(q / 2)
+    stronger = replace(ring, fcd=((4 * ring.fcd[0][0], 1.0),))
+    assert coupled.van_vaerenbergh_q(stronger, first) == pytest.approx(2 * q)
+    longer = replace(ring, carriers=coupled.ConstantLifetime(9 * float(ring.carriers.lifetime(1e23))))
+    assert coupled.van_vaerenbergh_q(longer, first) == pytest.approx(3 * q)

@@ -1,0 +1,194 @@
+"""Maps over other axes, maps that go on from a file, maps of a stepped laser, and their command line."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib import import_module
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import coupled
+import surrogate
+import thermofem as th
+from coupled.plot import plot_map
+from coupled.quick import pulse
+from thermofem.cli import app
+
+RING = coupled.borghi2021()
+EXPERIMENT = surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)
+SHORT = {"duration": 6e-6}
+P, NU = [4e-3, 6.31e-3], [-10e9, 0.0, 10e9]
+
+
+def test_two_parameters_of_the_ring_as_axes():
+    axes = {"bus_rate": [40e9, 46e9], "tau0": [30e-9, 36e-9, 42e-9]}
+    found = coupled.pulsing_map(RING, EXPERIMENT, 6.31e-3, 0.0, vary=axes, **SHORT)
+    linear = coupled.stability_map(RING, EXPERIMENT, 6.31e-3, 0.0, vary=axes)
+    assert found.regime.dims == linear.regime.dims == ("bus_rate", "tau0")
+    assert found.tau0.attrs["units"] == "s"
+    assert found.attrs["power"] == 6.31e-3
+    for i, rate in enumerate(axes["bus_rate"]):
+        for j, lifetime in enumerate(axes["tau0"]):
+            factor = lifetime / RING.carriers.tau0
+            carriers = replace(RING.carriers, tau_n=35e-9 * factor, tau_p=22.5e-9 * factor)
+            ring = replace(RING, bus_rate=rate, carriers=carriers)
+            run = coupled.simulate(ring, EXPERIMENT, power=6.31e-3, rtol=1e-5, **SHORT)
+            # tau0 and its factor to round-off, which a pulsing ring of 10 cycles does not magnify
+            assert float(found.period[i, j]) == pytest.approx(coupled.pulsing(run).period, rel=1e-9, abs=0)
+            states = coupled.steady_states(ring, EXPERIMENT, power=6.31e-3)
+            assert float(linear.growth_rate[i, j]) == pytest.approx(float(states.growth_rate.min()), rel=1e-8)
+    assert coupled.overlap(found, linear) == 1
+    ax = plot_map(found, "period")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("tau0 (ns)", "bus rate (G1/s)")
+    plt.close("all")
+
+
+def test_one_parameter_beside_the_detuning():
+    found = coupled.stability_map(RING, EXPERIMENT, 6.31e-3, NU, vary={"loss_rate": [3e9, 8e9]})
+    assert found.regime.dims == ("loss_rate", "detuning")
+    whole = coupled.stability_map(replace(RING, loss_rate=8e9), EXPERIMENT, [6.31e-3], NU)
+    assert found.growth_rate.values[1] == pytest.approx(whole.growth_rate.values[0], rel=1e-9)
+
+
+def test_an_interrupted_map_goes_on_and_is_the_same(tmp_path, monkeypatch):
+    whole = coupled.pulsing_map(RING, EXPERIMENT, P, NU, **SHORT)
+    file = tmp_path / "map.jsonl"
+    assert coupled.pulsing_map(RING, EXPERIMENT, P, NU, file=file, **SHORT).identical(whole)
+    lines = file.read_bytes().splitlines(keepends=True)
+    assert len(lines) == 3
+    runs = []
+    monkeypatch.setattr(
+        import_module("coupled.maps"), "pulse", lambda *a, **k: runs.append(k["power"]) or pulse(*a, **k)
+    )
+    for end, again in ((len(lines[0]) - 4, 6), (len(lines[0]), 6), (len(b"".join(lines[:2])), 3), (-5, 3), (None, 0)):
+        file.write_bytes(b"".join(lines)[:end])  # as a kill would leave it: within the head, a row, or whole
+        runs.clear()
+        assert coupled.pulsing_map(RING, EXPERIMENT, P, NU, file=file, **SHORT).identical(whole)
+        assert len(runs) == again
+        assert len(file.read_bytes().splitlines()) == 3
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [({"rtol": 1e-6}, "different: rtol"), ({"follow": "up"}, "different: follow"), ({"detunings": NU[:2]}, "detuning")],
+)
+def test_a_file_of_another_map_is_refused(tmp_path, change, message):
+    arguments = {"ring": RING, "model": EXPERIMENT, "powers": P[:1], "detunings": NU, "file": tmp_path / "a", **SHORT}
+    coupled.pulsing_map(**arguments)
+    before = (tmp_path / "a").read_bytes()
+    with pytest.raises(th.InputError, match=message):
+        coupled.pulsing_map(**arguments | change)
+    assert (tmp_path / "a").read_bytes() == before
+    (tmp_path / "b").write_text("not a map\n")
+    with pytest.raises(th.InputError, match="no map that can go on"):
+        coupled.pulsing_map(**arguments | {"file": tmp_path / "b"})
+
+
+def _edited(rows, edit):
+    """The lines of a file of a map, one of them written again by hand."""
+    lines = rows.read_text().splitlines()
+    return "\n".join([*lines[:1], edit, *lines[2:], ""])
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        lambda rows: "my notes",  # without a line's end, as a row that a kill cut off
+        lambda rows: rows.read_text().replace("{", "[1, {", 1).replace("}\n", "}]\n", 1),
+        lambda rows: _edited(rows, "[0, []]"),
+        lambda rows: _edited(rows, "[7, []]"),
+        lambda rows: _edited(rows, "[0]"),
+        lambda rows: _edited(rows, '[0, [["banana", 1e-6, 0.5, 1.0, ""]]]'),
+        lambda rows: _edited(rows, '[0, [["stable", "1 us", 0.5, 1.0, ""]]]'),
+        lambda rows: _edited(rows, '[0, [["stable", 1e-6]]]'),
+    ],
+    ids=["foreign", "head", "empty", "beyond", "short", "regime", "text", "cell"],
+)
+def test_a_file_that_is_no_map_is_refused_and_kept(tmp_path, content):
+    rows = tmp_path / "rows"
+    arguments = (RING, EXPERIMENT, P[:1], NU[:2])
+    coupled.pulsing_map(*arguments, file=rows, **SHORT)
+    rows.write_text(content(rows))
+    before = rows.read_bytes()
+    with pytest.raises(th.InputError, match="give another file name"):
+        coupled.pulsing_map(*arguments, file=rows, **SHORT)
+    assert rows.read_bytes() == before
+
+
+def test_a_file_that_cannot_be_written_is_named(tmp_path):
+    for path in (tmp_path, tmp_path / "no" / "rows"):
+        with pytest.raises(th.InputError, match="cannot be"):
+            coupled.pulsing_map(RING, EXPERIMENT, P[:1], NU[:2], file=path, **SHORT)
+
+
+@pytest.mark.parametrize("follow", ["up", "down"])
+def test_a_stepped_laser_keeps_the_state(follow):
+    found = coupled.pulsing_map(RING, EXPERIMENT, [6.31e-3], NU, follow=follow, **SHORT)
+    run = None
+    for nu in NU if follow == "up" else NU[::-1]:
+        run = coupled.simulate(RING, EXPERIMENT, power=6.31e-3, detuning=nu, rtol=1e-5, initial=run, **SHORT)
+        assert float(found.period.sel(detuning=nu)[0]) == pytest.approx(coupled.pulsing(run).period, rel=1e-12, abs=0)
+
+
+def test_a_stepped_laser_has_hysteresis_where_a_cycle_stands_beside_a_stable_point():
+    """Newton's law is subcritical: a pulsing ring goes on pulsing, one at rest stays at rest."""
+    ring, newton = RING.with_lumped_fcd(), surrogate.newton(tau_th=275e-9)
+    detunings = np.linspace(-2e9, 6e9, 9)
+    up, down = (
+        coupled.pulsing_map(ring, newton, [5e-3], detunings, follow=f, duration=12e-6).regime.values[0]
+        == "self-pulsing"
+        for f in ("up", "down")
+    )
+    assert np.sum(up) > np.sum(down)
+    assert np.all(up[down])
+    stable = coupled.stability_map(ring, newton, [5e-3], detunings).stable_points.values[0] > 0
+    assert np.all(stable[up & ~down])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"vary": {"bus_rate": [4e10, 5e10]}}, "it needs two"),
+        ({"vary": {"buss_rate": [4e10]}}, "did you mean 'bus_rate'"),
+        ({"vary": {"bus_rate": [5e10, 4e10]}, "powers": 1e-3}, "must increase"),
+        ({"follow": "upp"}, "did you mean 'up'"),
+    ],
+)
+def test_slips_are_named_in_one_line(change, message):
+    arguments = {"ring": RING, "model": EXPERIMENT, "powers": P, "detunings": NU} | change
+    with pytest.raises(th.InputError, match=message) as error:
+        coupled.pulsing_map(**arguments)
+    assert "\n" not in str(error.value)
+
+
+def test_commands(tmp_path):
+    model = tmp_path / "model.json"
+    surrogate.save_model(EXPERIMENT, model)
+    start = [str(model), "--power", "7 dBm, 9 dBm", "--detuning", "-10 GHz, 10 GHz", "--points", "2, 3"]
+    for command, more in (
+        ("map", ["--duration", "6 us", "--resume", str(tmp_path / "rows")]),
+        ("stability", ["--ring", "borghi2021-lumped"]),
+    ):
+        output, picture = tmp_path / f"{command}.nc", tmp_path / f"{command}.png"
+        done = CliRunner().invoke(app, [command, *start, *more, "-o", str(output), "--figure", str(picture)])
+        assert done.exit_code == 0, done.output
+        found = th.load(output)
+        assert found.regime.shape == (2, 3)
+        assert found.power.values == pytest.approx(1e-3 * 10 ** np.array([0.7, 0.9]), rel=1e-12, abs=0)
+        assert found.detuning.values == pytest.approx([-10e9, 0, 10e9])
+        assert picture.stat().st_size > 10_000
+        assert f"wrote {output}" in done.output.replace("\n", "")
+    assert len((tmp_path / "rows").read_text().splitlines()) == 3
+    for wrong, message in (
+        (["--points", "2"], "two whole numbers"),
+        (["--power", "9 dBm, 7 dBm"], "first must be below"),
+        (["--detuning", "10 GHz"], "two quantities"),
+        (["--ring", "nowhere.toml"], "neither a file nor"),
+        (["--resume", str(tmp_path / "one"), "-o", str(tmp_path / "one")], "give it another name"),
+        (["--resume", str(model)], "give it another name"),
+    ):
+        with pytest.raises(th.InputError, match=message):
+            CliRunner().invoke(app, ["map", *start, *wrong], catch_exceptions=False)

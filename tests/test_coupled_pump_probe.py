@@ -1,0 +1,90 @@
+"""Carrier decay after a pump pulse against an integrator, its limits, and the fit of what it determines."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.integrate import solve_ivp
+
+import coupled
+import thermofem as th
+from coupled.plot import plot_carrier_decay
+
+PRINTED = coupled.borghi2021().carriers
+SWAPPED = coupled.borghi2021().with_swapped_srh().carriers
+TIMES = np.linspace(0, 400e-9, 81)
+
+
+@pytest.mark.parametrize("carriers", [PRINTED, SWAPPED, replace(PRINTED, trap_energy=-0.3)])
+@pytest.mark.parametrize("initial", [1e19, 1e21, 3e23, 1e25])
+def test_decay_is_what_an_integrator_finds(carriers, initial):
+    found = coupled.carrier_decay(carriers, initial, TIMES)
+    slope = lambda t, y: -1 / carriers.lifetime(np.exp(y) * initial)  # noqa: E731 - of ln N
+    other = solve_ivp(slope, (0, TIMES[-1]), [0.0], t_eval=TIMES, rtol=1e-11, atol=1e-13, method="DOP853")
+    assert np.log(found["carriers"].values / initial) == pytest.approx(other.y[0], rel=1e-9, abs=1e-11)
+    assert found["lifetime"].values == pytest.approx(carriers.lifetime(found["carriers"].values), rel=1e-14, abs=0)
+
+
+def test_the_published_lifetimes():
+    """Appendix B as printed: 35.6 to 57.5 ns; with tau_n and tau_p exchanged 23.4 to 57.5 ns (the text: 25 to 60)."""
+    for carriers, least in ((PRINTED, 35.59162e-9), (SWAPPED, 23.41999e-9)):
+        found = coupled.carrier_decay(carriers, 1e28, [0.0, 3e-6])
+        # the ends are reached within p0/N0 = 1e-7; the rest is half a unit of the last digit given
+        assert found["lifetime"].values == pytest.approx([57.5e-9, least], rel=3.2e-7, abs=0)
+
+
+def test_fit_gives_back_what_a_noisy_decay_determines():
+    rng, found = np.random.default_rng(5), []
+    for _ in range(40):
+        data = coupled.carrier_decay(SWAPPED, 2e23, TIMES)
+        data["carriers"] = data["carriers"] * np.exp(0.02 * rng.normal(size=TIMES.size))
+        found.append(coupled.fit_carrier_decay(data, PRINTED))
+    true = {
+        "tau0": SWAPPED.tau0, "tau_high": 57.5e-9, "tau_n": 22.5e-9, "tau_p": 35e-9, "initial_density": 2e23,
+    }  # fmt: skip
+    for name, value in true.items():
+        pulls = [(fit.parameters[name] - value) / fit.standard_errors[name] for fit in found]
+        # mean 0 +- 1/sqrt(40) and deviation 1 +- 1/sqrt(80), each within 3.5
+        assert abs(np.mean(pulls)) < 3.5 / np.sqrt(40)
+        assert np.std(pulls) == pytest.approx(1, abs=3.5 / np.sqrt(80))
+    assert np.mean([fit.residual for fit in found]) == pytest.approx(0.02, rel=0.05)
+
+
+def test_no_decay_determines_the_trap_energy():
+    data = coupled.carrier_decay(PRINTED, 2e23, TIMES)
+    fit = coupled.fit_carrier_decay(data, PRINTED)
+    assert fit.standard_errors["trap_energy"] == np.inf
+    low, high = fit.trap_energies
+    assert low < 0.1 < high
+    for energy in (low, 0.0, high):
+        other = coupled.fit_carrier_decay(data, replace(PRINTED, trap_energy=energy))
+        same = coupled.carrier_decay(other.carriers, 2e23, TIMES)
+        assert same["carriers"].values == pytest.approx(data["carriers"].values, rel=1e-7, abs=0)
+    with pytest.raises(th.InputError, match="gives no positive lifetimes"):
+        coupled.fit_carrier_decay(data, replace(PRINTED, trap_energy=0.5))
+
+
+def test_figure_labels_itself():
+    axes = plot_carrier_decay(coupled.carrier_decay(PRINTED, 2e23, TIMES))
+    assert [ax.get_xlabel() for ax in axes] == ["time (ns)", "carrier density (cm$^{-3}$)"]
+    plt.close("all")
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: coupled.carrier_decay(PRINTED, -1, [0]), "initial"),
+        (lambda: coupled.carrier_decay(PRINTED, 1e23, [0, 50]), r"times\[-1\] = 50"),
+        (lambda: coupled.carrier_decay(PRINTED, 1e23, [-1e-9, 0]), r"times\[0\]"),
+        (lambda: coupled.fit_carrier_decay(xr.Dataset(), PRINTED), "no variable 'time'"),
+        (lambda: coupled.fit_carrier_decay(coupled.carrier_decay(PRINTED, 1e23, TIMES[:5]), PRINTED), "at least 8"),
+    ],
+)
+def test_slips_are_named_in_one_line(call, message):
+    with pytest.raises(th.InputError, match=message) as error:
+        call()
+    assert "\n" not in str(error.value)

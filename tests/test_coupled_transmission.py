@@ -1,0 +1,117 @@
+"""Transmission curves and slow sweeps against fixed points, folds and closed forms."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import coupled
+import surrogate
+import thermofem as th
+from coupled.plot import plot_transmission
+
+RING = coupled.borghi2021()
+EXPERIMENT = surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)
+STILL = replace(RING, tpa_coefficient=0.0, fcd=((0.0, 1.0),))  # heat alone
+
+
+@pytest.mark.parametrize(
+    "laser", [{"power": 5e-3, "detuning": (-60e9, 20e9)}, {"power": (1e-4, 1e-2), "detuning": -30e9}]
+)
+def test_every_point_of_a_curve_is_a_fixed_point(laser):
+    curve = coupled.transmission(RING, EXPERIMENT, **laser)
+    assert 400 < curve.sizes["point"] <= 600
+    for point in (curve.isel(point=k) for k in range(0, curve.sizes["point"], 40)):
+        states = coupled.steady_states(RING, EXPERIMENT, power=float(point.power), detuning=float(point.detuning))
+        nearest = states.isel(branch=int(np.abs(states.energy.values - float(point.energy)).argmin()))
+        for name in ("energy", "carriers", "delta_T", "through", "growth_rate"):
+            # next to a fold the energy is the root of the distance to it: 1e-16 becomes 1e-8
+            assert float(point[name]) == pytest.approx(float(nearest[name]), rel=1e-6, abs=0)
+        assert point.regime.item() == nearest.regime.item()
+    assert {"stable", "saddle", "unstable focus"} <= set(curve.regime.values)
+
+
+def test_a_weak_laser_sees_a_lorentzian():
+    curve = coupled.transmission(RING, EXPERIMENT, power=1e-9, detuning=(-50e9, 50e9))
+    delta, gamma = 2 * np.pi * curve.detuning.values, RING.linear_rate
+    # heat shifts the line by 1e-7 of its width at 1 nW, and dispersion of the few carriers less
+    lorentzian = 1e-9 * (2 * RING.bus_rate) ** 2 / (gamma**2 + delta**2)
+    assert curve["drop"].values == pytest.approx(lorentzian, rel=1e-5, abs=0)
+    total = curve["drop"] + curve["through"] + curve["absorbed"]
+    assert total.values == pytest.approx(1e-9, rel=1e-12, abs=0)
+
+
+def test_a_sweep_jumps_at_the_folds():
+    steps = np.linspace(-120e9, 0, 401)
+    folds = [
+        float(np.interp(0, [p0 - 6e-3, p1 - 6e-3], [n0, n1]))
+        for curve in coupled.fold_curves(STILL, EXPERIMENT, [4e-3, 8e-3], [-200e9, 0.0])
+        for p0, p1, n0, n1 in zip(
+            curve.power.values, curve.power.values[1:], curve.detuning.values, curve.detuning.values[1:], strict=False
+        )
+        if (p0 - 6e-3) * (p1 - 6e-3) < 0
+    ]
+    assert len(folds) == 2
+    found = coupled.sweep(STILL, EXPERIMENT, power=6e-3, detuning=np.concatenate([steps, steps[::-1]]))
+    at = np.flatnonzero(found.jumped.values)
+    assert at.size == 2
+    for k, fold in zip(at, sorted(folds, reverse=True), strict=True):
+        before, after = sorted(found.detuning.values[[k - 1, k]])
+        assert before - 2e7 < fold < after + 2e7  # the fold is a line between two points of its curve
+    up, down = found["drop"].values[:401], found["drop"].values[:400:-1]
+    apart = steps[np.abs(up / down - 1) > 1e-9]
+    assert apart[0] == pytest.approx(min(folds), abs=0.35e9)
+    assert apart[-1] == pytest.approx(max(folds), abs=0.35e9)
+    assert set(found.regime.values) == {"stable"}
+
+
+def test_a_sweep_goes_on_through_a_hopf_point():
+    steps = np.linspace(20e9, -140e9, 321)
+    found = coupled.sweep(RING, EXPERIMENT, power=6.31e-3, detuning=steps)
+    assert (found.regime == "unstable focus").any()
+    energy = found.energy.values
+    jumps = np.flatnonzero(found.jumped.values)
+    assert jumps.size == 1
+    smooth = np.delete(np.abs(np.diff(np.log(energy))), jumps[0] - 1)
+    assert smooth.max() < 0.3 < abs(np.log(energy[jumps[0]] / energy[jumps[0] - 1]))
+
+
+def test_power_sweeps_too():
+    P = np.geomspace(1e-4, 1e-2, 101)
+    found = coupled.sweep(RING, EXPERIMENT, power=np.concatenate([P, P[::-1]]), detuning=-30e9)
+    up, down = found.power.values[found.jumped.values]
+    assert up > 1.5 * down
+    folds = coupled.transmission(RING, EXPERIMENT, power=(1e-4, 1e-2), detuning=-30e9)
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(folds.power.values))))
+    high, low = folds.power.values[turns + 1]
+    # the step after the fold, up; the step below it, down; steps of 4.7 %, and the curve's own 1.5 %
+    assert up / high == pytest.approx(1.03, abs=0.04)
+    assert down / low == pytest.approx(0.97, abs=0.04)
+
+
+def test_figure_labels_itself():
+    curve = coupled.transmission(RING, EXPERIMENT, power=5e-3, detuning=(-60e9, 20e9))
+    loop = coupled.sweep(RING, EXPERIMENT, power=5e-3, detuning=np.linspace(20e9, -60e9, 41))
+    ax = plot_transmission(curve, sweeps={"down": loop})
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("detuning (GHz)", "drop power (mW)")
+    plt.close("all")
+
+
+@pytest.mark.parametrize(
+    ("call", "laser", "message"),
+    [
+        (coupled.transmission, {"power": 1e-3, "detuning": 0.0}, "must be a pair"),
+        (coupled.transmission, {"power": (1e-3, 2e-3), "detuning": (0.0, 1e9)}, "must be a pair"),
+        (coupled.transmission, {"power": (2e-3, 1e-3), "detuning": 0.0}, "first < last"),
+        (coupled.transmission, {"power": 1e-3, "detuning": (-10, 10)}, "did you mean -10e9"),
+        (coupled.sweep, {"power": 1e-3, "detuning": 0.0}, "must be an array"),
+        (coupled.sweep, {"power": [1e-3, 8.0], "detuning": 0.0}, r"power\[1\] = 8"),
+    ],
+)
+def test_slips_are_named_in_one_line(call, laser, message):
+    with pytest.raises(th.InputError, match=message) as error:
+        call(RING, EXPERIMENT, **laser)
+    assert "\n" not in str(error.value)
