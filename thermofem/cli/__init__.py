@@ -1,4 +1,4 @@
-"""The command line: ``thermofem solve | campaign | fit | reduce | validate | simulate | reproduce | doctor``.
+"""The command line: ``thermofem solve | campaign | fit | reduce | validate | simulate | cosimulate | map | ...``.
 
 This package is the only place that knows thermofem, surrogate and coupled at once. Everything heavy is imported inside
 the commands, so that ``thermofem --help`` answers at once.
@@ -13,7 +13,10 @@ from typing import Annotated
 import typer
 
 from ..checks import InputError, MissingLibraryError
-from . import models
+from . import maps, models
+from .cite import cite
+from .cosimulate import cosimulate
+from .export import export
 
 app = typer.Typer(
     help="Self-heating of silicon microring resonators: training data, compact models, self-pulsing.",
@@ -22,7 +25,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-Out = Annotated[Path, typer.Option("--output", "-o", help="File (netCDF) or folder to write.")]
+Out = Annotated[Path, typer.Option("--output", "-o", help="File (netCDF) to write.")]
+Folder = Annotated[Path, typer.Option("--output", "-o", help="Folder to write.")]
 
 
 def main() -> None:
@@ -102,7 +106,7 @@ def solve(
 @app.command()
 def campaign(
     file: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).")],
-    output: Out = Path("campaign"),
+    output: Folder = Path("campaign"),
     workers: Annotated[int | None, typer.Option(help="Worker processes; default: one for each CPU.")] = None,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to compute on.")] = None,
     retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Take geometries that failed again.")] = False,
@@ -116,23 +120,25 @@ def campaign(
     run(file, output, workers=workers, scheduler=scheduler, retry_failed=retry_failed)
 
 
-for command in (models.fit, models.reduce, models.validate, models.simulate):
+for command in (models.fit, models.reduce, models.validate, models.simulate, cosimulate, export, cite, maps.stability):
     app.command()(command)
+app.command("map")(maps.map_)
 
 
 @app.command()
 def reproduce(
-    output: Out = Path("out"),
+    output: Folder = Path("out"),
     quick: Annotated[
-        bool, typer.Option("--quick", help="The one-minute version: Fig. 5 and the traces at (8 dBm, 0).")
+        bool, typer.Option("--quick", help="The one-minute version: no maps, no FEM in the loop.")
     ] = False,
 ) -> None:
-    """Reproduce the paper from our own FEM: data, models, figures and a table next to its numbers."""
-    from .reproduce import run
+    """Reproduce the paper from our own FEM: report.html with every figure and number, and the data behind it.
 
-    if not quick:
-        raise InputError("only the quick version exists so far; run: thermofem reproduce --quick")
-    run(output)
+    Started again, it goes on where it was, however it ended.
+    """
+    from .reproduce import Settings, run
+
+    run(output, Settings(quick=quick))
 
 
 @app.command()

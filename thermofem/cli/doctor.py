@@ -14,8 +14,8 @@ from ..geometry import strip_ring
 from ..mesh import find_committed, gmsh_problem
 
 PACKAGES = (
-    "scikit-fem", "meshio", "pygmsh", "gmsh", "shapely", "numpy", "scipy", "qdldl",
-    "numba", "xarray", "h5netcdf", "pint", "matplotlib",
+    "scikit-fem", "meshio", "pygmsh", "gmsh", "shapely", "numpy", "scipy", "qdldl", "numba", "xarray", "h5netcdf",
+    "h5py", "pint", "typer", "rich", "matplotlib", "contourpy", "pymoo", "pysindy", "cvxpy",
 )  # fmt: skip
 
 

@@ -1,12 +1,20 @@
-"""What a command may write, checked before it works."""
+"""What a command may write, checked before it works; which ring it drives; a word while it works."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .. import dataset
 from ..checks import InputError
+
+if TYPE_CHECKING:
+    from rich.status import Status
+
+    from coupled import RingResonator
+
+RING = "Ring file (TOML), or borghi2021, or borghi2021-lumped for Newton's law."
 
 
 def check_outputs(
@@ -21,3 +29,20 @@ def check_outputs(
         taken[path.resolve()] = "written for something else"
     for path in filter(None, images):
         dataset.check_image(path)
+
+
+def ring_of(given: str) -> RingResonator:
+    """The ring of a file, or one that comes with the package."""
+    import coupled
+
+    named = {"borghi2021": coupled.borghi2021(), "borghi2021-lumped": coupled.borghi2021().with_lumped_fcd()}
+    if given not in named and not Path(given).is_file():
+        raise InputError(f"--ring = {given!r} is neither a file nor one of {', '.join(named)}")
+    return named[given] if given in named else coupled.RingResonator.from_toml(given)
+
+
+def working(what: str) -> Status:
+    """A line on the terminal for as long as the block takes."""
+    from rich.console import Console
+
+    return Console(stderr=True).status(what)

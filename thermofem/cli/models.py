@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from .. import checks
-from .files import check_outputs
+from .files import RING, check_outputs, ring_of, working
 
 if TYPE_CHECKING:
+    import numpy as np
+    import xarray as xr
+    from numpy.typing import NDArray
+
     from ..model import ThermalModel
 
 Out = Annotated[Path, typer.Option("--output", "-o", help="File to write.")]
@@ -72,30 +77,58 @@ def reduce(
 
 
 def validate(
-    models: Annotated[list[Path], typer.Argument(help="Models (JSON) to judge.")],
-    reference: Annotated[Path, typer.Option(help="What they are judged by: a model (JSON), e.g. from `reduce`.")],
+    inputs: Annotated[list[Path], typer.Argument(metavar="GEOMETRY.toml | MODELS.json...", help="What to judge.")],
+    reference: Annotated[Path | None, typer.Option(help="What models are judged by: a model (JSON).")] = None,
     power: Annotated[str, typer.Option(help="Power of the square wave.")] = "2 mW",
     duty: Annotated[float, typer.Option(help="Its duty cycle.")] = 1 / 3,
     shortest: Annotated[str, typer.Option(help="Shortest period.")] = "0.1 us",
     longest: Annotated[str, typer.Option(help="Longest period.")] = "10 us",
+    accuracy: Annotated[float, typer.Option(help="Wanted relative error of a geometry's mesh.")] = 1e-3,
     figure: Figure = None,
-    output: Out = Path("period_error.nc"),
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Curves (.nc), or for a geometry the figure (.png).")
+    ] = None,
 ) -> None:
-    """Period-error curves (Section 6 of the paper): over which periods can a model be trusted?"""
+    """Period-error curves (Section 6 of the paper): over which periods can a model be trusted?
+
+    Given a geometry, every kind of model is trained on it and judged by its FEM; given models, those.
+    """
     import numpy as np
+
+    from .. import quantity
+
+    ends = [quantity.parse(text, "s", name=name) for name, text in (("--shortest", shortest), ("--longest", longest))]
+    if ends[0] >= ends[1]:
+        raise checks.InputError(f"--shortest = {shortest} must be below --longest = {longest}")
+    periods, watts = np.geomspace(ends[0], ends[1], 41), quantity.parse(power, "W", name="--power")
+    if any(path.suffix.lower() == ".toml" for path in inputs):
+        if len(inputs) > 1 or reference:
+            raise checks.InputError("validate takes one geometry alone; models with --reference, without a geometry")
+        _validate_geometry(inputs[0], output or figure, periods, watts, duty, accuracy)
+    elif reference is None:
+        raise checks.InputError("models are judged by a --reference, e.g. from `reduce`; or give one geometry (.toml)")
+    else:
+        _validate_models(inputs, reference, output or Path("period_error.nc"), figure, periods, watts, duty)
+
+
+def _validate_models(
+    models: list[Path],
+    reference: Path,
+    output: Path,
+    figure: Path | None,
+    periods: NDArray[np.float64],
+    watts: float,
+    duty: float,
+) -> None:
+    """Curves of models from files."""
     import xarray as xr
 
     import surrogate
 
-    from .. import dataset, quantity
+    from .. import dataset
 
     check_outputs([output, figure], inputs=[*models, reference], images=[figure])
-    ends = [quantity.parse(text, "s", name=name) for name, text in (("--shortest", shortest), ("--longest", longest))]
-    if ends[0] >= ends[1]:
-        raise checks.InputError(f"--shortest = {shortest} must be below --longest = {longest}")
-    judge, periods = surrogate.load_model(reference), np.geomspace(ends[0], ends[1], 41)
-    watts = quantity.parse(power, "W", name="--power")
-    curves = {}
+    judge, curves = surrogate.load_model(reference), {}
     for path in models:
         model = surrogate.load_model(path)
         curves[path.stem] = surrogate.period_error(model, judge, periods, power=watts, duty=duty)
@@ -103,12 +136,38 @@ def validate(
     joined = xr.concat(list(curves.values()), dim="model", combine_attrs="drop_conflicts")
     dataset.save(joined.assign_coords(model=list(curves)), output)
     if figure:
-        from surrogate.plot import plot_period_error
-
-        from ..plot import save_figure
-
-        save_figure(plot_period_error(curves), figure)
+        _draw_curves(curves, figure)
     print(f"wrote {output}" + (f" and {figure}" if figure else ""))
+
+
+def _validate_geometry(
+    path: Path, output: Path | None, periods: NDArray[np.float64], watts: float, duty: float, accuracy: float
+) -> None:
+    """Train every kind of model on a geometry: one figure, one table."""
+    from rich.console import Console
+
+    from ..geometry import CrossSection
+    from .validate import advice, judge, table
+
+    figure = output or Path("period_error.png")
+    check_outputs([figure], inputs=[path], images=[figure])
+    with working("solving, training every kind of model, judging"):
+        found = judge(CrossSection.from_toml(path), accuracy=accuracy, periods=periods, power=watts, duty=duty)
+    _draw_curves(found.curves, figure)
+    console = Console()
+    console.print(table(found))
+    for line in advice(found):
+        console.print(line)
+    console.print(f"wrote {figure}")
+
+
+def _draw_curves(curves: Mapping[str, xr.Dataset], figure: Path) -> None:
+    """Error over period of several models."""
+    from surrogate.plot import plot_period_error
+
+    from ..plot import save_figure
+
+    save_figure(plot_period_error(curves), figure)
 
 
 def simulate(
@@ -117,23 +176,26 @@ def simulate(
     detuning: Annotated[str, typer.Option(help="Laser minus cold resonance.")] = "0 GHz",
     duration: Annotated[str, typer.Option(help="Length of the run, from a cold start.")] = "20 us",
     rtol: Annotated[float, typer.Option(help="Relative error of a step.")] = 1e-6,
+    ring: Annotated[str, typer.Option(help=RING)] = "borghi2021",
     figure: Figure = None,
     output: Out = Path("traces.nc"),
 ) -> None:
-    """Drive the ring of the paper with a thermal model: traces, and whether and how it pulses."""
+    """Drive a ring with a thermal model: traces, and whether and how it pulses."""
     import coupled
     import surrogate
 
     from .. import dataset, quantity
 
-    check_outputs([output, figure], inputs=[model], images=[figure])
+    check_outputs([output, figure], inputs=[model, Path(ring)], images=[figure])
     thermal: ThermalModel = surrogate.load_model(model)
+    resonator = ring_of(ring)
     settings: dict[str, Any] = {
         "power": quantity.parse(power, "W", name="--power"),
         "detuning": quantity.parse(detuning, "Hz", name="--detuning"),
         "duration": quantity.parse(duration, "s", name="--duration"),
     }
-    run = coupled.simulate(coupled.borghi2021(), thermal, rtol=rtol, **settings)
+    with working("integrating; the first run on a machine compiles for some seconds"):
+        run = coupled.simulate(resonator, thermal, rtol=rtol, **settings)
     dataset.save(run, output)
     if figure:
         from coupled.plot import plot_traces

@@ -59,10 +59,14 @@ def run(
             times = np.linspace(0, length, samples)
             data = solve(heat, wave, times, heated=heated, read=wanted, rtol=errors[1], field_times=field_times)
     dataset.save(data, output)
-    _draw(data, figure, paraview, animation)
+    with console.status("drawing"):
+        _draw(data, figure, paraview, animation)
+    source = data.attrs["heated"]
+    pair = f"{wanted} heated by {source}" if isinstance(wanted, str) and wanted != source else source
+    a, largest = data.attrs, float(data["delta_T"].max())
     console.print(
-        f"R_th = {data.attrs['thermal_resistance'] / 1e3:.4g} K/mW, largest rise {float(data['delta_T'].max()):.4g} K, "
-        f"energy imbalance {data.attrs['heat_imbalance']:.0e}"
+        f"R_th of {pair} = {a['thermal_resistance'] / 1e3:.4g} K/mW, largest rise {largest:.4g} K, "
+        f"energy imbalance {a['heat_imbalance']:.0e}"
     )
     for path in files:
         if path:

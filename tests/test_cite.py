@@ -1,0 +1,84 @@
+"""thermofem cite: the works behind a result, from the file alone."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+import xarray as xr
+from typer.testing import CliRunner
+
+import surrogate
+import thermofem as th
+from thermofem.cli import app
+
+
+def cited(*arguments):
+    done = CliRunner().invoke(app, ["cite", *map(str, arguments)])
+    assert done.exit_code == 0, done.output
+    return done.output
+
+
+def test_without_a_file_the_software_and_the_paper():
+    lines = cited().splitlines()
+    assert len(lines) == 2
+    assert f"version {th.__version__}" in lines[0]
+    assert "Opt. Express 29, 4363 (2021)" in lines[1]
+
+
+def test_data_name_the_sources_of_their_materials(tmp_path):
+    heat = th.assemble(th.strip_ring())
+    th.save(th.solve(heat, th.Constant(1e-3), [1e-7, 1e-6]), tmp_path / "data.nc")
+    text = cited(tmp_path / "data.nc")
+    assert "scikit-fem" in text
+    assert th.materials.find("SiO2").source in text
+    assert "TiN" not in text
+
+
+def test_a_model_names_those_of_its_geometry_as_bibtex(tmp_path):
+    geometry = th.strip_ring().to_toml()
+    model = th.Foster(R=[7e3], tau=[1e-6])
+    surrogate.save_model(model, tmp_path / "model.json", provenance={"geometry": geometry})
+    text = cited(tmp_path / "model.json", "--bibtex")
+    assert re.findall(r"^@(\w+)\{(\w+),$", text, re.MULTILINE) == [
+        ("software", "thermofem"),
+        ("article", "borghi2021"),
+        ("article", "scikitfem"),
+        ("article", "gmsh"),
+        ("misc", "material_si"),
+        ("misc", "material_sio2"),
+    ]
+    assert text.count("{") == text.count("}")
+
+
+def test_the_citation_file_names_this_version():
+    from pathlib import Path
+
+    text = (Path(__file__).resolve().parent.parent / "CITATION.cff").read_text()
+    assert f"version: {th.__version__}\n" in text
+
+
+def test_the_doctor_knows_every_requirement():
+    import tomllib
+    from pathlib import Path
+
+    from thermofem.cli.doctor import PACKAGES
+
+    project = tomllib.loads((Path(__file__).resolve().parent.parent / "pyproject.toml").read_text())["project"]
+    assert {re.split(r"[>=<~!]", line)[0] for line in project["dependencies"]} == set(PACKAGES)
+
+
+@pytest.mark.parametrize("materials", ["not JSON", "[1, 2]", '"silicon"'])
+def test_a_damaged_record_of_materials_is_named(tmp_path, materials):
+    file = tmp_path / "run.nc"
+    th.save(xr.Dataset({"drop": ("time", [1.0])}, attrs={"schema": 1, "materials": materials}), file)
+    done = CliRunner().invoke(app, ["cite", str(file)])
+    with pytest.raises(th.InputError, match="materials is damaged"):
+        raise done.exception
+
+
+def test_what_is_no_result_is_refused(tmp_path):
+    done = CliRunner().invoke(app, ["cite", str(tmp_path / "none.nc")])
+    assert isinstance(done.exception, th.InputError)
+    with pytest.raises(th.InputError, match="does not exist"):
+        raise done.exception

@@ -1,0 +1,143 @@
+"""``thermofem cite``: what to cite for a result file, from the provenance that it carries."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from .. import __version__
+from ..checks import InputError
+
+
+@dataclass(frozen=True)
+class Reference:
+    """One work: BibTeX kind, key and fields; the fields also make the line of text."""
+
+    kind: str
+    key: str
+    fields: dict[str, str]
+
+    def text(self) -> str:
+        """One line."""
+        f = self.fields
+        place = f.get("journal", f.get("note", ""))
+        if "volume" in f:
+            place += f" {f['volume']}, {f['pages']}"
+        parts = [f.get("author", "").strip("{}").replace(" and ", ", "), f["title"], place]
+        return ", ".join(part for part in parts if part) + (f" ({f['year']})" if "year" in f else "")
+
+    def bibtex(self) -> str:
+        """A BibTeX entry."""
+        body = "".join(f"  {name} = {{{value}}},\n" for name, value in self.fields.items())
+        return f"@{self.kind}{{{self.key},\n{body}}}\n"
+
+
+def _article(key: str, author: str, title: str, journal: str, volume: int, pages: str, year: int) -> Reference:
+    fields = {"author": author, "title": title, "journal": journal, "volume": str(volume), "pages": pages}
+    return Reference("article", key, {**fields, "year": str(year)})
+
+
+SOFTWARE = Reference(
+    "software",
+    "thermofem",
+    {
+        "author": "{The thermofem developers}",
+        "title": "thermofem: self-heating of silicon microring resonators",
+        "version": __version__,
+        "note": f"version {__version__}, BSD-3-Clause",
+    },
+)
+PAPER = _article(
+    "borghi2021",
+    "Massimo Borghi and Davide Bazzanella and Mattia Mancinelli and Lorenzo Pavesi",
+    "On the modeling of thermal and free carrier nonlinearities in silicon-on-insulator microring resonators",
+    "Opt. Express",
+    29,
+    "4363",
+    2021,
+)
+SCIKIT_FEM = _article(
+    "scikitfem",
+    "Tom Gustafsson and Geordie Drummond McBain",
+    "scikit-fem: A Python package for finite element assembly",
+    "J. Open Source Softw.",
+    5,
+    "2369",
+    2020,
+)
+GMSH = _article(
+    "gmsh",
+    "Christophe Geuzaine and Jean-François Remacle",
+    "Gmsh: A 3-D finite element mesh generator with built-in pre- and post-processing facilities",
+    "Int. J. Numer. Methods Eng.",
+    79,
+    "1309",
+    2009,
+)
+PYSINDY = _article(
+    "pysindy",
+    "Brian M. de Silva and others",
+    "PySINDy: A Python package for the sparse identification of nonlinear dynamics from data",
+    "J. Open Source Softw.",
+    5,
+    "2104",
+    2020,
+)
+
+
+def cite(
+    file: Annotated[
+        Path | None, typer.Argument(help="Data (netCDF) or model (JSON); default: the software alone.")
+    ] = None,
+    bibtex: Annotated[bool, typer.Option("--bibtex", help="As BibTeX.")] = False,
+) -> None:
+    """Print what to cite for a result: the software, the paper, and the sources of its materials."""
+    works = references(_provenance(file) if file else {})
+    print("\n".join(work.bibtex() if bibtex else work.text() for work in works))
+
+
+def references(provenance: dict[str, Any]) -> list[Reference]:
+    """The works behind a result with this provenance."""
+    works = [SOFTWARE, PAPER]
+    if provenance.get("geometry"):
+        works += [SCIKIT_FEM, GMSH]
+    if provenance.get("kind") == "Network":
+        works.append(PYSINDY)
+    for name, source in _materials(provenance).items():
+        key = "material_" + re.sub(r"\W+", "_", name).strip("_").lower()
+        works.append(Reference("misc", key, {"title": f"Material {name}", "note": source}))
+    return works
+
+
+def _materials(provenance: dict[str, Any]) -> dict[str, str]:
+    """Source of every material: recorded in data, looked up in the geometry for models."""
+    if provenance.get("materials"):
+        try:
+            return {str(name): str(source) for name, source in json.loads(provenance["materials"]).items()}
+        except (ValueError, TypeError, AttributeError):
+            raise InputError("the file's record of its materials is damaged; is it one of thermofem's?") from None
+    if not provenance.get("geometry"):
+        return {}
+    from ..geometry import CrossSection
+    from ..materials import VOID, find
+
+    section = CrossSection.from_toml_text(str(provenance["geometry"]))
+    names = dict.fromkeys([layer.material for layer in section.layers] + [part.material for part in section.parts])
+    return {name: find(name, section.materials).source for name in names if name != VOID}
+
+
+def _provenance(file: Path) -> dict[str, Any]:
+    """What a file says about its origin."""
+    if file.suffix == ".json":
+        import surrogate
+
+        kind = type(surrogate.load_model(file)).__name__
+        return {**surrogate.load_provenance(file), "kind": kind}
+    from .. import dataset
+
+    return dict(dataset.load(file).attrs)

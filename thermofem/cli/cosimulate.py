@@ -1,0 +1,139 @@
+"""``thermofem cosimulate``: a ring with the FEM of its cross-section in the loop."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..checks import InputError
+from .files import RING, check_outputs, ring_of
+
+if TYPE_CHECKING:
+    from ..model import ThermalModel
+    from ..waveforms import Waveform
+
+
+def cosimulate(
+    geometry: Annotated[Path | None, typer.Argument(help="Geometry file (TOML); default: the reference strip.")] = None,
+    power: Annotated[str, typer.Option(help="Power in the bus waveguide.")] = "8 dBm",
+    detuning: Annotated[str, typer.Option(help="Laser minus cold resonance.")] = "0 GHz",
+    duration: Annotated[str, typer.Option(help="Length of the run, from a cold start.")] = "20 us",
+    ring: Annotated[str, typer.Option(help=RING)] = "borghi2021",
+    heater: Annotated[list[str] | None, typer.Option(help="Constant power of another part: 'heater=5 mW'.")] = None,
+    predictor: Annotated[
+        str | None, typer.Option(metavar="MODEL", help="Model (JSON) that predicts, or none; default: a reduction.")
+    ] = None,
+    tolerance: Annotated[str, typer.Option(help="Discrepancy left between light and FEM.")] = "1 mK",
+    accuracy: Annotated[float, typer.Option(help="Wanted relative error of the mesh.")] = 1e-3,
+    rtol: Annotated[float, typer.Option(help="Relative error of a step of the light.")] = 1e-6,
+    field_times: Annotated[list[str] | None, typer.Option(help="Keep the field at '1 us, 5 us, ...'.")] = None,
+    paraview: Annotated[Path | None, typer.Option(help="Write the fields for ParaView (.xdmf, .pvd, .vtu).")] = None,
+    figure: Annotated[Path | None, typer.Option(help="Also draw the traces into this image.")] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="File to write (netCDF).")] = Path("cosimulation.nc"),
+) -> None:
+    """Drive a ring with the FEM itself in the loop: traces, and whether and how it pulses."""
+    import coupled
+
+    from .. import dataset, quantity
+    from ..fields import write_fields
+    from ..geometry import CrossSection, strip_ring
+    from ..heat import assemble
+
+    model_file = Path(predictor) if predictor and predictor != "none" else None
+    check_outputs([output, figure, paraview], inputs=[geometry, model_file, Path(ring)], images=[figure])
+    resonator = ring_of(ring)
+    length = quantity.parse(duration, "s", name="--duration")
+    settings: dict[str, Any] = {
+        "power": quantity.parse(power, "W", name="--power"),
+        "detuning": quantity.parse(detuning, "Hz", name="--detuning"),
+        "tolerance": quantity.parse(tolerance, "K", name="--tolerance"),
+        "heaters": _heaters(heater or []),
+        "field_times": _times(field_times or []),
+        "predictor": _predictor(predictor, model_file),
+    }
+    if paraview and not settings["field_times"]:
+        raise InputError("--paraview writes the fields that are kept; say which with --field-times '1 us, 5 us'")
+    heat = assemble(CrossSection.from_toml(geometry) if geometry else strip_ring(), accuracy)
+    with Bar(length, heat.unknowns) as progress:
+        run = coupled.cosimulate(resonator, heat, duration=length, rtol=rtol, progress=progress, **settings)
+    dataset.save(run, output)
+    if paraview:
+        write_fields(run, paraview)
+    if figure:
+        from coupled.plot import plot_traces
+
+        from ..plot import save_figure
+
+        save_figure(plot_traces(run), figure)
+    _report(run)
+    print("wrote " + ", ".join(str(path) for path in (output, paraview, figure) if path))
+
+
+def _predictor(given: str | None, path: Path | None) -> ThermalModel | None:
+    import coupled
+    import surrogate
+
+    if given == "none":
+        return coupled.NO_PREDICTOR
+    return surrogate.load_model(path) if path else None
+
+
+def _heaters(texts: list[str]) -> dict[str, Waveform]:
+    from .. import quantity
+    from ..waveforms import Constant
+
+    heaters: dict[str, Waveform] = {}
+    for text in texts:
+        name, equals, power = text.partition("=")
+        if not equals or not name.strip():
+            raise InputError(f"--heater {text!r} is not of the form PART=POWER, such as 'heater=5 mW'")
+        heaters[name.strip()] = Constant(quantity.parse(power.strip(), "W", name="--heater"))
+    return heaters
+
+
+def _times(texts: list[str]) -> tuple[float, ...]:
+    from .. import quantity
+
+    given = [part.strip() for text in texts for part in text.split(",") if part.strip()]
+    return tuple(sorted(quantity.parse(text, "s", name="--field-times") for text in given))
+
+
+class Bar:
+    """A progress bar over simulated time; called with the time in s."""
+
+    def __init__(self, duration: float, unknowns: int) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+        columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[at]}"), TimeElapsedColumn())
+        self.progress, self.duration = Progress(*columns, console=Console(stderr=True)), duration
+        self.task = self.progress.add_task(f"{unknowns} temperatures in the loop", total=duration, at="0 us")
+
+    def __enter__(self) -> Bar:
+        self.progress.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.progress.stop()
+
+    def __call__(self, time: float) -> None:
+        """Show how far the run is."""
+        self.progress.update(self.task, completed=time, at=f"{time * 1e6:.3g} of {self.duration * 1e6:.3g} us")
+
+
+def _report(run: Any) -> None:
+    """What happened and what it cost, in four lines."""
+    import coupled
+
+    found, a = coupled.pulsing(run), run.attrs
+    print(f"{found.regime}: {found.reason}")
+    if found.regime == "self-pulsing":
+        print(f"period {found.period * 1e9:.1f} ns, duty {found.duty:.3f}, swing {found.swing:.2f} K")
+    print(
+        f"{a['windows']} windows, {a['passes']} passes, largest discrepancy {a['largest_discrepancy'] * 1e3:.2g} mK, "
+        f"heat imbalance {a['heat_imbalance']:.0e}"
+    )
+    seconds = a["cpu_optics"] + a["cpu_corrector"]
+    print(f"{a['fem_solves']} solves with {a['fem_unknowns']} unknowns, {seconds:.2g} s of CPU time")

@@ -1,0 +1,32 @@
+"""``thermofem export``: a model for circuit and system simulators, as matrices or as a table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .files import check_outputs
+
+
+def export(
+    model: Annotated[Path, typer.Argument(help="Thermal model (JSON).")],
+    to: Annotated[str, typer.Option(help="spice, verilog-a, fmu, mat or csv.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="File to write; default: the model's name, with the ending of --to."),
+    ] = None,
+) -> None:
+    """Write a model for a circuit simulator (spice, verilog-a), a system simulator (fmu), as matrices or as a table."""
+    import surrogate
+    from surrogate.export import FORMATS
+
+    from .. import checks
+
+    _, ending = FORMATS[checks.choice("--to", to, FORMATS)]
+    target = output or model.with_suffix(ending)
+    check_outputs([target], inputs=[model])
+    provenance = surrogate.load_provenance(model)
+    surrogate.export_model(surrogate.load_model(model), target, to=to, provenance=provenance)
+    print(f"wrote {target}")

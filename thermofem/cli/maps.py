@@ -1,0 +1,131 @@
+"""``thermofem map | stability``: where a ring self-pulses, by integration or by linear stability."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+
+from .. import checks
+from .files import RING, check_outputs, ring_of, working
+
+if TYPE_CHECKING:
+    from coupled import RingResonator
+
+    from ..model import ThermalModel
+
+Model = Annotated[Path, typer.Argument(help="Thermal model (JSON).")]
+Ring = Annotated[str, typer.Option(help=RING)]
+Power = Annotated[str, typer.Option(help="First and last power in the bus waveguide.")]
+Detuning = Annotated[str, typer.Option(help="First and last laser minus cold resonance.")]
+Figure = Annotated[Path | None, typer.Option(help="Also draw into this image.")]
+Out = Annotated[Path, typer.Option("--output", "-o", help="File (netCDF) to write.")]
+
+
+def map_(
+    model: Model,
+    ring: Ring = "borghi2021",
+    power: Power = "3 dBm, 10 dBm",
+    detuning: Detuning = "-30 GHz, 30 GHz",
+    points: Annotated[str, typer.Option(help="Number of powers and of detunings.")] = "20, 20",
+    duration: Annotated[str, typer.Option(help="Length of each run.")] = "20 us",
+    follow: Annotated[
+        str | None, typer.Option(help="Step the laser up or down in detuning without resetting the ring.")
+    ] = None,
+    resume: Annotated[
+        Path | None, typer.Option(help="File that fills up; started again, the map goes on from it.")
+    ] = None,
+    figure: Figure = None,
+    output: Out = Path("map.nc"),
+) -> None:
+    """Integrate every point of a map over power and detuning: regime, period, duty cycle, swing."""
+    import coupled
+
+    check_outputs([output, figure, resume], inputs=[model], images=[figure])
+    resonator, thermal, axes = _setting(model, ring, power, detuning, points)
+    length = _quantity(duration, "s", "--duration")
+    found = coupled.pulsing_map(
+        resonator, thermal, *axes, duration=length, follow=follow, file=resume, progress=True
+    )  # fmt: skip
+    _finish(found, figure, output, ("regime", "frequency", "duty"), resonator, thermal)
+
+
+def stability(
+    model: Model,
+    ring: Ring = "borghi2021",
+    power: Power = "3 dBm, 10 dBm",
+    detuning: Detuning = "-30 GHz, 30 GHz",
+    points: Annotated[str, typer.Option(help="Number of powers and of detunings.")] = "100, 100",
+    figure: Figure = None,
+    output: Out = Path("stability.nc"),
+) -> None:
+    """Classify every point of a map by linear stability, with the Hopf and fold curves in the figure."""
+    import coupled
+
+    check_outputs([output, figure], inputs=[model], images=[figure])
+    resonator, thermal, axes = _setting(model, ring, power, detuning, points)
+    with working("finding fixed points and their eigenvalues; the first run on a machine compiles for some seconds"):
+        found = coupled.stability_map(resonator, thermal, *axes)
+    _finish(found, figure, output, ("regime",), resonator, thermal)
+
+
+def _setting(
+    model: Path, ring: str, power: str, detuning: str, points: str
+) -> tuple[RingResonator, ThermalModel, tuple[Any, Any]]:
+    """Ring, model and axes; powers evenly spaced in dBm."""
+    import surrogate
+
+    low, high = _ends(power, "W", "--power")
+    checks.positive("--power", low, unit="W")
+    try:
+        n, m = (int(part) for part in points.split(","))
+    except ValueError:
+        raise checks.InputError(f"--points = {points!r} must be two whole numbers, such as '20, 20'") from None
+    if not (2 <= n <= 2000 and 2 <= m <= 2000):
+        raise checks.InputError(f"--points = {points!r} must lie between 2 and 2000")
+    axes = np.geomspace(low, high, n), np.linspace(*_ends(detuning, "Hz", "--detuning"), m)
+    return ring_of(ring), surrogate.load_model(model), axes
+
+
+def _ends(text: str, unit: str, name: str) -> tuple[float, float]:
+    """Two quantities, the first below the second."""
+    parts = [part.strip() for part in text.split(",")]
+    if len(parts) != 2:
+        raise checks.InputError(f"{name} = {text!r} must be two quantities with a comma, such as '3 dBm, 10 dBm'")
+    low, high = (_quantity(part, unit, name) for part in parts)
+    if low >= high:
+        raise checks.InputError(f"{name} = {text!r}: the first must be below the second")
+    return low, high
+
+
+def _quantity(text: str, unit: str, name: str) -> float:
+    from .. import quantity
+
+    return float(quantity.parse(text, unit, name=name))
+
+
+def _finish(
+    found: Any, figure: Path | None, output: Path, show: tuple[str, ...], ring: RingResonator, model: ThermalModel
+) -> None:
+    """Write the map and its figure, and say what it holds."""
+    import coupled
+
+    from .. import dataset
+
+    dataset.save(found, output)
+    names, counts = np.unique(found["regime"].values, return_counts=True)
+    print(", ".join(f"{count} {name}" for name, count in zip(names, counts, strict=True)))
+    if figure:
+        from coupled.plot import plot_maps
+
+        from ..plot import save_figure
+
+        axes = found["power"].values, found["detuning"].values
+        linear = not hasattr(model, "H")
+        with working("following the Hopf and fold curves"):
+            hopf = {ring.name: coupled.hopf_curves(ring, model, *axes) if linear else []}
+            folds = {ring.name: coupled.fold_curves(ring, model, *axes) if linear else []}
+            save_figure(plot_maps({ring.name: found}, show=show, hopf=hopf, folds=folds)[0, 0], figure)
+    print(f"wrote {output}" + (f" and {figure}" if figure else ""))

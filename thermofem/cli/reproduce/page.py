@@ -1,0 +1,157 @@
+"""report.html: one file that needs nothing else, right on a phone and on paper."""
+
+from __future__ import annotations
+
+import base64
+import html
+from collections.abc import Mapping, Sequence
+
+from ... import __version__
+from .claims import Claim, marked_up
+from .sections import Picture, Section
+from .stages import Stage
+from .store import Result
+
+STYLE = """
+:root { color-scheme: light; --ink: #222; --soft: #5b6470; --line: #d8dde3; --tint: #f4f6f8; --blue: #0072b2; --red: #b04a00; }
+* { box-sizing: border-box; }
+body { margin: 0 auto; max-width: 68rem; padding: 1.2rem 1rem 4rem; color: var(--ink); background: #fff;
+  font: 1rem/1.55 system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif; overflow-wrap: break-word; }
+h1 { font-size: 1.7rem; line-height: 1.2; margin: .4rem 0 .6rem; font-weight: 600; }
+h2 { font-size: 1.25rem; margin: 2.6rem 0 .4rem; padding-top: .8rem; border-top: 1px solid var(--line); font-weight: 600; }
+h3 { font-size: .95rem; margin: 0 0 .3rem; font-weight: 600; }
+p { max-width: 44rem; margin: .5rem 0; }
+.lead, .note { background: var(--tint); border-radius: .4rem; padding: .7rem 1rem; }
+.soft, figcaption, footer { color: var(--soft); font-size: .88rem; }
+.panels { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 26rem), 1fr)); gap: 1.4rem; margin: 1rem 0; }
+figure { margin: 0; max-width: 34rem; }
+figure img { width: 100%; height: auto; display: block; }
+table { border-collapse: collapse; width: 100%; font-size: .9rem; margin: 1rem 0; }
+th, td { text-align: left; vertical-align: top; padding: .45rem .6rem; border-bottom: 1px solid var(--line); }
+thead th { border-bottom: 2px solid var(--ink); }
+td:first-child { width: 27%; } td:nth-child(2) { min-width: 7rem; } .tight { white-space: nowrap; }
+.where { display: block; color: var(--soft); font-size: .82rem; }
+.agrees { color: var(--blue); } .differs { color: var(--red); font-weight: 600; } .open { color: var(--soft); }
+data { font-variant-numeric: tabular-nums; }
+a { color: var(--blue); overflow-wrap: anywhere; }
+@media (max-width: 46rem) {
+  table, tbody, tr, td { display: block; width: auto; } thead { display: none; }
+  table { border-top: 2px solid var(--ink); }
+  tr { padding: .6rem 0; border-bottom: 1px solid var(--line); } td, td:nth-child(n) { border: 0; padding: .1rem 0; width: auto; min-width: 0; }
+  td[data-label]::before { content: attr(data-label) ": "; color: var(--soft); }
+  td:empty { display: none; }
+}
+@media print {
+  @page { margin: 14mm; }
+  body { font-size: 9.5pt; max-width: none; padding: 0; }
+  .panels { grid-template-columns: 1fr 1fr; gap: 5mm; } figure { break-inside: avoid; max-width: none; }
+  h2, h3, section > p { break-after: avoid; } tr { break-inside: avoid; } table { font-size: 8.5pt; }
+  .soft, .where, figcaption, footer { font-size: 8pt; } section > p { break-inside: avoid; } a { color: inherit; text-decoration: none; }
+  .lead, .note { border: 1px solid var(--line); }
+}
+"""  # noqa: E501 - style sheets read better with a rule on one line
+
+INTRODUCTION = (
+    "M. Borghi, D. Bazzanella, M. Mancinelli and L. Pavesi, “On the modeling of thermal and free carrier "
+    "nonlinearities in "
+    "silicon-on-insulator microring resonators”, Opt. Express 29, 4363 (2021), from our own finite elements: every "
+    "figure "
+    "that needs no laboratory, every number next to the paper's, and what it left open."
+)
+EXPERIMENT = (
+    "There is no laboratory here. Where the paper compares with its experiment, the FEM-coupled ring plays the "
+    "experiment: "
+    "the paper's optics and carriers with the heat equation itself in place of a temperature model. A model that "
+    "agrees "
+    "with it has the right temperature equation; whether the optics and the sample's stack are right it cannot say."
+)
+
+
+def page(
+    results: Mapping[str, Result],
+    sections: Sequence[Section],
+    claims: Sequence[Claim],
+    pictures: Mapping[str, bytes],
+    stages: Sequence[Stage],
+) -> str:
+    """The whole report."""
+    body = [
+        "<h1>Thermal and free-carrier nonlinearities of a silicon microring, reproduced</h1>",
+        f"<p>{html.escape(INTRODUCTION)}</p>",
+        f'<p class="lead"><strong>Who plays the experiment.</strong> {html.escape(EXPERIMENT)}</p>',
+        *(_section(section, results, pictures) for section in sections),
+        _table(claims, results),
+        _data(results, stages),
+        f"<footer><p>thermofem {html.escape(__version__)}. Every number above is read from the files in data/; hover "
+        f"over "
+        "one to see which.</p></footer>",
+    ]
+    return (
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        '<link rel="icon" href="data:,">\n'
+        f"<title>thermofem: the paper reproduced</title>\n<style>{STYLE}</style>\n</head>\n<body>\n"
+        + "\n".join(body)
+        + "\n</body>\n</html>\n"
+    )
+
+
+def shown(section: Section, results: Mapping[str, Result]) -> tuple[Picture, ...]:
+    """The pictures of a section whose stages were run."""
+    return tuple(p for p in section.pictures if all(stage in results for stage in p.stages))
+
+
+def _section(section: Section, results: Mapping[str, Result], pictures: Mapping[str, bytes]) -> str:
+    """Heading, text and panels."""
+    figures = [
+        f'<figure id="{p.name}"><h3>{html.escape(p.title)}</h3>'
+        f'<img alt="{html.escape(p.title, quote=True)}" src="data:image/svg+xml;base64,'
+        f'{base64.b64encode(pictures[p.name]).decode()}">'
+        f"<figcaption>{marked_up(p.caption, results)}</figcaption></figure>"
+        for p in shown(section, results)
+    ]
+    text = "".join(f"<p>{marked_up(words, results)}</p>" for words in section.text)
+    return f'<section><h2>{html.escape(section.title)}</h2>{text}<div class="panels">{"".join(figures)}</div></section>'
+
+
+def _table(claims: Sequence[Claim], results: Mapping[str, Result]) -> str:
+    """The paper says, we get, why they differ."""
+    words = {True: ("agrees", "agrees"), False: ("differs", "differs"), None: ("open", "–")}
+    rows = []
+    for claim in claims:
+        kind, verdict = words[claim.agrees(results)]
+        rows.append(
+            f'<tr><td>{html.escape(claim.quantity)}<span class="where">{html.escape(claim.where)}</span></td>'
+            f'<td data-label="the paper">{html.escape(claim.said)}</td>'
+            f'<td data-label="we get">{marked_up(claim.ours, results)}</td>'
+            f'<td class="tight {kind}">{verdict}</td>'
+            f'<td class="soft">{marked_up(claim.why, results)}</td></tr>'
+        )
+    head = "<tr><th>quantity</th><th>the paper says</th><th>we get</th><th></th><th>why</th></tr>"
+    return (
+        '<section id="numbers"><h2>The paper says, we get, why they differ</h2>'
+        '<p class="soft">“Agrees” means within what the '
+        "paper states: its error bar, or the rounding of its words. Everything else is shown as differing.</p>"
+        f"<table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table></section>"
+    )
+
+
+def _data(results: Mapping[str, Result], stages: Sequence[Stage]) -> str:
+    """Links to the files, with the CPU time that each stage took when it was computed."""
+    rows = []
+    for stage in stages:
+        result = results[stage.name]
+        files = [f"{stage.name}.json", *(f"{stage.name}.{n}.nc" for n in result.data)]
+        files += [f"{stage.name}.{n}.json" for n in result.models]
+        links = ", ".join(f'<a href="data/{html.escape(n, quote=True)}">{html.escape(n)}</a>' for n in files)
+        rows.append(
+            f"<tr><td>{html.escape(stage.words)}</td><td>{links}</td>"
+            f'<td class="tight" data-label="CPU time">{result.seconds:.1f} s</td></tr>'
+        )
+    total = sum(result.seconds for result in results.values())
+    return (
+        '<section id="data"><h2>Data</h2><p class="soft">netCDF for data, JSON for numbers and models, beside this '
+        f"file; {total:.0f} s of CPU time when computed.</p>"
+        "<table><thead><tr><th>stage</th><th>files</th><th>CPU</th></tr></thead>"
+        f"<tbody>{''.join(rows)}</tbody></table></section>"
+    )

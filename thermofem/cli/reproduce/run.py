@@ -1,0 +1,117 @@
+"""The whole reproduction: stages, figures, report, and what is printed at the end."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.table import Table
+
+from ... import dataset
+from .claims import Claim, known, plain
+from .page import page, shown
+from .plan import stages_of
+from .sections import QUICK, SECTIONS, Section
+from .settings import Settings
+from .stages import run_stages
+from .store import Result, Store
+from .table import CLAIMS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+def run(out: Path, settings: Settings | None = None) -> None:
+    """Reproduce the paper into ``out``: data/, figures/ and report.html.
+
+    What an earlier run left there under the same settings and code is taken, not computed again.
+
+    Raises
+    ------
+    InputError
+        ``out`` cannot be made or written.
+    """
+    settings, console = settings or Settings(), Console()
+    data, figures = (dataset.make_folder(dataset.make_folder(out) / name) for name in ("data", "figures"))
+    stages = stages_of(settings)
+    with _quiet():
+        done = run_stages(stages, settings, Store(data), console)
+    results = done.results
+    sections = _sections(settings, results)
+    claims = [claim for claim in CLAIMS if claim.known(results)]
+    pictures = _draw(sections, results, figures)
+    text = page(results, sections, claims, pictures, stages)
+    report = dataset.write_whole(out / "report.html", lambda path: path.write_text(text, encoding="utf-8"))
+    _write_table(claims, results, data / "table.json")
+    console.print(_printed(claims, results))
+    kept = len(stages) - len(done.computed)
+    console.print(
+        f"{len(stages)} stages ({kept} taken from an earlier run), {len(pictures)} figures in {figures}/, "
+        f"numbers, netCDF and models in {data}/"
+    )
+    console.print(f"report: {report}")
+
+
+def _sections(settings: Settings, results: Mapping[str, Result]) -> list[Section]:
+    """Those that have something to show."""
+    every = [section for section in SECTIONS if section.pictures]
+    if settings.quick:
+        every = [section for section in every if shown(section, results) and known(" ".join(section.text), results)]
+        every += QUICK
+    return every
+
+
+def _draw(sections: Sequence[Section], results: Mapping[str, Result], folder: Path) -> dict[str, bytes]:
+    """Every panel, also as a file."""
+    from .plot_panels import draw
+
+    pictures: dict[str, bytes] = {}
+    for section in sections:
+        for picture in shown(section, results):
+            pictures[picture.name] = content = draw(picture.name, results)
+            dataset.write_whole(folder / f"{picture.name}.svg", partial(Path.write_bytes, data=content))
+    return pictures
+
+
+def _write_table(claims: Sequence[Claim], results: Mapping[str, Result], path: Path) -> None:
+    """The table as JSON, for whoever wants to read it by program."""
+    rows = [
+        {
+            "where": claim.where,
+            "quantity": claim.quantity,
+            "paper": claim.said,
+            "ours": plain(claim.ours, results),
+            "agrees": claim.agrees(results),
+            "why": plain(claim.why, results),
+        }
+        for claim in claims
+    ]
+    text = json.dumps(rows, indent=1, ensure_ascii=False) + "\n"
+    dataset.write_whole(path, lambda target: target.write_text(text, encoding="utf-8"))
+
+
+def _printed(claims: Sequence[Claim], results: Mapping[str, Result]) -> Table:
+    """The rows that matter most."""
+    table = Table("", "the paper", "here", title="Next to the paper (the whole table is in the report)")
+    for claim in claims:
+        if claim.key:
+            table.add_row(claim.quantity, claim.said, plain(claim.ours, results))
+    return table
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """The reference stack ends where the paper's model does; the report says so once, the log need not each time."""
+    log = logging.getLogger("thermofem")
+    before = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        log.setLevel(before)

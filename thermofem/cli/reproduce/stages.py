@@ -1,0 +1,95 @@
+"""Stages: pure functions from settings and earlier results to a result, run in order and resumed where they were."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from .settings import Settings
+from .store import Result, Store, key_of
+
+if TYPE_CHECKING:
+    Compute = Callable[["Job"], Result]
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a stage sees: settings, the results it asked for, and a function that moves the bar."""
+
+    settings: Settings
+    inputs: Mapping[str, Result]
+    done: Callable[[float], None]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One step of the reproduction.
+
+    Attributes
+    ----------
+    name : str
+        of its files.
+    words : str
+        what the bar says.
+    compute : function
+        of a Job; depends on nothing but the settings and inputs named here.
+    inputs : tuple of str
+        earlier stages.
+    uses : tuple of str
+        fields of Settings.
+    weight : float, s
+        about how long it takes.
+    quick : bool
+        whether it belongs to the one-minute version.
+    """
+
+    name: str
+    words: str
+    compute: Compute
+    inputs: tuple[str, ...] = ()
+    uses: tuple[str, ...] = ("accuracy",)
+    weight: float = 1.0
+    quick: bool = False
+
+
+@dataclass(frozen=True)
+class Run:
+    """Results by stage, and which of them were computed now; the others were there."""
+
+    results: Mapping[str, Result]
+    computed: tuple[str, ...]
+
+
+def run_stages(stages: Sequence[Stage], settings: Settings, store: Store, console: Console) -> Run:
+    """Run the stages in order; what an earlier run finished under the same keys is read, not computed."""
+    results: dict[str, Result] = {}
+    computed: list[str] = []
+    keys: dict[str, str] = {}
+    columns = (TextColumn("{task.description:<44}"), BarColumn(), TimeElapsedColumn(), TextColumn("left"))
+    with Progress(*columns, TimeRemainingColumn(), console=console) as progress:
+        task = progress.add_task("", total=sum(stage.weight for stage in stages))
+        before = 0.0
+        for stage in stages:
+            progress.update(task, description=stage.words, completed=before)
+            used = {name: getattr(settings, name) for name in stage.uses}
+            key = keys[stage.name] = key_of(stage.name, used, (keys[name] for name in stage.inputs))
+            known = store.load(stage.name, key)
+            if known is None:
+                begin = time.process_time()
+
+                def done(share: float, start: float = before, weight: float = stage.weight) -> None:
+                    progress.update(task, completed=start + share * weight)
+
+                inputs = {name: results[name] for name in stage.inputs}
+                found = stage.compute(Job(settings, inputs, done))
+                known = store.save(stage.name, key, found, time.process_time() - begin)
+                computed.append(stage.name)
+            results[stage.name] = known
+            before += stage.weight
+        progress.update(task, description="done", completed=before)
+    return Run(results, tuple(computed))

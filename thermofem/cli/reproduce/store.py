@@ -1,0 +1,162 @@
+"""Results on disk that a later run may trust: kept under what made them, and checked before they are believed.
+
+    data/<stage>.json           the stage's key, its numbers, and the hash of every file beside it; written last
+    data/<stage>.<name>.nc      its data
+    data/<stage>.<name>.json    its models
+
+A key is a hash of the stage's name, the settings it uses, the keys of its inputs, and the code and libraries that
+computed it. Whatever has another key, another hash, or cannot be read is computed again.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+import platform
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ... import checks, dataset
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from ...model import ThermalModel
+
+FORMAT = 1
+WORDS = ("claims", "page", "plan", "run", "sections", "table")  # modules that compute nothing
+LIBRARIES = ("numpy", "scipy", "scikit-fem", "numba", "pysindy")
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a stage gives: numbers (whatever JSON holds), data and thermal models, each by name, and its CPU seconds."""
+
+    numbers: Mapping[str, Any] = field(default_factory=dict)
+    data: Mapping[str, xr.Dataset] = field(default_factory=dict)
+    models: Mapping[str, ThermalModel] = field(default_factory=dict)
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class Store:
+    """The folder of a reproduction's data.
+
+    Parameters
+    ----------
+    folder : Path
+    """
+
+    folder: Path
+
+    def manifest(self, stage: str) -> Path:
+        """File that says what a stage gave."""
+        return self.folder / f"{stage}.json"
+
+    def load(self, stage: str, key: str) -> Result | None:
+        """The stage's result where it is complete, undamaged and of this key; None otherwise."""
+        import surrogate
+
+        try:
+            content = json.loads(self.manifest(stage).read_text(encoding="utf-8"))
+            if (content["format"], content["key"]) != (FORMAT, key):
+                return None
+            if content["numbers_hash"] != _hash(content["numbers"]):
+                return None
+            files = {name: self.folder / name for name in content["files"]}
+            if any(_digest(path) != content["files"][name] for name, path in files.items()):
+                return None
+            names = {name: name.removeprefix(f"{stage}.") for name in files}
+            data = {names[n].removesuffix(".nc"): dataset.load(p) for n, p in files.items() if n.endswith(".nc")}
+            models = {
+                names[n].removesuffix(".json"): surrogate.load_model(p) for n, p in files.items() if n.endswith(".json")
+            }
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            return None
+        return Result(content["numbers"], data, models, float(content["cpu_seconds"]))
+
+    def save(self, stage: str, key: str, result: Result, seconds: float) -> Result:
+        """Write a result, its manifest last, and give back what a later run would read."""
+        import surrogate
+
+        self.manifest(stage).unlink(missing_ok=True)
+        written = [dataset.save(data, self.folder / f"{stage}.{name}.nc") for name, data in result.data.items()]
+        written += [
+            surrogate.save_model(model, self.folder / f"{stage}.{name}.json", provenance={"stage": stage, "key": key})
+            for name, model in result.models.items()
+        ]
+        numbers = json.loads(json.dumps(_plain(result.numbers)))
+        content = {
+            "format": FORMAT,
+            "stage": stage,
+            "key": key,
+            "cpu_seconds": seconds,
+            "files": {path.name: _digest(path) for path in written},
+            "numbers_hash": _hash(numbers),
+            "numbers": numbers,
+        }
+        text = json.dumps(content, indent=1, allow_nan=False) + "\n"
+        dataset.write_whole(self.manifest(stage), lambda path: path.write_text(text, encoding="utf-8"))
+        return Result(numbers, result.data, result.models, seconds)
+
+
+def slug(name: str) -> str:
+    """A name as part of a file name: 'second order, 1 µs' becomes 'second_order_1_µs'."""
+    return re.sub(r"[^\w.+-]+", "_", name.replace("'", "")).strip("_")
+
+
+def key_of(stage: str, settings: Mapping[str, Any], inputs: Iterable[str]) -> str:
+    """Hash of everything that decides a stage's result."""
+    return _hash([FORMAT, stage, _plain(dict(settings)), list(inputs), _code()])
+
+
+@functools.cache
+def _code() -> str:
+    """Hash of the package's sources and of the libraries' versions; pictures and words do not count."""
+    import coupled
+    import surrogate
+
+    roots = [Path(__file__).parents[2], *(Path(str(m.__file__)).parent for m in (coupled, surrogate))]
+    sources = [path for root in roots for path in sorted(root.rglob("*.py"))]
+    counted = [p for p in sources if p.parent.name != "cli" and p.stem not in WORDS and not p.name.startswith("plot")]
+    digest = hashlib.sha256()
+    for path in counted:
+        digest.update(path.name.encode() + path.read_bytes())
+    return digest.hexdigest() + json.dumps([platform.python_version(), *(version(name) for name in LIBRARIES)])
+
+
+def _hash(content: Any) -> str:
+    """Hash of what JSON can hold."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
+
+
+def _digest(path: Path) -> str:
+    """Hash of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:32]
+
+
+def _plain(value: Any) -> Any:
+    """A value as JSON holds it; a number that is not finite becomes null."""
+    match value:
+        case Mapping():
+            return {str(key): _plain(item) for key, item in value.items()}
+        case np.ndarray():
+            return _plain(value.tolist())
+        case list() | tuple():
+            return [_plain(item) for item in value]
+        case bool() | np.bool_():
+            return bool(value)
+        case int() | np.integer():
+            return int(value)
+        case float() | np.floating():
+            return float(value) if np.isfinite(value) else None
+        case str() | None:
+            return value
+    raise checks.InputError(f"a stage gave {type(value).__name__}; numbers must be what JSON holds")
