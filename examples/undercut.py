@@ -8,7 +8,7 @@ import thermofem as th
 
 ring = th.heated_ring()
 cavity = th.Part("cavity", "void", inner_radius=4e-6, outer_radius=12e-6, bottom=-6e-6, height=4e-6)
-fig, axes = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained", sharey=True)
+fig, axes = plt.subplots(1, 2, figsize=(10, 3.4), layout="constrained", sharey=True)
 for ax, geometry, name in zip(
     axes, (ring, replace(ring, parts=(*ring.parts, cavity))), ("on silicon", "undercut"), strict=True
 ):
@@ -18,7 +18,18 @@ for ax, geometry, name in zip(
     image = ax.tripcolor(
         data.r * 1e6, data.z * 1e6, data.triangles, field, shading="gouraud", cmap="inferno", vmin=0, vmax=130
     )
-    ax.set(xlim=(0, 20), ylim=(-10, 2.4), xlabel="r (µm)", title=f"{name}: core {data.delta_T.item():.0f} K at 10 mW")
+    for face in geometry.subdivision.faces:
+        for outline in face.rings:
+            ax.plot(*(outline[[*range(len(outline)), 0]].T * 1e6), color="white", linewidth=0.6, alpha=0.7)
+    for at, text in ((-1.4, "oxide"), (-6.4, "silicon")):
+        ax.annotate(text, (14, at), color="white", fontsize="small")
+    ax.annotate("heater", (9, 2.3), (12, 3.1), arrowprops={"arrowstyle": "-"}, fontsize="small")
+    ax.annotate(
+        "core", (8.2, 0.1), (14, 0.6), color="white", arrowprops={"arrowstyle": "-", "color": "white"}, fontsize="small"
+    )
+    if name == "undercut":
+        ax.annotate("cavity", (8, -4), ha="center", fontsize="small")
+    ax.set(xlim=(0, 20), ylim=(-7, 4), xlabel="r (µm)", title=f"{name}: core {data.delta_T.item():.0f} K at 10 mW")
 fig.colorbar(image, ax=axes, label="temperature rise (K)")
 axes[0].set_ylabel("z (µm)")
 fig.savefig("undercut.png", dpi=150)

@@ -1,0 +1,168 @@
+"""Writes the pages that are made from the code and from the tests' numbers.
+
+    python docs/generate.py
+
+`geometry-reference.md` comes from the schema of the geometry file and the library of materials, `validation.md` from
+`validation.json`, which ``pytest --validation`` writes. A test fails while a page is not what this makes.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from thermofem import materials, property_toml, quantity, toml_schema
+
+DOCS = Path(__file__).resolve().parent
+PAGES = ("geometry-reference.md", "validation.md")
+
+# what each key means; the keys and their units come from the schema
+WORDS: dict[str, dict[str, str]] = {
+    "the file": {
+        "name": "of the cross-section; default `cross-section`",
+        "outer_radius": "**required**; where the domain ends",
+        "ambient": "temperature of everything at rest; default 293.15 K; matters where properties depend on it",
+        "layer": "**required**; bottom to top, from the axis to `outer_radius`",
+        "part": "**required**; rings and discs; a later one overwrites earlier ones and the layers",
+        "interface": "thermal boundary resistances",
+        "probe": "what can be read besides layers and parts",
+        "boundary": "what the sides do",
+        "material": "`[material.NAME]`: changes or adds a material",
+    },
+    "[[layer]]": {
+        "name": "**required**; layers and parts share one set of names",
+        "material": "**required**; a built-in one or one of `[material]`",
+        "thickness": "**required**",
+        "datum": "on exactly one layer: z = 0 lies at its top",
+    },
+    "[[part]]": {
+        "name": "**required**",
+        "material": "**required**; `void` cuts a hole with insulated walls",
+        "radius": "to its centre; with `width`",
+        "width": "at half height; with `radius`",
+        "inner_radius": "at half height, 0 for a disc; with `outer_radius`, instead of `radius` and `width`",
+        "outer_radius": "at half height; with `inner_radius`",
+        "bottom": "**required**; counted from the datum",
+        "height": "**required**",
+        "sidewall_angle": "default 90 deg, vertical; smaller is wider at the foot; 30 to 150 deg",
+        "heated": "whether it may carry absorbed power",
+    },
+    "[[interface]]": {
+        "part": "**required**; its whole surface has the resistance",
+        "resistance": "**required**",
+    },
+    "[[probe]]": {
+        "name": "**required**",
+        "part": "**required**; the shell surrounds it",
+        "shell": "**required**; thickness of the shell",
+    },
+    "[boundary]": {
+        "bottom": "`isothermal` (default), `insulated`, `open` or `{ convection = ... }`",
+        "top": "`insulated` (default), `isothermal` or `{ convection = ... }`: whatever faces up, ridges included",
+        "outer": "`insulated` (default), `isothermal`, `open` or `{ convection = ... }`",
+    },
+    "{ convection }": {"convection": "**required**; heat transfer coefficient"},
+    "[material.NAME]": {
+        "conductivity": "text with a unit or a table, see below; required for a new material",
+        "density": "required for a new material",
+        "specific_heat": "text with a unit or a table, see below; required for a new material",
+        "source": "where the numbers come from; travels with every result",
+    },
+}
+SCHEMA: dict[str, dict[str, str]] = {
+    "the file": toml_schema._TOP,
+    "[[layer]]": toml_schema._LAYER,
+    "[[part]]": toml_schema._PART,
+    "[[interface]]": toml_schema._INTERFACE,
+    "[[probe]]": toml_schema._PROBE,
+    "[boundary]": toml_schema._BOUNDARY,
+    "{ convection }": toml_schema._CONVECTION,
+    "[material.NAME]": toml_schema._MATERIAL,
+}
+
+REFERENCE = """# Geometry file reference
+
+Made from the schema that reads the file; [describing a geometry](geometry.md) has a complete example. Quantities are
+text with a unit; any unit of the right dimension will do. A key that is not listed is an error that names the nearest.
+"""
+LAWS = """
+## Laws of temperature
+
+`conductivity` and `specific_heat` take a plain value, or a table:
+
+```toml
+{}
+```
+
+One of the lines each. `exponent`: value × (T/reference)^exponent. `polynomial`: value × (1 + c₁ (T − reference) +
+c₂ (T − reference)² + …). `temperature` and `values`: straight between the points. `r` and `z`: conductivity along and
+across the layers.
+
+## Built-in materials
+
+| name | k, W/m/K | ρ, kg/m³ | c_p, J/kg/K | source |
+|---|---|---|---|---|
+"""
+VALIDATION = """# Validation
+
+What the tests compare with something that is not ours: exact solutions, published values, other programs. The numbers
+are those of the tests themselves (`pytest --validation`, then `python docs/generate.py`); each test fails beyond its
+tolerance.
+"""
+
+
+def geometry_reference() -> str:
+    """Every table of the geometry file with its keys, and the built-in materials."""
+    text = REFERENCE
+    for table, keys in SCHEMA.items():
+        if set(keys) != set(WORDS[table]):
+            raise SystemExit(f"docs/generate.py: {table} has keys without words: {set(keys) ^ set(WORDS[table])}")
+        text += f"\n## {'Top of ' if table == 'the file' else ''}{_code(table)}\n\n| key | value | |\n|---|---|---|\n"
+        text += "".join(f"| `{key}` | {_kind(kind)} | {WORDS[table][key]} |\n" for key, kind in keys.items())
+    laws = [line.strip() for line in (property_toml.__doc__ or "").splitlines() if line.startswith("    ")]
+    text += LAWS.format("\n".join(laws))
+    for name, m in materials.LIBRARY.items():
+        along = f"{m.conductivity:g}" + (f" (r), {m.conductivity_z:g} (z)" if m.conductivity_z is not None else "")
+        varies = " at 300 K, varies" if m.varies else ""
+        text += f"| `{name}` | {along}{varies} | {m.density:g} | {m.specific_heat:g} | {m.source} |\n"
+    return text
+
+
+def _code(table: str) -> str:
+    return table if table == "the file" else f"`{table}`"
+
+
+def _kind(kind: str) -> str:
+    """What a key's value looks like."""
+    words = {"text": "text", "true or false": "`true` or `false`", "anything": "see right", "table": "table"}
+    if kind in words:
+        return words[kind]
+    if kind == "list of tables":
+        return "tables"
+    measures, example, _ = quantity._KINDS[kind]
+    return f'{measures}, `"{example}"`'
+
+
+def validation() -> str:
+    """The rows that the tests recorded, by subject."""
+    rows: list[dict[str, Any]] = json.loads((DOCS / "validation.json").read_text(encoding="utf-8"))
+    text = VALIDATION
+    for subject in dict.fromkeys(row["subject"] for row in rows):
+        text += f"\n## {subject}\n\n| what | expected | ours | error | tolerance | expected is |\n"
+        text += "|---|---|---|---|---|---|\n"
+        for row in rows:
+            if row["subject"] == subject:
+                text += f"| {row['what']} | {row['expected']:.7g} {row['unit']} | {row['ours']:.7g} {row['unit']} "
+                text += f"| {row['error']:.1e} | {row['tolerance']:.0e} | {row['source']} |\n"
+    return text + "\nErrors and tolerances are relative to the expected value.\n"
+
+
+def pages() -> dict[str, str]:
+    """Every generated page with its text."""
+    return {"geometry-reference.md": geometry_reference(), "validation.md": validation()}
+
+
+if __name__ == "__main__":
+    for name, text in pages().items():
+        (DOCS / name).write_text(text, encoding="utf-8")

@@ -1,0 +1,170 @@
+"""The documentation: code that runs, commands that exist, links that lead somewhere, pages that are up to date."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import io
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import coupled
+import surrogate
+import thermofem as th
+
+ROOT = Path(__file__).resolve().parent.parent
+DOCS = ROOT / "docs"
+PAGES = sorted(DOCS.rglob("*.md"))
+TEXTS = [*PAGES, ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+GUIDES = ("cosimulation", "coupled", "exports", "adding")
+RUN = [page for page in PAGES if page.parent.name == "tutorials" or page.stem in GUIDES]
+BLOCK = re.compile(r'(<!-- not run: [^>]*-->\n)?^```(\w+)(?: title="([^"]+)")?\n(.*?)^```', re.MULTILINE | re.DOTALL)
+NUMBER = re.compile(r"[+-]?\d+\.?\d*(?:e[+-]?\d+)?")
+
+
+def blocks(page: Path) -> list[tuple[str, str, str]]:
+    """Language, file name and content of every code block that is to run."""
+    found = BLOCK.findall(page.read_text(encoding="utf-8"))
+    return [(language, title, content) for skip, language, title, content in found if not skip]
+
+
+def commands(page: Path) -> list[list[str]]:
+    """Arguments of every thermofem command on a page, in blocks and in the text."""
+    text = page.read_text(encoding="utf-8")
+    shell = "\n".join(content for _, language, _, content in BLOCK.findall(text) if language == "sh")
+    lines = [line for line in shell.splitlines() if line.startswith("thermofem ")]
+    lines += [" ".join(m.split()) for m in re.findall(r"(?<!`)`(thermofem (?!thermal model)[^`]+)`(?!`)", text)]
+    return [shlex.split(line, comments=True)[1:] for line in lines]
+
+
+def same_text(found: str, expected: str) -> None:
+    """Equal but for numbers, which may differ by 5 % or one in the last digit: meshes and round-off change."""
+    assert NUMBER.sub("#", found.strip()) == NUMBER.sub("#", expected.strip())
+    for ours, printed in zip(NUMBER.findall(found), NUMBER.findall(expected), strict=True):
+        digits = len(printed.partition("e")[0].partition(".")[2])
+        last = 10.0**-digits * float("1" + (printed[printed.find("e") :] if "e" in printed else ""))
+        assert float(ours) == pytest.approx(float(printed), rel=0.05, abs=1.01 * last)
+
+
+def neighbours(folder: Path) -> None:
+    """The files that one tutorial leaves for the next."""
+    model = surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1200e-9, eta=0.31)
+    surrogate.save_model(model, folder / "second.json")
+
+
+@pytest.mark.parametrize("page", RUN, ids=lambda page: page.stem)
+def test_every_block_runs_and_prints_what_stands_there(page, tmp_path, monkeypatch, needs_mesher):
+    from typer.testing import CliRunner
+
+    from thermofem.cli import app
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    if page.stem == "coupled-dynamics":
+        neighbours(tmp_path)
+    printed, scope = "", {"__name__": page.stem}
+    for language, title, content in blocks(page):
+        if title:
+            Path(title).write_text(content, encoding="utf-8")
+        elif language == "python":
+            with contextlib.redirect_stdout(io.StringIO()) as out:
+                exec(compile(content, str(page), "exec"), scope)
+            printed = out.getvalue()
+        elif language == "sh":
+            for line in content.splitlines():
+                if line == "make demo":  # a test of its own
+                    continue
+                arguments = shlex.split(line, comments=True)
+                assert arguments[0] == "thermofem", line
+                done = CliRunner().invoke(app, arguments[1:])
+                assert done.exit_code == 0, (line, done.output, done.exception)
+                printed = done.output
+        elif language == "text":
+            same_text(printed, content)
+
+
+@pytest.mark.parametrize("page", TEXTS, ids=lambda page: page.stem)
+def test_every_command_and_option_exists(page):
+    from typer.main import get_command
+
+    from thermofem.cli import app
+
+    root = get_command(app)
+    for name, *arguments in commands(page):
+        if name.startswith("-"):
+            assert name in ("--version", "--install-completion", "--show-completion"), name
+            continue
+        assert name in root.commands, f"{page.name}: thermofem {name}"
+        known = {opt for p in root.commands[name].params for opt in (*p.opts, *p.secondary_opts)}
+        for option in (a for a in arguments if a.startswith("-") and not re.match(r"-\d", a)):
+            assert option in known, f"{page.name}: thermofem {name} {option}"
+
+
+@pytest.mark.parametrize("page", TEXTS, ids=lambda page: page.stem)
+def test_every_python_block_compiles_and_every_link_leads_somewhere(page):
+    text = page.read_text(encoding="utf-8")
+    for _, language, _, content in BLOCK.findall(text):
+        if language == "python":
+            compile(content, str(page), "exec")
+    for target in re.findall(r"\]\(([^)\s]+)\)", BLOCK.sub("", text)):
+        if target.startswith("http"):
+            continue
+        path, _, anchor = target.partition("#")
+        file = (page.parent / path).resolve() if path else page
+        assert file.exists(), f"{page.name} links to {target}"
+        if anchor:
+            heads = re.findall(r"^#+ (.*)$", file.read_text(encoding="utf-8"), re.MULTILINE)
+            slugs = {re.sub(r"[^\w]+", "-", head.lower()).strip("-") for head in heads}
+            assert anchor in slugs, f"{page.name} links to {target}"
+
+
+def test_generated_pages_are_up_to_date():
+    spec = importlib.util.spec_from_file_location("generate", DOCS / "generate.py")
+    generate = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(generate)
+    for name, text in generate.pages().items():
+        assert (DOCS / name).read_text(encoding="utf-8") == text, f"run: python docs/generate.py ({name})"
+    required = {
+        table: [k for k, words in keys.items() if "**required**" in words] for table, keys in generate.WORDS.items()
+    }
+    given = {
+        "[[layer]]": 'name = "a"\nmaterial = "Si"\nthickness = "1 um"\ndatum = true\n',
+        "[[part]]": 'name = "core"\nmaterial = "Si"\nradius = "5 um"\nwidth = "1 um"\nbottom = "0 um"\n'
+        'height = "1 um"\n',
+    }
+    for table, text in given.items():
+        for key in required[table]:
+            others = "".join(f"{head}\n{body}" for head, body in given.items() if head != table)
+            left = "".join(line for line in text.splitlines(True) if not line.startswith(key))
+            with pytest.raises(th.InputError, match=f"{key} is missing"):
+                th.CrossSection.from_toml_text(f'outer_radius = "60 um"\n{others}{table}\n{left}')
+
+
+def test_the_names_in_the_table_of_symbols_exist():
+    rows = re.findall(r"^\| [^|]*\| [^|]*\| [^|]*\| (.*) \|$", (DOCS / "equations.md").read_text(), re.MULTILINE)
+    names = [name for row in rows for name in re.findall(r"`([\w.]+)`", row)]
+    assert len(names) > 40
+    ring, model = coupled.borghi2021(), surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1e-6, eta=0.31)
+    owners = [th, surrogate, coupled, ring, model, th.Material, th.Boundary, *th.waveforms.KINDS.values()]
+    spoken = {*th.quantity.FIELDS, "kappa", "eta", "tau_f", "tau_s", "tau_th", "heat_capacity"}
+    for name in names:
+        first, _, rest = name.partition(".")
+        found = [getattr(o, first) for o in owners if hasattr(o, first)] + [coupled] * (first == "coupled")
+        assert found or name in spoken, name
+        assert not rest or hasattr(found[0], rest) or rest in found[0].__dataclass_fields__, name
+
+
+def test_the_site_builds_without_a_warning(tmp_path):
+    pytest.importorskip("material", reason="mkdocs-material is not installed")
+    # not --quiet: it would hide the warnings from --strict
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-f", ROOT / "mkdocs.yml", "-d", tmp_path]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    page = (tmp_path / "equations" / "index.html").read_text(encoding="utf-8")
+    assert "<table>" in page
+    assert not re.findall(r'(?:src|href)="https?://(?:fonts|cdn)', page)  # nothing is fetched by the reader
