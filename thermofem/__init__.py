@@ -11,6 +11,7 @@ from .laws import Polynomial, Power, Table
 from .materials import Material, silicon_film
 from .mesh import Mesh
 from .model import Foster, StateSpace, ThermalModel
+from .nonlinear_models import OutputMap, OutsideTrainingWarning, Quadratic
 from .rings import disc, heated_ring, rib_ring
 from .solve import solve, solve_periodic
 from .tables import read_csv
@@ -33,11 +34,14 @@ __all__ = [
     "Material",
     "Mesh",
     "MissingLibraryError",
+    "OutputMap",
+    "OutsideTrainingWarning",
     "Part",
     "Polynomial",
     "Power",
     "Probe",
     "Pulse",
+    "Quadratic",
     "Sampled",
     "SquareWave",
     "StateSpace",

@@ -97,7 +97,7 @@ class Store:
 
     def status(self, keys: list[str]) -> list[str]:
         """ "finished", "failed" or "waiting" for each geometry, from the names of the files."""
-        done = {path.stem for path in self.results.glob("*.nc")}
+        done = {path.stem for path in self.results.glob("[!.]*.nc")}
         failed = {path.stem for path in self.failures.glob("*.json")}
         return ["finished" if key in done else "failed" if key in failed else "waiting" for key in keys]
 
