@@ -4,13 +4,13 @@ PYTHON ?= python3
 export OMP_NUM_THREADS ?= 1
 BIN := .venv/bin
 
-.PHONY: demo test check lint types bench clean
+.PHONY: demo test check lint types docs bench fuzz clean
 
 demo: .venv/installed
-	$(BIN)/thermofem reproduce --quick -o out
+	$(BIN)/thermofem reproduce -o out
 
 test: .venv/installed-dev
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --dist loadfile
 
 check: lint types test
 
@@ -21,11 +21,27 @@ lint: .venv/installed-dev
 types: .venv/installed-dev
 	$(BIN)/mypy
 
-bench: .venv/installed-dev
-	for script in benchmarks/bench_*.py; do $(BIN)/python $$script || exit 1; done
+# the pages made from code and tests, then the site, with warnings as errors; a test of `make test` builds it, too
+docs: .venv/installed-dev
+	$(BIN)/python docs/generate.py
+	$(BIN)/python -m mkdocs build --strict -d out/site
+
+# an hour; MINUTES=5 for less
+MINUTES ?= 60
+fuzz: .venv/installed-dev
+	$(BIN)/python fuzz/readers.py $(MINUTES)
+
+# against named peers, in an environment of its own; goes on where it was; BENCH=--quick, BENCH=--again
+bench: .venv-bench/installed
+	.venv-bench/bin/python benchmarks/table.py $(BENCH)
+
+.venv-bench/installed: pyproject.toml
+	$(PYTHON) -m venv .venv-bench
+	.venv-bench/bin/python -m pip install --quiet --disable-pip-version-check --editable . ngsolve femwell pymor numbalsoda
+	touch $@
 
 clean:
-	rm -rf .venv out .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv .venv-bench out .pytest_cache .mypy_cache .ruff_cache
 
 .venv/bin/python:
 	$(PYTHON) -m venv .venv

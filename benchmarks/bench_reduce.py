@@ -42,7 +42,19 @@ def main(accuracy: float, pymor: bool) -> None:
         compare_pymor(system, exact, static, own[1e-4])
 
 
-def compare_pymor(system: th.StateSpace, exact: Any, static: float, own: float) -> None:
+def rows(accuracy: float, repeats: int) -> list[dict[str, Any]]:
+    """Rows of the table of peers."""
+    system = th.assemble(th.strip_ring(), accuracy=accuracy).system
+    exact, static = system.impedance(FREQUENCY), system.thermal_resistance
+    rom, _ = timed(lambda: surrogate.reduce(system, 1e-4))
+    own = float(np.median([timed(lambda: surrogate.reduce(system, 1e-4))[1] for _ in range(repeats)]))
+    error = float(np.abs(rom.model.impedance(FREQUENCY) - exact).max() / static)
+    how = f"{rom.order} poles, proven below {rom.error_bound:.0e}"
+    found = [{"who": "thermofem reduce to 1e-4", "how": how, "error": error, "seconds": own, "ratio": 1.0}]
+    return found + compare_pymor(system, exact, static, own)
+
+
+def compare_pymor(system: th.StateSpace, exact: Any, static: float, own: float) -> list[dict[str, Any]]:
     from pymor.core.logger import set_log_levels
     from pymor.models.iosys import LTIModel
     from pymor.reductors.bt import BTReductor
@@ -51,11 +63,18 @@ def compare_pymor(system: th.StateSpace, exact: Any, static: float, own: float) 
     set_log_levels({"pymor": "ERROR"})
     unit = 1e-7  # s: pyMOR's shifts want rates of order one
     model = LTIModel.from_matrices(unit * system.A.tocsc(), system.B, system.C, E=system.E.tocsc())
+    found = []
     for name, reductor, order in (("BT(14)", BTReductor, 14), ("IRKA(10)", IRKAReductor, 10)):
         small, seconds = timed(lambda r=reductor, n=order: r(model).reduce(n))
         response = np.array([unit * small.transfer_function.eval_tf(2j * np.pi * f * unit)[0, 0] for f in FREQUENCY])
         error = np.abs(response - exact).max() / static
-        print(f"{'pyMOR ' + name:36}{small.order:6d}{error:12.1e}{'':10}{seconds:9.3f}{seconds / own:11.0f}")
+        print(
+            f"{'pyMOR ' + name:36}{small.order:6d}{error:12.1e}{'':10}{seconds:9.3f}{seconds / own:11.0f}",
+            file=sys.stderr,
+        )
+        row = {"who": f"pyMOR {name}", "how": f"{small.order} states", "error": float(error), "seconds": seconds}
+        found.append(row | {"ratio": seconds / own})
+    return found
 
 
 if __name__ == "__main__":

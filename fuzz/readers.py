@@ -1,0 +1,217 @@
+"""Fuzzing of everything that reads a file: geometry and campaign TOML, model JSON, CSV tables, waveforms, quantities.
+
+    python fuzz/readers.py [minutes]      # hypothesis: edits of valid files, each failure shrunk
+    python fuzz/coverage.py [minutes]     # atheris, where it is installed: bytes guided by the coverage they reach
+
+Every input must end in a result or in one of the documented errors, `InputError` and `MissingLibraryError`, without a
+warning. Whatever else comes up is printed once with the smallest input that does it; the exit code is then 1.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import sys
+import tempfile
+import time
+import traceback
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from hypothesis import HealthCheck, given, seed, settings
+from hypothesis import strategies as st
+
+import surrogate
+import thermofem as th
+from thermofem.campaign.schema import read_text as read_campaign
+from thermofem.quantity import parse
+from thermofem.waveforms import from_json
+
+ROOT = Path(__file__).resolve().parent.parent
+FOLDER = Path(tempfile.mkdtemp(prefix="fuzz-"))
+TEXT = """0|1|-1|0.5|1e-9|1e400|-0.0|1e-30|nan|inf|true|false|null|""|100000000000000000000|"0 nm"|"-3 um"|"1e30 m"
+"8 dBm"|"5 degC"|"1 K"|"80 deg"|"0 deg"|"1 W/m/K"|"void"|"Si"|"SiO2"|"core"|"box"|heated|datum|radius|width|inner_radius
+outer_radius|bottom|height|[|]|{|}|[[part]]|[[layer]]|[boundary]|[material.Si]|=|,|;|:|.|#|%|\t|\0|é|"open"|"isothermal"|values|from
+to|count|"part.core.radius"|"layer.box.thickness"|"µm"|R|tau|poles|A|B|C|E|G|H|kind|"Foster"|"Quadratic"|time"""
+WORDS = [word for line in TEXT.split("\n") for word in line.split("|")] + ["\n"]
+
+
+def model(text: str) -> None:
+    """Model file, its provenance, and what it computes."""
+    path = FOLDER / "model.json"
+    path.write_text(text, encoding="utf-8", errors="surrogatepass")
+    loaded = surrogate.load_model(path)
+    surrogate.load_provenance(path)
+    loaded.inputs, loaded.outputs  # noqa: B018 - reading them is the test
+    if type(loaded) is not th.StateSpace:
+        loaded.step_response([0.0, 1e-9, 1e-6])
+
+
+def table(text: str) -> None:
+    """CSV table."""
+    path = FOLDER / "table.csv"
+    path.write_text(text, encoding="utf-8", errors="surrogatepass")
+    th.read_csv(path, time="Time", temperature="Temperature", power=1e-3, ambient="293.15 K")
+
+
+def geometry(text: str) -> None:
+    """Geometry file, there and back."""
+    section = th.CrossSection.from_toml_text(text)
+    assert th.CrossSection.from_toml_text(section.to_toml()) == section, "another geometry comes back"
+
+
+def campaign(text: str) -> None:
+    """Campaign file, and its cases."""
+    len(read_campaign(text, ROOT))
+
+
+def waveform(text: str) -> None:
+    """Waveform of a dataset."""
+    wave = from_json(text)
+    wave(np.array([0.0, 1e-6]))
+
+
+def amount(text: str) -> None:
+    """Text with a unit, read as each kind of quantity."""
+    for unit in ("m", "s", "W", "K", "W/m/K", "m^2*K/W", ""):
+        with contextlib.suppress(th.InputError):
+            parse(text, unit)
+
+
+TARGETS: dict[str, Callable[[str], None]] = {
+    "geometry": geometry,
+    "campaign": campaign,
+    "model": model,
+    "table": table,
+    "waveform": waveform,
+    "quantity": amount,
+}
+
+
+def seeds() -> dict[str, list[str]]:
+    """Valid files of each kind."""
+    strip = th.strip_ring()
+    rich = (ROOT / "docs" / "geometry.md").read_text(encoding="utf-8").split("```toml\n")[1].split("```")[0]
+    plan = '[[vary]]\npath = "part.core.radius"\nfrom = "3 um"\nto = "15 um"\nspacing = "log"\n'
+    plan += '[[drive]]\npower = "1 mW"\nsquare = "1 us"\nduty = 0.3\nperiodic = true\n[probes]\nread = ["core"]\n'
+    geometry_table = strip.to_toml().replace("[[", "[[geometry.").replace("\n[boundary]", "\n[geometry.boundary]")
+    counted = plan.replace("spacing", "count = 3\nspacing")
+    linear = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
+    eye = np.eye(2)
+    models = [
+        linear,
+        th.OutputMap(linear, -4e-4),
+        th.StateSpace(eye, -eye, eye[:, :1], eye[:1]),
+        th.Quadratic(-1e6 * eye, np.zeros((2, 2, 2)), eye, np.ones(2), np.ones(2)),
+    ]
+    paths = [surrogate.save_model(m, FOLDER / f"{k}.json", provenance={"a": 1}) for k, m in enumerate(models)]
+    waves = [th.Constant(1e-3), th.Pulse(1e-3, 1e-6), th.SquareWave(1e-3, 1e-6, 0.3), th.Telegraph(1e-3, 1e-6, 1e-5)]
+    waves += [th.Chirp(1e-3, 1e-6, 2e-6, 1e-5), th.Sampled([0, 1e-6, 2e-6], [0, 1e-3, 0])]
+    rows = "".join(f"{k},{293.15 + k % 3}\n" for k in range(12))
+    return {
+        "geometry": [strip.to_toml(), rich, th.rib_ring().to_toml(), th.disc().to_toml()],
+        "campaign": [f"[geometry]\n{geometry_table}\n{counted}", f"samples = 5\n[geometry]\n{geometry_table}\n{plan}"],
+        "model": [path.read_text() for path in paths],
+        "table": [
+            f"Time (us),Temperature (K)\n{rows}",
+            f"% COMSOL\n% Time (s)  Temperature (degC)\n{rows}".replace(",", "  "),
+        ],
+        "waveform": [th.waveforms.to_json(wave) for wave in waves],
+        "quantity": ["450 nm", "8 dBm", "-10 GHz", "1.4 W/m/K", "293.15 K", "20 degC", "1e-8 m^2*K/W"],
+    }
+
+
+@st.composite
+def edited(draw: Any, files: list[str]) -> str:
+    """A valid file with up to five pieces of it replaced, doubled or taken out; JSON also as a tree."""
+    text = draw(st.sampled_from(files))
+    for _ in range(draw(st.integers(1, 5))):
+        start = draw(st.integers(0, len(text)))
+        stop = min(len(text), start + draw(st.one_of(st.just(0), st.integers(0, 6), st.integers(0, 200))))
+        words = st.lists(st.sampled_from(WORDS), min_size=1, max_size=3).map(" ".join)
+        numbers = st.one_of(st.integers(-(10**30), 10**30), st.floats()).map(str)
+        new = draw(st.one_of(st.just(""), words, numbers, st.just(text[start:stop] * 2), st.text(max_size=8)))
+        text = text[:start] + new + text[stop:]
+    return text
+
+
+@st.composite
+def regrown(draw: Any, files: list[str]) -> str:
+    """A JSON file some of whose values are replaced by any others."""
+    scalars = st.one_of(st.none(), st.booleans(), st.floats(), st.integers(-5, 10**30), st.text(max_size=6))
+    values = st.recursive(
+        scalars, lambda x: st.one_of(st.lists(x, max_size=3), st.dictionaries(st.text(max_size=4), x, max_size=2))
+    )
+
+    def grow(node: Any) -> Any:
+        if draw(st.integers(0, 9)) == 0:
+            return draw(values)
+        if isinstance(node, dict):
+            return {key: grow(value) for key, value in node.items() if draw(st.integers(0, 19))}
+        return [grow(item) for item in node] if isinstance(node, list) else node
+
+    return json.dumps(grow(json.loads(draw(st.sampled_from(files)))))
+
+
+QUIET: dict[str, Any] = {"deadline": None, "database": None, "suppress_health_check": list(HealthCheck)}
+
+
+def place(error: BaseException) -> str:
+    """Type of an error and the last line of this project that it passed."""
+    ours = [f for f in traceback.extract_tb(error.__traceback__) if "site-packages" not in f.filename]
+    at = next((f for f in reversed(ours) if "fuzz" not in f.filename), ours[-1])
+    return f"{type(error).__name__} at {Path(at.filename).name}:{at.lineno}: {error}"[:200]
+
+
+def survives(name: str, text: str, known: dict[str, str]) -> None:
+    """Run one target; raise what is neither documented nor known."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            TARGETS[name](text)
+    except (th.InputError, th.MissingLibraryError):
+        pass
+    except th.OutsideTrainingWarning:
+        pass
+    except Exception as error:
+        if place(error).split(":")[:2] not in [place.split(":")[:2] for place in known]:
+            raise
+
+
+def fuzz(minutes: float) -> dict[str, str]:
+    """Rounds of a few hundred files for each target until the time is over; place of each failure -> input."""
+    found: dict[str, str] = {}
+    last: dict[str, str] = {}
+    end, files, rounds = time.monotonic() + 60 * minutes, seeds(), 0
+    for name, texts in files.items():
+        for text in texts:
+            TARGETS[name](text)  # they are valid
+    while time.monotonic() < end:
+        for name in TARGETS:
+            inputs = edited(files[name])
+            if name in ("model", "waveform"):
+                inputs = st.one_of(inputs, regrown(files[name]))
+
+            def check(text: str) -> None:
+                last[name] = text  # noqa: B023 - called before the loop goes on
+                survives(name, text, found)  # noqa: B023
+
+            options: dict[str, Any] = {"max_examples": 400, "report_multiple_bugs": False}
+            run = seed(rounds)(settings(**options, **QUIET)(given(inputs)(check)))
+            try:
+                run()
+            except Exception as error:
+                found[place(error)] = last[name]
+                print(f"{name}: {place(error)}\n    {last[name]!r}"[:1500], flush=True)
+        rounds += 1
+        if rounds % 20 == 0:
+            print(f"{400 * rounds} files of each kind, {len(found)} failures", flush=True)
+    print(f"{400 * rounds} files of each kind, {len(found)} failures")
+    return found
+
+
+if __name__ == "__main__":
+    sys.exit(bool(fuzz(float(sys.argv[1]) if len(sys.argv) > 1 else 60.0)))
