@@ -27,7 +27,7 @@ from scipy.sparse import bmat, csr_matrix, diags
 import coupled
 import surrogate
 import thermofem as th
-from coupled import equations as eq
+from coupled.kernels import equations as eq
 
 Array = NDArray[np.float64]
 

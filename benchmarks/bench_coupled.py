@@ -23,9 +23,9 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled import Method
-from coupled import equations as eq
-from coupled.rosenbrock import Laser, integrate
-from coupled.tableaus import tableau
+from coupled.kernels import equations as eq
+from coupled.kernels.rosenbrock import Laser, integrate
+from coupled.kernels.tableaus import tableau
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ import numpy as np
 import coupled
 import surrogate
 import thermofem as th
-from coupled import equations as eq
+from coupled.kernels import equations as eq
 
 RING = coupled.borghi2021()
 CASES = {

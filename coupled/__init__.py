@@ -1,25 +1,25 @@
 """Optics, free carriers and heat of a silicon ring together: time traces and self-pulsing."""
 
-from .boundaries import fold_curves, hopf_curves
 from .carriers import ShockleyReadHall
-from .corrector import FEM, Corrector
-from .cosimulate import NO_PREDICTOR, cosimulate
-from .identify import Identification, identify
+from .equilibria.boundaries import fold_curves, hopf_curves
+from .equilibria.steady import steady_states
+from .equilibria.transmission import power_for_drop, sweep, transmission
+from .equilibria.weight import van_vaerenbergh_q
+from .identification.identify import Identification, identify
+from .identification.newton_traces import fit_newton_per_trace
 from .inputs import Sweep
+from .kernels.tableaus import Method
 from .lifetime import ConstantLifetime
-from .maps import overlap, pulsing_map
-from .newton_traces import fit_newton_per_trace
+from .loop.corrector import FEM, Corrector
+from .loop.cosimulate import NO_PREDICTOR, cosimulate
+from .maps.pulsing_map import overlap, pulsing_map
+from .maps.stability_map import stability_map
 from .parameters.borghi2021 import borghi2021
 from .pulsing import Pulsing, Regime, pulsing
 from .pump_probe import CarrierFit, carrier_decay, fit_carrier_decay
 from .resonator import RingResonator
 from .simulate import simulate
-from .stability import stability_map
 from .states import State
-from .steady import steady_states
-from .tableaus import Method
-from .transmission import power_for_drop, sweep, transmission
-from .weight import van_vaerenbergh_q
 from .window import Event
 
 __all__ = [

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
-    from .identify import Identification
+    from .identification.identify import Identification
 
 LIGHT, HEAT = "#0072B2", "#D55E00"  # blue and vermilion of Okabe and Ito, apart for every kind of colour vision
 

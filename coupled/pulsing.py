@@ -179,7 +179,7 @@ def crossings(t: Array, x: Array, level: float) -> Array:
         times, increasing, and values.
     level : float
     """
-    from .levels import rises
+    from .kernels.levels import rises
 
     return np.asarray(rises(np.ascontiguousarray(t), np.ascontiguousarray(x), float(level), 1.0))
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,12 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 from thermofem import checks
 from thermofem.model import ThermalModel
 
-from .inputs import Input, bounds, pieces
+from .arguments import check_run, detuning_in_time, power_in_time
+from .inputs import Input
+from .kernels.tableaus import Method
+from .record import provenance, traces
 from .resonator import RingResonator
 from .states import State, starting_point
-from .tableaus import Method
 from .thermal import compact, states_of
-from .window import NO_TIMES, Event, Window, advance
+from .window import NO_TIMES, Event, advance
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -106,8 +105,8 @@ def simulate(
 
     from thermofem import dataset
 
-    _check(ring, duration, rtol)
-    light = {"input_power": check_power(power, duration), "detuning": check_detuning(detuning, duration)}
+    check_run(ring, duration, rtol)
+    light = {"input_power": power_in_time(power, duration), "detuning": detuning_in_time(detuning, duration)}
     wanted = NO_TIMES if times is None else _wanted(times, duration)
     if adiabatic and (event or method):
         raise checks.InputError("adiabatic goes with neither event nor method; it has a method of its own")
@@ -121,10 +120,10 @@ def simulate(
     linear: Any = getattr(small, "linear", small)
     network = {"model_R": np.asarray(linear.R), "model_tau": np.asarray(linear.tau)} if hasattr(linear, "R") else {}
     return xr.Dataset(
-        {name: ("time", values, dataset.describe(name)) for name, values in _traces(ring, run, light).items()},
+        {name: ("time", values, dataset.describe(name)) for name, values in traces(ring, run, light).items()},
         coords={"time": ("time", run.time, dataset.describe("time"))},
         attrs={
-            **_provenance(ring, light, duration),
+            **provenance(ring, light, duration),
             **network,
             "rtol": float(rtol),
             "method": "dopri5, adiabatic" if adiabatic else chosen.value,
@@ -136,86 +135,11 @@ def simulate(
     )
 
 
-def _provenance(ring: RingResonator, light: dict[str, Any], duration: float) -> dict[str, Any]:
-    """What every run says of its ring and its laser."""
-    from thermofem import __version__, dataset
-
-    return {
-        "schema": dataset.SCHEMA,
-        "thermofem_version": __version__,
-        "kind": "coupled",
-        "ring": ring.name,
-        "ring_parameters": json.dumps(asdict(ring)),
-        **{name: value for name, value in light.items() if isinstance(value, float)},
-        "duration": float(duration),
-    }
-
-
-def _traces(ring: RingResonator, run: Window, light: dict[str, Any]) -> dict[str, Array]:
-    """Everything that is drawn over time, in SI."""
-    U = np.abs(run.field) ** 2
-    stop = max(float(run.reached), float(run.time[-1]))
-    at = {
-        name: np.full(run.time.size, value) if isinstance(value, float) else pieces(name, value, 0.0, stop)(run.time)
-        for name, value in light.items()
-    }
-    traces = {
-        "energy": U,
-        "carriers": run.carriers,
-        "delta_T": run.delta_T,
-        "drop": 2 * ring.drop_bus_rate * U,
-        "through": np.abs(np.sqrt(np.maximum(at["input_power"], 0)) + 1j * math.sqrt(2 * ring.bus_rate) * run.field)
-        ** 2,
-        "absorbed": run.absorbed,
-    }
-    if ring.scattering_rate > 0:
-        traces["scattered"] = 2 * ring.scattering_rate * U
-    return traces | {name: at[name] for name, value in light.items() if not isinstance(value, float)}
-
-
-def check_power(power: Any, duration: float) -> Any:
-    """Return a constant power as a float and anything else as it is, or raise InputError where it is out of range."""
-    watt = "powers are in W: 8 dBm is 6.31e-3, 6.31 mW is 6.31e-3"
-    if _is_number(power):
-        return checks.between("power", power, 0, 1, unit="W", hint=watt)
-    low, high = bounds(pieces("power", power, 0.0, float(duration)))
-    checks.between("power", low if low < -1e-9 * high else 0.0, 0, 1, unit="W", hint=watt)
-    checks.between("power", high, 0, 1, unit="W", hint=watt)
-    return power
-
-
-def check_detuning(detuning: Any, duration: float) -> Any:
-    """Return a constant detuning as a float and anything else as it is; InputError where it is out of range."""
-    ends = [detuning] if _is_number(detuning) else bounds(pieces("detuning", detuning, 0.0, float(duration)))
-    values = [checks.finite("detuning", nu, unit="Hz") for nu in ends]
-    largest = max(values, key=abs)
-    if 1 <= abs(largest) <= 1e3:
-        raise checks.InputError(
-            f"detuning = {largest:g} Hz is below any linewidth; detuning is in Hz (did you mean {largest:g}e9?)"
-        )
-    for nu in values:
-        checks.between("detuning", nu, -5e12, 5e12, unit="Hz", hint="laser minus cold resonance, e.g. -10e9")
-    return values[0] if _is_number(detuning) else detuning
-
-
 def check_method(method: Method | str | None) -> Method | None:
     """Return the method that is meant, by name or member."""
     if method is None:
         return None
     return Method(checks.choice("method", str(method).lower(), [m.value for m in Method]))
-
-
-def _is_number(value: Any) -> bool:
-    """Whether an input is meant as a constant; what is neither that nor a function of time is named as no number."""
-    return not (callable(value) or isinstance(value, list | tuple) or hasattr(value, "breakpoints"))
-
-
-def _check(ring: RingResonator, duration: float, rtol: float) -> None:
-    """Raise InputError unless the numbers of a run make sense in SI."""
-    if not isinstance(ring, RingResonator):
-        raise checks.InputError(f"ring is a {type(ring).__name__}; it must be a RingResonator, such as borghi2021()")
-    checks.positive("duration", duration, unit="s", at_most=1, hint="times are in s (did you mean 20e-6 for 20 us?)")
-    checks.between("rtol", rtol, 1e-13, 1e-1, hint="1e-6 gives traces and periods to better than 1e-5")
 
 
 def _wanted(times: ArrayLike, duration: float) -> Array:

@@ -11,12 +11,12 @@ from thermofem import checks
 from thermofem.model import ThermalModel
 
 from .inputs import Pieces, add, bounds, joint, pieces
+from .kernels.tableaus import Method, tableau
 from .resonator import RingResonator
 from .states import State
-from .tableaus import Method, tableau
 
 if TYPE_CHECKING:
-    from .equations import Rates
+    from .kernels.equations import Rates
 
 Array = NDArray[np.float64]
 
@@ -105,8 +105,8 @@ def advance(
     Measured on the self-pulsing ring at (8 dBm, 0 GHz) with Rodas4 at rtol 1e-6 against 1e-11: the spline through
     (absorbed, absorbed_slope) of one row a step is as near as the steps themselves.
     """
-    from . import equations as eq
-    from . import rosenbrock
+    from .kernels import equations as eq
+    from .kernels import rosenbrock
 
     laser = laser_of(ring, start, stop, power, detuning, offset)
     rates, fcd = eq.internal_rates(ring)
@@ -123,7 +123,7 @@ def advance(
         watch[:] = QUANTITIES[kind], event.level / scale[kind], event.stop
     at, begin = np.asarray(times, dtype=float) / eq.NS, state.as_array() / unit
     if adiabatic:
-        from .adiabatic import integrate
+        from .kernels.adiabatic import integrate
 
         rows, y, reached, counts = integrate(begin, laser, rates, fcd, thermal, rtol, floor, at, MAX_STEPS)
         step, crossings = 0.0, NO_TIMES
@@ -155,8 +155,8 @@ def laser_of(ring: RingResonator, start: float, stop: float, power: Any, detunin
 
     An offset shifts the resonance as a detuning of thermal_shift x offset does, so it becomes one.
     """
-    from . import equations as eq
-    from .rosenbrock import Laser
+    from .kernels import equations as eq
+    from .kernels.rosenbrock import Laser
 
     if isinstance(power, float) and isinstance(detuning, float) and isinstance(offset, float) and power >= 0:
         turned = eq.internal_detuning(detuning) + ring.thermal_shift * eq.NS * offset
@@ -177,8 +177,8 @@ def laser_of(ring: RingResonator, start: float, stop: float, power: Any, detunin
 
 def constant_laser(start: float, stop: float, drive: float, detuning: float) -> Any:
     """A laser that does not change; times in s, drive and detuning in internal units."""
-    from . import equations as eq
-    from .rosenbrock import Laser
+    from .kernels import equations as eq
+    from .kernels.rosenbrock import Laser
 
     zero = [0.0, 0.0, 0.0]
     edges = np.array([start / eq.NS, stop / eq.NS])
@@ -187,7 +187,7 @@ def constant_laser(start: float, stop: float, drive: float, detuning: float) -> 
 
 def check_end(counts: NDArray[np.int64], reached: float, duration: float, rtol: float) -> None:
     """Raise where an integration gave up; ``reached`` in ns, ``duration`` in s."""
-    from . import rosenbrock
+    from .kernels import rosenbrock
 
     if counts[2] == rosenbrock.TOO_MANY_STEPS:
         raise checks.InputError(
@@ -213,14 +213,14 @@ def floor_of(rates: Rates, drive: float, thermal_resistance: float) -> Array:
 
 def units(order: int) -> Array:
     """What one internal unit of every state is in SI."""
-    from . import equations as eq
+    from .kernels import equations as eq
 
     return np.concatenate([np.array([eq.FJ**0.5, eq.FJ**0.5, eq.DENSITY]), np.ones(order)])
 
 
 def _absorbed_slope(rows: Array, laser: Any, rates: Rates) -> Array:
     """dP_abs/dt in W/s at the rows, from the equations themselves: dU/dt = 2 (drive Im a - gamma U)."""
-    from . import equations as eq
+    from .kernels import equations as eq
 
     t, ar, ai, N, _ = rows.T
     drive = np.sqrt(np.maximum(Pieces(laser.edges, laser.drive)(t), 0))

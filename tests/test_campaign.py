@@ -68,7 +68,9 @@ def threads():
 
 def marks(folder: Path) -> dict[str, int]:
     """When each result was written: a geometry computed again changes its mark."""
-    return {path.name: path.stat().st_mtime_ns for path in (folder / "results").glob("[!.]*.nc")}  # not those being written
+    return {
+        path.name: path.stat().st_mtime_ns for path in (folder / "results").glob("[!.]*.nc")
+    }  # not those being written
 
 
 def test_results_are_what_solve_computes(tmp_path, threads):

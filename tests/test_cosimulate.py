@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 import coupled
 import surrogate
 import thermofem as th
-from coupled import equations as eq
+from coupled.kernels import equations as eq
 from thermofem.cubic import Cubic
 from thermofem.model import pole_responses
 from thermofem.transient import integrate

@@ -11,7 +11,7 @@ from test_coupled_equations import RING, SECOND_ORDER
 
 import coupled
 import thermofem as th
-from coupled import equations as eq
+from coupled.kernels import equations as eq
 
 
 @pytest.mark.parametrize(("power", "detuning", "period"), [(8, 0, 535.939), (7, -10e9, 499.334), (10, 20e9, 725.112)])

@@ -11,7 +11,7 @@ from scipy import constants
 import coupled
 import surrogate
 import thermofem as th
-from coupled import equations as eq
+from coupled.kernels import equations as eq
 
 RING = coupled.borghi2021()
 SECOND_ORDER = surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)

@@ -10,10 +10,10 @@ import pytest
 import coupled
 import surrogate
 import thermofem as th
-from coupled import equations as eq
-from coupled import spectrum
-from coupled.balance import Static
-from coupled.steady import internal, kind_of
+from coupled.equilibria import spectrum
+from coupled.equilibria.balance import Static
+from coupled.equilibria.steady import internal, kind_of
+from coupled.kernels import equations as eq
 
 RING = coupled.borghi2021()
 EXPERIMENT = surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)

@@ -12,7 +12,7 @@ import xarray as xr
 import coupled
 import surrogate
 import thermofem as th
-from coupled.cycles import Cycle, cycle_of, misfit, observe
+from coupled.identification.cycles import Cycle, cycle_of, misfit, observe
 from coupled.plot import plot_identification, plot_newton_traces
 from coupled.unknowns import second_order, unknowns
 

@@ -14,10 +14,10 @@ from test_coupled_equations import RING, SECOND_ORDER, printed_equations, state
 import coupled
 import thermofem as th
 from coupled import Method, State, Sweep
-from coupled import equations as eq
 from coupled.inputs import Pieces, bounds, pieces
-from coupled.rosenbrock import light, step
-from coupled.tableaus import tableau
+from coupled.kernels import equations as eq
+from coupled.kernels.rosenbrock import light, step
+from coupled.kernels.tableaus import tableau
 from coupled.window import advance, laser_of
 
 NS, MW, GHZ = 1e-9, 1e-3, 1e9

@@ -12,11 +12,20 @@ from test_coupled_equations import LAWS, MODELS, RING, SECOND_ORDER, printed_equ
 
 import thermofem as th
 from coupled import Method
-from coupled import equations as eq
-from coupled.compiling import forget_if_older
-from coupled.kinds import Network
-from coupled.rosenbrock import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS, Laser, dense_output, integrate, step, step_error
-from coupled.tableaus import tableau
+from coupled.kernels import equations as eq
+from coupled.kernels.compiling import forget_if_older
+from coupled.kernels.kinds import Network
+from coupled.kernels.rosenbrock import (
+    DONE,
+    STEP_TOO_SMALL,
+    TOO_MANY_STEPS,
+    Laser,
+    dense_output,
+    integrate,
+    step,
+    step_error,
+)
+from coupled.kernels.tableaus import tableau
 
 POWER = 10**0.8 * 1e-3
 FLOOR = np.array([1e-3, 1e-4, 1e-3])  # sqrt(fJ), 1e23/m^3, K

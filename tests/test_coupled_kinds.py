@@ -11,9 +11,10 @@ from test_coupled_equations import RING, SECOND_ORDER, state
 
 import coupled
 import thermofem as th
-from coupled import Method, quadratic, rosenbrock
-from coupled import equations as eq
-from coupled.tableaus import tableau
+from coupled import Method
+from coupled.kernels import equations as eq
+from coupled.kernels import quadratic, rosenbrock
+from coupled.kernels.tableaus import tableau
 from coupled.thermal import compact
 
 R, TAU = np.asarray(SECOND_ORDER.R), np.asarray(SECOND_ORDER.tau)

@@ -9,7 +9,7 @@ import pytest
 
 import coupled
 import surrogate
-from coupled.lyapunov import first_lyapunov
+from coupled.equilibria.lyapunov import first_lyapunov
 
 RING = coupled.borghi2021()
 EXPERIMENT = surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 import coupled
 import surrogate
 import thermofem as th
+from coupled.maps.quick import pulse
 from coupled.plot import plot_map
-from coupled.quick import pulse
 from thermofem.cli import app
 
 RING = coupled.borghi2021()
@@ -61,7 +61,7 @@ def test_an_interrupted_map_goes_on_and_is_the_same(tmp_path, monkeypatch):
     assert len(lines) == 3
     runs = []
     monkeypatch.setattr(
-        import_module("coupled.maps"), "pulse", lambda *a, **k: runs.append(k["power"]) or pulse(*a, **k)
+        import_module("coupled.maps.pulsing_map"), "pulse", lambda *a, **k: runs.append(k["power"]) or pulse(*a, **k)
     )
     for end, again in ((len(lines[0]) - 4, 6), (len(lines[0]), 6), (len(b"".join(lines[:2])), 3), (-5, 3), (None, 0)):
         file.write_bytes(b"".join(lines)[:end])  # as a kill would leave it: within the head, a row, or whole

@@ -13,8 +13,8 @@ import pytest
 import coupled
 import surrogate
 import thermofem as th
+from coupled.maps.quick import pulse
 from coupled.plot import plot_map, plot_maps
-from coupled.quick import pulse
 
 RING = coupled.borghi2021()
 LUMPED = RING.with_lumped_fcd()
@@ -71,7 +71,7 @@ def test_any_executor_will_do_and_a_bar_may_be_drawn(small, capsys):
 
 
 def test_a_failing_point_stores_its_reason_and_spares_the_others(small, monkeypatch):
-    maps = import_module("coupled.maps")
+    maps = import_module("coupled.maps.pulsing_map")
 
     def sometimes(*setting, power, detuning, **options):
         if power == POWERS[1] and detuning == 0:
@@ -91,7 +91,7 @@ def test_a_failing_point_stores_its_reason_and_spares_the_others(small, monkeypa
 
 def test_no_trace_counts_as_at_rest_where_no_fixed_point_is_stable(monkeypatch):
     rest = coupled.Pulsing(coupled.Regime.STABLE, "at rest", np.nan, np.nan, 0.1, 0)
-    monkeypatch.setattr(import_module("coupled.maps"), "pulse", lambda *a, **k: (rest, k["initial"]))
+    monkeypatch.setattr(import_module("coupled.maps.pulsing_map"), "pulse", lambda *a, **k: (rest, k["initial"]))
     found = coupled.pulsing_map(RING, EXPERIMENT, POWERS[[0, 2]], DETUNINGS[1:], duration=1e-7)
     assert found.regime.values.tolist() == [["slow transient", "stable"], ["slow transient", "slow transient"]]
     assert str(found.reason.values[1, 0]) == "at rest, but no fixed point is stable"

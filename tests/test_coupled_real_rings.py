@@ -13,7 +13,7 @@ from test_coupled_equations import RING, SECOND_ORDER
 import coupled
 import thermofem as th
 from coupled import ConstantLifetime, RingResonator
-from coupled import equations as eq
+from coupled.kernels import equations as eq
 from coupled.ring_toml import read_text
 
 REAL = replace(

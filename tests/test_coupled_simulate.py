@@ -11,9 +11,9 @@ import pytest
 import coupled
 import surrogate
 import thermofem as th
+from coupled.maps.quick import pulse
 from coupled.parameters import borghi2021 as paper
 from coupled.plot import plot_traces
-from coupled.quick import pulse
 
 
 def second_order(s):

@@ -10,9 +10,9 @@ import pytest
 import coupled
 import surrogate
 import thermofem as th
-from coupled import equations as eq
-from coupled import spectrum
-from coupled.balance import Static
+from coupled.equilibria import spectrum
+from coupled.equilibria.balance import Static
+from coupled.kernels import equations as eq
 
 RING = coupled.borghi2021()
 LUMPED = RING.with_lumped_fcd()

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 import coupled
 import surrogate
 import thermofem as th
-from coupled import balance, spectrum
-from coupled import equations as eq
-from coupled.balance import Static
+from coupled.equilibria import balance, spectrum, steady
+from coupled.equilibria.balance import Static
+from coupled.kernels import equations as eq
 
 RING = coupled.borghi2021()
 LUMPED = RING.with_lumped_fcd()
@@ -222,7 +222,7 @@ def test_eigenvalues_are_those_of_the_differentiated_right_hand_side(poles, powe
             h, unit = 1e-3 * abs(y[j]), np.eye(y.size)[j]
             f = [eq.right_hand_side(y + m * h * unit, drive, shift, rates, fcd, thermal) for m in (-2, -1, 1, 2)]
             J[:, j] = (f[0] - 8 * f[1] + 8 * f[2] - f[3]) / (12 * h)
-        growth, omega, regime = coupled.steady.kind_of(np.linalg.eigvals(J))
+        growth, omega, regime = steady.kind_of(np.linalg.eigvals(J))
         # Differences: truncation (h^4/30) f^(5) ~ 1e-12, round-off 1e-16 x 300/(1e-3) = 3e-11 per ns; an eigenvalue of
         # 5e-3 per ns that is a small difference of rates of 100 per ns magnifies them by their ratio, 2e4: 1e-6.
         assert float(found.growth_rate[k]) == pytest.approx(growth / eq.NS, rel=1e-6, abs=1e-6 * abs(growth) / eq.NS)

@@ -13,13 +13,14 @@ from thermofem.model import ThermalModel
 from thermofem.nonlinear import NonlinearSystem
 from thermofem.waveforms import Waveform
 
+from ..arguments import check_run, detuning_in_time, power_in_time
+from ..record import provenance, traces
+from ..resonator import RingResonator
+from ..states import State
+from ..thermal import compact, states_of
+from ..window import Window
 from .corrector import FEM, Corrector
 from .relaxation import Passed, Relaxation
-from .resonator import RingResonator
-from .simulate import _check, _provenance, _traces, check_detuning, check_power
-from .states import State
-from .thermal import compact, states_of
-from .window import Window
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -94,9 +95,9 @@ def cosimulate(
     >>> print(f"{coupled.pulsing(run).period * 1e9:.0f} ns, {coupled.pulsing(run).swing:.2f} K")
     680 ns, 5.87 K
     """
-    _check(ring, duration, rtol)
+    check_run(ring, duration, rtol)
     checks.between("tolerance", tolerance, 1e-8, 1, unit="K", hint="1e-3 K gives periods to about 1e-4")
-    light = {"input_power": check_power(power, duration), "detuning": check_detuning(detuning, duration)}
+    light = {"input_power": power_in_time(power, duration), "detuning": detuning_in_time(detuning, duration)}
     kept = checks.array("field_times", field_times, increasing=True) if np.size(field_times) else np.zeros(1)
     if not 0 <= kept[0] <= kept[-1] <= duration:
         raise checks.InputError(f"field_times must lie between 0 and the duration of {duration:g} s")
@@ -150,7 +151,7 @@ def _dataset(
     summary = loop.corrector.summary() if hasattr(loop.corrector, "summary") else {}
     data = xr.Dataset(
         {
-            **{name: ("time", values, dataset.describe(name)) for name, values in _traces(ring, run, light).items()},
+            **{name: ("time", values, dataset.describe(name)) for name, values in traces(ring, run, light).items()},
             "passes": ("window", [part.passes for part in parts], {"units": "1", "long_name": "passes of the window"}),
             "discrepancy": ("window", [part.discrepancy for part in parts], kelvin),
         },
@@ -159,7 +160,7 @@ def _dataset(
             "window": ("window", starts, {"units": "s", "long_name": "start of the window"}),
         },
         attrs={
-            **_provenance(ring, light, duration),
+            **provenance(ring, light, duration),
             "rtol": loop.rtol,
             "tolerance": loop.tolerance,
             "predictor": _named(loop.model),

@@ -9,17 +9,17 @@ import numpy as np
 
 from thermofem import checks
 
-from . import window
-from .pulsing import Pulsing, classify
-from .resonator import RingResonator
-from .states import State
-from .tableaus import Method, tableau
+from .. import window
+from ..kernels.tableaus import Method, tableau
+from ..pulsing import Pulsing, classify
+from ..resonator import RingResonator
+from ..states import State
 
 
 @lru_cache(maxsize=16)
 def _prepared(ring: RingResonator, model: Any) -> tuple[Any, ...]:
     """Ring and model in internal units, once for all points of a map."""
-    from . import equations as eq
+    from ..kernels import equations as eq
 
     return (*eq.internal_rates(ring), eq.internal_thermal(model), model.thermal_resistance * eq.UW)
 
@@ -47,8 +47,8 @@ def pulse(
     initial : State
         ``State.cold(n)`` for a map from a cold ring.
     """
-    from . import equations as eq
-    from . import rosenbrock
+    from ..kernels import equations as eq
+    from ..kernels import rosenbrock
 
     rates, fcd, thermal, resistance = _prepared(ring, model)
     drive = eq.internal_drive(ring, power)

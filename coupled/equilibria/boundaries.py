@@ -24,15 +24,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from thermofem.model import ThermalModel
 
-from .resonator import RingResonator
-from .steady import check_axis, check_ring, internal
+from ..arguments import check_axis, check_ring
+from ..resonator import RingResonator
+from .steady import internal
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from ..kernels.equations import Rates
+    from ..kernels.kinds import Network
     from .balance import Static
-    from .equations import Rates
-    from .kinds import Network
 
 Array = NDArray[np.float64]
 
@@ -94,7 +95,7 @@ def hopf_curves(
 
     Measured by dense eigenvalues at the returned power and detuning: the pair's real part is below 3e-13 w.
     """
-    from . import equations as eq
+    from ..kernels import equations as eq
 
     plane = _plane(ring, model, powers, detunings)
     curves = []
@@ -134,8 +135,8 @@ def fold_curves(
 
 def _plane(ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike) -> _Plane:
     """Check the input and find the energies that its fixed points can have."""
+    from ..kernels import equations as eq
     from . import balance
-    from . import equations as eq
 
     check_ring(ring)
     P, nu = check_axis("powers", powers), check_axis("detunings", detunings)
@@ -304,8 +305,8 @@ def _folded(plane: _Plane) -> list[tuple[float, float]]:
 
 def _laser(plane: _Plane, U: Array, D: Array) -> tuple[Array, Array]:
     """Power in W and detuning in rad/ns of the fixed points (U, D)."""
+    from ..kernels import equations as eq
     from . import balance
-    from . import equations as eq
 
     shift, gamma = balance.balances(np.ascontiguousarray(U), plane.rates, plane.fcd, plane.static)[[3, 5]]
     return U * (gamma**2 + D**2) / (2 * plane.ring.bus_rate * eq.NS) * eq.UW, shift - D
@@ -322,7 +323,7 @@ def _inside(plane: _Plane, U: Array, D: Array) -> list[slice]:
 
 def _criticality(plane: _Plane, U: float, D: float, w: float) -> tuple[float, NDArray[np.complex128]]:
     """The first Lyapunov coefficient in 1/ns, for the relative amplitude of the carriers, and the eigenvalues."""
-    from . import equations as eq
+    from ..kernels import equations as eq
     from . import spectrum
     from .lyapunov import first_lyapunov
 
@@ -348,7 +349,7 @@ def _dataset(plane: _Plane, kind: str, U: Array, D: Array, omega: Array | None =
 
     from thermofem import dataset
 
-    from . import equations as eq
+    from ..kernels import equations as eq
 
     power, shift = _laser(plane, U, D)
     values = {"power": power, "detuning": shift / (2 * np.pi * eq.NS), "energy": U * eq.FJ}

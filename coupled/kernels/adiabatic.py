@@ -22,7 +22,8 @@ from . import equations, kinds
 from .compiling import compiled, forget_if_older, inlined
 from .equations import Array, Rates, absorbed_power, dispersion
 from .kinds import flow, lift, read
-from .rosenbrock import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS, Laser
+from .laser import Laser, power_and_detuning
+from .rosenbrock import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS
 
 A = np.array(
     [
@@ -38,14 +39,6 @@ A = np.array(
 AT = np.array([0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1, 1])
 ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
 BETWEEN = 4  # rows for every accepted step: light turns faster than the carriers that the steps follow
-
-
-@inlined
-def _light(laser: Laser, piece: int, u: float) -> tuple[float, float]:
-    """Return the squared drive and the detuning ``u`` after the edge of a piece."""
-    p, d = laser.drive[piece], laser.detuning[piece]
-    power = p[0] + u * (p[1] + u * (p[2] + u * p[3]))
-    return max(power, 0.0), d[0] + u * (d[1] + u * (d[2] + u * d[3]))
 
 
 @compiled
@@ -96,7 +89,7 @@ def integrate(
     U = y[0] * y[0] + y[1] * y[1]
     for piece in range(laser.edges.size - 1):
         begin, stop = laser.edges[piece], laser.edges[piece + 1]
-        power, detuning = _light(laser, piece, 0.0)
+        power, detuning = power_and_detuning(laser, piece, 0.0)
         if piece > 0:
             h = min(h, 1.0)
         U = _slopes(y, power, detuning, max(U, 1e-9), rates, fcd, thermal, k[0])
@@ -118,7 +111,7 @@ def integrate(
                     at[i] = y[i]
                     for j in range(q):
                         at[i] += h * A[q, j] * k[j, i]
-                power, detuning = _light(laser, piece, t - begin + AT[q] * h)
+                power, detuning = power_and_detuning(laser, piece, t - begin + AT[q] * h)
                 U_stage = _slopes(at, power, detuning, U_stage, rates, fcd, thermal, k[q])
             out[2:] = at[2:]
             e_N, e_x = 0.0, 0.0
@@ -153,7 +146,7 @@ def integrate(
                     rise = out[i] - y[i]
                     bend = (1.0 - 2.0 * x) * rise + (x - 1.0) * h * k[0, i] + x * h * k[6, i]
                     at[i] = (1.0 - x) * y[i] + x * out[i] + x * (x - 1.0) * bend
-                power, detuning = _light(laser, piece, row_time - begin)
+                power, detuning = power_and_detuning(laser, piece, row_time - begin)
                 a = field(at, power, detuning, U_stage, rates, fcd, thermal)
                 rows[filled, 0], rows[filled, 1], rows[filled, 2] = row_time, a[0], a[1]
                 rows[filled, 3], rows[filled, 4] = at[2], lift(read(at, thermal), thermal)[0]
@@ -162,7 +155,7 @@ def integrate(
             y, out = out, y
             k[0] = k[6]
             if wanted == 0:
-                power, detuning = _light(laser, piece, t - begin)
+                power, detuning = power_and_detuning(laser, piece, t - begin)
                 a = field(y, power, detuning, U, rates, fcd, thermal)
                 rows[filled, 0], rows[filled, 1], rows[filled, 2] = t, a[0], a[1]
                 rows[filled, 3], rows[filled, 4] = y[2], lift(z_new, thermal)[0]

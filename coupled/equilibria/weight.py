@@ -7,9 +7,9 @@ import math
 from thermofem import checks
 from thermofem.model import ThermalModel
 
-from .resonator import RingResonator
-from .steady import check_ring
-from .thermal import compact
+from ..arguments import check_ring
+from ..resonator import RingResonator
+from ..thermal import compact
 
 
 def van_vaerenbergh_q(ring: RingResonator, model: ThermalModel, *, carriers: float = 1e23) -> float:

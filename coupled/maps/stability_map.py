@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from thermofem.model import ThermalModel
 
+from ..equilibria.steady import Internal, internal, provenance
+from ..resonator import RingResonator
 from .grid import Grid, Point, grid_of
-from .resonator import RingResonator
-from .steady import Internal, internal, provenance
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -95,8 +95,8 @@ def survey_grid(at: Internal, grid: Grid) -> Array:
 
     Points of a row that share ring and power are surveyed at one go.
     """
-    from . import equations as eq
-    from . import spectrum
+    from ..equilibria import spectrum
+    from ..kernels import equations as eq
 
     thermal = at.thermal._replace(poles=_heated_poles(at.thermal.poles))
 

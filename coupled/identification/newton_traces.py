@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from thermofem import checks
 
+from ..arguments import check_ring
+from ..progress import bar
+from ..resonator import RingResonator
+from ..unknowns import unknowns
 from .cycles import HARMONICS
 from .matching import coarse, polished, residuals, simulated, targets_of
-from .progress import bar
-from .resonator import RingResonator
-from .steady import check_ring
-from .unknowns import unknowns
 
 if TYPE_CHECKING:
     import xarray as xr

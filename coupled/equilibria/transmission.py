@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from thermofem import checks
 from thermofem.model import ThermalModel
 
-from .resonator import RingResonator
-from .steady import Internal, check_detuning, check_power, check_ring, internal, observables, provenance
+from ..arguments import check_detuning, check_power, check_ring
+from ..resonator import RingResonator
+from .steady import Internal, internal, observables, provenance
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -60,8 +61,8 @@ def transmission(
     >>> print(f"{float(peak['drop']) * 1e3:.2f} mW at {float(peak.detuning) / 1e9:.1f} GHz, {peak.regime.item()}")
     2.20 mW at -92.0 GHz, stable
     """
+    from ..kernels import equations as eq
     from . import balance
-    from . import equations as eq
 
     check_ring(ring)
     at = internal(ring, model)
@@ -119,8 +120,8 @@ def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike,
     InputError
         a drop power that is not positive, or a model as for `steady_states`.
     """
+    from ..kernels import equations as eq
     from . import balance
-    from . import equations as eq
 
     check_ring(ring)
     wanted, nu = np.broadcast_arrays(np.asarray(drop, dtype=float), np.asarray(detuning, dtype=float))
@@ -166,8 +167,8 @@ def sweep(
     InputError
         as `steady_states`; not exactly one of them an array.
     """
+    from ..kernels import equations as eq
     from . import balance
-    from . import equations as eq
 
     check_ring(ring)
     P, nu = (checks.array(name, v) for name, v in (("power", power), ("detuning", detuning)))

@@ -25,10 +25,10 @@ from thermofem import checks
 from thermofem.cubic import Cubic
 from thermofem.model import ThermalModel
 
+from ..resonator import RingResonator
+from ..states import State
+from ..window import Window, advance
 from .corrector import Corrector
-from .resonator import RingResonator
-from .states import State
-from .window import Window, advance
 
 Array = NDArray[np.float64]
 

@@ -33,8 +33,8 @@ from .kinds import flow, lift, read, spread
 if TYPE_CHECKING:
     from thermofem.model import Foster
 
+    from ..resonator import RingResonator
     from .kinds import Network, Quadratic
-    from .resonator import RingResonator
 
 Array = NDArray[np.float64]
 Row = tuple[float, float, float, float]

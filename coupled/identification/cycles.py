@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from thermofem import checks
 
-from .pulsing import Regime, crossings, pulsing
+from ..pulsing import Regime, crossings, pulsing
 
 if TYPE_CHECKING:
     import xarray as xr

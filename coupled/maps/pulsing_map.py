@@ -17,16 +17,16 @@ from numpy.typing import ArrayLike
 from thermofem import checks
 from thermofem.model import ThermalModel
 
+from ..equilibria.steady import provenance
+from ..progress import bar
+from ..pulsing import Regime
+from ..resonator import RingResonator
+from ..states import State
+from ..thermal import compact, states_of
 from .grid import Grid, Point, grid_of
 from .journal import Journal
-from .progress import bar
-from .pulsing import Regime
 from .quick import pulse
-from .resonator import RingResonator
-from .stability import stable_points
-from .states import State
-from .steady import provenance
-from .thermal import compact, states_of
+from .stability_map import stable_points
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -7,20 +7,21 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from thermofem import checks
 from thermofem.model import ThermalModel
 
-from .resonator import RingResonator
-from .thermal import compact
+from ..arguments import check_detuning, check_power, check_ring
+from ..resonator import RingResonator
+from ..thermal import compact
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from ..kernels.equations import Rates
+    from ..kernels.kinds import Network
     from .balance import Static
-    from .equations import Rates
-    from .kinds import Network
 
 Array = NDArray[np.float64]
 
@@ -79,8 +80,8 @@ def steady_states(
 
     from thermofem import dataset
 
+    from ..kernels import equations as eq
     from . import balance
-    from . import equations as eq
 
     check_ring(ring)
     check_power(power)
@@ -110,7 +111,7 @@ class Internal(NamedTuple):
 
 def internal(ring: RingResonator, model: ThermalModel) -> Internal:
     """Resolve ring and thermal model, or raise InputError for one whose fixed points are not explicit in the energy."""
-    from . import equations as eq
+    from ..kernels import equations as eq
     from .balance import Static
 
     small = compact(model)
@@ -127,8 +128,8 @@ def internal(ring: RingResonator, model: ThermalModel) -> Internal:
 
 def observables(ring: RingResonator, at: Internal, U: Array, D: Array, powers: Array) -> dict[str, Any]:
     """All that is measured at the fixed points (U, D), internal units, under ``powers`` in W; by name, in SI."""
+    from ..kernels import equations as eq
     from . import balance, spectrum
-    from . import equations as eq
 
     N, _, dT, _, _, gamma, _ = balance.balances(np.ascontiguousarray(U), at.rates, at.fcd, at.static)
     found = [kind_of(spectrum.dense(u, d, at.rates, at.fcd, at.thermal)) for u, d in zip(U, D, strict=True)]
@@ -179,34 +180,3 @@ def provenance(kind: str, ring: RingResonator, model: Any) -> dict[str, Any]:
     if hasattr(model, "coefficient"):
         said["model_coefficient"] = float(model.coefficient)
     return said
-
-
-def check_ring(ring: RingResonator) -> None:
-    """Raise InputError unless this is a ring."""
-    if not isinstance(ring, RingResonator):
-        raise checks.InputError(f"ring is a {type(ring).__name__}; it must be a RingResonator, such as borghi2021()")
-
-
-def check_power(power: float, name: str = "power") -> float:
-    """Return a bus power in W, or raise InputError."""
-    return checks.positive(name, power, unit="W", at_most=1, hint="8 dBm is 6.31e-3, 6.31 mW is 6.31e-3")
-
-
-def check_detuning(detuning: float, name: str = "detuning") -> float:
-    """Return a detuning in Hz, or raise InputError."""
-    nu = checks.finite(name, detuning, unit="Hz")
-    if 1 <= abs(nu) <= 1e3:
-        raise checks.InputError(f"{name} = {nu:g} Hz is below any linewidth; it is in Hz (did you mean {nu:g}e9?)")
-    return checks.between(name, nu, -5e12, 5e12, unit="Hz", hint="laser minus cold resonance, e.g. -10e9")
-
-
-def check_axis(name: str, values: ArrayLike) -> Array:
-    """Return the powers or detunings of a map, strictly increasing, or raise InputError naming the bad one."""
-    axis = checks.array(name, values)
-    for k in range(axis.size):
-        (check_power if name == "powers" else check_detuning)(axis[k], f"{name}[{k}]")
-        if k and axis[k] <= axis[k - 1]:
-            raise checks.InputError(
-                f"{name}[{k}] = {axis[k]:g} is not above {name}[{k - 1}] = {axis[k - 1]:g}; sort it"
-            )
-    return axis

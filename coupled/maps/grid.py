@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from thermofem import checks
 
-from .resonator import RingResonator
-from .steady import check_axis, check_ring
-from .unknowns import optical_names, varied
+from ..arguments import check_axis, check_ring
+from ..resonator import RingResonator
+from ..unknowns import optical_names, varied
 
 Array = NDArray[np.float64]
 Point = tuple[RingResonator, float, float]  # ring, power in W, detuning in Hz

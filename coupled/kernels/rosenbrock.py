@@ -15,17 +15,18 @@ Sources: Hairer and Wanner, Solving Ordinary Differential Equations II (1996), S
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from . import algebra, equations, kinds, quadratic
+from . import algebra, equations, kinds, laser, quadratic
 from .algebra import inverse
 from .compiling import compiled, forget_if_older, inlined
 from .equations import Array, Rates, dispersion, optics, optics_jacobian
 from .kinds import lift, read, weigh
+from .laser import Laser, light
 from .tableaus import Tableau
 
 QUIET = 1e-2  # of its size, what a step moves a state that rests
@@ -128,31 +129,6 @@ def dense_output(x: float, y0: float, y1: float, k: Array, d: Array) -> float:
     for j in range(k.size):
         d1, d2, d3 = d1 + d[0, j] * k[j], d2 + d[1, j] * k[j], d3 + d[2, j] * k[j]
     return (1.0 - x) * y0 + x * (y1 + (1.0 - x) * (d1 + x * (d2 + x * d3)))
-
-
-class Laser(NamedTuple):
-    """The light that comes in, as cubics in t - edges[k] between edges[k] and edges[k + 1] (ns)."""
-
-    edges: Array  # shape (m + 1,)
-    drive: Array  # 2 gamma_e P in fJ/ns^2, shape (m, 4)
-    detuning: Array  # rad/ns, shape (m, 4)
-
-
-@inlined
-def light(laser: Laser, piece: int, u: float, h: float, at: Array, largest: float, drive: Array, detuning: Array, slopes: Array) -> None:  # fmt: skip  # noqa: E501
-    """Write the laser at the stages of a step that begins ``u`` after the edge of its piece, and its slopes there.
-
-    The drive sqrt(2 gamma_e P) is as steep as one likes where P leaves 0. Its slope is an ingredient of the step, not
-    of the equations: below 1e-12 of the ``largest`` P it is bounded, and the step control does the rest.
-    """
-    p, d = laser.drive[piece], laser.detuning[piece]
-    for q in range(at.size):
-        v = u + at[q] * h
-        drive[q] = math.sqrt(max(p[0] + v * (p[1] + v * (p[2] + v * p[3])), 0.0))
-        detuning[q] = d[0] + v * (d[1] + v * (d[2] + v * d[3]))
-    rise = p[1] + u * (2.0 * p[2] + u * 3.0 * p[3])
-    slopes[0] = 0.5 * rise * drive[0] / max(drive[0] * drive[0] + 1e-12 * largest, 1e-300)
-    slopes[1] = d[1] + u * (2.0 * d[2] + u * 3.0 * d[3])
 
 
 @inlined
@@ -417,5 +393,5 @@ def integrate(
 
 
 for kernel in (step, quadratic.step, growing, integrate):
-    for module in (equations, algebra, kinds, quadratic):
+    for module in (equations, algebra, kinds, laser, quadratic):
         forget_if_older(kernel, str(module.__file__))

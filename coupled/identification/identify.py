@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from thermofem import checks
 from thermofem.model import Foster, ThermalModel
 
+from ..arguments import check_ring
+from ..progress import bar
+from ..resonator import RingResonator
+from ..unknowns import Unknowns, unknowns
 from .cycles import Cycle, Observed, misfit
 from .matching import Target, coarse, polished, residuals, simulated, targets_of
-from .progress import bar
-from .resonator import RingResonator
-from .steady import check_ring
-from .unknowns import Unknowns, unknowns
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -22,9 +22,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from . import equations
-from .compiling import compiled, forget_if_older, inlined
-from .equations import Array, Rates, absorbed_power, dispersion
+from ..kernels import equations
+from ..kernels.compiling import compiled, forget_if_older, inlined
+from ..kernels.equations import Array, Rates, absorbed_power, dispersion
 
 SPACING = 0.02  # of s, in the search for turning points; pairs of them closer than this are found by their slope
 CLOSE = 4e-16  # relative width at which a bracket has no floating-point number left inside

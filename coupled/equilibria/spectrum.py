@@ -22,12 +22,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernels import equations
+from ..kernels.compiling import compiled, forget_if_older, inlined
+from ..kernels.equations import Array, Rates, absorbed_power, dispersion
+from ..kernels.kinds import Network
 from . import balance as fixed
-from . import equations
 from .balance import Static
-from .compiling import compiled, forget_if_older, inlined
-from .equations import Array, Rates, absorbed_power, dispersion
-from .kinds import Network
 
 Complex = NDArray[np.complex128]
 

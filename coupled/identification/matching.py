@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from thermofem import checks
 from thermofem.model import Foster
 
+from ..arguments import check_detuning, check_power
+from ..resonator import RingResonator
+from ..simulate import simulate
+from ..unknowns import Unknowns
 from .cycles import HARMONICS, Cycle, Observed, cycle_of, misfit, observe
-from .resonator import RingResonator
-from .simulate import simulate
-from .steady import check_detuning, check_power
-from .unknowns import Unknowns
 
 if TYPE_CHECKING:
     import xarray as xr

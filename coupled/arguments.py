@@ -1,0 +1,83 @@
+"""What the functions of the package check of the numbers they are given."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thermofem import checks
+
+from .inputs import bounds, pieces
+from .resonator import RingResonator
+
+Array = NDArray[np.float64]
+
+
+def check_ring(ring: RingResonator) -> None:
+    """Raise InputError unless this is a ring."""
+    if not isinstance(ring, RingResonator):
+        raise checks.InputError(f"ring is a {type(ring).__name__}; it must be a RingResonator, such as borghi2021()")
+
+
+def check_power(power: float, name: str = "power") -> float:
+    """Return a bus power in W, or raise InputError."""
+    return checks.positive(name, power, unit="W", at_most=1, hint="8 dBm is 6.31e-3, 6.31 mW is 6.31e-3")
+
+
+def check_detuning(detuning: float, name: str = "detuning") -> float:
+    """Return a detuning in Hz, or raise InputError."""
+    nu = checks.finite(name, detuning, unit="Hz")
+    if 1 <= abs(nu) <= 1e3:
+        raise checks.InputError(f"{name} = {nu:g} Hz is below any linewidth; it is in Hz (did you mean {nu:g}e9?)")
+    return checks.between(name, nu, -5e12, 5e12, unit="Hz", hint="laser minus cold resonance, e.g. -10e9")
+
+
+def check_axis(name: str, values: ArrayLike) -> Array:
+    """Return the powers or detunings of a map, strictly increasing, or raise InputError naming the bad one."""
+    axis = checks.array(name, values)
+    for k in range(axis.size):
+        (check_power if name == "powers" else check_detuning)(axis[k], f"{name}[{k}]")
+        if k and axis[k] <= axis[k - 1]:
+            raise checks.InputError(
+                f"{name}[{k}] = {axis[k]:g} is not above {name}[{k - 1}] = {axis[k - 1]:g}; sort it"
+            )
+    return axis
+
+
+def power_in_time(power: Any, duration: float) -> Any:
+    """Return a constant power as a float and anything else as it is, or raise InputError where it is out of range."""
+    watt = "powers are in W: 8 dBm is 6.31e-3, 6.31 mW is 6.31e-3"
+    if _is_number(power):
+        return checks.between("power", power, 0, 1, unit="W", hint=watt)
+    low, high = bounds(pieces("power", power, 0.0, float(duration)))
+    checks.between("power", low if low < -1e-9 * high else 0.0, 0, 1, unit="W", hint=watt)
+    checks.between("power", high, 0, 1, unit="W", hint=watt)
+    return power
+
+
+def detuning_in_time(detuning: Any, duration: float) -> Any:
+    """Return a constant detuning as a float and anything else as it is; InputError where it is out of range."""
+    ends = [detuning] if _is_number(detuning) else bounds(pieces("detuning", detuning, 0.0, float(duration)))
+    values = [checks.finite("detuning", nu, unit="Hz") for nu in ends]
+    largest = max(values, key=abs)
+    if 1 <= abs(largest) <= 1e3:
+        raise checks.InputError(
+            f"detuning = {largest:g} Hz is below any linewidth; detuning is in Hz (did you mean {largest:g}e9?)"
+        )
+    for nu in values:
+        checks.between("detuning", nu, -5e12, 5e12, unit="Hz", hint="laser minus cold resonance, e.g. -10e9")
+    return values[0] if _is_number(detuning) else detuning
+
+
+def _is_number(value: Any) -> bool:
+    """Whether an input is meant as a constant; what is neither that nor a function of time is named as no number."""
+    return not (callable(value) or isinstance(value, list | tuple) or hasattr(value, "breakpoints"))
+
+
+def check_run(ring: RingResonator, duration: float, rtol: float) -> None:
+    """Raise InputError unless the numbers of a run make sense in SI."""
+    check_ring(ring)
+    checks.positive("duration", duration, unit="s", at_most=1, hint="times are in s (did you mean 20e-6 for 20 us?)")
+    checks.between("rtol", rtol, 1e-13, 1e-1, hint="1e-6 gives traces and periods to better than 1e-5")

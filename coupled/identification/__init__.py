@@ -1,0 +1,1 @@
+"""Ring and heat trained on drop traces, measured or simulated."""

@@ -1,0 +1,1 @@
+"""The compiled equations of light, carriers and heat, and the methods that integrate them."""

@@ -1,0 +1,54 @@
+"""What a run is stored as: its traces in SI, and where they come from."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .inputs import pieces
+from .resonator import RingResonator
+from .window import Window
+
+Array = NDArray[np.float64]
+
+
+def provenance(ring: RingResonator, light: dict[str, Any], duration: float) -> dict[str, Any]:
+    """What every run says of its ring and its laser."""
+    from thermofem import __version__, dataset
+
+    return {
+        "schema": dataset.SCHEMA,
+        "thermofem_version": __version__,
+        "kind": "coupled",
+        "ring": ring.name,
+        "ring_parameters": json.dumps(asdict(ring)),
+        **{name: value for name, value in light.items() if isinstance(value, float)},
+        "duration": float(duration),
+    }
+
+
+def traces(ring: RingResonator, run: Window, light: dict[str, Any]) -> dict[str, Array]:
+    """Everything that is drawn over time, in SI."""
+    U = np.abs(run.field) ** 2
+    stop = max(float(run.reached), float(run.time[-1]))
+    at = {
+        name: np.full(run.time.size, value) if isinstance(value, float) else pieces(name, value, 0.0, stop)(run.time)
+        for name, value in light.items()
+    }
+    traces = {
+        "energy": U,
+        "carriers": run.carriers,
+        "delta_T": run.delta_T,
+        "drop": 2 * ring.drop_bus_rate * U,
+        "through": np.abs(np.sqrt(np.maximum(at["input_power"], 0)) + 1j * math.sqrt(2 * ring.bus_rate) * run.field)
+        ** 2,
+        "absorbed": run.absorbed,
+    }
+    if ring.scattering_rate > 0:
+        traces["scattered"] = 2 * ring.scattering_rate * U
+    return traces | {name: at[name] for name, value in light.items() if not isinstance(value, float)}
