@@ -72,7 +72,7 @@ def simulate(
         a level that "energy", "carriers" or "delta_T" rises through: the times are in ``attrs["crossings"]``, and the
         run ends at the first unless ``stop=False``.
     adiabatic : bool
-        whether light follows carriers and heat at once (`coupled.kernels.adiabatic`) instead of within its 10 ps: periods are
+        whether light follows carriers and heat at once (`kernels.adiabatic`) instead of within its 10 ps: periods are
         .01 to .02 % shorter (measured at six points, 6 to 10 dBm), for half the time at rtol = 1e-5, a fifth at 1e-7.
         Not with ``event`` or ``method``, nor for what happens within the lifetime of light in the ring.
 

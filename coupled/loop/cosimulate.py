@@ -49,7 +49,7 @@ def cosimulate(
 ) -> xr.Dataset:
     """Switch the laser on at t = 0 on a cold, empty ring and integrate it together with the full-order heat problem.
 
-    The equations are those of `simulate`; its thermal model only predicts. Window by window (`coupled.relaxation`) the
+    The equations are those of `simulate`; its thermal model only predicts. Window by window (`relaxation`) the
     corrector takes the absorbed power, and the difference of temperatures is fed back until it is below ``tolerance``.
 
     Parameters
