@@ -92,9 +92,14 @@ class Pencil:
             self._own.clear()
             self._seen.clear()
 
+    def ready(self, a: float, b: float) -> bool:
+        """Whether `solve` has factors for this combination."""
+        key = _key(a, b)
+        return key == self._there or key in self._own
+
     def solve(self, a: float, b: float, rhs: NDArray[np.float64]) -> NDArray[np.float64]:
         """(a E + b K)^-1 rhs; factors equal to 9 digits share a factorization."""
-        key = float(f"{a:.8e}"), float(f"{b:.8e}")
+        key = _key(a, b)
         with self._lock:
             if key in self._own:
                 return self._own[key](rhs)
@@ -126,6 +131,11 @@ class Pencil:
             del self._own[next(iter(self._own))]
         self._own[key] = solve = factorize(matrix, upper=True)
         return solve
+
+
+def _key(a: float, b: float) -> tuple[float, float]:
+    """Both to nine digits."""
+    return float(f"{a:.8e}"), float(f"{b:.8e}")
 
 
 def _upper_triangle(matrix: Any) -> tuple[NDArray[np.intp], NDArray[np.float64]]:

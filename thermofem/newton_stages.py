@@ -5,8 +5,9 @@ is sum_l M_l D_l + gamma h sum_l K_l D'_l with diagonal D, the laws' derivatives
 
     sum_l sqrt(D_l) M_l sqrt(D_l) + gamma h sum_l sqrt(D'_l) K_l sqrt(D'_l)
 
-is symmetric and has the ordering of the linear factors. It follows the state where a derivative has moved by `DRIFT`.
-Each iteration costs one solve; where they stall, the factors are made from the full Jacobian.
+is symmetric and has the ordering of the linear factors. It follows the state where a derivative has moved by `DRIFT`,
+or by `SLIGHT_DRIFT` when another step length asks for factors anyway. Each iteration costs one solve; where they stall,
+the factors are made from the full Jacobian.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from .waveforms import Waveform
 
 Array = NDArray[np.float64]
 
-DRIFT = 0.1  # relative change of a law's derivative at any node beyond which the factors are made again
+DRIFT = 0.2  # relative change of a law's derivative at any node beyond which the factors are made again (measured)
+SLIGHT_DRIFT = 0.03  # the same where the step has changed length, so that factors are to be made anyway (measured)
 ITERATIONS = 10  # per stage, before the factors are renewed
 PATIENCE = 3  # iterations before their rate is judged: a good guess makes the first ratios large
 STALLED = 0.95  # ratio of successive corrections above which they are renewed at once
@@ -98,7 +100,7 @@ class NewtonStepper(Stepper):
 
     def step(self, x: Array, slope: Array, h: float, powers: Array) -> tuple[Array, Array] | None:
         """One step as `Stepper.step`; None where even renewed factors do not converge: the step is too long."""
-        self._follow(x)
+        self._follow(x, GAMMA * h)
         step = self._with_content if self.system.content.laws else self._without
         done = step(x, slope, h, powers)
         self.steps += done is not None
@@ -141,9 +143,10 @@ class NewtonStepper(Stepper):
         self._last = slopes[5], flows[5]
         return slopes, states
 
-    def _follow(self, x: Array) -> None:
-        """Make the neighbour of the Jacobian again where a derivative has moved by `DRIFT`."""
-        if max(one.drift(x) for one in self._neighbours) > DRIFT:
+    def _follow(self, x: Array, shift: float) -> None:
+        """Make the neighbour of the Jacobian again where a derivative has moved too far since it was made."""
+        allowed = DRIFT if self._near.ready(1.0, shift) else SLIGHT_DRIFT
+        if max(one.drift(x) for one in self._neighbours) > allowed:
             self._near.replace(*(one.at(x) for one in self._neighbours))
 
     def extra(self, x: Array) -> Array:

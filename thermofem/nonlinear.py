@@ -227,6 +227,7 @@ def lift(parts: Sequence[tuple[Any, Law]], rest: Any, free: NDArray[np.intp], am
     blocks, laws = [rest[:, free]], []
     for matrix, law in parts:
         columns = matrix[:, free].tocsc()
+        columns.eliminate_zeros()  # triangles of other laws
         at = np.flatnonzero(np.diff(columns.indptr))
         blocks.append(columns[:, at])
         laws.append((law, at))
