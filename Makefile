@@ -29,7 +29,7 @@ docs: .venv/installed-dev
 # an hour; MINUTES=5 for less
 MINUTES ?= 60
 fuzz: .venv/installed-dev
-	$(BIN)/python fuzz/readers.py $(MINUTES)
+	$(BIN)/python tests/fuzz/readers.py $(MINUTES)
 
 # against named peers, in an environment of its own; goes on where it was; BENCH=--quick, BENCH=--again
 bench: .venv-bench/installed

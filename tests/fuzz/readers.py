@@ -1,7 +1,7 @@
-"""Fuzzing of everything that reads a file: geometry and campaign TOML, model JSON, CSV tables, waveforms, quantities.
+"""Fuzzing of all that reads text: geometry, campaign and ring TOML, model JSON, CSV tables, waveforms, quantities.
 
-    python fuzz/readers.py [minutes]      # hypothesis: edits of valid files, each failure shrunk
-    python fuzz/coverage.py [minutes]     # atheris, where it is installed: bytes guided by the coverage they reach
+    python tests/fuzz/readers.py [minutes]     # hypothesis: edits of valid files, each failure shrunk
+    python tests/fuzz/coverage.py [minutes]    # atheris, where it is installed: bytes guided by the coverage they reach
 
 Every input must end in a result or in one of the documented errors, `InputError` and `MissingLibraryError`, without a
 warning. Whatever else comes up is printed once with the smallest input that does it; the exit code is then 1.
@@ -26,11 +26,12 @@ from hypothesis import strategies as st
 
 import surrogate
 import thermofem as th
+from coupled import ring_toml
 from thermofem.campaign.schema import read_text as read_campaign
 from thermofem.quantity import parse
 from thermofem.waveforms import from_json
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 FOLDER = Path(tempfile.mkdtemp(prefix="fuzz-"))
 TEXT = """0|1|-1|0.5|1e-9|1e400|-0.0|1e-30|nan|inf|true|false|null|""|100000000000000000000|"0 nm"|"-3 um"|"1e30 m"
 "8 dBm"|"5 degC"|"1 K"|"80 deg"|"0 deg"|"1 W/m/K"|"void"|"Si"|"SiO2"|"core"|"box"|heated|datum|radius|width|inner_radius
@@ -68,6 +69,11 @@ def campaign(text: str) -> None:
     len(read_campaign(text, ROOT))
 
 
+def ring(text: str) -> None:
+    """Ring file."""
+    ring_toml.read_text(text)
+
+
 def waveform(text: str) -> None:
     """Waveform of a dataset."""
     wave = from_json(text)
@@ -84,6 +90,7 @@ def amount(text: str) -> None:
 TARGETS: dict[str, Callable[[str], None]] = {
     "geometry": geometry,
     "campaign": campaign,
+    "ring": ring,
     "model": model,
     "table": table,
     "waveform": waveform,
@@ -99,6 +106,7 @@ def seeds() -> dict[str, list[str]]:
     plan += '[[drive]]\npower = "1 mW"\nsquare = "1 us"\nduty = 0.3\nperiodic = true\n[probes]\nread = ["core"]\n'
     geometry_table = strip.to_toml().replace("[[", "[[geometry.").replace("\n[boundary]", "\n[geometry.boundary]")
     counted = plan.replace("spacing", "count = 3\nspacing")
+    full_ring = (ring_toml.__doc__ or "").split("```toml\n")[1].split("```")[0].replace('drop_rate = "40e9 1/s"', "")
     linear = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
     eye = np.eye(2)
     models = [
@@ -114,6 +122,7 @@ def seeds() -> dict[str, list[str]]:
     return {
         "geometry": [strip.to_toml(), rich, th.rib_ring().to_toml(), th.disc().to_toml()],
         "campaign": [f"[geometry]\n{geometry_table}\n{counted}", f"samples = 5\n[geometry]\n{geometry_table}\n{plan}"],
+        "ring": [full_ring, 'base = "borghi2021"\nloaded_q = 12000\nintrinsic_q = 1.1e5\nbuses = 1'],
         "model": [path.read_text() for path in paths],
         "table": [
             f"Time (us),Temperature (K)\n{rows}",
@@ -162,7 +171,7 @@ QUIET: dict[str, Any] = {"deadline": None, "database": None, "suppress_health_ch
 def place(error: BaseException) -> str:
     """Type of an error and the last line of this project that it passed."""
     ours = [f for f in traceback.extract_tb(error.__traceback__) if "site-packages" not in f.filename]
-    at = next((f for f in reversed(ours) if "fuzz" not in f.filename), ours[-1])
+    at = next((f for f in reversed(ours) if Path(f.filename).parent != Path(__file__).parent), ours[-1])
     return f"{type(error).__name__} at {Path(at.filename).name}:{at.lineno}: {error}"[:200]
 
 

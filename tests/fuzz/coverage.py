@@ -1,6 +1,6 @@
 """The targets of readers.py under atheris, which steers the bytes by the coverage they reach; ends at a failure.
 
-python fuzz/coverage.py [minutes]
+python tests/fuzz/coverage.py [minutes]
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import sys
 
 import atheris
 
-with atheris.instrument_imports(include=["thermofem", "surrogate"]):
+with atheris.instrument_imports(include=["thermofem", "surrogate", "coupled"]):
     import readers
 
 NAMES = list(readers.TARGETS)
