@@ -353,6 +353,15 @@ def test_without_gmsh_the_error_names_what_brings_it_and_committed_meshes_work(f
     assert error == problem
 
 
+def test_every_missing_library_is_named_at_once(monkeypatch):
+    def absent(name):
+        raise OSError("libGL.so.1: cannot open shared object file: No such file or directory")
+
+    monkeypatch.setattr(mesh.importlib, "import_module", absent)
+    monkeypatch.setattr(mesh, "_loads", lambda library: library not in ("libGL.so.1", "libgomp.so.1"))
+    assert "apt-get install libgl1 libgomp1)" in mesh.gmsh_problem()
+
+
 def test_a_missing_mesher_is_an_import_error(monkeypatch):
     monkeypatch.setattr(mesh, "gmsh_problem", lambda: "gone")
     with pytest.raises(MissingLibraryError, match="gone"):

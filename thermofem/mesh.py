@@ -285,6 +285,15 @@ def _pipe_signal() -> Iterator[None]:
         put(number, before)
 
 
+def _loads(library: str) -> bool:
+    """Whether a shared library is on the machine."""
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True
+
+
 def gmsh_problem() -> str | None:
     """None where gmsh and pygmsh can be loaded, else one line that says what is missing and what brings it."""
     remedy = "the committed meshes of the reference cross-sections work without it"
@@ -298,9 +307,11 @@ def gmsh_problem() -> str | None:
             library = re.match(r"(lib[\w.+-]+?\.so[.\d]*)", str(error))
             if library is None:
                 return f"{module} cannot be loaded: {error}; {remedy}"
-            package = _PACKAGES.get(library[1])
             missing = f"the shared library {library[1]}"
-            brings = f"Debian, Ubuntu: apt-get install {package}" if package else "apt-file search finds its package"
+            absent = [known for known in _PACKAGES if known == library[1] or not _loads(known)]  # the loader names one
+            packages = " ".join(_PACKAGES[known] for known in absent)
+            named = library[1] in _PACKAGES
+            brings = f"Debian, Ubuntu: apt-get install {packages}" if named else "apt-file search finds its package"
         else:
             continue
         return f"{module} cannot be loaded: {missing} is missing ({brings}); {remedy}"
