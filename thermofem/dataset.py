@@ -221,12 +221,15 @@ def load(path: str | Path) -> xr.Dataset:
 def check_target(path: str | Path) -> Path:
     """Where a file will be written, links followed; InputError without a folder, or where no file could be."""
     path = Path(path)
-    if path.is_symlink():
-        path = path.resolve()
-    if not path.parent.is_dir():
-        raise checks.InputError(f"{path.parent} is not a folder; make it first to write {path.name}")
-    if path.exists() and not path.is_file():
-        raise checks.InputError(f"{path} is a folder or a device; give the name of a file")
+    try:
+        if path.is_symlink():
+            path = path.resolve()
+        if not path.parent.is_dir():
+            raise checks.InputError(f"{path.parent} is not a folder; make it first to write {path.name}")
+        if path.exists() and not path.is_file():
+            raise checks.InputError(f"{path} is a folder or a device; give the name of a file")
+    except OSError as error:  # a name that is too long, a loop of links
+        raise checks.InputError(f"{str(path)[:60]}... cannot be written: {error.strerror}") from None
     return path
 
 
@@ -240,7 +243,7 @@ def write_whole(path: str | Path, write: Callable[[Path], Any]) -> Path:
     """Call ``write`` on a temporary file beside ``path`` and rename it: a reader sees the whole file or none."""
     path = check_target(path)
     try:
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem[:40]}-", suffix=path.suffix)
     except OSError as error:
         raise checks.InputError(f"{path} cannot be written: {error.strerror}") from None
     os.close(handle)
