@@ -166,23 +166,25 @@ import numpy as np
 from fmpy import read_model_description, simulate_fmu
 from fmpy.validation import validate_fmu
 problems = validate_fmu("ring.fmu")
-units = {v.name: v.unit for v in read_model_description("ring.fmu").modelVariables}
+about = read_model_description("ring.fmu")
+units = {v.name: v.unit for v in about.modelVariables if v.causality != "independent"}
 t, p = np.load("drive.npy")
 signals = np.array(list(zip(t, p)), dtype=[("time", float), (sys.argv[1], float)])
 result = simulate_fmu("ring.fmu", stop_time=8e-6, step_size=5e-8, output_interval=5e-8, input=signals)
 table = {name: result[name].tolist() for name in result.dtype.names}
-print("RESULT", json.dumps([problems, units, table]))
+print("RESULT", json.dumps([problems, about.fmiVersion, units, table]))
 """
 
 
+@pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize(
     ("model", "heated"),
     [(ONE, "core"), (BENT, "core"), (two_parts(), "heater")],
     ids=["one part", "output map", "two parts"],
 )
-def test_fmpy_runs_the_unit_and_finds_the_rise_of_the_model(tmp_path, model, heated):
+def test_fmpy_runs_the_unit_and_finds_the_rise_of_the_model(tmp_path, model, heated, fmi):
     pytest.importorskip("fmpy")
-    surrogate.export_model(model, tmp_path / "ring.fmu", to="fmu", provenance=PROVENANCE)
+    surrogate.export_model(model, tmp_path / "ring.fmu", to="fmu", provenance=PROVENANCE, fmi=fmi)
     edges = np.arange(17) * 5e-7
     power = POWER * (np.arange(17) % 3 == 0)
     np.save(tmp_path / "drive.npy", [np.repeat(edges, 2)[1:], np.repeat(power, 2)[:-1]])  # an event at every edge
@@ -190,14 +192,45 @@ def test_fmpy_runs_the_unit_and_finds_the_rise_of_the_model(tmp_path, model, hea
         [sys.executable, "-c", RUN_FMU, f"power_{heated}"], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert "RESULT" in done.stdout, done.stdout + done.stderr
-    problems, units, table = json.loads(done.stdout.split("RESULT")[1])
+    problems, version, units, table = json.loads(done.stdout.split("RESULT")[1])
     assert problems == []
+    assert version == f"{fmi}.0"
     assert units == {f"power_{p}": "W" for p in model.inputs} | {f"delta_T_{p}": "K" for p in model.outputs}
     wave = th.Sampled(np.repeat(edges, 2)[1:-1], np.repeat(power[:-1], 2))
     times = np.clip(table["time"], 0, 8e-6)
     for read in model.outputs:
         channel = heat_and_read(model, heated, read) if isinstance(model, th.StateSpace) else model
         close(np.array(table[f"delta_T_{read}"]), channel.response(wave, times), 1e-9)  # exact: round-off of 160 steps
+
+
+RUN_TWO = """
+import json
+from fmpy import simulate_fmu
+power = {"power_core": 1e-3}
+rises = [simulate_fmu(f, stop_time=1e-6, step_size=1e-7, start_values=power)["delta_T_core"][-1] for f in %s]
+print("RESULT", json.dumps(rises))
+"""
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_two_units_of_one_name_in_one_host_are_two_models(tmp_path, fmi):
+    """They share the host's Python and its modules; words of Python and long names are names like any other."""
+    pytest.importorskip("fmpy")
+    paths = [tmp_path / "a" / "class.fmu", tmp_path / "b" / "class.fmu", tmp_path / f"{'n' * 240}.fmu"]
+    for path, R in zip(paths, (1e3, 5e3, 7e3), strict=True):
+        path.parent.mkdir(exist_ok=True)
+        surrogate.export_model(th.Foster(R=[R], tau=[1e-8]), path, to="fmu", fmi=fmi)
+    code = RUN_TWO % [str(path) for path in paths]
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert "RESULT" in done.stdout, done.stdout + done.stderr
+    assert json.loads(done.stdout.split("RESULT")[1]) == pytest.approx([1.0, 5.0, 7.0], rel=1e-9)  # round-off
+
+
+def test_a_version_of_fmi_that_does_not_exist_is_refused(tmp_path):
+    with pytest.raises(th.InputError, match=r"fmi = 1 .*2 or 3"):
+        surrogate.export_model(ONE, tmp_path / "ring.fmu", to="fmu", fmi=1)
+    with pytest.raises(th.InputError, match="fmi = 3 goes with"):
+        surrogate.export_model(ONE, tmp_path / "ring.cir", to="spice", fmi=3)
 
 
 @pytest.mark.parametrize("model", [ONE, two_parts(), TRANSFER], ids=["one part", "two parts", "transfer"])

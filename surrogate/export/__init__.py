@@ -26,7 +26,7 @@ FORMATS = {
 
 
 def export_model(
-    model: ThermalModel, path: str | Path, *, to: str, provenance: Mapping[str, Any] | None = None
+    model: ThermalModel, path: str | Path, *, to: str, provenance: Mapping[str, Any] | None = None, fmi: int = 2
 ) -> Path:
     """Write a model for a circuit or system simulator, or as matrices or a table.
 
@@ -36,10 +36,12 @@ def export_model(
     path : str or Path
         SPICE and Verilog-A call the subcircuit or module after the file.
     to : str
-        "spice" (subcircuit), "verilog-a" (module), "fmu" (FMI 2.0 co-simulation; needs pythonfmu), "mat" (matrices for
-        SciPy, MATLAB, pyMOR) or "csv" (poles).
+        "spice" (subcircuit), "verilog-a" (module), "fmu" (FMI co-simulation; needs pythonfmu or pythonfmu3), "mat"
+        (matrices for SciPy, MATLAB, pyMOR) or "csv" (poles).
     provenance : mapping
         ``fit.provenance``, ``rom.provenance`` or `load_provenance` of the model's file; ends up in the header.
+    fmi : 2 or 3
+        version of FMI, for "fmu".
 
     Returns
     -------
@@ -51,7 +53,7 @@ def export_model(
     InputError
         an unknown format, a kind of model that it cannot hold, or a file that cannot be written.
     MissingLibraryError
-        pythonfmu is not installed and ``to="fmu"``.
+        ``to="fmu"``, and the library that builds it is not installed.
     """
     from thermofem.dataset import check_target
 
@@ -59,5 +61,12 @@ def export_model(
 
     name, _ = FORMATS[checks.choice("to", to, FORMATS)]
     check_target(path)
-    written: Path = import_module(f".{name}", __name__).write(model, Path(path), header(model, provenance or {}))
+    lines = header(model, provenance or {})
+    if to == "fmu":
+        from .fmu import write
+
+        return write(model, Path(path), lines, fmi=fmi)
+    if fmi != 2:
+        raise checks.InputError(f'fmi = {fmi!r} goes with to = "fmu"; {to!r} has no such versions')
+    written: Path = import_module(f".{name}", __name__).write(model, Path(path), lines)
     return written

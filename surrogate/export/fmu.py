@@ -1,7 +1,7 @@
-"""FMI 2.0 co-simulation unit: power in, temperature rise out, exact for power that is constant over each step.
+"""FMI 2.0 or 3.0 co-simulation unit: power in, temperature rise out, exact for power that is constant over each step.
 
-Built by pythonfmu: the unit carries its code and needs a Python 3 of the host (its shared library) to run, and nothing
-but its standard library. Each communication step h is the exponential update
+Built by pythonfmu or pythonfmu3: the unit carries its code and needs a Python 3 of the host (its shared library) to
+run, and nothing but its standard library. Each communication step h is the exponential update
 
     x_k(t + h) = exp(-rate_k h) x_k(t) + (1 - exp(-rate_k h)) / rate_k sum_i B_ki P_i,    z_j = sum_k C_jk x_k
 
@@ -10,6 +10,7 @@ and dT_j = z_j, or z_j + coefficient z_j^2 where the model has an output map.
 
 from __future__ import annotations
 
+import hashlib
 import importlib.util
 import shutil
 import subprocess
@@ -25,13 +26,12 @@ from .header import identifiers
 from .modes import Modes, modes
 
 NEEDS = "Runs on a Python 3 of the host (standard library only). Power is held constant over each communication step."
+VERSIONS = {2: "pythonfmu", 3: "pythonfmu3"}  # of FMI -> library that builds it
 
-SLAVE = '''"""{title}"""
+UNIT = '''"""{title}"""
 
 import math
-from xml.etree.ElementTree import Element, SubElement
-
-from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
+{imports}
 
 RATE = {rate}
 B = {B}
@@ -39,26 +39,55 @@ C = {C}
 POWER = {power}
 RISE = {rise}
 COEFFICIENT = {coefficient}  # 1/K, of the output map
-UNITS = {{"W": {{"kg": "1", "m": "2", "s": "-3"}}, "K": {{"K": "1"}}}}
 
 
-class {name}(Fmi2Slave):
+class ThermalModel(Fmi{fmi}Slave):
     description = {description}
 
     def __init__(self, **kwargs):
         super().__init__(**kwargs)
+        self.modelName = {name!r}
         self.x = [0.0] * len(RATE)
         self.step, self.decay = None, None
-        for (variable, part) in POWER:
+        self.begin()
+        for variable, part in POWER:
             setattr(self, variable, 0.0)
-            words = "power absorbed by " + part
-            kind = {{"causality": Fmi2Causality.input, "variability": Fmi2Variability.continuous}}
-            self.register_variable(Real(variable, start=0.0, description=words, **kind))
-        for (variable, part) in RISE:
+            self.add(variable, "input", "W", "power absorbed by " + part, start=0.0)
+        for variable, part in RISE:
             setattr(self, variable, 0.0)
-            words = "temperature rise of " + part + " above ambient"
-            kind = {{"causality": Fmi2Causality.output, "variability": Fmi2Variability.continuous}}
-            self.register_variable(Real(variable, description=words, **kind))
+            self.add(variable, "output", "K", "temperature rise of " + part + " above ambient")
+
+    def do_step(self, current_time, step_size):
+        if step_size != self.step:
+            self.step = step_size
+            self.decay = [(math.exp(-rate * step_size), -math.expm1(-rate * step_size) / rate) for rate in RATE]
+        power = [getattr(self, variable) for variable, _ in POWER]
+        for k, (decay, driven) in enumerate(self.decay):
+            heat = sum(b * p for b, p in zip(B[k], power))
+            self.x[k] = decay * self.x[k] + driven * heat
+        for (variable, _), row in zip(RISE, C):
+            z = sum(c * x for c, x in zip(row, self.x))
+            setattr(self, variable, z + COEFFICIENT * z * z)
+        return True
+{variables}'''
+
+IMPORTS = {
+    2: """from xml.etree.ElementTree import Element, SubElement
+
+from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
+
+UNITS = {"W": {"kg": "1", "m": "2", "s": "-3"}, "K": {"K": "1"}}""",
+    3: "from pythonfmu3 import Fmi3Causality, Fmi3Slave, Fmi3Variability, Float64, Unit",
+}
+
+VARIABLES = {
+    2: '''
+    def begin(self):
+        pass
+
+    def add(self, variable, causality, unit, words, **start):
+        kind = {"causality": Fmi2Causality[causality], "variability": Fmi2Variability.continuous}
+        self.register_variable(Real(variable, description=words, **kind, **start))
 
     def to_xml(self, *arguments, **options):
         """The description, with the units and the outputs' initial values, which pythonfmu leaves out."""
@@ -74,45 +103,51 @@ class {name}(Fmi2Slave):
             if not heated:
                 SubElement(unknowns, "Unknown", index=str(index))
         return root
+''',
+    3: """
+    def begin(self):
+        self.time = 0.0
+        self.register_units([Unit("s", s=1), Unit("W", kg=1, m=2, s=-3), Unit("K", K=1)])
+        self.add("time", "independent", "s", "time")
 
-    def do_step(self, current_time, step_size):
-        if step_size != self.step:
-            self.step = step_size
-            self.decay = [(math.exp(-rate * step_size), -math.expm1(-rate * step_size) / rate) for rate in RATE]
-        power = [getattr(self, variable) for (variable, _) in POWER]
-        for k, (decay, driven) in enumerate(self.decay):
-            heat = sum(b * p for b, p in zip(B[k], power))
-            self.x[k] = decay * self.x[k] + driven * heat
-        for (variable, _), row in zip(RISE, C):
-            z = sum(c * x for c, x in zip(row, self.x))
-            setattr(self, variable, z + COEFFICIENT * z * z)
-        return True
-'''
+    def add(self, variable, causality, unit, words, **start):
+        kind = {"causality": Fmi3Causality[causality], "variability": Fmi3Variability.continuous}
+        self.register_variable(Float64(variable, unit=unit, description=words, **kind, **start))
+""",
+}
 
 
-def write(model: Any, path: Path, header: list[str]) -> Path:
+def write(model: Any, path: Path, header: list[str], *, fmi: int = 2) -> Path:
     """Build the unit; inputs are called power_PART, outputs delta_T_PART; see `surrogate.export_model`."""
-    if importlib.util.find_spec("pythonfmu") is None:
-        raise checks.MissingLibraryError('an FMU is built by pythonfmu: pip install "thermofem[fmu]"')
+    if fmi not in VERSIONS:
+        raise checks.InputError(f"fmi = {fmi!r} is no version of FMI that can be built; give 2 or 3")
+    library = VERSIONS[fmi]
+    if importlib.util.find_spec(library) is None:
+        raise checks.MissingLibraryError(f'an FMU of FMI {fmi}.0 is built by {library}: pip install "thermofem[fmu]"')
     found = modes(model)
     name = identifiers([path.stem])[0]
     with tempfile.TemporaryDirectory() as folder:
-        script = Path(folder) / f"{name}_fmu.py"  # the class must not share its name with the module
-        script.write_text(_slave(name, found, header), encoding="utf-8")
+        code = _unit(name, found, header, fmi)
+        # all units of a host share one Python, and with it the modules' names: two contents must have two
+        script = Path(folder) / f"thermal_model_{hashlib.sha256(code.encode()).hexdigest()[:16]}.py"
+        script.write_text(code, encoding="utf-8")
         # in a process of its own: the builder imports the script and changes sys.path
-        command = [sys.executable, "-m", "pythonfmu", "build", "-f", str(script), "-d", folder]
+        command = [sys.executable, "-m", library, "build", "-f", str(script), "-d", folder]
         done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder)
         built = Path(folder) / f"{name}.fmu"
         if done.returncode or not built.is_file():
-            raise checks.InputError(f"pythonfmu cannot build {path.name}: {done.stderr.strip()[-300:]}")
+            raise checks.InputError(f"{library} cannot build {path.name}: {done.stderr.strip()[-300:]}")
         return write_whole(path, lambda p: shutil.copyfile(built, p))
 
 
-def _slave(name: str, found: Modes, header: list[str]) -> str:
+def _unit(name: str, found: Modes, header: list[str], fmi: int) -> str:
     """The unit's code."""
-    return SLAVE.format(
+    return UNIT.format(
         title=header[0],
         name=name,
+        fmi=fmi,
+        imports=IMPORTS[fmi],
+        variables=VARIABLES[fmi],
         description=repr(" | ".join([NEEDS, *header])),
         rate=found.rate.tolist(),
         B=found.B.tolist(),

@@ -13,6 +13,7 @@ from .files import check_outputs
 def export(
     model: Annotated[Path, typer.Argument(help="Thermal model (JSON).")],
     to: Annotated[str, typer.Option(help="spice, verilog-a, fmu, mat or csv.")],
+    fmi: Annotated[int, typer.Option(help="Version of FMI for fmu: 2 or 3.")] = 2,
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", help="File to write; default: the model's name, with the ending of --to."),
@@ -28,5 +29,5 @@ def export(
     target = output or model.with_suffix(ending)
     check_outputs([target], inputs=[model])
     provenance = surrogate.load_provenance(model)
-    surrogate.export_model(surrogate.load_model(model), target, to=to, provenance=provenance)
+    surrogate.export_model(surrogate.load_model(model), target, to=to, provenance=provenance, fmi=fmi)
     print(f"wrote {target}")
