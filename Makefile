@@ -4,7 +4,7 @@ PYTHON ?= python3
 export OMP_NUM_THREADS ?= 1
 BIN := .venv/bin
 
-.PHONY: demo test check lint types docs bench fuzz clean
+.PHONY: demo test check lint types validation docs bench fuzz clean
 
 demo: .venv/installed
 	$(BIN)/thermofem reproduce -o out
@@ -20,6 +20,11 @@ lint: .venv/installed-dev
 
 types: .venv/installed-dev
 	$(BIN)/mypy
+
+# the tests' own numbers into the validation page
+validation: .venv/installed-dev
+	$(BIN)/python -m pytest -n auto --dist loadfile --validation
+	$(BIN)/python docs/generate.py
 
 # the pages made from code and tests, then the site, with warnings as errors; a test of `make test` builds it, too
 docs: .venv/installed-dev

@@ -107,8 +107,7 @@ across the layers.
 VALIDATION = """# Validation
 
 What the tests compare with something that is not ours: exact solutions, published values, other programs. The numbers
-are those of the tests themselves (`pytest --validation`, then `python docs/generate.py`); each test fails beyond its
-tolerance.
+are those of the tests themselves (`make validation`); each test fails beyond its tolerance.
 """
 
 

@@ -20,10 +20,40 @@ def pytest_configure(config):
 
 
 def pytest_sessionfinish(session, exitstatus):
-    if session.config.getoption("--validation") and exitstatus == 0:
-        VALIDATION.write_text(
-            json.dumps(session.config.stash[ROWS], indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
-        )
+    if hasattr(session.config, "workeroutput"):  # one of xdist's processes: the one that started it writes
+        session.config.workeroutput["rows"] = session.config.stash[ROWS]
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node, error):
+    node.config.stash[ROWS] += getattr(node, "workeroutput", {}).get("rows", [])
+
+
+def pytest_terminal_summary(terminalreporter, exitstatus, config):
+    if not config.getoption("--validation") or hasattr(config, "workeroutput"):
+        return
+    if exitstatus != 0:
+        terminalreporter.write_line(f"{VALIDATION.name} is left as it was: not every test passed")
+        return
+    whole = config.args_source is not config.ArgsSource.ARGS and not config.option.keyword
+    rows, left = merged(
+        json.loads(VALIDATION.read_text(encoding="utf-8")),
+        config.stash[ROWS],
+        drop=whole and not terminalreporter.stats.get("skipped"),
+    )
+    VALIDATION.write_text(json.dumps(rows, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    terminalreporter.write_line(f"{VALIDATION.name}: {len(rows)} rows; next: python docs/generate.py")
+    for row in left:
+        fate = "kept" if row in rows else "dropped"
+        terminalreporter.write_line(f"  {fate}, no test measured it: {row['subject']}: {row['what']}")
+
+
+def merged(old, new, *, drop):
+    """Old rows in their order with what the new ones say, then the rest of the new; and what nothing measured."""
+    fresh = {(row["subject"], row["what"]): row for row in sorted(new, key=lambda row: (row["subject"], row["what"]))}
+    left = [row for row in old if (row["subject"], row["what"]) not in fresh]
+    rows = [fresh.pop((row["subject"], row["what"]), row) for row in old if not (drop and row in left)]
+    return [*rows, *fresh.values()], left
 
 
 @pytest.fixture(scope="session")

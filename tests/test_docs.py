@@ -145,6 +145,19 @@ def test_generated_pages_are_up_to_date():
                 th.CrossSection.from_toml_text(f'outer_radius = "60 um"\n{others}{table}\n{left}')
 
 
+def test_validated_numbers_of_a_part_of_the_tests_join_the_others():
+    from conftest import merged
+
+    old = [{"subject": s, "what": w, "ours": 1} for s, w in (("Ring", "a"), ("Ring", "b"), ("Light", "c"))]
+    new = [{"subject": "Light", "what": "c", "ours": 2}, {"subject": "Heat", "what": "d", "ours": 2}]
+    rows, left = merged(old, new, drop=False)
+    assert left == old[:2]
+    assert [(row["what"], row["ours"]) for row in rows] == [("a", 1), ("b", 1), ("c", 2), ("d", 2)]
+    rows, left = merged(old, new, drop=True)  # all tests ran and none skipped: what nothing measured goes
+    assert [row["what"] for row in rows] == ["c", "d"]
+    assert left == old[:2]
+
+
 def test_the_names_in_the_table_of_symbols_exist():
     rows = re.findall(r"^\| [^|]*\| [^|]*\| [^|]*\| (.*) \|$", (DOCS / "equations.md").read_text(), re.MULTILINE)
     names = [name for row in rows for name in re.findall(r"`([\w.]+)`", row)]
