@@ -4,7 +4,7 @@ PYTHON ?= python3
 export OMP_NUM_THREADS ?= 1
 BIN := .venv/bin
 
-.PHONY: demo test check lint types validation docs bench fuzz clean
+.PHONY: demo test check lint types validation docs wheel bench fuzz clean
 
 demo: .venv/installed
 	$(BIN)/thermofem reproduce -o out
@@ -30,6 +30,14 @@ validation: .venv/installed-dev
 docs: .venv/installed-dev
 	$(BIN)/python docs/generate.py
 	$(BIN)/python -m mkdocs build --strict -d out/site
+
+# sdist, a wheel from it, and the paper's short version in an environment that has nothing else
+wheel: .venv/installed-dev
+	rm -rf out/dist out/fresh
+	$(BIN)/python -m build --outdir out/dist .
+	$(PYTHON) -m venv out/fresh
+	out/fresh/bin/python -m pip install --quiet --disable-pip-version-check out/dist/thermofem-*.whl
+	cd out/fresh && env -u PYTHONPATH bin/thermofem reproduce --quick -o demo
 
 # an hour; MINUTES=5 for less
 MINUTES ?= 60
