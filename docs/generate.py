@@ -12,7 +12,10 @@ import json
 from pathlib import Path
 from typing import Any
 
-from thermofem import materials, property_toml, quantity, toml_schema
+from thermofem import quantity
+from thermofem.geometry import toml_schema
+from thermofem.materials import library as materials
+from thermofem.materials import property_toml
 
 DOCS = Path(__file__).resolve().parent
 PAGES = ("geometry-reference.md", "validation.md")

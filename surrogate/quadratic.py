@@ -1,7 +1,7 @@
 """Compact models of heat flow with k(T) and c_p(T): quadratic Galerkin reduction, and the static output map.
 
-The full system d/dt H(x) = -F(x) + b P of `thermofem.nonlinear` is projected on the basis V of the certified linear
-reduction, x = V z, with every law replaced by its second-order chord,
+The full system d/dt H(x) = -F(x) + b P of `thermofem.transient.nonlinear` is projected on the basis V of the certified
+linear reduction, x = V z, with every law replaced by its second-order chord,
 
     g_l(x) = x + beta_l x^2,     c_l(x) = 1 / (1 - gamma_l x),
 
@@ -29,9 +29,9 @@ from numpy.typing import NDArray
 from thermofem import Foster, OutputMap, Quadratic, checks
 from thermofem.dataset import Drive, drive_of
 from thermofem.factor import factorize
-from thermofem.laws import Law
+from thermofem.materials.laws import Law
 from thermofem.model import pole_responses
-from thermofem.nonlinear import Lift, NonlinearSystem
+from thermofem.transient.nonlinear import Lift, NonlinearSystem
 
 from .reduce import Reduction, reduce
 

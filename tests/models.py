@@ -10,9 +10,9 @@ from grids import facets_where, graded, tensor_mesh
 
 import surrogate
 import thermofem as th
-from thermofem.matrices import capacity, conduction
+from thermofem.heat.matrices import capacity, conduction
 from thermofem.model import foster
-from thermofem.nonlinear import NonlinearSystem, lift
+from thermofem.transient.nonlinear import NonlinearSystem, lift
 
 
 @cache

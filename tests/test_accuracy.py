@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import thermofem as th
-from thermofem import accuracy
+from thermofem.heat import accuracy
 from thermofem.sizes import sizes
 from thermofem.transient import integrate
 

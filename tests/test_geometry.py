@@ -8,11 +8,21 @@ from hypothesis import strategies as st
 from sections import HEATER, STRIP
 
 from thermofem.checks import InputError
-from thermofem.geometry import INSULATED, ISOTHERMAL, OPEN, Boundary, CrossSection, Layer, Part, Probe, strip_ring
-from thermofem.laws import Polynomial, Power
-from thermofem.materials import LIBRARY
+from thermofem.geometry import disc, heated_ring, rib_ring
+from thermofem.geometry.cross_section import (
+    INSULATED,
+    ISOTHERMAL,
+    OPEN,
+    Boundary,
+    CrossSection,
+    Layer,
+    Part,
+    Probe,
+    strip_ring,
+)
+from thermofem.materials import Polynomial, Power
+from thermofem.materials.library import LIBRARY
 from thermofem.mesh import content_hash
-from thermofem.rings import disc, heated_ring, rib_ring
 
 ROUND_OFF = 1e-12  # 16 ulps of the largest coordinate (60 um) over the smallest thickness (100 nm), 2e-16 * 16 * 600
 

@@ -10,9 +10,9 @@ from grids import facets_where, tensor_mesh
 
 import thermofem as th
 from thermofem.factor import factorize
-from thermofem.interface import contacts, split
-from thermofem.matrices import Surfaces, build
-from thermofem.shell import shell_integral
+from thermofem.heat.interface import contacts, split
+from thermofem.heat.matrices import Surfaces, build
+from thermofem.heat.shell import shell_integral
 
 ROD, SHELL, LENGTH = 1e-3, 5e-3, 2e-3  # m
 

@@ -2,8 +2,8 @@ import pytest
 from scipy.integrate import quad
 
 from thermofem.checks import InputError
-from thermofem.laws import Polynomial, Power, Table
-from thermofem.materials import LIBRARY, Material, find, silicon_film
+from thermofem.materials import Polynomial, Power, Table
+from thermofem.materials.library import LIBRARY, Material, find, silicon_film
 
 
 def test_the_library_holds_the_reference_stack():

@@ -8,10 +8,10 @@ import skfem
 
 import thermofem as th
 from thermofem import factor
-from thermofem.accuracy import SATURATION, discretization_error
 from thermofem.factor import Pencil, factorize
-from thermofem.heat import properties
-from thermofem.matrices import capacity, conduction, mean
+from thermofem.heat.accuracy import SATURATION, discretization_error
+from thermofem.heat.matrices import capacity, conduction, mean
+from thermofem.heat.problem import properties
 
 ROUND_OFF = 1e-12
 
@@ -68,7 +68,7 @@ def test_the_enrichment_adds_what_cubic_elements_add(strip):
     cubic = core @ factorize(conduction(basis, k)[free][:, free])(core)
     missing = cubic / strip.thermal_resistance() - 1
     source = strip.enrichment.mean(strip, "core")
-    from thermofem.accuracy import _added
+    from thermofem.heat.accuracy import _added
 
     value, added = _added(strip, source, source, 0.0)
     assert value == pytest.approx(strip.thermal_resistance(), rel=1e-9)

@@ -12,10 +12,9 @@ from grids import facets_where, tensor_mesh
 from models import coarse_warm_fem, warm_fem
 
 import thermofem as th
-from thermofem import newton_stages
-from thermofem.laws import Power
-from thermofem.nonlinear import NonlinearSystem, lift, rows
-from thermofem.transient import integrate, integrate_periodic
+from thermofem.materials import Power
+from thermofem.transient import integrate, integrate_periodic, newton_stages
+from thermofem.transient.nonlinear import NonlinearSystem, lift, rows
 
 T0 = 300.0
 

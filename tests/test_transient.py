@@ -11,10 +11,10 @@ import pytest
 from models import coarse_fem
 
 import thermofem as th
-import thermofem.transient
-from thermofem.esdirk import EMBEDDED, GAMMA, STAGE_TIMES, STAGES, WEIGHTS, Stepper
+import thermofem.transient.integration
 from thermofem.model import foster
-from thermofem.transient import _march, _Plan, _Record, integrate, integrate_periodic
+from thermofem.transient.esdirk import EMBEDDED, GAMMA, STAGE_TIMES, STAGES, WEIGHTS, Stepper
+from thermofem.transient.integration import _march, _Plan, _Record, integrate, integrate_periodic
 
 
 @dataclass(frozen=True)

@@ -5,14 +5,12 @@ from .campaign import Campaign, open_campaign
 from .checks import InputError, MissingLibraryError
 from .dataset import load, save
 from .fields import write_fields
-from .geometry import Boundary, CrossSection, Interface, Layer, Part, Probe, strip_ring
+from .geometry import Boundary, CrossSection, Interface, Layer, Part, Probe, disc, heated_ring, rib_ring, strip_ring
 from .heat import Discretization, HeatProblem, assemble, discretize
-from .laws import Polynomial, Power, Table
-from .materials import Material, silicon_film
+from .materials import Material, Polynomial, Power, Table, silicon_film
 from .mesh import Mesh
 from .model import Foster, StateSpace, ThermalModel
 from .nonlinear_models import OutputMap, OutsideTrainingWarning, Quadratic
-from .rings import disc, heated_ring, rib_ring
 from .solve import solve, solve_periodic
 from .tables import read_csv
 from .waveforms import Chirp, Constant, Pulse, Sampled, SquareWave, Telegraph, Waveform

@@ -11,7 +11,7 @@ import numpy as np
 from . import quantity
 
 if TYPE_CHECKING:
-    from .geometry import CrossSection
+    from .geometry.cross_section import CrossSection
     from .model import ThermalModel
 
 WIDTH, HEIGHT = 300, 120  # of a picture, in pixels

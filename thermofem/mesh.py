@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .checks import InputError, MissingLibraryError
-from .regions import GRID
+from .geometry.regions import GRID
 from .sizes import size_function, sizes
 
 if TYPE_CHECKING:
-    from .geometry import CrossSection
-    from .regions import Face
+    from .geometry.cross_section import CrossSection
+    from .geometry.regions import Face
 
 VERSION = 2  # of the mesher: a new number where the same geometry gets another mesh
 OPTIONS = {"General.Terminal": 0, "General.NumThreads": 1, "Mesh.LcIntegrationPrecision": 1e-2}
@@ -157,7 +157,7 @@ def write_references(folder: str | Path) -> str:
     InputError, MissingLibraryError
         as `mesh_for`; a folder that cannot be written.
     """
-    from .geometry import strip_ring
+    from .geometry.cross_section import strip_ring
 
     rows = []
     for accuracy in (1e-3, 1e-4):

@@ -281,14 +281,14 @@ class StateSpace:
 
     def response(self, wave: waveforms.Waveform, times: ArrayLike, *, rtol: float = 1e-5) -> Array:
         """Rise in K from rest, by error-controlled integration (`transient.integrate`)."""
-        from .transient import integrate
+        from .transient.integration import integrate
 
         self._single()
         return integrate(self, wave, times, rtol=rtol).outputs[:, 0].reshape(np.shape(times))
 
     def periodic_response(self, wave: waveforms.Waveform, samples: int, *, rtol: float = 1e-5) -> Array:
         """One period of the periodic state in K (`transient.integrate_periodic`)."""
-        from .transient import integrate_periodic
+        from .transient.integration import integrate_periodic
 
         self._single()
         return integrate_periodic(self, wave, samples, rtol=rtol).outputs[:, 0]

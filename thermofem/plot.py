@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
-    from .geometry import CrossSection
+    from .geometry.cross_section import CrossSection
     from .mesh import Mesh
 
 # Okabe and Ito: apart for every kind of colour vision, and in grey
@@ -139,7 +139,7 @@ def animate_field(
 
 def _geometry(data: xr.Dataset) -> CrossSection:
     """The cross-section that a dataset was made from."""
-    from .geometry import CrossSection
+    from .geometry.cross_section import CrossSection
 
     return CrossSection.from_toml_text(data.attrs["geometry"])
 

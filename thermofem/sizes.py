@@ -21,7 +21,7 @@ import numpy as np
 from . import checks
 
 if TYPE_CHECKING:
-    from .geometry import CrossSection
+    from .geometry.cross_section import CrossSection
 
 LARGEST = 4e-6  # m, near the heat
 REACH = 0.3e-6  # m, the size of a core: where the field around it begins to smooth out

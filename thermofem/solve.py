@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import checks, dataset
-from .heat import HeatProblem
-from .transient import Trajectory, integrate, integrate_periodic
+from .heat.problem import HeatProblem
+from .transient.integration import Trajectory, integrate, integrate_periodic
 from .waveforms import Waveform
 
 if TYPE_CHECKING:

@@ -23,11 +23,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import HeatProblem, checks
-from thermofem.deflation import Field, State
-from thermofem.krylov import CYCLES, krylov
 from thermofem.model import Foster, StateSpace, foster
-from thermofem.nonlinear import NonlinearSystem
 from thermofem.solve import mesh_hash
+from thermofem.transient.deflation import Field, State
+from thermofem.transient.krylov import CYCLES, krylov
+from thermofem.transient.nonlinear import NonlinearSystem
 from thermofem.waveforms import Waveform, to_json
 
 Array = NDArray[np.float64]
@@ -61,7 +61,7 @@ class FEM:
     field_times : array, s
         when the whole temperature field is kept.
     cycles : int
-        size of the Krylov basis (`thermofem.krylov`); it decides the work, not the answer.
+        size of the Krylov basis (`thermofem.transient.krylov`); it decides the work, not the answer.
     """
 
     def __init__(

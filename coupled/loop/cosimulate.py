@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Foster, HeatProblem, StateSpace, checks
 from thermofem.model import ThermalModel
-from thermofem.nonlinear import NonlinearSystem
+from thermofem.transient.nonlinear import NonlinearSystem
 from thermofem.waveforms import Waveform
 
 from ..arguments import check_run, detuning_in_time, power_in_time

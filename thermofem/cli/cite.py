@@ -124,7 +124,7 @@ def _materials(provenance: dict[str, Any]) -> dict[str, str]:
     if not provenance.get("geometry"):
         return {}
     from ..geometry import CrossSection
-    from ..materials import VOID, find
+    from ..materials.library import VOID, find
 
     section = CrossSection.from_toml_text(str(provenance["geometry"]))
     names = dict.fromkeys([layer.material for layer in section.layers] + [part.material for part in section.parts])

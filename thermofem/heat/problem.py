@@ -17,19 +17,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import checks
+from .. import checks
+from ..materials.laws import Law, is_constant
+from ..model import StateSpace
+from ..transient.integration import Ledger
+from ..transient.nonlinear import Lift, NonlinearLedger, NonlinearSystem, lift, rows
 from .interface import contacts, split
-from .laws import Law, is_constant
 from .matrices import Discretization, Surfaces, build, capacity, conduction, discretize, skfem_mesh
-from .model import StateSpace
-from .nonlinear import Lift, NonlinearLedger, NonlinearSystem, lift, rows
-from .transient import Ledger
 
 if TYPE_CHECKING:
+    from ..geometry.cross_section import CrossSection
+    from ..materials.library import Material
+    from ..mesh import Mesh
     from .accuracy import Enrichment
-    from .geometry import CrossSection
-    from .materials import Material
-    from .mesh import Mesh
 
 __all__ = ["Discretization", "HeatProblem", "Surfaces", "assemble", "discretize", "skfem_mesh"]
 
@@ -172,7 +172,7 @@ class HeatProblem:
 
     @cached_property
     def enrichment(self) -> Enrichment:
-        """What cubic elements would add, see `thermofem.accuracy`."""
+        """What cubic elements would add, see `thermofem.heat.accuracy`."""
         from .accuracy import Enrichment
 
         return Enrichment.of(self)
@@ -197,11 +197,11 @@ class HeatProblem:
         return {}
 
     def mesh_error(self, heated: str | None = None, read: str | None = None) -> float:
-        """Relative error of R_th and of the step from 1 ns on that the mesh makes, see `thermofem.accuracy`."""
+        """Relative error of R_th and of the step from 1 ns on that the mesh makes, see `thermofem.heat.accuracy`."""
         return self._estimate("mesh", heated, read)
 
     def errors(self, heated: str | None = None, read: str | None = None) -> tuple[float, float]:
-        """`mesh_error`, and the relative change of R_th if the stack went on, see `thermofem.accuracy`.
+        """`mesh_error`, and the relative change of R_th if the stack went on, see `thermofem.heat.accuracy`.
 
         Where the end of the domain moves R_th by more than ``accuracy`` the log says so, once for each size of domain.
         """
@@ -248,8 +248,8 @@ def assemble(geometry: CrossSection, accuracy: float = 1e-3) -> HeatProblem:
     MissingLibraryError
         a mesh must be made and gmsh cannot be loaded.
     """
-    from .geometry import CrossSection
-    from .mesh import mesh_for
+    from ..geometry.cross_section import CrossSection
+    from ..mesh import mesh_for
 
     if not isinstance(geometry, CrossSection):
         raise checks.InputError(

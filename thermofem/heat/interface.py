@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..mesh import Mesh
 from .matrices import skfem_mesh
-from .mesh import Mesh
 
 PERFECT = (
     1e-14  # m^2 K/W; a hundredth of a picometre of oxide: a perfect contact, to keep the matrices well conditioned

@@ -12,10 +12,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from . import checks
-from .factor import Pencil
-from .model import StateSpace
-from .waveforms import Waveform
+from .. import checks
+from ..factor import Pencil
+from ..model import StateSpace
+from ..waveforms import Waveform
 
 Array = NDArray[np.float64]
 

@@ -2,7 +2,7 @@
 
 The basis V collects (K + s_j M)^-1 R for four real shifts s_j taken in turn, R being what the basis so far leaves of
 the heat vectors; a rotation then makes V^T M V = 1 and V^T K V = diag(rate). It carries no bound of its error
-(`surrogate.reduce` gives one): it speeds up what is exact with any basis, see `thermofem.deflation`.
+(`surrogate.reduce` gives one): it speeds up what is exact with any basis, see `thermofem.transient.deflation`.
 
 Source: A. Ruhe, Linear Algebra Appl. 58, 391 (1984).
 """
@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from . import checks
-from .factor import factorize
-from .model import StateSpace
+from .. import checks
+from ..factor import factorize
+from ..model import StateSpace
 
 Array = NDArray[np.float64]
 

@@ -18,13 +18,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .factor import factorize
+from ..factor import factorize
 from .matrices import Surfaces, capacity, conduction, surface_terms, volume
 from .shell import shell_integral
 
 if TYPE_CHECKING:
-    from .geometry import CrossSection
-    from .heat import HeatProblem
+    from ..geometry.cross_section import CrossSection
+    from .problem import HeatProblem
 
 Array = NDArray[np.float64]
 
@@ -63,7 +63,7 @@ class Enrichment:
         import skfem
 
         from .enrichment import ElementTriP2Enriched, quadratic
-        from .heat import properties
+        from .problem import properties
 
         d = heat.discretization
         basis = skfem.Basis(d.basis.mesh, ElementTriP2Enriched(), intorder=1)  # everything is integrated without it
@@ -147,7 +147,7 @@ def domain_error(heat: HeatProblem, heated: str, read: str) -> float:
     Sides with convection are mounts, not cuts, and stay as they are. Measured: against a domain of 2 mm the open
     sides of the reference strip leave 9e-5 where its own leave 3.3e-3.
     """
-    from .heat import properties
+    from .problem import properties
 
     geometry, d = heat.geometry, heat.discretization
     cut = [side for side in ("bottom", "outer") if getattr(geometry, side).kind in ("isothermal", "insulated")]

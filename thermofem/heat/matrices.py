@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .factor import Pencil
-from .model import StateSpace
-from .transient import Ledger
+from ..factor import Pencil
+from ..model import StateSpace
+from ..transient.integration import Ledger
 
 if TYPE_CHECKING:
-    from .mesh import Mesh
+    from ..mesh import Mesh
 
 Array = NDArray[np.float64]
 Facets = NDArray[np.intp]

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import checks
-from .materials import VOID
+from .. import checks
+from ..materials.library import VOID
 from .parts import THINNEST
 
 if TYPE_CHECKING:
-    from .geometry import CrossSection
+    from .cross_section import CrossSection
 
 Array = NDArray[np.float64]
 

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import checks
+from .. import checks
+from ..geometry.regions import distance
 from .matrices import volume
-from .regions import distance
 
 if TYPE_CHECKING:
-    from .geometry import CrossSection
-    from .mesh import Mesh
-    from .parts import Probe
+    from ..geometry.cross_section import CrossSection
+    from ..geometry.parts import Probe
+    from ..mesh import Mesh
 
 Array = NDArray[np.float64]
 

@@ -11,12 +11,12 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from . import checks, quantity
-from .checks import InputError
-from .geometry import CrossSection
-from .materials import LIBRARY, Material
+from .. import checks, quantity
+from ..checks import InputError
+from ..materials.library import LIBRARY, Material
+from ..materials.property_toml import LAW_KEYS, PROPERTIES, read_property, write_property
+from .cross_section import CrossSection
 from .parts import INSULATED, ISOTHERMAL, VERTICAL, Boundary, Interface, Layer, Part, Probe, ring
-from .property_toml import LAW_KEYS, PROPERTIES, read_property, write_property
 
 # key -> the SI unit of its text, or what else it holds
 _TEXT, _FLAG, _TABLE, _TABLES, _ANY = "text", "true or false", "table", "list of tables", "anything"

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import checks
+from .. import checks
 
 Array = NDArray[np.float64]
 

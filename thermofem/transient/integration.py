@@ -16,13 +16,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import checks
+from .. import checks
+from ..factor import Pencil
+from ..model import StateSpace
+from ..waveforms import Waveform, period_times
 from .esdirk import EMBEDDED, WEIGHTS, Stepper
-from .factor import Pencil
-from .model import StateSpace
 from .newton_stages import NewtonStepper
 from .nonlinear import NonlinearLedger, NonlinearSystem
-from .waveforms import Waveform, period_times
 
 Array = NDArray[np.float64]
 

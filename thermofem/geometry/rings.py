@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from . import checks
-from .geometry import CrossSection, strip_ring
+from .. import checks
+from .cross_section import CrossSection, strip_ring
 from .parts import Part, length, ring
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from . import checks
+from .. import checks
 from .laws import CONSTANT, Law, Power, Table, is_constant
 
 VOID = "void"  # the name of what is not there: never meshed, its walls insulated
@@ -34,7 +34,7 @@ class Material:
     source : str
         where the values come from and how far they can be trusted.
     conductivity_law, specific_heat_law : Power, Polynomial or Table
-        see `thermofem.laws`; constant by default, ``Power(-1.3)`` for the conductivity of bulk silicon.
+        see `thermofem.materials.laws`; constant by default, ``Power(-1.3)`` for the conductivity of bulk silicon.
     conductivity_z : float, W/m/K
         along z; None where it is the same. The law holds for both directions.
 

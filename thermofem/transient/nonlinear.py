@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import checks, waveforms
-from .laws import Law
-from .model import StateSpace
+from .. import checks, waveforms
+from ..materials.laws import Law
+from ..model import StateSpace
 
 Array = NDArray[np.float64]
 
@@ -123,14 +123,14 @@ class NonlinearSystem:
 
     def response(self, wave: waveforms.Waveform, times: ArrayLike, *, rtol: float = 1e-5) -> Array:
         """Rise in K from rest, by error-controlled integration (`transient.integrate`)."""
-        from .transient import integrate
+        from .integration import integrate
 
         self.linear._single()
         return integrate(self, wave, times, rtol=rtol).outputs[:, 0].reshape(np.shape(times))
 
     def periodic_response(self, wave: waveforms.Waveform, samples: int, *, rtol: float = 1e-5) -> Array:
         """One period of the periodic state in K (`transient.integrate_periodic`)."""
-        from .transient import integrate_periodic
+        from .integration import integrate_periodic
 
         self.linear._single()
         return integrate_periodic(self, wave, samples, rtol=rtol).outputs[:, 0]

@@ -1,12 +1,12 @@
 """The full-order field advanced over windows of time under a power that spikes, at the price of a smooth one.
 
-The field is x = V z + r. A few fields V (`thermofem.krylov`) follow the power in closed form, spikes and all; the rest
+The field is x = V z + r. A few fields V (`krylov`) follow the power in closed form, spikes and all; the rest
 
     d/dt [E r + H(x) - E x] = (B - E V V^T B) P - D z - K r - [F(x) - K x],    D = K V - E V diag(rate)
 
 is the full-order problem itself, only that r is small and smooth, so a tolerance in kelvin lets it be integrated in
 long steps (ESDIRK, as `thermofem.transient`). Nothing is left out: with any V, even none, x solves the full equations;
-V decides the work. F and H are those of `thermofem.nonlinear`; where nothing depends on temperature they are K x, E x.
+V decides the work. F and H are those of `nonlinear`; where nothing depends on temperature they are K x, E x.
 
 Within a step the power enters r through its best cubic, so its energy is exact. What the cubic leaves, P - P_3, moves
 the output by at most about max|P - P_3| times what V leaves of the impedance at the time scales of the step and below,
@@ -22,16 +22,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import checks
+from .. import checks
+from ..factor import Pencil
+from ..model import StateSpace
+from ..waveforms import Constant, Waveform
 from .esdirk import EMBEDDED, GAMMA, STAGE_TIMES, STAGES, WEIGHTS, Stepper
-from .factor import Pencil
 from .fast_part import FastPart, Piece
+from .integration import Ledger, between, hermite
 from .krylov import Basis
-from .model import StateSpace
 from .newton_stages import GUESS, NewtonStepper
 from .nonlinear import NonlinearLedger, NonlinearSystem
-from .transient import Ledger, between, hermite
-from .waveforms import Constant, Waveform
 
 Array = NDArray[np.float64]
 

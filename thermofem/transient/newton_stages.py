@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..factor import Pencil, Solve
+from ..waveforms import Waveform
 from .esdirk import GAMMA, STAGE_TIMES, STAGES, Stepper
-from .factor import Pencil, Solve
 from .nonlinear import Lift, NonlinearSystem, factorize_general
-from .waveforms import Waveform
 
 Array = NDArray[np.float64]
 

@@ -15,10 +15,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from . import quantity
-from .checks import InputError, finite
+from .. import quantity
+from ..checks import InputError, finite
 from .laws import CONSTANT, Law, Polynomial, Power, Table
-from .materials import Material
+from .library import Material
 
 PROPERTIES = ("conductivity", "density", "specific_heat")
 _COMMON = {"exponent": "", "reference": "K", "polynomial": "anything", "temperature": "anything", "values": "anything"}

@@ -10,8 +10,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from . import checks
-from .materials import VOID
+from .. import checks
+from ..materials.library import VOID
 
 VERTICAL = math.pi / 2
 THINNEST = 1e-10  # m; less than an atom is no continuum, and surely a slip

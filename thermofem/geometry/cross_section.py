@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import checks
-from .materials import VOID, Material, find
+from .. import checks
+from ..materials.library import VOID, Material, find
 from .parts import INSULATED, ISOTHERMAL, OPEN, Boundary, Interface, Layer, Part, Probe, length, ring, slip
 from .regions import Subdivision, check_held, check_places, subdivide
 
@@ -117,7 +117,7 @@ class CrossSection:
 
     def _repr_html_(self) -> str:
         """What a notebook shows."""
-        from .display import section_card
+        from ..display import section_card
 
         return section_card(self)
 

@@ -1,0 +1,6 @@
+"""Materials by name, with sources, and how their properties depend on temperature."""
+
+from .laws import Polynomial, Power, Table
+from .library import Material, find, silicon_film
+
+__all__ = ["Material", "Polynomial", "Power", "Table", "find", "silicon_film"]
