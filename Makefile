@@ -50,7 +50,9 @@ bench: .venv-bench/installed
 
 .venv-bench/installed: pyproject.toml
 	$(PYTHON) -m venv .venv-bench
-	.venv-bench/bin/python -m pip install --quiet --disable-pip-version-check --editable . ngsolve femwell pymor numbalsoda
+	.venv-bench/bin/python -m pip install --quiet --disable-pip-version-check --editable . ngsolve femwell pymor
+	.venv-bench/bin/python -m pip install --quiet --disable-pip-version-check numbalsoda \
+		|| echo 'numbalsoda is left out: building it takes a Fortran compiler (Debian, Ubuntu: gfortran)'
 	touch $@
 
 clean:
