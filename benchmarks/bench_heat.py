@@ -5,6 +5,9 @@ The task is a user's: reference strip at accuracy 1e-4 (about 6k unknowns), 2 mW
 four backward Euler quarter steps after each edge (Rannacher), SciPy's splu with its default ordering, factorized once
 for each step size. Its step is the largest that meets the error. Both are timed in turn in one process, CPU time,
 medians; the reference for both errors is a run at rtol 1e-7.
+
+Then what one more geometry costs: from its TOML text to R_th and the step response over 20 us, at accuracy 1e-3, with
+gmsh's mesh and the estimates of the errors; twelve rings that differ in radius and width.
 """
 
 from __future__ import annotations
@@ -71,6 +74,19 @@ def startup(*arguments: str) -> float:
     return median(walls)
 
 
+def new_strip(rtol: float) -> float:
+    """CPU seconds from the TOML text of a strip to its R_th and 20 us step, median of twelve strips after one."""
+    took = []
+    for i in range(13):
+        text = th.strip_ring(radius=8e-6 + i * 37e-9, width=(450 + i) * 1e-9).to_toml()
+        start = time.process_time()
+        heat = th.assemble(th.CrossSection.from_toml_text(text), accuracy=1e-3)
+        heat.thermal_resistance("core")
+        th.solve(heat, PULSE, times=np.geomspace(1e-9, 20e-6, 200), rtol=rtol)
+        took.append(time.process_time() - start)
+    return median(took[1:])
+
+
 def main() -> None:
     geometry = th.strip_ring()
     heat = th.assemble(geometry, accuracy=1e-4)
@@ -93,6 +109,8 @@ def main() -> None:
     ratio = median(p / s for p, s in zip(peer, solved, strict=True))
     print(f"{f'Crank-Nicolson, {2 * steps} fixed steps, splu':44}{median(peer):8.3f}{theirs:10.1e}{ratio:8.1f}")
     print(f"{'thermofem with meshing and assembly':44}{median(whole):8.3f}{ours:10.1e}")
+    for rtol in (1e-3, 1e-4):
+        print(f"{f'new strip, TOML to R_th and step, rtol {rtol:g}':44}{new_strip(rtol):8.3f}")
     print("wall seconds of a fresh process:")
     for arguments in (("-c", "import thermofem"), ("-m", "thermofem", "--help"), ("-c", "import numpy")):
         print(f"    python {' '.join(arguments):32}{startup(*arguments):8.2f}")

@@ -131,6 +131,13 @@ def test_error_is_proportional_to_the_tolerance():
     )  # four decades asked; the ladder of steps leaves a factor of up to 4^4 each
 
 
+def test_few_steps_are_rejected_behind_an_edge():
+    """The first wanted time asks for steps far too long at rtol = 1e-7; the error says by how much to cut them."""
+    run = integrate(coarse_fem(), th.Constant(1e-3), [1e-7, 1e-6], rtol=1e-7)
+    assert run.steps > 100
+    assert 1 <= run.rejected <= 3  # 7 where each rejection shortens the step to a quarter
+
+
 def test_energy_balance_closes_to_round_off_of_the_solves():
     problem = th.assemble(th.strip_ring(), accuracy=1e-3)
     data = th.solve(problem, th.Pulse(2e-3, 5e-6), times=[5e-6, 20e-6], rtol=1e-3)

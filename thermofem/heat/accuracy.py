@@ -103,7 +103,8 @@ def discretization_error(heat: HeatProblem, heated: str, read: str) -> float:
     Between 0.8 and 1.9 times the true error on the cross-sections of tests/test_accuracy.py.
     """
     source, reading = (heat.enrichment.mean(heat, name) for name in (heated, read))
-    (static, missing), (early, missing_early) = (_added(heat, source, reading, s) for s in (0.0, EARLY))
+    # static last: R_th, which comes next, has the same factors
+    (early, missing_early), (static, missing) = (_added(heat, source, reading, s) for s in (EARLY, 0.0))
     shares = missing / static, missing_early / (early if heated == read else static)
     return float(SATURATION * max(map(abs, shares)))
 
@@ -112,7 +113,7 @@ def _added(heat: HeatProblem, source: Array, reading: Array, s: float) -> tuple[
     """H(s) of quadratics, and what cubics add: conjugate gradients from there, preconditioned level by level."""
     two, coarse = heat.enrichment, heat.discretization.factors
     n = heat.unknowns
-    matrix = two.K + s * two.E
+    matrix = two.K + s * two.E if s else two.K
     fine = matrix.diagonal()[n:]
 
     def left(functional: Array) -> tuple[Array, Array]:

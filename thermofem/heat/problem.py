@@ -167,8 +167,16 @@ class HeatProblem:
         >>> round(assemble(strip_ring()).thermal_resistance("core") / 1e3, 2)  # K/mW
         7.86
         """
-        channel = self.channels(heated or self.heated[0], read or heated or self.heated[0])
-        return float(channel.C[0] @ self.discretization.factors.solve(0.0, 1.0, channel.B[:, 0]))
+        heated = heated or self.heated[0]
+        channel = self.channels(heated, read or heated)
+        if heated not in self._static:
+            self._static[heated] = self.discretization.factors.solve(0.0, 1.0, channel.B[:, 0])
+        return float(channel.C[0] @ self._static[heated])
+
+    @cached_property
+    def _static(self) -> dict[str, Array]:
+        """Steady rise of all unknowns per watt in a part."""
+        return {}
 
     @cached_property
     def enrichment(self) -> Enrichment:
