@@ -15,6 +15,7 @@ from .loop.cosimulate import NO_PREDICTOR, cosimulate
 from .maps.pulsing_map import overlap, pulsing_map
 from .maps.stability_map import stability_map
 from .parameters.borghi2021 import borghi2021
+from .parameters.vanvaerenbergh2012 import vanvaerenbergh2012
 from .pulsing import Pulsing, Regime, pulsing
 from .pump_probe import CarrierFit, carrier_decay, fit_carrier_decay
 from .resonator import RingResonator
@@ -55,4 +56,5 @@ __all__ = [
     "sweep",
     "transmission",
     "van_vaerenbergh_q",
+    "vanvaerenbergh2012",
 ]

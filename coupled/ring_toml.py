@@ -2,7 +2,7 @@
 
 ```toml
 name = "rib ring 3"
-base = "borghi2021"              # a published set that gives what is not named here; without it every key is needed
+base = "borghi2021"              # or "vanvaerenbergh2012": gives what is not named here; without it every key is needed
 wavelength = "1551.2 nm"         # or frequency = "193.27 THz"
 loaded_q = 12000                 # with intrinsic_q, or the amplitude rates bus_rate, loss_rate ("43e9 1/s")
 intrinsic_q = 110000
@@ -40,9 +40,13 @@ from thermofem.checks import InputError
 from .carriers import ShockleyReadHall
 from .lifetime import ConstantLifetime
 from .parameters.borghi2021 import borghi2021
+from .parameters.vanvaerenbergh2012 import vanvaerenbergh2012
 from .resonator import RingResonator
 
-BASES: dict[str, Callable[[], RingResonator]] = {"borghi2021": borghi2021}
+BASES: dict[str, Callable[[], RingResonator]] = {
+    "borghi2021": borghi2021,
+    "vanvaerenbergh2012": vanvaerenbergh2012,
+}
 
 _FIELDS = {
     "frequency": "Hz",

@@ -114,7 +114,9 @@ def test_slips_in_the_recombination_are_named(change, message):
         replace(RING.carriers, **change)
 
 
-@pytest.mark.parametrize("module", ["coupled.parameters.borghi2021", "coupled.simulate"])
+@pytest.mark.parametrize(
+    "module", ["coupled.parameters.borghi2021", "coupled.parameters.vanvaerenbergh2012", "coupled.simulate"]
+)
 def test_examples_in_docstrings(module):
     found = doctest.testmod(importlib.import_module(module))
     assert found.attempted > 0

@@ -7,10 +7,9 @@ and "FEM" are the origins that the tables give.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from ..carriers import ShockleyReadHall
 from ..resonator import RingResonator
+from .laws import NewtonParameters, SecondOrderParameters
 
 MASS = 1.09e-14  # kg, of the core; Table 1, Exp.
 SPECIFIC_HEAT = 700.0  # J/(kg K), c_p,ref; Table 1, from Johnson et al., Opt. Express 14, 817 (2006)
@@ -24,43 +23,13 @@ FCD_HOLES_EXPONENT = 0.8  # Appendix A, from Lin, Painter and Agrawal, Opt. Expr
 BOLTZMANN = 8.61e-5  # eV/K, rounded as in Table 2, so that the lifetimes follow the print
 TEMPERATURE = 293.15  # K; Table 2, Exp.
 
-
-@dataclass(frozen=True)
-class NewtonParameters:
-    """dT/dt = -dT/tau_th + P_abs/(m c_p), Eq. 2.3."""
-
-    tau_th: float
-    """s"""
-    heat_capacity: float
-    """m c_p in J/K"""
-
-
-@dataclass(frozen=True)
-class SecondOrderParameters:
-    """Eq. 3: dT'' + (1/tau_f + 1/tau_s) dT' + dT/(tau_f tau_s) = (kappa P_abs + eta P_abs')/(m c_p).
-
-    The print leaves m c_p out of the last term; with it eta is the dimensionless number that the text quotes.
-    """
-
-    kappa: float
-    """1/s"""
-    tau_f: float
-    """s"""
-    tau_s: float
-    """s"""
-    eta: float
-    """dimensionless"""
-    heat_capacity: float = HEAT_CAPACITY
-    """m c_p in J/K"""
-
-
 NEWTON_MAPS = NewtonParameters(tau_th=275e-9, heat_capacity=HEAT_CAPACITY)
 """Of the maps of Fig. 4(a, b) and of Model 1 in Fig. 4(c); goes with the lumped dispersion."""
 NEWTON_FIT = NewtonParameters(tau_th=417e-9, heat_capacity=6.9 * HEAT_CAPACITY)
 """Model 2 at (8 dBm, 0 GHz), caption of Fig. 5: tau_th and c_p fitted to one measured trace."""
-SECOND_ORDER_FEM = SecondOrderParameters(kappa=8.87e5, tau_f=55.8e-9, tau_s=1200e-9, eta=0.31)
+SECOND_ORDER_FEM = SecondOrderParameters(8.87e5, 55.8e-9, 1200e-9, 0.31, HEAT_CAPACITY)
 """Trained on finite elements, caption of Fig. 5."""
-SECOND_ORDER_EXPERIMENT = SecondOrderParameters(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)
+SECOND_ORDER_EXPERIMENT = SecondOrderParameters(7.45e5, 71e-9, 1030e-9, 0.29, HEAT_CAPACITY)
 """Trained on three measured traces, Section 5; standard deviations 0.05e5 1/s, 2 ns, 20 ns and 0.03."""
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from coupled import RingResonator
 
-RING = "Ring file (TOML), or borghi2021, or borghi2021-lumped for Newton's law."
+RING = "Ring file (TOML), or borghi2021, borghi2021-lumped for Newton's law, or vanvaerenbergh2012."
 
 
 def check_outputs(
@@ -35,7 +35,8 @@ def ring_of(given: str) -> RingResonator:
     """The ring of a file, or one that comes with the package."""
     import coupled
 
-    named = {"borghi2021": coupled.borghi2021(), "borghi2021-lumped": coupled.borghi2021().with_lumped_fcd()}
+    paper, other = coupled.borghi2021(), coupled.vanvaerenbergh2012()
+    named = {"borghi2021": paper, "borghi2021-lumped": paper.with_lumped_fcd(), "vanvaerenbergh2012": other}
     if given not in named and not Path(given).is_file():
         raise InputError(f"--ring = {given!r} is neither a file nor one of {', '.join(named)}")
     return named[given] if given in named else coupled.RingResonator.from_toml(given)
