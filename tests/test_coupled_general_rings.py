@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import constants
 
 import coupled
 import surrogate
@@ -116,3 +117,41 @@ def test_a_quadratic_model_is_refused_in_words():
     quadratic = th.Quadratic(A=eye, H=np.zeros((2, 2, 2)), G=np.zeros((2, 2)), B=[1e10, 1e10], C=[1.0, 1.0])
     with pytest.raises(th.InputError, match="model is quadratic; fixed points"):
         coupled.steady_states(RING, quadratic, power=1e-3)
+
+
+def without_heat(lifetime):
+    """A ring whose whole set of parameters is published, with Kerr shift and any carrier lifetime, but without heat."""
+    return replace(
+        coupled.vanvaerenbergh2012(),
+        thermo_optic=0.0,
+        kerr_coefficient=4.5e-18,
+        carriers=coupled.ConstantLifetime(lifetime),
+    )
+
+
+@pytest.mark.parametrize("lifetime", [0.3e-12, 1e-12, 10e-12, 30e-12, 100e-12, 1e-9, 5.3e-9, 100e-9])
+def test_carriers_alone_pulse_at_published_lifetimes_and_frequencies(lifetime):
+    """Carrier lifetimes of several to several hundred ps, several to beyond 10 GHz, above 1e6 W/cm^2, and no others.
+
+    Abstract of "Bistability and self-pulsation phenomena in silicon microring resonators based on nonlinear optical
+    effects", Opt. Express 20, 7454 (2012). Its rings are others, so orders of magnitude are compared: "several" is
+    taken as 2 to 10 where the end is a limit.
+    """
+    ring, heat = without_heat(lifetime), th.Foster(R=[1.0], tau=[1e-9])
+    widths = np.linspace(-60, 60, 121) * ring.linear_rate / np.pi
+    found = coupled.stability_map(ring, heat, np.geomspace(1e-5, 0.9, 20), widths)
+    pulsing = found.where(found.regime == "self-pulsing")
+    if not 2e-12 <= lifetime < 1e-9:
+        assert not (found.regime == "self-pulsing").any()
+        return
+    assert 2e9 < float(pulsing.frequency.min()) < 30e9
+    assert float(pulsing.frequency.max()) > 10e9
+    onset = pulsing.frequency.dropna("power", how="all").isel(power=0).dropna("detuning")
+    laser = {"power": float(onset.power), "detuning": float(onset.detuning[0])}
+    state = coupled.steady_states(ring, heat, **laser).isel(branch=-1)
+    intensity = float(state.energy) * constants.c / (ring.group_index * ring.tpa_volume)  # W/m^2
+    assert intensity > 1e10
+    run = coupled.simulate(ring, heat, **laser, duration=400 / float(onset[0]))  # and the trace itself pulses
+    cycle = coupled.pulsing(run)
+    assert cycle.regime == "self-pulsing"
+    assert 2e9 < 1 / cycle.period < 50e9
