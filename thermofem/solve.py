@@ -45,7 +45,8 @@ def solve(
     read : str or sequence of str
         what is read; default the heated part. A sequence gives ``delta_T`` a dimension ``probe``.
     rtol : float
-        time-integration error relative to the largest rise; the mesh adds its own ``heat.accuracy``.
+        time-integration error relative to the largest rise so far, see `transient.integrate`; the mesh adds its own
+        ``heat.accuracy``.
     field_times : array, s
         times at which the whole field is kept.
 

@@ -3,8 +3,10 @@
 Between two breakpoints of the waveforms (a piece of length L) every step is L/4^k for some k, so there are few step
 sizes, every factorization of E - gamma h A is used many times, and each breakpoint is met exactly. The error is
 controlled on every output and, in the energy norm, on the whole field; each is measured against the largest value it
-has had. From rest the first step reaches for the first wanted time of the piece, which sets that scale: heat spreads
-with the square root of time, and nobody sees the scales below the first wanted one.
+has had, an output also against a tenth (`esdirk.FAR`) of what it would be if the field of that size had its steady
+shape: what first reaches a probe far from the heat must not rule the steps. From rest the first step reaches for the
+first wanted time of the piece, which sets that scale: heat spreads with the square root of time, and nobody sees the
+scales below the first wanted one.
 """
 
 from __future__ import annotations
@@ -108,7 +110,8 @@ def integrate(
     times : array, s
         increasing, not negative.
     rtol : float
-        accumulated error of every output, relative to the largest value it has had.
+        accumulated error of every output, relative to the largest value it has had; of a probe that the heat has not
+        reached yet, relative to a tenth of what the field so far would mean there in the steady state.
     initial : array, shape (states,), K
         rise at t = 0; default none.
     snapshots : array, s
@@ -282,7 +285,8 @@ class _Control:
         """Worst ratio of error to tolerance over the outputs and the field; both scales grow with every state tried."""
         self.outputs = np.maximum(self.outputs, np.abs(self.stepper.C @ x))
         self.field = max(self.field, self.stepper.norm(x))
-        ratios = np.abs(self.stepper.C @ estimate) / np.maximum(self.outputs, np.finfo(float).tiny)
+        scale = np.maximum(self.outputs, self.field * self.stepper.far)
+        ratios = np.abs(self.stepper.C @ estimate) / np.maximum(scale, np.finfo(float).tiny)
         field = self.stepper.norm(estimate) / max(self.field, np.finfo(float).tiny)
         return float(max(field, ratios.max(initial=0.0)) / (SAFETY * self.rtol))
 
@@ -298,8 +302,7 @@ class _Control:
 
 def _shortest_rise(stepper: Stepper) -> float:
     """Shortest time in which the initial slope would reach the static rise: R_th times the part's heat capacity."""
-    heat = stepper.B.sum(axis=1)
-    static, slope = stepper.static(heat), stepper.solve(0.0, heat)
+    static, slope = stepper.steady, stepper.solve(0.0, stepper.B.sum(axis=1))
     rises = np.append(np.abs(stepper.C @ static), stepper.norm(static))
     slopes = np.append(np.abs(stepper.C @ slope), stepper.norm(slope))
     moving = (slopes > 0) & (rises > 0)
