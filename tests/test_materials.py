@@ -1,3 +1,5 @@
+import re
+
 import pytest
 from scipy.integrate import quad
 
@@ -18,6 +20,9 @@ def test_every_material_says_where_its_numbers_come_from(name):
     material = LIBRARY[name]
     assert material.name == name
     assert len(material.source) > 20
+    # a publication with the value in it, or plainly a typical value with its range
+    published = re.search(r"\(\d{4}\)|Incropera|COMSOL", material.source)
+    assert name == "void" or published or re.search(r"typical values.* (range|to) ", material.source)
     if name not in ("air", "void"):  # solids: Dulong and Petit, 3 R per mole of atoms, caps rho c_p near 4e6 J/m^3/K
         assert 1e6 < material.heat_capacity < 4e6
 
