@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import surrogate
 import thermofem as th
 
 GEOMETRY = th.strip_ring().to_toml()
@@ -92,6 +93,19 @@ def test_solve_periodic(tmp_path):
         (["solve", "-o", "."], "is a folder or a device"),
         (["solve", "--samples", "100000000000"], "--samples = 1e+11"),
         (["reproduce", "--quick", "-o", "bad_key.toml/out"], "cannot be made"),
+        (["simulate", "good.toml"], "`thermofem reduce good.toml -o model.json` makes it from this"),
+        (["fit", "good.toml"], "`thermofem solve good.toml -o heat.nc` makes it from this"),
+        (["cite", "good.toml"], "good.toml holds a geometry, not data (netCDF) or a thermal model"),
+        (["map", "optics.toml"], "simulate, cosimulate, map and stability take it with --ring"),
+        (["solve", "optics.toml"], "holds the optics of a ring, not a geometry"),
+        (["campaign", "good.toml"], "holds a geometry, not a campaign; thermofem solve"),
+        (["reduce", "plan.toml"], "holds a campaign, not a geometry; thermofem campaign takes it"),
+        (["fit", "table.csv"], "thermofem.read_csv makes training data of it"),
+        (["cosimulate", "model.json"], "holds a thermal model, not a geometry"),
+        (["stability", "model.json", "--ring", "good.toml"], "not the optics of a ring"),
+        (["cite", "."], ". is a folder or a device"),
+        (["solve", "-o", f"{'n' * 300}.nc"], "File name too long"),
+        (["cite", f"{'n' * 300}.nc"], "File name too long"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(arguments, words, tmp_path):
@@ -99,6 +113,10 @@ def test_bad_input_is_one_line_and_exit_code_2(arguments, words, tmp_path):
     (tmp_path / "bad_key.toml").write_text(GEOMETRY.replace("thickness", "thicknes", 1))
     (tmp_path / "bad_material.toml").write_text(GEOMETRY.replace('"SiO2"', '"SiO3"', 1))
     (tmp_path / "wide.toml").write_text(GEOMETRY.replace("450 nm", "0.45 m"))
+    (tmp_path / "optics.toml").write_text('base = "borghi2021"\n')
+    (tmp_path / "plan.toml").write_text('geometry = "good.toml"\n[[drive]]\npower = "1 mW"\n')
+    (tmp_path / "table.csv").write_text("Time (us),T (K)\n0,1\n1,2\n")
+    surrogate.save_model(th.Foster(R=[5e3], tau=[1e-6]), tmp_path / "model.json")
     before = sorted(tmp_path.iterdir())
     done = thermofem(*arguments, cwd=tmp_path)
     assert done.returncode == 2, done.stdout + done.stderr
@@ -164,6 +182,10 @@ def test_bad_campaigns_are_one_line_and_exit_code_2(arguments, words, tmp_path):
     (tmp_path / "empty.toml").write_text("")
     (tmp_path / "ring.toml").write_text(GEOMETRY)
     (tmp_path / "good.toml").write_text('geometry = "ring.toml"\n[[drive]]\npower = "1 mW"\n')
+    (tmp_path / "optics.toml").write_text('base = "borghi2021"\n')
+    (tmp_path / "plan.toml").write_text('geometry = "good.toml"\n[[drive]]\npower = "1 mW"\n')
+    (tmp_path / "table.csv").write_text("Time (us),T (K)\n0,1\n1,2\n")
+    surrogate.save_model(th.Foster(R=[5e3], tau=[1e-6]), tmp_path / "model.json")
     before = sorted(tmp_path.iterdir())
     done = thermofem(*arguments, cwd=tmp_path)
     assert done.returncode == 2, done.stdout + done.stderr

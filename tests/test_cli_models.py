@@ -93,7 +93,7 @@ def test_simulate_reads_a_ring_file(folder):
     assert float(run["drop"].max()) == 0
     (folder / "section.toml").write_text(th.strip_ring().to_toml())
     done = thermofem("simulate", "fem.json", "--ring", "section.toml", "-o", "one.nc", cwd=folder)
-    assert "section.toml: this describes a cross-section; a ring file holds the optics" in done.stderr
+    assert "section.toml holds a geometry, not the optics of a ring" in done.stderr
 
 
 @pytest.mark.parametrize(

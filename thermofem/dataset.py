@@ -200,7 +200,7 @@ def load(path: str | Path) -> xr.Dataset:
 
     path = Path(path)
     if not path.is_file():
-        raise checks.InputError(f"{path} does not exist")
+        raise checks.InputError(f"{path} {'is a folder or a device' if path.exists() else 'does not exist'}")
     try:
         with xr.open_dataset(path, engine="h5netcdf") as opened:
             data = opened.load()

@@ -1,6 +1,6 @@
 """The campaign file: TOML text with units in, a `Campaign` out.
 
-geometry = "ring.toml"                 # beside this file; or [geometry] with the same tables inside
+geometry = "strip.toml"                # beside this file; or [geometry] with the same tables inside
 samples = 100                          # points of the Latin hypercube; seed = 0
 [[vary]]                               # path, and values | from, to, count | from, to; optional name, spacing
 [[drive]]                              # power, and pulse | square, duty, periodic; optional name, duration, samples
@@ -43,9 +43,9 @@ def read_text(text: str, folder: Path) -> Campaign:
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"not valid TOML: {error}") from None
     _known(top, _TOP, "the file")
-    for key in ("geometry", "drive"):
+    for key, hint in (("geometry", 'name a file, geometry = "strip.toml"'), ("drive", "add a [[drive]] table")):
         if key not in top:
-            raise InputError(f"{key} is missing; " + {"geometry": 'name a file, geometry = "ring.toml"'}.get(key, ""))
+            raise InputError(f"{key} is missing; {hint}")
     probes = top.get("probes", {})
     _known(probes, ("heated", "read"), "[probes]")
     read = probes.get("read", [])

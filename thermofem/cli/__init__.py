@@ -36,6 +36,9 @@ def main() -> None:
     except (InputError, MissingLibraryError) as error:
         print(f"thermofem: error: {error}", file=sys.stderr)
         sys.exit(2)
+    except OSError as error:  # the system's no: a disk that is full, a name that is too long
+        print(f"thermofem: error: {error}", file=sys.stderr)
+        sys.exit(2)
     except KeyboardInterrupt:
         print("thermofem: interrupted", file=sys.stderr)
         sys.exit(130)

@@ -12,12 +12,14 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextC
 
 from ..campaign import Campaign, Summary, open_campaign
 from ..checks import InputError, MissingLibraryError
+from .kinds import expect
 
 
 def run(file: Path, output: Path, *, workers: int | None, scheduler: str | None, retry_failed: bool) -> None:
     """Read the campaign, run it with a progress bar, and say what came out."""
     if scheduler and workers:
         raise InputError(f"--workers {workers} and --scheduler {scheduler} exclude each other; the cluster has its own")
+    expect(file, "campaign")
     campaign = Campaign.from_toml(file)
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}"))

@@ -12,6 +12,7 @@ import typer
 
 from .. import __version__
 from ..checks import InputError
+from .kinds import expect
 
 
 @dataclass(frozen=True)
@@ -133,6 +134,7 @@ def _materials(provenance: dict[str, Any]) -> dict[str, str]:
 
 def _provenance(file: Path) -> dict[str, Any]:
     """What a file says about its origin."""
+    expect(file, "data", "model")
     if file.suffix == ".json":
         import surrogate
 

@@ -9,6 +9,7 @@ import typer
 
 from ..checks import InputError
 from .files import RING, check_outputs, ring_of
+from .kinds import expect
 
 if TYPE_CHECKING:
     from ..model import ThermalModel
@@ -43,6 +44,8 @@ def cosimulate(
 
     model_file = Path(predictor) if predictor and predictor != "none" else None
     check_outputs([output, figure, paraview], inputs=[geometry, model_file, Path(ring)], images=[figure])
+    expect(geometry, "geometry")
+    expect(model_file, "model")
     resonator = ring_of(ring)
     length = quantity.parse(duration, "s", name="--duration")
     settings: dict[str, Any] = {

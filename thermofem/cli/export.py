@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from .files import check_outputs
+from .kinds import expect
 
 
 def export(
@@ -28,6 +29,7 @@ def export(
     _, ending = FORMATS[checks.choice("--to", to, FORMATS)]
     target = output or model.with_suffix(ending)
     check_outputs([target], inputs=[model])
+    expect(model, "model")
     provenance = surrogate.load_provenance(model)
     surrogate.export_model(surrogate.load_model(model), target, to=to, provenance=provenance, fmi=fmi)
     print(f"wrote {target}")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from .. import dataset
 from ..checks import InputError
+from .kinds import expect
 
 if TYPE_CHECKING:
     from rich.status import Status
@@ -39,7 +40,10 @@ def ring_of(given: str) -> RingResonator:
     named = {"borghi2021": paper, "borghi2021-lumped": paper.with_lumped_fcd(), "vanvaerenbergh2012": other}
     if given not in named and not Path(given).is_file():
         raise InputError(f"--ring = {given!r} is neither a file nor one of {', '.join(named)}")
-    return named[given] if given in named else coupled.RingResonator.from_toml(given)
+    if given in named:
+        return named[given]
+    expect(Path(given), "ring")
+    return coupled.RingResonator.from_toml(given)
 
 
 def working(what: str) -> Status:

@@ -10,6 +10,7 @@ import typer
 
 from .. import checks
 from .files import RING, check_outputs, ring_of, working
+from .kinds import expect
 
 if TYPE_CHECKING:
     from coupled import RingResonator
@@ -77,6 +78,7 @@ def _setting(
     """Ring, model and axes; powers evenly spaced in dBm."""
     import surrogate
 
+    expect(model, "model")
     low, high = _ends(power, "W", "--power")
     checks.positive("--power", low, unit="W")
     try:

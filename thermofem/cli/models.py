@@ -10,6 +10,7 @@ import typer
 
 from .. import checks
 from .files import RING, check_outputs, ring_of, working
+from .kinds import expect
 
 if TYPE_CHECKING:
     import numpy as np
@@ -36,6 +37,8 @@ def fit(
 
     checks.choice("--kind", kind, KINDS)
     check_outputs([output], inputs=data)
+    for path in data:
+        expect(path, "data")
     training = [dataset.load(path) for path in data]
     if kind == "newton":
         found = surrogate.fit_newton(training)
@@ -65,6 +68,7 @@ def reduce(
     from ..heat import assemble
 
     check_outputs([output], inputs=[geometry])
+    expect(geometry, "geometry")
     section = CrossSection.from_toml(geometry) if geometry else strip_ring()
     heat = assemble(section, accuracy)
     rom = surrogate.reduce(heat.channels(heat.heated[0]), tolerance=tolerance)
@@ -128,6 +132,8 @@ def _validate_models(
     from .. import dataset
 
     check_outputs([output, figure], inputs=[*models, reference], images=[figure])
+    for path in (*models, reference):
+        expect(path, "model")
     judge, curves = surrogate.load_model(reference), {}
     for path in models:
         model = surrogate.load_model(path)
@@ -151,6 +157,7 @@ def _validate_geometry(
 
     figure = output or Path("period_error.png")
     check_outputs([figure], inputs=[path], images=[figure])
+    expect(path, "geometry")
     with working("solving, training every kind of model, judging"):
         found = judge(CrossSection.from_toml(path), accuracy=accuracy, periods=periods, power=watts, duty=duty)
     _draw_curves(found.curves, figure)
@@ -187,6 +194,7 @@ def simulate(
     from .. import dataset, quantity
 
     check_outputs([output, figure], inputs=[model, Path(ring)], images=[figure])
+    expect(model, "model")
     thermal: ThermalModel = surrogate.load_model(model)
     resonator = ring_of(ring)
     settings: dict[str, Any] = {

@@ -16,6 +16,7 @@ from ..heat import assemble
 from ..mesh import Mesh, mesh_for
 from ..solve import solve, solve_periodic
 from .files import check_outputs
+from .kinds import expect
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -38,6 +39,7 @@ def run(
 ) -> None:
     """Check everything that can be checked, then solve and write."""
     console = Console(stderr=True)
+    expect(geometry, "geometry")
     section = CrossSection.from_toml(geometry) if geometry else strip_ring()
     periodic, duration, samples = sampling
     wave = waveform(*drive)
@@ -75,6 +77,7 @@ def run(
 
 def preview(geometry: Path | None, accuracy: float, path: Path) -> None:
     """Draw cross-section and mesh, and solve nothing."""
+    expect(geometry, "geometry")
     section = CrossSection.from_toml(geometry) if geometry else strip_ring()
     check_outputs([path], inputs=[geometry], images=[path])
     mesh = mesh_for(section, accuracy)

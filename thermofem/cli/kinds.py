@@ -1,0 +1,62 @@
+"""What a file holds, and which command takes it: a word for who gave one kind in the place of another."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+from ..checks import InputError
+
+# kind -> what it is, and what takes it
+KINDS = {
+    "geometry": ("a geometry", "thermofem solve, reduce, validate and cosimulate take it"),
+    "ring": ("the optics of a ring", "thermofem simulate, cosimulate, map and stability take it with --ring"),
+    "campaign": ("a campaign", "thermofem campaign takes it"),
+    "model": ("a thermal model", "thermofem simulate, map, stability, validate, export and cite take it"),
+    "data": ("data (netCDF)", "thermofem fit and cite take it"),
+    "table": ("a table of numbers", "thermofem.read_csv makes training data of it, in Python"),
+}
+# what is needed, what was given -> the command that makes the one of the other
+MAKES = {
+    ("model", "geometry"): "thermofem reduce {} -o model.json",
+    ("model", "data"): "thermofem fit {} -o model.json",
+    ("data", "geometry"): "thermofem solve {} -o heat.nc",
+}
+OPTICS = {"base", "wavelength", "frequency", "loaded_q", "intrinsic_q", "bus_rate", "carriers", "dispersion"}
+
+
+def expect(path: Path | None, *wanted: str) -> None:
+    """InputError where a file is plainly of another kind than those wanted; what is unclear is left to its reader."""
+    found = kind_of(path) if path else None
+    if path is None or found is None or found in wanted:
+        return
+    what, takes = KINDS[found]
+    made = [MAKES[kind, found].format(path) for kind in wanted if (kind, found) in MAKES]
+    hint = f"`{made[0]}` makes it from this" if made else takes
+    raise InputError(f"{path} holds {what}, not {' or '.join(KINDS[kind][0] for kind in wanted)}; {hint}")
+
+
+def kind_of(path: Path) -> str | None:
+    """One of `KINDS`, or None for what is none of them, cannot be read or is damaged."""
+    try:
+        content = path.read_bytes()
+        if content.startswith(b"\x89HDF\r\n"):
+            return "data"
+        text = content.decode("utf-8")
+        if path.suffix.lower() == ".toml":
+            return _of_toml(set(tomllib.loads(text)))
+        if path.suffix.lower() == ".json":
+            loaded = json.loads(text)
+            return "model" if isinstance(loaded, dict) and "format" in loaded else None
+    except (OSError, ValueError, RecursionError):  # UnicodeDecodeError and both parsers' errors are ValueErrors
+        return None
+    return "table" if path.suffix.lower() in (".csv", ".txt", ".dat") else None
+
+
+def _of_toml(keys: set[str]) -> str | None:
+    if keys & {"vary", "drive", "geometry"}:
+        return "campaign"
+    if keys & {"layer", "part", "outer_radius"}:
+        return "geometry"
+    return "ring" if keys & OPTICS else None
