@@ -63,10 +63,10 @@ def judge(geometry: CrossSection, *, accuracy: float, periods: Array, power: flo
     heat = assemble(geometry, accuracy)
     ladder = surrogate.train_all(heat, power=power, duty=duty, hot=0, names=NAMES)
     errors = surrogate.judge(ladder.models, ladder.reference, powers=[power], periods=periods, duty=duty)
-    return Judged(errors, ladder.refused, _against_power(heat, heat.heated[0]))
+    return Judged(errors, ladder.refused, against_power(heat, heat.heated[0]))
 
 
-def _against_power(heat: HeatProblem, core: str) -> dict[str, float] | None:
+def against_power(heat: HeatProblem, core: str) -> dict[str, float] | None:
     """How far linear models and an output map go with k(T): static rises, from the full order."""
     system = heat.model(core, core)
     if not isinstance(system, NonlinearSystem):

@@ -1,20 +1,26 @@
-"""What the paper says, what we get, and why they differ: one claim for every number that can be computed.
+"""What the paper says, what we get, and why they differ: rows of table.toml, one for every number that can be computed.
 
-``{stage/path/to/number|factor|format}`` in a text is a number of a stage's file, times a factor, in a format. Nothing
-else in the report's texts and tables may stand for a computed number.
+``{stage/path/to/number|factor|format|low..high}`` in a text is a number of a stage's file, times a factor, in a format;
+with a range, which is in the units shown, the row agrees only where the number lies within it. Nothing else in the
+report's texts may stand for a computed number.
 """
 
 from __future__ import annotations
 
 import html
 import re
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+from .sections import one_line
 from .store import Result
 
-PLACE = re.compile(r"\{([^{}|]+)\|([^{}|]*)\|([^{}|]*)\}")
+PLACE = re.compile(r"\{([^{}|]+)\|([^{}|]*)\|([^{}|]*)(?:\|([^{}|]*)\.\.([^{}|]*))?\}")
+INDEX = re.compile(r"(?<![A-Za-z0-9])([A-Za-zα-ωΑ-Ω])_([A-Za-z]+)")  # c_p, τ_th
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @dataclass(frozen=True)
@@ -24,14 +30,12 @@ class Claim:
     Attributes
     ----------
     where : str
-        in the paper.
+        in the paper, or who else says it.
     quantity : str
-    said : str
-        by the paper.
+    paper : str
+        what it says.
     ours : str
         with places for numbers.
-    within : tuple of (path, low, high)
-        numbers, after their factor of 1, that must all lie within what the paper says for the row to agree.
     why : str
         where they differ: our explanation.
     key : bool
@@ -40,9 +44,8 @@ class Claim:
 
     where: str
     quantity: str
-    said: str
+    paper: str
     ours: str
-    within: tuple[tuple[str, float, float], ...] = ()
     why: str = ""
     key: bool = False
 
@@ -52,10 +55,17 @@ class Claim:
 
     def agrees(self, results: Mapping[str, Result]) -> bool | None:
         """Whether our numbers lie within what the paper says; None where it gives nothing to compare with."""
-        if not self.within:
+        places = [m for m in PLACE.finditer(self.ours) if m[4]]
+        found = [(number(results, m[1]), float(m[2] or 1), float(m[4]), float(m[5])) for m in places]
+        if not found:
             return None
-        values = [(number(results, path), low, high) for path, low, high in self.within]
-        return all(value is not None and low <= value <= high for value, low, high in values)
+        return all(value is not None and low <= value * factor <= high for value, factor, low, high in found)
+
+
+def claims() -> tuple[Claim, ...]:
+    """The rows of table.toml."""
+    rows = tomllib.loads((Path(__file__).parent / "table.toml").read_text(encoding="utf-8"))["row"]
+    return tuple(Claim(**one_line(row)) for row in rows)
 
 
 def number(results: Mapping[str, Result], path: str) -> Any:
@@ -71,7 +81,7 @@ def number(results: Mapping[str, Result], path: str) -> Any:
 
 def known(text: str, results: Mapping[str, Result]) -> bool:
     """Whether every number in a text was computed."""
-    paths = [path for path, *_ in PLACE.findall(text)]
+    paths = [m[1] for m in PLACE.finditer(text)]
     stages = {path.split("/")[0] for path in paths}
     return stages <= set(results) and all(number(results, path) is not None for path in paths)
 
@@ -90,13 +100,21 @@ def marked_up(text: str, results: Mapping[str, Result]) -> str:
         source = html.escape(f"data/{stage}.json#/numbers/{path}", quote=True)
         shown = html.escape(_shown(value, m[2], m[3]))
         attributes = f'value="{html.escape(repr(value), quote=True)}" data-from="{source}" data-factor="{m[2] or 1}"'
-        pieces += [html.escape(text[end : m.start()]), f'<data {attributes} title="{source}">{shown}</data>']
+        pieces += [typeset(text[end : m.start()]), f'<data {attributes} title="{source}">{shown}</data>']
         end = m.end()
-    return "".join([*pieces, html.escape(text[end:])])
+    return "".join([*pieces, typeset(text[end:])])
+
+
+def typeset(text: str) -> str:
+    """Words as HTML, c_p with its index below."""
+    return INDEX.sub(r"\1<sub>\2</sub>", html.escape(text))
 
 
 def _shown(value: Any, factor: str, style: str) -> str:
-    """A number as a person reads it."""
+    """A number as a person reads it: 6·10⁻⁵, not 6e-05."""
     if value is None:
         return "none"
-    return str(value) if isinstance(value, str) else format(value * float(factor or 1), style).replace("-", "−")
+    if isinstance(value, str):
+        return value
+    digits, _, exponent = format(value * float(factor or 1), style).partition("e")
+    return digits.replace("-", "−") + (f"·10{str(int(exponent)).translate(RAISED)}" if exponent else "")

@@ -35,7 +35,6 @@ SHORT = 2e-6  # s, of the run with a poor predictor
 def loop(job: Job) -> Result:
     """Runs with the FEM in the loop from a cold start, and how far the reduction is from them."""
     points = [*MARKED, *SPREAD[: job.settings.fitted - len(MARKED)]]
-    reduction = job.inputs["elements"].models["reduction"]
     data: dict[str, xr.Dataset] = {}
     numbers: dict[str, Any] = {}
     fem_run(job, CENTRE, duration=1e-8)  # compiles what is timed below
@@ -55,7 +54,8 @@ def loop(job: Job) -> Result:
     numbers["predictors"] = _predictors(job)
     numbers["count"] = len(points)
     numbers["unknowns"] = elements_of(job.settings.accuracy).unknowns
-    numbers["poles"] = reduction.order  # type: ignore[attr-defined]  # a Foster network
+    densest = max(float(run["carriers"].max()) for run in data.values())
+    numbers["fastest_fca"] = coupled.borghi2021().eta_fca * densest
     for name in ("passes_per_window", "seconds_per_us"):
         numbers[name] = float(np.mean([row[name] for row in rows]))
     for name in ("reduction_period_error", "largest_discrepancy_K"):
@@ -91,11 +91,14 @@ def loop_map(job: Job) -> Result:
     data = xr.Dataset({"regime": regimes, **variables}, coords=reduced.coords)
     period = abs(reduced["period"] / data["period"] - 1).values
     pulses = data["regime"].values == "self-pulsing"
-    disagree = int(np.sum(pulses != (reduced["regime"].values == "self-pulsing")))
+    disagree = pulses != (reduced["regime"].values == "self-pulsing")
+    around = np.pad(pulses, 1, mode="edge")
+    near = np.stack([around[1:-1, :-2], around[1:-1, 2:], around[:-2, 1:-1], around[2:, 1:-1]])
     numbers = {
         "points": len(points),
         "pulsing": int(pulses.sum()),
-        "disagree": disagree,
+        "disagree": int(disagree.sum()),
+        "disagree_at_border": int(np.sum(disagree & (near != pulses).any(axis=0))),
         "period_difference_median": float(np.nanmedian(period)),
         "period_difference_largest": float(np.nanmax(period)),
     }

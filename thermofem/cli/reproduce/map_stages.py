@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 CLOSE = 0.2  # mean error of the frequency up to which a map counts as one of the right frequency
+FAR = 0.4  # error of the frequency that a border or doubled cycles make, and nothing else does
 HIGH_Q = 20_000  # the second ring of Fig. 7
 LESS_POWER, LESS_DETUNING = 10**-0.65, 0.45  # of its map: it pulses from less power, within a narrower resonance
 DUTIES = (0.2, 0.3)  # of the points that Fig. 7 shows
@@ -34,6 +35,12 @@ def maps(job: Job) -> Result:
         found[name] = coupled.pulsing_map(own, model, s.powers, s.detunings, duration=s.duration).drop_vars("reason")
     reference = found["FEM"]
     numbers = {name: _describe_map(data, reference) for name, data in found.items()}
+    for name in ("Newton, the paper's", "second order, the paper's"):
+        linear = coupled.stability_map(*cases[name], s.powers, s.detunings)["regime"] == "self-pulsing"
+        numbers[name]["linear_agrees"] = float((linear == (found[name]["regime"] == "self-pulsing")).mean())
+    low, high = job.inputs["periods"].numbers["second order"]["within_10_percent_s"]
+    period = reference["period"].values[reference["regime"].values == "self-pulsing"]
+    numbers["FEM"]["in_range"] = float(np.mean((period >= low) & (period <= high)))
     return Result(numbers, {slug(name): data.assign_attrs(model=name) for name, data in found.items()})
 
 
@@ -42,6 +49,7 @@ def _describe_map(data: xr.Dataset, reference: xr.Dataset) -> dict[str, Any]:
     pulses = data["regime"] == "self-pulsing"
     both = pulses & (reference["regime"] == "self-pulsing")
     frequency = abs(reference["period"] / data["period"] - 1).where(both)
+    shorter = (data["duty"] < reference["duty"]).where(both)
     duty = abs(data["duty"] / reference["duty"] - 1).where(both)
     blue, red = data["detuning"] > 0, data["detuning"] < 0
     rate = 1 / data["period"]
@@ -51,6 +59,10 @@ def _describe_map(data: xr.Dataset, reference: xr.Dataset) -> dict[str, Any]:
         "pulsing": int(pulses.sum()),
         "frequency_error": [float(frequency.mean()), float(frequency.std())],
         "duty_error": [float(duty.mean()), float(duty.std())],
+        "far_off": {"blue": int((frequency > FAR).where(blue).sum()), "red": int((frequency > FAR).where(red).sum())},
+        "frequency_error_median": float(frequency.median()),
+        "shorter_cycles": float(shorter.mean()),
+        "slow_transients": int((data["regime"] == "slow transient").sum()),
         "duty_median": float(data["duty"].median()),
         "frequency_median_Hz": float(rate.median()),
         "frequency_min_Hz": float(rate.min()),
@@ -59,15 +71,15 @@ def _describe_map(data: xr.Dataset, reference: xr.Dataset) -> dict[str, Any]:
         "red_share": float(pulses.where(red, drop=True).mean()),
         "highest_detuning_Hz": float(data["detuning"].where(pulses).max()),
         "slower_to_the_blue": _trend(rate, "detuning"),
-        "faster_with_power": -_trend(rate, "power"),
+        "faster_with_power": _trend(-rate, "power"),
     }
 
 
 def _trend(rate: xr.DataArray, over: str) -> float:
-    """Share of neighbouring pulsing points between which the frequency falls along an axis, minus one half, doubled."""
+    """Share of neighbouring pulsing points between which the frequency falls along an axis."""
     step = rate.diff(over)
     known = np.isfinite(step.values)
-    return float(2 * np.mean(step.values[known] < 0) - 1) if known.any() else float("nan")
+    return float(np.mean(step.values[known] < 0)) if known.any() else float("nan")
 
 
 def scan(job: Job) -> Result:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import base64
 import html
+import re
 from collections.abc import Mapping, Sequence
 
 from ... import __version__
-from .claims import Claim, marked_up
+from .claims import Claim, marked_up, typeset
 from .sections import Picture, Section
 from .stages import Stage
 from .store import Result
@@ -29,10 +30,11 @@ figure img { width: 100%; height: auto; display: block; }
 table { border-collapse: collapse; width: 100%; font-size: .9rem; margin: 1rem 0; }
 th, td { text-align: left; vertical-align: top; padding: .45rem .6rem; border-bottom: 1px solid var(--line); }
 thead th { border-bottom: 2px solid var(--ink); }
-td:first-child { width: 27%; } td:nth-child(2) { min-width: 7rem; } .tight { white-space: nowrap; }
+td:first-child { width: 27%; } td:nth-child(2) { min-width: 7rem; } .tight { white-space: nowrap; } section > h3 { margin-top: 2rem; }
 .where { display: block; color: var(--soft); font-size: .82rem; }
 .agrees { color: var(--blue); } .differs { color: var(--red); font-weight: 600; } .open { color: var(--soft); }
-data { font-variant-numeric: tabular-nums; }
+data { font-variant-numeric: tabular-nums; } sub { line-height: 0; }
+nav { font-size: .9rem; margin: 1rem 0 0; } nav a { display: inline-block; margin: 0 1rem .3rem 0; }
 a { color: var(--blue); overflow-wrap: anywhere; }
 @media (max-width: 46rem) {
   table, tbody, tr, td { display: block; width: auto; } thead { display: none; }
@@ -47,44 +49,37 @@ a { color: var(--blue); overflow-wrap: anywhere; }
   .panels { grid-template-columns: 1fr 1fr; gap: 5mm; } figure { break-inside: avoid; max-width: none; }
   h2, h3, section > p { break-after: avoid; } tr { break-inside: avoid; } table { font-size: 8.5pt; }
   .soft, .where, figcaption, footer { font-size: 8pt; } section > p { break-inside: avoid; } a { color: inherit; text-decoration: none; }
-  .lead, .note { border: 1px solid var(--line); }
+  nav { display: none; } .lead, .note { border: 1px solid var(--line); }
 }
 """  # noqa: E501 - style sheets read better with a rule on one line
 
-INTRODUCTION = (
-    "M. Borghi, D. Bazzanella, M. Mancinelli and L. Pavesi, “On the modeling of thermal and free carrier "
-    "nonlinearities in "
-    "silicon-on-insulator microring resonators”, Opt. Express 29, 4363 (2021), from our own finite elements: every "
-    "figure "
-    "that needs no laboratory, every number next to the paper's, and what it left open."
-)
-EXPERIMENT = (
-    "There is no laboratory here. Where the paper compares with its experiment, the FEM-coupled ring plays the "
-    "experiment: "
-    "the paper's optics and carriers with the heat equation itself in place of a temperature model. A model that "
-    "agrees "
-    "with it has the right temperature equation; whether the optics and the sample's stack are right it cannot say."
-)
+INDEPENDENT = "independent code"  # where those rows of table.toml say they come from
+INTRODUCTION = """M. Borghi, D. Bazzanella, M. Mancinelli and L. Pavesi, “On the modeling of thermal and free carrier
+nonlinearities in Silicon On Insulator microring resonators”, Opt. Express 29, 4363 (2021), from our own finite
+elements: every figure that needs no laboratory, every number next to the paper's, and what it left open."""
 
 
 def page(
     results: Mapping[str, Result],
-    sections: Sequence[Section],
+    words: tuple[Sequence[Section], Sequence[Section]],
     claims: Sequence[Claim],
     pictures: Mapping[str, bytes],
     stages: Sequence[Stage],
 ) -> str:
-    """The whole report."""
+    """The whole report; ``words`` are what stands in boxes at its top, and the sections."""
+    lead, sections = words
+    links = [(f"#{_anchor(section)}", section.title) for section in sections]
+    links += [("#numbers", "Every number"), ("#data", "Data")]
     body = [
         "<h1>Thermal and free-carrier nonlinearities of a silicon microring, reproduced</h1>",
         f"<p>{html.escape(INTRODUCTION)}</p>",
-        f'<p class="lead"><strong>Who plays the experiment.</strong> {html.escape(EXPERIMENT)}</p>',
+        *(f'<p class="lead"><strong>{typeset(box.title)}</strong> {marked_up(box.text, results)}</p>' for box in lead),
+        "<nav>" + "".join(f'<a href="{to}">{typeset(title)}</a> ' for to, title in links) + "</nav>",
         *(_section(section, results, pictures) for section in sections),
         _table(claims, results),
         _data(results, stages),
         f"<footer><p>thermofem {html.escape(__version__)}. Every number above is read from the files in data/; hover "
-        f"over "
-        "one to see which.</p></footer>",
+        "over one to see which.</p></footer>",
     ]
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -104,36 +99,54 @@ def shown(section: Section, results: Mapping[str, Result]) -> tuple[Picture, ...
 def _section(section: Section, results: Mapping[str, Result], pictures: Mapping[str, bytes]) -> str:
     """Heading, text and panels."""
     figures = [
-        f'<figure id="{p.name}"><h3>{html.escape(p.title)}</h3>'
+        f'<figure id="{p.name}"><h3>{typeset(p.title)}</h3>'
         f'<img alt="{html.escape(p.title, quote=True)}" src="data:image/svg+xml;base64,'
         f'{base64.b64encode(pictures[p.name]).decode()}">'
         f"<figcaption>{marked_up(p.caption, results)}</figcaption></figure>"
         for p in shown(section, results)
     ]
-    text = "".join(f"<p>{marked_up(words, results)}</p>" for words in section.text)
-    return f'<section><h2>{html.escape(section.title)}</h2>{text}<div class="panels">{"".join(figures)}</div></section>'
+    return (
+        f'<section id="{_anchor(section)}"><h2>{typeset(section.title)}</h2><p>{marked_up(section.text, results)}</p>'
+        f'<div class="panels">{"".join(figures)}</div></section>'
+    )
+
+
+def _anchor(section: Section) -> str:
+    """What a link to a section says."""
+    return re.sub(r"[^a-z]+", "-", section.title.lower()).strip("-")
 
 
 def _table(claims: Sequence[Claim], results: Mapping[str, Result]) -> str:
-    """The paper says, we get, why they differ."""
+    """The paper says, we get, why they differ; then the same for an independent code."""
+    other = [claim for claim in claims if claim.where == INDEPENDENT]
+    paper = [claim for claim in claims if claim.where != INDEPENDENT]
+    return (
+        '<section id="numbers"><h2>The paper says, we get, why they differ</h2>'
+        '<p class="soft">“Agrees” means within what the paper states: its error bar, or the rounding of its words. '
+        f"Everything else is shown as differing.</p>{_rows('the paper', paper, results)}"
+        "<h3>The same equations by an independent code</h3>"
+        '<p class="soft">Written apart from this one, with other elements and integrators. “Agrees” means within the '
+        "accuracy of our mesh and of the fits, or the last digit given.</p>"
+        f"{_rows('the other code', other, results)}</section>"
+    )
+
+
+def _rows(who: str, claims: Sequence[Claim], results: Mapping[str, Result]) -> str:
+    """A table of claims."""
     words = {True: ("agrees", "agrees"), False: ("differs", "differs"), None: ("open", "–")}
     rows = []
     for claim in claims:
         kind, verdict = words[claim.agrees(results)]
+        where = "" if claim.where == INDEPENDENT else f'<span class="where">{html.escape(claim.where)}</span>'
         rows.append(
-            f'<tr><td>{html.escape(claim.quantity)}<span class="where">{html.escape(claim.where)}</span></td>'
-            f'<td data-label="the paper">{html.escape(claim.said)}</td>'
+            f"<tr><td>{typeset(claim.quantity)}{where}</td>"
+            f'<td data-label="{who}">{typeset(claim.paper)}</td>'
             f'<td data-label="we get">{marked_up(claim.ours, results)}</td>'
             f'<td class="tight {kind}">{verdict}</td>'
             f'<td class="soft">{marked_up(claim.why, results)}</td></tr>'
         )
-    head = "<tr><th>quantity</th><th>the paper says</th><th>we get</th><th></th><th>why</th></tr>"
-    return (
-        '<section id="numbers"><h2>The paper says, we get, why they differ</h2>'
-        '<p class="soft">“Agrees” means within what the '
-        "paper states: its error bar, or the rounding of its words. Everything else is shown as differing.</p>"
-        f"<table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table></section>"
-    )
+    head = f"<tr><th>quantity</th><th>{who} says</th><th>we get</th><th></th><th>why</th></tr>"
+    return f"<table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table>" if rows else ""
 
 
 def _data(results: Mapping[str, Result], stages: Sequence[Stage]) -> str:

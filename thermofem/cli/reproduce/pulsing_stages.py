@@ -15,10 +15,11 @@ from coupled.parameters import borghi2021 as paper
 from ...model import Foster, ThermalModel
 from ...solve import solve_periodic
 from ...waveforms import Sampled
-from .heat_stages import elements_of, printed
+from .heat_stages import elements_of
 from .settings import CENTRE, MARKED, watts
 from .stages import Job
 from .store import Result, slug
+from .training_stages import PARAMETERS, printed
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from coupled import Pulsing, RingResonator
 
 LIFETIMES = (150e-9, 600e-9)  # s, searched for Newton's law with silicon's c_p; a second basin lies at 80 ns
-PARAMETERS = ("kappa", "tau_f", "tau_s", "eta")
 
 
 def models_of(inputs: Mapping[str, Result]) -> dict[str, tuple[RingResonator, ThermalModel]]:
@@ -156,6 +156,8 @@ def fits(job: Job) -> Result:
         "heat_capacity_ratio": [ratio.min(), ratio.max()],
         "heat_capacity_ratio_mean": ratio.mean(),
         "correlation": single.attrs["correlation"],
+        "tau_mean_s": tau.mean(),
+        "correlation_ratio_power": np.corrcoef(ratio, single["power"].values)[0, 1],
         "correlation_tau_period": np.corrcoef(tau, single["period"].values)[0, 1],
         "q_over_q0": np.mean(ratio) * paper.NEWTON_MAPS.tau_th / np.mean(tau),
         "runs": job.settings.runs,

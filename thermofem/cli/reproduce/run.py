@@ -14,14 +14,13 @@ from rich.console import Console
 from rich.table import Table
 
 from ... import dataset
-from .claims import Claim, known, plain
+from .claims import Claim, claims, known, plain
 from .page import page, shown
 from .plan import stages_of
-from .sections import QUICK, SECTIONS, Section
+from .sections import Section, read
 from .settings import Settings
 from .stages import run_stages
 from .store import Result, Store
-from .table import CLAIMS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -43,13 +42,13 @@ def run(out: Path, settings: Settings | None = None) -> None:
     with _quiet():
         done = run_stages(stages, settings, Store(data), console)
     results = done.results
-    sections = _sections(settings, results)
-    claims = [claim for claim in CLAIMS if claim.known(results)]
+    lead, sections = _words(settings, results)
+    rows = [claim for claim in claims() if claim.known(results)]
     pictures = _draw(sections, results, figures)
-    text = page(results, sections, claims, pictures, stages)
+    text = page(results, (lead, sections), rows, pictures, stages)
     report = dataset.write_whole(out / "report.html", lambda path: path.write_text(text, encoding="utf-8"))
-    _write_table(claims, results, data / "table.json")
-    console.print(_printed(claims, results))
+    _write_table(rows, results, data / "table.json")
+    console.print(_printed(rows, results))
     kept = len(stages) - len(done.computed)
     console.print(
         f"{len(stages)} stages ({kept} taken from an earlier run), {len(pictures)} figures in {figures}/, "
@@ -58,13 +57,13 @@ def run(out: Path, settings: Settings | None = None) -> None:
     console.print(f"report: {report}")
 
 
-def _sections(settings: Settings, results: Mapping[str, Result]) -> list[Section]:
-    """Those that have something to show."""
-    every = [section for section in SECTIONS if section.pictures]
+def _words(settings: Settings, results: Mapping[str, Result]) -> tuple[list[Section], list[Section]]:
+    """What stands at the top, and the sections that have something to show."""
+    lead, sections = read()
+    chosen = [section for section in sections if section.quick <= settings.quick]
     if settings.quick:
-        every = [section for section in every if shown(section, results) and known(" ".join(section.text), results)]
-        every += QUICK
-    return every
+        chosen = [section for section in chosen if shown(section, results) and known(section.text, results)]
+    return [box for box in lead if known(box.text, results)], chosen
 
 
 def _draw(sections: Sequence[Section], results: Mapping[str, Result], folder: Path) -> dict[str, bytes]:
@@ -85,7 +84,7 @@ def _write_table(claims: Sequence[Claim], results: Mapping[str, Result], path: P
         {
             "where": claim.where,
             "quantity": claim.quantity,
-            "paper": claim.said,
+            "paper": claim.paper,
             "ours": plain(claim.ours, results),
             "agrees": claim.agrees(results),
             "why": plain(claim.why, results),
@@ -101,7 +100,7 @@ def _printed(claims: Sequence[Claim], results: Mapping[str, Result]) -> Table:
     table = Table("", "the paper", "here", title="Next to the paper (the whole table is in the report)")
     for claim in claims:
         if claim.key:
-            table.add_row(claim.quantity, claim.said, plain(claim.ours, results))
+            table.add_row(claim.quantity, claim.paper, plain(claim.ours, results))
     return table
 
 

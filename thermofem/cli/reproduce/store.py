@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from ...model import ThermalModel
 
 FORMAT = 1
-WORDS = ("claims", "page", "plan", "run", "sections", "table")  # modules that compute nothing
+WORDS = ("claims", "page", "plan", "run", "sections")  # modules that compute nothing
 LIBRARIES = ("numpy", "scipy", "scikit-fem", "numba", "pysindy")
 
 
