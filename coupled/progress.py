@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from thermofem.checks import InputError
+
 
 @contextmanager
 def bar(name: str, total: int, wanted: bool) -> Iterator[Callable[[], None]]:
     """A function to call after each of ``total`` pieces, which moves a bar on the terminal where one is wanted."""
+    if not isinstance(wanted, bool):
+        raise InputError(f"progress = {wanted!r} must be True or False: whether to draw a bar on the terminal")
     if not wanted:
         yield lambda: None
         return

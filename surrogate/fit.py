@@ -211,7 +211,8 @@ def fit_foster(
     InputError
         too few samples, an order out of range, data without power or rise, or that no heating pole fits.
     """
-    checks.between("order", order, 1, 12)
+    if checks.between("order", order, 1, 12) != int(order):
+        raise checks.InputError(f"order = {order!r} must be a whole number of poles")
     training = Training.of(data, thermal_resistance=thermal_resistance, impose=True)
     found, swarm = training.search(int(order), method)
     kept = found.gain > 0

@@ -118,12 +118,13 @@ def reduce(system: StateSpace, tolerance: float = 1e-4) -> Reduction:
     Raises
     ------
     InputError
-        matrices that are not symmetric or not definite, or a tolerance out of reach.
+        no StateSpace, matrices that are not symmetric or not definite, or a tolerance out of reach.
 
     >>> rom = reduce(assemble(strip_ring()).system, tolerance=1e-4)
     >>> rom.error_bound < 1e-4
     True
     """
+    checks.has("system", system, "E", "A", "B", "C", hint="a StateSpace is needed, such as heat.system")
     found = project(system, tolerance)
     projection, certificate = found.projection, found.certificate
     shape = (found.read.size, found.heated.size)

@@ -62,6 +62,8 @@ def period_error(
     """
     import xarray as xr
 
+    for name, given in (("reference", reference), ("model", model)):
+        checks.has(name, given, "periodic_response", hint="a thermal model is needed, such as the .model of a fit")
     periods = checks.array("periods", periods, increasing=True, hint="periods are in s (did you mean 1e-6?)")
     checks.positive("periods[0]", periods[0], unit="s")
     checks.positive("power", power, unit="W", at_most=10, hint="powers are in W (did you mean 2e-3 for 2 mW?)")

@@ -71,7 +71,9 @@ def test_animation(data, tmp_path):
 
     from thermofem.plot import animate_field
 
-    path = animate_field(data, tmp_path / "heat.gif", frames_per_second=5)
+    drawn = []
+    path = animate_field(data, tmp_path / "heat.gif", frames_per_second=5, progress=lambda *at: drawn.append(at))
+    assert drawn == [(0, 3), (1, 3), (2, 3)]
     with Image.open(path) as picture:
         assert picture.n_frames == 3
         assert picture.info["duration"] == 200  # ms: five a second

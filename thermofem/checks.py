@@ -80,6 +80,12 @@ def numbers(name: str, value: ArrayLike, *, hint: str = "") -> NDArray[np.float6
     return result
 
 
+def has(name: str, value: Any, *attributes: str, hint: str) -> None:
+    """Raise InputError unless ``value`` has the attributes: it is another kind of thing."""
+    if not all(hasattr(value, attribute) for attribute in attributes):
+        raise InputError(f"{name} is a {type(value).__name__}; {hint}")
+
+
 def choice(name: str, value: str, choices: Iterable[str], *, hint: str = "") -> str:
     """Return ``value``, or raise InputError naming the nearest of ``choices``."""
     known = sorted(choices)

@@ -180,8 +180,9 @@ def save(data: xr.Dataset, path: str | Path) -> Path:
     Raises
     ------
     InputError
-        the folder does not exist or cannot be written.
+        no Dataset, or the folder does not exist or cannot be written.
     """
+    checks.has("data", data, "data_vars", hint="a Dataset is needed; surrogate.save_model writes models")
     encoding = {name: {"zlib": True} for name, v in data.data_vars.items() if v.size > 1000}
     whole = io.BytesIO()  # in memory first: HDF5 swallows the error of a disk that fills up while it closes a file
     data.to_netcdf(whole, engine="h5netcdf", encoding=encoding)

@@ -5,6 +5,7 @@ Every function draws into ``ax`` (a new figure by default), labels its axes with
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -88,7 +89,12 @@ def plot_field(data: xr.Dataset, ax: Axes | None = None, *, at: int = 0, half_wi
 
 
 def animate_field(
-    data: xr.Dataset, path: str | FilePath, *, frames_per_second: int = 10, half_width: float = 4e-6
+    data: xr.Dataset,
+    path: str | FilePath,
+    *,
+    frames_per_second: int = 10,
+    half_width: float = 4e-6,
+    progress: Callable[[int, int], object] | None = None,
 ) -> FilePath:
     """Write the temperature field as a film, one frame for each kept time, all with one colour scale and window.
 
@@ -101,6 +107,8 @@ def animate_field(
     frames_per_second : int
     half_width : float, m
         of the window drawn.
+    progress : callable, optional
+        called with the number of the frame, from 0, and how many there are.
 
     Raises
     ------
@@ -131,7 +139,7 @@ def animate_field(
 
     film = animation.FuncAnimation(figure, draw, frames=data.sizes["field_time"])
     try:
-        write_whole(path, lambda p: film.save(p, writer=writer, dpi=120))
+        write_whole(path, lambda p: film.save(p, writer=writer, dpi=120, progress_callback=progress))
     finally:
         plt.close(figure)
     return path

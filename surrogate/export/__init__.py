@@ -61,6 +61,13 @@ def export_model(
 
     name, _ = FORMATS[checks.choice("to", to, FORMATS)]
     check_target(path)
+    checks.has(
+        "model",
+        model,
+        "inputs",
+        "outputs",
+        hint="a thermal model is needed, such as the .model of a fit",
+    )
     lines = header(model, provenance or {})
     if to == "fmu":
         from .fmu import write

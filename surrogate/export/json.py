@@ -61,7 +61,8 @@ def save_model(model: ThermalModel, path: str | Path, *, provenance: Mapping[str
     """
     name = next((name for name, kind in KINDS.items() if type(model) is kind.type), None)
     if name is None:
-        raise checks.InputError(f"a {type(model).__name__} has no JSON form; known: {', '.join(sorted(KINDS))}")
+        hint = "; save its .model" if hasattr(model, "model") else ""
+        raise checks.InputError(f"a {type(model).__name__} has no JSON form; known: {', '.join(sorted(KINDS))}{hint}")
     content = {
         "format": FORMAT,
         "schema": SCHEMA,

@@ -62,7 +62,9 @@ def run(
             data = solve(heat, wave, times, heated=heated, read=wanted, rtol=errors[1], field_times=field_times)
     dataset.save(data, output)
     with console.status("drawing"):
-        _draw(data, figure, paraview, animation)
+        _draw(data, figure, paraview)
+    if animation:
+        _film(data, animation, console)
     source = data.attrs["heated"]
     pair = f"{wanted} heated by {source}" if isinstance(wanted, str) and wanted != source else source
     a, largest = data.attrs, float(data["delta_T"].max())
@@ -102,17 +104,25 @@ def _draw_preview(section: CrossSection, mesh: Mesh, path: Path) -> None:
     plot.save_figure(plot.plot_preview(section, mesh), path)
 
 
-def _draw(data: xr.Dataset, figure: Path | None, paraview: Path | None, animation: Path | None) -> None:
-    """Write every picture and field file that is wanted."""
+def _draw(data: xr.Dataset, figure: Path | None, paraview: Path | None) -> None:
+    """Write the picture and the field file that are wanted."""
     if paraview:
         write_fields(data, paraview)
-    if figure or animation:
+    if figure:
         from .. import plot
 
-        if figure:
-            plot.save_figure(plot.plot_response(data), figure)
-        if animation:
-            plot.animate_field(data, animation)
+        plot.save_figure(plot.plot_response(data), figure)
+
+
+def _film(data: xr.Dataset, path: Path, console: Console) -> None:
+    """Write the field as a film, with a bar over its frames."""
+    from rich.progress import Progress
+
+    from .. import plot
+
+    with Progress(console=console) as progress:
+        bar = progress.add_task(f"drawing {path.name}")
+        plot.animate_field(data, path, progress=lambda at, total: progress.update(bar, completed=at + 1, total=total))
 
 
 def waveform(power: str, pulse: str | None, square: str | None, duty: float) -> waveforms.Waveform:
