@@ -12,6 +12,8 @@ from thermofem import checks
 from .inputs import bounds, pieces
 from .resonator import RingResonator
 
+SHORTEST = 1e-15  # s; the equations are those of an envelope, which knows no single cycle of the light
+
 Array = NDArray[np.float64]
 
 
@@ -79,5 +81,14 @@ def _is_number(value: Any) -> bool:
 def check_run(ring: RingResonator, duration: float, rtol: float) -> None:
     """Raise InputError unless the numbers of a run make sense in SI."""
     check_ring(ring)
-    checks.positive("duration", duration, unit="s", at_most=1, hint="times are in s (did you mean 20e-6 for 20 us?)")
+    check_duration(duration)
     checks.between("rtol", rtol, 1e-13, 1e-1, hint="1e-6 gives traces and periods to better than 1e-5")
+
+
+def check_duration(duration: float) -> None:
+    """Raise InputError unless a duration lies between a cycle of the light and a second."""
+    hint = "times are in s (did you mean 20e-6 for 20 us?)"
+    if checks.positive("duration", duration, unit="s", at_most=1, hint=hint) < SHORTEST:
+        raise checks.InputError(
+            f"duration = {duration:g} s is shorter than a cycle of the light, {SHORTEST:g} s; {hint}"
+        )

@@ -96,6 +96,8 @@ def test_json_round_trip(wave):
         (lambda: th.Telegraph(1e-3, 1e-6, 1e-5, seed=-1), "whole number from 0"),
         (lambda: th.Telegraph(1e-3, 1e-6, 1e-5, seed={}), "whole number from 0"),
         (lambda: th.Pulse("2e-3", 1e-6), "power = '2e-3' is not a number"),
+        (lambda: th.Pulse(2e-3, 1e-6, start="1 us"), "start = '1 us' is not a number .*did you mean 1e-6 for 1 us"),
+        (lambda: th.SquareWave(2e-3, "1 us", 0.3), "period = '1 us' is not a number .*did you mean 1e-6 for 1 us"),
     ],
 )
 def test_bad_input_is_one_clear_line(make, words):

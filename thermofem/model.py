@@ -327,3 +327,37 @@ def foster(system: StateSpace) -> Foster:
         )
     R = (system.C[0] @ modes) * (modes.T @ system.B[:, 0]) / rate
     return Foster(R=R, tau=1 / rate, inputs=system.inputs, outputs=system.outputs)
+
+
+class AtSmallPower:
+    """What a model that is not linear shares with ``linear``, the one it is at small power."""
+
+    linear: Foster | StateSpace
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the heated parts."""
+        return self.linear.inputs
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the read parts."""
+        return self.linear.outputs
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return self.linear.order
+
+    @property
+    def thermal_resistance(self) -> float:
+        """Static gain at small power in K/W."""
+        return self.linear.thermal_resistance
+
+    def step_response(self, times: ArrayLike) -> Array:
+        """Rise in K/W after a step of small power."""
+        return self.linear.step_response(times)
+
+    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+        """Z(f) at small power in K/W."""
+        return self.linear.impedance(frequency)

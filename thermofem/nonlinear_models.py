@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import checks, waveforms
-from .model import Foster, StateSpace
+from .model import AtSmallPower, Foster, StateSpace
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ def warn_beyond(rise: Array, trained: float | None) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class OutputMap:
+class OutputMap(AtSmallPower):
     """Linear dynamics with a static map of the output, the Kirchhoff transformation in one number.
 
         dT = z + coefficient z^2,      z = rise of the linear model
@@ -73,39 +73,11 @@ class OutputMap:
         object.__setattr__(self, "coefficient", checks.between("coefficient", self.coefficient, -0.1, 0.1, hint=hint))
         _check_rise(self.largest_rise)
 
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """The heated part."""
-        return self.linear.inputs
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """The read part."""
-        return self.linear.outputs
-
     def _repr_html_(self) -> str:
         """What a notebook shows."""
         from .display import model_card
 
         return model_card(self)
-
-    @property
-    def order(self) -> int:
-        """Number of states."""
-        return self.linear.order
-
-    @property
-    def thermal_resistance(self) -> float:
-        """R_th at small power in K/W."""
-        return self.linear.thermal_resistance
-
-    def step_response(self, times: ArrayLike) -> Array:
-        """Rise in K/W after a step of small power."""
-        return self.linear.step_response(times)
-
-    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
-        """Z(f) at small power in K/W."""
-        return self.linear.impedance(frequency)
 
     def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
         """Rise in K from rest, in closed form."""

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from thermofem import checks
 from thermofem.model import ThermalModel
 
+from ..arguments import check_duration
 from ..equilibria.steady import provenance
 from ..progress import bar
 from ..pulsing import Regime
@@ -116,7 +117,7 @@ def pulsing_map(
     from thermofem import dataset
 
     grid = grid_of(ring, powers, detunings, vary)
-    checks.positive("duration", duration, unit="s", at_most=1, hint="times are in s (did you mean 20e-6 for 20 us?)")
+    check_duration(duration)
     checks.between("rtol", rtol, 1e-13, 1e-3, hint="1e-5 gives periods to 1e-4")
     order = None if follow is None else Follow(checks.choice("follow", str(follow), [str(way) for way in Follow]))
     small = compact(model)

@@ -1,4 +1,8 @@
-"""Common rings beside `strip_ring`: rib, disc, and a strip under a metal heater; all lengths in m."""
+"""Common rings beside `strip_ring`: rib, disc, and a strip under a metal heater.
+
+All lengths in m; ``radius``, ``width``, ``height``, ``box`` and ``cladding`` are those of `strip_ring` where nothing is
+said of them, and an InputError names the length that cannot be.
+"""
 
 from __future__ import annotations
 
@@ -22,12 +26,8 @@ def rib_ring(
 
     Parameters
     ----------
-    radius, width, height : float, m
-        of the core, as in `strip_ring`.
     slab, slab_width : float, m
         thickness and width of the slab left by the etch, centred on the core. The core stands on it.
-    box, cladding : float, m
-        as in `strip_ring`.
 
     >>> rib_ring().region_names
     ('substrate', 'box', 'cladding', 'slab', 'core')
@@ -59,8 +59,6 @@ def disc(
         of the disc, to its edge.
     rim : float, m
         width of the ring at the edge that the mode fills.
-    box, cladding : float, m
-        as in `strip_ring`.
 
     >>> disc().heated
     ('core',)
@@ -87,8 +85,8 @@ def heated_ring(
 
     Parameters
     ----------
-    radius, width, height, box, cladding : float, m
-        as in `strip_ring`; ``cladding`` separates the core from the heater.
+    cladding : float, m
+        separates the core from the heater.
     heater_width, heater_height : float, m
 
     >>> heated_ring().heated

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import checks, waveforms
 from ..materials.laws import Law
-from ..model import StateSpace
+from ..model import AtSmallPower, StateSpace
 
 Array = NDArray[np.float64]
 
@@ -78,7 +78,7 @@ class Lift:
 
 
 @dataclass(frozen=True, eq=False)
-class NonlinearSystem:
+class NonlinearSystem(AtSmallPower):
     """A thermal model with k(T) and c_p(T); keeps the contract of `thermofem.model`.
 
     Attributes
@@ -92,34 +92,6 @@ class NonlinearSystem:
     linear: StateSpace
     flow: Lift
     content: Lift
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of the heated parts."""
-        return self.linear.inputs
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names of the read parts."""
-        return self.linear.outputs
-
-    @property
-    def order(self) -> int:
-        """Number of states."""
-        return self.linear.order
-
-    @property
-    def thermal_resistance(self) -> float:
-        """Static gain at small power in K/W."""
-        return self.linear.thermal_resistance
-
-    def step_response(self, times: ArrayLike) -> Array:
-        """Rise in K/W after a step of small power."""
-        return self.linear.step_response(times)
-
-    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
-        """Thermal impedance at small power in K/W."""
-        return self.linear.impedance(frequency)
 
     def response(self, wave: waveforms.Waveform, times: ArrayLike, *, rtol: float = 1e-5) -> Array:
         """Rise in K from rest, by error-controlled integration (`transient.integrate`)."""
