@@ -346,10 +346,16 @@ def test_missing_unreadable_and_empty_files(tmp_path):
     ("parts", "words"),
     [
         ([core(), Part("lid", "Al", 0.0, 3e-6, bottom=-1e-6, height=2e-6)], ["'core' is wholly covered by 'lid'"]),
-        ([core(), Part("moat", "void", 0.0, 4e-6, bottom=-1.5e-6, height=500e-9)], ["cut off", "no way out"]),
-        ([core(bottom=2e-6)], ["'core'", "outside the stack"]),
-        ([core(height=1e-6 - 5e-11)], ["'top' has a sliver of 5e-11 m", "thinner than an atom"]),
-        ([core(), Part("film", "Al", 0.0, 4e-6, bottom=-5e-11, height=1e-9)], ["sliver of 5e-11 m"]),
+        (
+            [core(), Part("moat", "void", 0.0, 4e-6, bottom=-1.5e-6, height=500e-9)],
+            ["'core'", "cut off from the stack by the void 'moat'", "no way out"],
+        ),
+        ([core(bottom=2e-6)], ["'core'", "outside the stack, which 'top' ends at z = 1e-06 m"]),
+        ([core(height=1e-6 - 5e-11)], ["'top' has a sliver of 5e-11 m", "atom; make the outlines of 'top' and 'core'"]),
+        (
+            [core(), Part("film", "Al", 0.0, 4e-6, bottom=-5e-11, height=1e-9)],
+            ["sliver of 5e-11 m", "outlines of 'oxide' and 'top' and 'film' agree"],
+        ),
         ([core(), Part("void", "void", 1e-6, 2e-6, bottom=0.0, height=100e-9, heated=False)], None),
     ],
     ids=["covered", "moat", "floating", "gap", "film", "legal"],

@@ -61,7 +61,7 @@ class Face:
 
     def edges(self) -> Array:
         """All its edges in m, shape (n, 2 ends, 2)."""
-        return np.concatenate([np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in self.rings])
+        return np.concatenate([_closed(ring) for ring in self.rings])
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +87,11 @@ class Subdivision:
         points = np.stack(np.broadcast_arrays(r, z), axis=-1)
         slack = max(100 * GRID, 1e-9 * float(max(np.abs(face.rings[0]).max() for face in self.faces)))
         return distance(points, edges) < slack
+
+
+def _closed(ring: Array) -> Array:
+    """Edges of a closed line through the corners, shape (n, 2 ends, 2)."""
+    return np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)
 
 
 def distance(points: Array, edges: Array) -> Array:
@@ -122,7 +127,7 @@ def subdivide(geometry: CrossSection) -> Subdivision:
     exact = {round(x / GRID): float(x) for outline in outlines.values() for x in outline.ravel()}
     cut = tuple(_face(owner, polygon, exact) for owner, polygon in faces)
     for face in cut:
-        _check_thickness(face)
+        _check_thickness(face, outlines)
     return Subdivision(cut, _sides(geometry, faces, exact))
 
 
@@ -178,7 +183,7 @@ def _face(owner: str, polygon: Any, exact: dict[int, float]) -> Face:
     return Face(owner, (restored(polygon.exterior), *(restored(hole) for hole in polygon.interiors)))
 
 
-def _check_thickness(face: Face) -> None:
+def _check_thickness(face: Face, outlines: dict[str, Array]) -> None:
     """Raise InputError where a corner of the face comes too near to an edge that does not end there."""
     edges = face.edges()
     corners = edges[:, 0]
@@ -187,9 +192,10 @@ def _check_thickness(face: Face) -> None:
         gap = distance(others, edge[None])
         if gap.min(initial=np.inf) < THINNEST:
             r, z = others[gap.argmin()]
+            near = [name for name in outlines if distance(others[gap.argmin()], _closed(outlines[name])) < THINNEST]
             raise checks.InputError(
                 f"{face.owner!r} has a sliver of {gap.min():.2g} m near r = {r:g} m, z = {z:g} m, thinner than an "
-                "atom; make the outlines that meet there agree"
+                f"atom; make the outlines of {' and '.join(map(repr, near))} agree there"
             )
 
 
@@ -264,10 +270,23 @@ def check_held(geometry: CrossSection) -> None:
     for side, boundary in (("bottom", geometry.bottom), ("top", geometry.top), ("outer", geometry.outer)):
         if boundary.holds:
             held |= {piece[seen[frozenset(map(tuple, edge.tolist()))]] for edge in geometry.subdivision.sides[side]}
-    for k, face in enumerate(faces):
+    for k in range(len(faces)):
         if piece[k] not in held:
-            r, z = face.rings[0].mean(axis=0)
-            raise checks.InputError(
-                f"{face.owner!r} near r = {r:g} m, z = {z:g} m lies outside the stack or is cut off from it: it "
-                "touches no side that holds the temperature, so its heat has no way out"
-            )
+            raise _cut_off(geometry, [face for face, other in zip(faces, piece, strict=True) if other == piece[k]])
+
+
+def _cut_off(geometry: CrossSection, piece: list[Face]) -> checks.InputError:
+    """What cuts a connected piece off from every side that holds the temperature."""
+    face = next((face for face in piece if face.owner in geometry.heated), piece[0])
+    r, z = face.rings[0].mean(axis=0)
+    middles = np.concatenate([face.edges() for face in piece]).mean(axis=1)
+    voids = [part for part in geometry.parts if part.material == VOID and part.height]
+    around = [part.name for part in voids if distance(middles, _closed(part.outline())).min() < 100 * GRID]
+    if around:
+        where = f"is cut off from the stack by the void {' and '.join(map(repr, around))}"
+    else:
+        where = f"lies outside the stack, which {geometry.layers[-1].name!r} ends at z = {geometry.top_z:g} m"
+    return checks.InputError(
+        f"{face.owner!r} near r = {r:g} m, z = {z:g} m {where}: it touches no side that holds the temperature, so its "
+        "heat has no way out"
+    )
