@@ -101,7 +101,7 @@ TARGETS: dict[str, Callable[[str], None]] = {
 def seeds() -> dict[str, list[str]]:
     """Valid files of each kind."""
     strip = th.strip_ring()
-    rich = (ROOT / "docs" / "geometry.md").read_text(encoding="utf-8").split("```toml\n")[1].split("```")[0]
+    rich = (ROOT / "docs" / "geometry.md").read_text(encoding="utf-8").split('title="heater.toml"\n')[1].split("```")[0]
     plan = '[[vary]]\npath = "part.core.radius"\nfrom = "3 um"\nto = "15 um"\nspacing = "log"\n'
     plan += '[[drive]]\npower = "1 mW"\nsquare = "1 us"\nduty = 0.3\nperiodic = true\n[probes]\nread = ["core"]\n'
     geometry_table = strip.to_toml().replace("[[", "[[geometry.").replace("\n[boundary]", "\n[geometry.boundary]")
