@@ -2,8 +2,9 @@
 
     python docs/generate.py
 
-`geometry-reference.md` comes from the schema of the geometry file and the library of materials, `validation.md` from
-`validation.json`, which ``pytest --validation`` writes. A test fails while a page is not what this makes.
+`geometry-reference.md` comes from the schema of the geometry file and the library of materials, `commands.md` from the
+command line, `validation.md` from `validation.json`, which ``pytest --validation`` writes. A test fails while a page is
+not what this makes.
 """
 
 from __future__ import annotations
@@ -18,7 +19,6 @@ from thermofem.materials import library as materials
 from thermofem.materials import property_toml
 
 DOCS = Path(__file__).resolve().parent
-PAGES = ("geometry-reference.md", "validation.md")
 
 # what each key means; the keys and their units come from the schema
 WORDS: dict[str, dict[str, str]] = {
@@ -160,9 +160,53 @@ def validation() -> str:
     return text + "\nErrors and tolerances are relative to the expected value.\n"
 
 
+COMMANDS = """# Commands
+
+What `--help` after each command says, too. Quantities are text with a unit, as `"8 dBm"`, `"-10 GHz"`, `"20 us"`. A
+mistake is one line that names it, and exit code 2. `thermofem --version` prints the version,
+`thermofem --install-completion` teaches the shell the commands.
+
+| stage | takes | gives | commands |
+|---|---|---|---|
+| heat | geometry (TOML) | training data (netCDF) | [solve](#solve), [campaign](#campaign) |
+| compact models | data, or the geometry | model (JSON) | [fit](#fit), [reduce](#reduce) |
+| judging | model or geometry | error curves | [validate](#validate) |
+| ring and light | model, `--ring` (TOML) | traces | [simulate](#simulate) |
+| | | maps | [map](#map), [stability](#stability) |
+| FEM in the loop | geometry, `--ring` | traces | [cosimulate](#cosimulate) |
+| hand on | model, results | files, references | [export](#export), [cite](#cite) |
+| the paper | | report.html | [reproduce](#reproduce) |
+| the machine | | what works here | [doctor](#doctor) |
+"""
+
+
+def commands() -> str:
+    """Every command with its arguments and options."""
+    from typer.main import get_command
+
+    from thermofem.cli import app
+
+    text = COMMANDS
+    for name, command in get_command(app).commands.items():
+        text += f"\n## {name}\n\n{' '.join((command.help or '').split())}\n"
+        rows = [_parameter(p) for p in command.params if p.name != "help"]
+        if rows:
+            text += "\n| | | default |\n|---|---|---|\n" + "".join(rows)
+    return text
+
+
+def _parameter(p: Any) -> str:
+    """One row: how it is written, what it is, its default."""
+    written = ", ".join(p.opts) if p.param_type_name == "option" else (p.metavar or p.name.upper())
+    default = p.default if isinstance(p.default, (str, int, float, Path)) and p.default is not False else None
+    shown = f"{default:.3g}" if isinstance(default, float) else str(default)
+    shown = "" if default is None or p.required else f"`{shown}`"
+    return f"| `{written.replace('|', 'or')}` | {(p.help or '').replace('|', 'or')} | {shown} |\n"
+
+
 def pages() -> dict[str, str]:
     """Every generated page with its text."""
-    return {"geometry-reference.md": geometry_reference(), "validation.md": validation()}
+    return {"geometry-reference.md": geometry_reference(), "commands.md": commands(), "validation.md": validation()}
 
 
 if __name__ == "__main__":
