@@ -20,10 +20,13 @@ from .export import export
 
 app = typer.Typer(
     help="Self-heating of silicon microring resonators: training data, compact models, self-pulsing.",
+    epilog="Begin with: thermofem solve --pulse '20 us' --figure heat.png",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+HEAT, MODELS, LIGHT, RESULTS = "Heat", "Compact models", "Ring and light", "Results"  # headings of --help
 
 Out = Annotated[Path, typer.Option("--output", "-o", help="File (netCDF) to write.")]
 Folder = Annotated[Path, typer.Option("--output", "-o", help="Folder to write.")]
@@ -61,7 +64,7 @@ def _options(
     """Options of the whole program."""
 
 
-@app.command()
+@app.command(rich_help_panel=HEAT)
 def solve(
     geometry: Annotated[Path | None, typer.Argument(help="Geometry file (TOML); default: the reference strip.")] = None,
     power: Annotated[str, typer.Option(help="Absorbed power.")] = "2 mW",
@@ -106,7 +109,7 @@ def solve(
     )
 
 
-@app.command()
+@app.command(rich_help_panel=HEAT)
 def campaign(
     file: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).")],
     output: Folder = Path("campaign"),
@@ -123,12 +126,17 @@ def campaign(
     run(file, output, workers=workers, scheduler=scheduler, retry_failed=retry_failed)
 
 
-for command in (models.fit, models.reduce, models.validate, models.simulate, cosimulate, export, cite, maps.stability):
-    app.command()(command)
-app.command("map")(maps.map_)
+for command in (models.fit, models.reduce, models.validate):
+    app.command(rich_help_panel=MODELS)(command)
+app.command(rich_help_panel=LIGHT)(models.simulate)
+app.command("map", rich_help_panel=LIGHT)(maps.map_)
+for command in (maps.stability, cosimulate):
+    app.command(rich_help_panel=LIGHT)(command)
+for command in (export, cite):
+    app.command(rich_help_panel=RESULTS)(command)
 
 
-@app.command()
+@app.command(rich_help_panel=RESULTS)
 def reproduce(
     output: Folder = Path("out"),
     quick: Annotated[
@@ -144,7 +152,7 @@ def reproduce(
     run(output, Settings(quick=quick))
 
 
-@app.command()
+@app.command(rich_help_panel=RESULTS)
 def doctor() -> None:
     """Say what works on this machine, and what is missing for what does not."""
     from .doctor import run

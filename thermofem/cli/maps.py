@@ -33,7 +33,7 @@ def map_(
     points: Annotated[str, typer.Option(help="Number of powers and of detunings.")] = "20, 20",
     duration: Annotated[str, typer.Option(help="Length of each run.")] = "20 us",
     follow: Annotated[
-        str | None, typer.Option(help="Step the laser up or down in detuning without resetting the ring.")
+        str | None, typer.Option(help="up or down: step the laser through the detunings, without resetting the ring.")
     ] = None,
     resume: Annotated[
         Path | None, typer.Option(help="File that fills up; started again, the map goes on from it.")

@@ -93,7 +93,7 @@ def validate(
         Path | None, typer.Option("--output", "-o", help="Curves (.nc), or for a geometry the figure (.png).")
     ] = None,
 ) -> None:
-    """Period-error curves (Section 6 of the paper): over which periods can a model be trusted?
+    """Judge models by their period error (Section 6 of the paper): over which periods can each be trusted?
 
     Given a geometry, every kind of model is trained on it and judged by its FEM; given models, those.
     """
