@@ -157,9 +157,11 @@ def test_the_page_is_whole_and_needs_nothing_else(outcome, page):
     rows = json.loads((outcome[0] / "data" / "table.json").read_text())
     assert {row["agrees"] for row in rows} == {True, False, None}
     assert len(rows) == text.count('<td data-label="we get">')
-    # where fewer points are tried than the whole run tries, none may have the right frequency
+    # in so small a run there is one training, so no deviation, and too few points for these maps
     assert {row.quantity for row in claims()} - {row["quantity"] for row in rows} <= {
-        "best overlap of any (σ_FCD, τ_th) with c_p of silicon"
+        "the same trained on three drop traces",
+        "the trained model on rings of Q = 6500 and 20000",
+        "best overlap of any (σ_FCD, τ_th) with c_p of silicon",
     }
 
 
