@@ -280,8 +280,9 @@ def test_fields_are_those_of_the_temperature_that_is_read():
     [
         (lambda rise, k: rise + np.random.default_rng(k).normal(), "discrepancy goes from"),
         (lambda rise, k: rise * np.nan, "not finite"),
+        (lambda rise, k: rise - 1e30, r"says -1e\+30 K"),
     ],
-    ids=["noise", "nan"],
+    ids=["noise", "nan", "unit"],
 )
 def test_a_corrector_that_cannot_be_followed_stops_the_run_with_the_reason(answer, reason):
     class Broken(Exact):
@@ -316,6 +317,20 @@ def test_a_corrector_without_real_numbers_is_named(answer):
 
     with pytest.raises(th.InputError, match=r"no array of real numbers|one temperature each"):
         coupled.cosimulate(RING, Odd(NETWORK), power=MW, duration=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [([1, 2], "returned a list"), ({"device": object()}, "'device': a object"), ({3: 4}, "3: a int")],
+    ids=["list", "object", "number"],
+)
+def test_a_summary_that_no_file_can_hold_is_named(said, message):
+    class Talkative(Exact):
+        def summary(self):
+            return said
+
+    with pytest.raises(th.InputError, match=message):
+        coupled.cosimulate(RING, Talkative(NETWORK), predictor=NETWORK, power=MW, duration=1e-9)
 
 
 def test_a_corrector_may_use_its_arrays_again():
@@ -358,6 +373,7 @@ def test_progress_reaches_the_end():
         ({"duration": 20}, "times are in s"),
         ({"heat": NETWORK}, "give th.assemble"),
         ({"heat": th.strip_ring()}, "give th.assemble"),
+        ({"heat": Exact}, "give th.assemble"),
         ({"predictor": coarse_fem()}, "cosimulate|reduce it first"),
         ({"heaters": {"heater": th.Constant(1e-3)}}, "heater"),
         ({"heaters": {"core": th.Constant(1e-3)}}, "which the light heats"),

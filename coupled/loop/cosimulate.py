@@ -107,7 +107,7 @@ def cosimulate(
         corrector: Any = FEM(heat, heaters=heaters, tolerance=tolerance, field_times=field_times)
     elif heaters or np.size(field_times):
         raise checks.InputError("heaters and field_times go with a HeatProblem; a corrector takes care of its own")
-    elif not callable(getattr(heat, "advance", None)) or not callable(getattr(heat, "accept", None)):
+    elif isinstance(heat, type) or not all(callable(getattr(heat, name, None)) for name in ("advance", "accept")):
         raise checks.InputError(
             f"heat is a {type(heat).__name__}; give th.assemble(geometry), or an object with advance() and accept() "
             "(coupled.Corrector)"
@@ -150,7 +150,7 @@ def _dataset(
     run = _joined(parts)
     kelvin = {"units": "K", "long_name": "largest discrepancy of the temperature"}
     starts = np.array([part.run.time[0] for part in parts])
-    summary = loop.corrector.summary() if hasattr(loop.corrector, "summary") else {}
+    summary = _summary(loop.corrector)
     data = xr.Dataset(
         {
             **{name: ("time", values, dataset.describe(name)) for name, values in traces(ring, run, light).items()},
@@ -181,6 +181,19 @@ def _dataset(
         kept = fields(fem.problem, np.array(fem.fields), fem.field_times)
         data = data.merge(kept, combine_attrs="override")
     return data
+
+
+def _summary(corrector: Any) -> Mapping[str, Any]:
+    """What a corrector says of itself, if it does, as attributes that a file can hold."""
+    said = corrector.summary() if callable(getattr(corrector, "summary", None)) else {}
+    if not isinstance(said, Mapping):
+        raise checks.InputError(f"corrector.summary() returned a {type(said).__name__}; a dict of numbers is needed")
+    for name, value in said.items():
+        if not isinstance(name, str) or not isinstance(value, str | int | float | np.number):
+            raise checks.InputError(
+                f"corrector.summary() has {name!r}: a {type(value).__name__}; names with numbers or texts are needed"
+            )
+    return said
 
 
 def _joined(parts: list[Passed]) -> Window:

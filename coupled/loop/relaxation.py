@@ -36,6 +36,7 @@ MOST_PASSES = 16
 FEW, MANY = 4, 8  # passes up to which windows double, and above which they halve: least work (measured)
 ROWS = 1000  # steps of the light beyond which a window does not double
 SHORTEST = 1e-12  # s; windows below are given up
+HOTTEST = 1e5  # K; no solid is
 KNOTS = 0.02  # share of the tolerance that thinning the discrepancy may cost
 
 
@@ -136,6 +137,11 @@ class Relaxation:
             change = float(np.abs(rise - run.delta_T).max())
             if not np.isfinite(change):
                 return None, f"the corrector's temperature is not finite (pass {passes})"
+            if np.abs(rise).max() > HOTTEST:
+                return (
+                    None,
+                    f"the corrector says {rise[np.abs(rise).argmax()]:.3g} K (a rise in K is needed; pass {passes})",
+                )
             if change <= self.tolerance:
                 seen = float(offset(stop)) if callable(offset) else float(offset)
                 return Passed(run, rise, passes, change, seen + float(rise[-1] - run.delta_T[-1])), ""
