@@ -172,7 +172,7 @@ t, p = np.load("drive.npy")
 signals = np.array(list(zip(t, p)), dtype=[("time", float), (sys.argv[1], float)])
 result = simulate_fmu("ring.fmu", stop_time=8e-6, step_size=5e-8, output_interval=5e-8, input=signals)
 table = {name: result[name].tolist() for name in result.dtype.names}
-print("RESULT", json.dumps([problems, about.fmiVersion, units, table]))
+print("RESULT", json.dumps([problems, about.fmiVersion, about.description, units, table]))
 """
 
 
@@ -192,8 +192,10 @@ def test_fmpy_runs_the_unit_and_finds_the_rise_of_the_model(tmp_path, model, hea
         [sys.executable, "-c", RUN_FMU, f"power_{heated}"], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert "RESULT" in done.stdout, done.stdout + done.stderr
-    problems, version, units, table = json.loads(done.stdout.split("RESULT")[1])
+    problems, version, description, units, table = json.loads(done.stdout.split("RESULT")[1])
     assert problems == []
+    assert "6.4e-05 of the thermal resistance at every frequency" in description
+    assert 'name = "µring"' in description
     assert version == f"{fmi}.0"
     assert units == {f"power_{p}": "W" for p in model.inputs} | {f"delta_T_{p}": "K" for p in model.outputs}
     wave = th.Sampled(np.repeat(edges, 2)[1:-1], np.repeat(power[:-1], 2))

@@ -42,11 +42,10 @@ COEFFICIENT = {coefficient}  # 1/K, of the output map
 
 
 class ThermalModel(Fmi{fmi}Slave):
-    description = {description}
-
     def __init__(self, **kwargs):
         super().__init__(**kwargs)
         self.modelName = {name!r}
+        self.description = {description}
         self.x = [0.0] * len(RATE)
         self.step, self.decay = None, None
         self.begin()
