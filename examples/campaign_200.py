@@ -47,7 +47,7 @@ def figure(data: xr.Dataset, path: Path) -> None:
         ax.grid(alpha=0.25, which="both", linewidth=0.5)
         ax.yaxis.set_major_formatter("{x:g}")
         ax.yaxis.set_minor_formatter("{x:g}")
-        ax.tick_params(which="minor", labelsize="x-small")
+        ax.tick_params(which="both", axis="y", labelsize="small")
     bar = fig.colorbar(dots, ax=axes, label="radius (µm)", format="{x:g}", ticks=[3, 5, 8, 12, 15])
     bar.ax.minorticks_off()
     for width in (400, 500, 600):

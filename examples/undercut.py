@@ -29,7 +29,13 @@ for ax, geometry, name in zip(
     )
     if name == "undercut":
         ax.annotate("cavity", (8, -4), ha="center", fontsize="small")
-    ax.set(xlim=(0, 20), ylim=(-7, 4), xlabel="r (µm)", title=f"{name}: core {data.delta_T.item():.0f} K at 10 mW")
+    ax.set(
+        xlim=(0, 20),
+        ylim=(-7, 4),
+        xticks=range(0, 20, 5),
+        xlabel="r (µm)",
+        title=f"{name}: core {data.delta_T.item():.0f} K at 10 mW",
+    )
 fig.colorbar(image, ax=axes, label="temperature rise (K)")
 axes[0].set_ylabel("z (µm)")
 fig.savefig("undercut.png", dpi=150)
