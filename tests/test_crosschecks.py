@@ -13,6 +13,7 @@ import skfem
 from grids import facets_where, tensor_mesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.special import j1
 
 import thermofem as th
 from thermofem.factor import factorize
@@ -126,6 +127,57 @@ def test_heater_and_core_are_reciprocal(needs_mesher):
         for one, other in (("core", "heater"), ("heater", "core"))
     ]
     assert data[0] == pytest.approx(data[1], rel=1e-5)
+
+
+def layer_resistance(one, other, bottom, height, thickness, k):
+    """Mean rise of one ring per watt in another, in a layer held at z = 0 and insulated on top; Hankel transform.
+
+    R = 2 pi/(V1 V2 k) int A1 A2 Z dl,  A = [r J1(l r)/l] from the inner to the outer radius,  Z/l the double integral
+    over z and z' in the rings of sinh(l z<) cosh(l (H - z>))/cosh(l H)/l.
+    """
+    step = 2e-4  # of l in 1/um, against periods of 2 pi/(8 + 5)
+    x = np.arange(step / 2, 60, step)
+    top, H, h = bottom + height, thickness, height
+    squares = lambda a, b: ((np.exp(-x * a) - np.exp(-x * b)) / x) ** 2  # noqa: E731 - of an integral of exp(-l z)
+    near = 2 * (h / x - (1 - np.exp(-x * h)) / x**2)
+    far = 2 * ((np.exp(-x * (2 * H - h)) - np.exp(-2 * x * H)) / x**2 - np.exp(-2 * x * H) * h / x)
+    Z = (near + squares(H - top, H - bottom) - squares(bottom, top) - far) / (2 * (1 + np.exp(-2 * x * H)))
+    A1, A2 = ((b * j1(x * b) - a * j1(x * a)) / x for a, b in (one, other))
+    V1, V2 = (np.pi * (b**2 - a**2) * height for a, b in (one, other))
+    return 2 * np.pi / (V1 * V2) * float(np.sum(A1 * A2 * Z) * step) / k * 1e6  # lengths in um
+
+
+def test_crosstalk_of_concentric_rings(needs_mesher):
+    """Two rings of the layer's own material, 2.5 um apart: exact, each alone and one read while the other is heated."""
+    rings = {"inner": (4.75, 5.25), "outer": (7.75, 8.25)}
+    place = {"bottom": 0.0, "height": 220e-9, "heated": True}
+    parts = [th.Part(name, "SiO2", a * 1e-6, b * 1e-6, **place) for name, (a, b) in rings.items()]
+    layers = th.Layer("below", "SiO2", 2e-6, datum=True), th.Layer("above", "SiO2", 2.22e-6)
+    heat = th.assemble(th.CrossSection("pair", 60e-6, layers, tuple(parts)), accuracy=1e-3)
+    for heated, read in (("inner", "inner"), ("outer", "outer"), ("inner", "outer"), ("outer", "inner")):
+        exact = layer_resistance(rings[heated], rings[read], 2.0, 0.22, 4.22, 1.38)
+        assert heat.thermal_resistance(heated, read) == pytest.approx(exact, rel=1e-3)
+    both = th.solve(heat, th.Constant(1e-3), [1e-6, 20e-6], heated="inner", read=("inner", "outer"))
+    assert both.delta_T.sel(probe="outer").values[0] < 0.05 * both.delta_T.sel(probe="outer").values[1]
+
+
+def test_a_doped_region_in_the_slab_heats_the_core(needs_mesher):
+    """A ring of doped silicon, 60 W/m/K, in the slab of a rib: heated, read, reciprocal, and colder behind a gap."""
+    rib = th.rib_ring()
+    doped = th.Material("doped", 60.0, 2330.0, 700.0, source="test")
+    share = []
+    for gap in (0.3e-6, 1.0e-6):
+        inner = rib.parts[1].outer_radius + gap
+        region = th.Part("doped", "doped", inner, inner + 0.5e-6, bottom=0, height=90e-9, heated=True)
+        geometry = replace(rib, parts=(rib.parts[0], region, rib.parts[1]), materials=(doped,))
+        heat = th.assemble(geometry)
+        assert heat.geometry.volumes()["doped"] == pytest.approx(
+            np.pi * 90e-9 * ((inner + 0.5e-6) ** 2 - inner**2), rel=1e-9, abs=0
+        )
+        there, back = heat.thermal_resistance("doped", "core"), heat.thermal_resistance("core", "doped")
+        assert there == pytest.approx(back, rel=1e-10)
+        share.append(there / heat.thermal_resistance("doped"))
+    assert 0.5 < share[1] < share[0] < 1
 
 
 um = st.integers
