@@ -1,13 +1,16 @@
 """k(T) against constant k: cost of one 20 us pulse at 145 K rise to 1e-3, and the error beside it.
 
-The error is that of time integration, against the same run at rtol = 1e-6. Wall times are the best of five, in one
-process, warm; peers are measured in turns so that a busy machine slows both.
+The error is that of time integration, against the same run at rtol = 1e-6. CPU times are medians, in one process, warm
+(the linear run keeps its factors from the run before); they take turns so that a busy machine slows all.
+
+    python benchmarks/bench_nonlinear.py
 """
 
 from __future__ import annotations
 
 import time
 from dataclasses import replace
+from statistics import median
 
 import numpy as np
 
@@ -28,23 +31,35 @@ def problems() -> dict[str, th.HeatProblem]:
     }
 
 
-def main() -> None:
+def rows(repeats: int = 7) -> list[dict[str, object]]:
+    """One row for each kind of conduction, as `table.table` takes them."""
     pulse, heats = th.Pulse(power=20e-3, width=20e-6), problems()
     exact = {name: th.solve(heat, pulse, TIMES, rtol=1e-6).delta_T.values for name, heat in heats.items()}
-    best, data = dict.fromkeys(heats, np.inf), {}
-    for _ in range(5):
+    took, data = {name: [] for name in heats}, {}
+    for _ in range(repeats):
         for name, heat in heats.items():
-            start = time.perf_counter()
+            start = time.process_time()
             data[name] = th.solve(heat, pulse, TIMES, rtol=1e-3)
-            best[name] = min(best[name], time.perf_counter() - start)
-    print(f"{'':14}{'ms':>8}{'ratio':>8}{'peak K':>9}{'error':>10}", end="")
-    print(f"{'steps':>7}{'solves':>8}{'factors':>9}{'imbalance':>11}")
+            took[name].append(time.process_time() - start)
+    made = []
     for name, found in data.items():
         rise, a = found.delta_T.values, found.attrs
-        error = np.abs(rise - exact[name]).max() / rise.max()
-        ratio = best[name] / best["constant k"]
-        print(f"{name:14}{best[name] * 1e3:8.0f}{ratio:8.2f}{rise.max():9.2f}{error:10.1e}", end="")
-        print(f"{a['steps']:7}{a['solves']:8}{a['factorizations']:9}{a['heat_imbalance']:11.1e}")
+        made.append(
+            {
+                "who": name,
+                "how": f"peak {rise.max():.0f} K, {a['steps']} steps, {a['solves']} solves, "
+                f"{a['factorizations']} factorizations",
+                "error": float(np.abs(rise - exact[name]).max() / rise.max()),
+                "seconds": median(took[name]),
+                "ratio": median(t / linear for t, linear in zip(took[name], took["constant k"], strict=True)),
+            }
+        )
+    return made
+
+
+def main() -> None:
+    for row in rows():
+        print(f"{row['who']:14}{row['seconds'] * 1e3:8.0f} ms{row['ratio']:8.2f}{row['error']:10.1e}  {row['how']}")
 
 
 if __name__ == "__main__":
