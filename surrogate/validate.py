@@ -6,7 +6,7 @@ Source of the period error: Borghi et al., Opt. Express 29, 4363 (2021), Section
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 SHIFT = 10.294e9  # Hz/K: (nu_0/n_0) dn/dT of the paper's ring at 1555 nm, Appendix A
 WAVELENGTH = 1555e-9  # m
 SAMPLES = 301  # of one period, or of a transient between two edges of it
+PERIODS = np.geomspace(1e-7, 1e-5, 13)  # s, of the curves from which ranges of validity are read
+OCTAVE = 2.0  # a range of validity spans at least this factor
 FARTHEST = 1e4  # a period this many times longer or shorter than the reference's counts as never reached
 
 
@@ -60,15 +62,24 @@ def period_error(
     InputError
         periods that are not positive or do not increase, a power that is not positive, a duty outside 0..1.
     """
-    import xarray as xr
-
     for name, given in (("reference", reference), ("model", model)):
         checks.has(name, given, "periodic_response", hint="a thermal model is needed, such as the .model of a fit")
     periods = checks.array("periods", periods, increasing=True, hint="periods are in s (did you mean 1e-6?)")
+    return error_curve(model, swings(reference, periods, power, duty), periods, power, duty)
+
+
+def swings(reference: ThermalModel, periods: Array, power: float, duty: float) -> Array:
+    """Swing in K of the periodic state at each period; raises as `period_error`."""
     checks.positive("periods[0]", periods[0], unit="s")
     checks.positive("power", power, unit="W", at_most=10, hint="powers are in W (did you mean 2e-3 for 2 mW?)")
     checks.between("duty", duty, 1e-6, 1 - 1e-6, hint="the duty cycle is the fraction of the period that is on")
-    swing = np.array([_swing(reference, t, power, duty) for t in periods])
+    return np.array([_swing(reference, t, power, duty) for t in periods])
+
+
+def error_curve(model: ThermalModel, swing: Array, periods: Array, power: float, duty: float) -> xr.Dataset:
+    """`period_error` against swings of a reference that are known already."""
+    import xarray as xr
+
     found = np.array([_period(model, s, t, power, duty) for s, t in zip(swing, periods, strict=True)])
     error = periods - found
     variables = {
@@ -86,7 +97,8 @@ def valid_range(curve: xr.Dataset, *, within: float = 0.1) -> tuple[float, float
     """Shortest and longest period (s) of the widest stretch where |relative error| <= ``within``.
 
     Its ends are interpolated between the curve's periods, in their logarithm; where the curve ends within, so does the
-    stretch. (nan, nan) where the model is never within.
+    stretch. A stretch of less than an octave, `OCTAVE`, is none (unless it is the whole curve): every error curve that
+    changes sign is within any limit for a moment, and a period is known from the model only. (nan, nan) without one.
     """
     checks.positive("within", within, hint="0.1 is ten percent")
     x, y = np.log(curve["period"].values), np.abs(curve["relative_error"].values)
@@ -104,6 +116,8 @@ def valid_range(curve: xr.Dataset, *, within: float = 0.1) -> tuple[float, float
     pairs = zip(first.tolist(), last.tolist(), strict=True)
     stretches = [(crossing(i, i - 1), crossing(j, j + 1)) for i, j in pairs]
     low, high = max(stretches, key=lambda ends: ends[1] - ends[0])
+    if high - low < min(np.log(OCTAVE), x[-1] - x[0]):
+        return float("nan"), float("nan")
     return float(np.exp(low)), float(np.exp(high))
 
 
@@ -122,8 +136,9 @@ def compare(
     *,
     shift: float = SHIFT,
     wavelength: float = WAVELENGTH,
+    periods: ArrayLike = PERIODS,
 ) -> xr.Dataset:
-    """Error of several models on drives that their training did not see.
+    """Error of several models on drives that their training did not see, and over which periods each can be trusted.
 
     Parameters
     ----------
@@ -135,12 +150,15 @@ def compare(
     shift : float, Hz/K
         resonance shift per kelvin.
     wavelength : float, m
+    periods : array, s
+        of the curve of `period_error`, at the drives' largest power, from which the ranges are read; empty for none.
 
     Returns
     -------
     Dataset
         over ``model`` and ``drive``: ``rms``, ``peak`` (K), ``rms_relative``, ``peak_relative`` (of the reference's
-        swing), ``frequency_shift`` (Hz) and ``wavelength_shift`` (m) of the peak error; over ``model``: ``states``.
+        swing), ``frequency_shift`` (Hz) and ``wavelength_shift`` (m) of the peak error; over ``model``: ``states``,
+        and ``validity`` in words: "within 10 % from 0.6 to 1.45 us".
 
     Raises
     ------
@@ -168,15 +186,19 @@ def compare(
         "frequency_shift": (peak * shift, "Hz", "largest error of the resonance frequency"),
         "wavelength_shift": (peak * shift * wavelength**2 / light, "m", "largest error of the resonance wavelength"),
     }
-    variables = {
+    variables: dict[str, Any] = {
         name: (("model", "drive"), value, {"units": unit, "long_name": words})
         for name, (value, unit, words) in fields.items()
     }
     states = [float(getattr(m, "order", np.nan)) for m in models.values()]
-    return xr.Dataset(
-        {**variables, "states": ("model", states, {"units": "1", "long_name": "number of states"})},
-        coords={"model": list(models), "drive": [_words(d) for d in drives]},
-    )
+    variables["states"] = ("model", states, {"units": "1", "long_name": "number of states"})
+    if np.size(periods):
+        periods = checks.array("periods", periods, increasing=True)
+        power, duty = max(float(np.max(getattr(d, "power", 2e-3))) for d in drives), 1 / 3
+        swing = swings(reference, periods, power, duty)
+        words = [error_curve(m, swing, periods, power, duty).attrs["validity"] for m in models.values()]
+        variables["validity"] = ("model", words, {"long_name": "range of validity on the period"})
+    return xr.Dataset(variables, coords={"model": list(models), "drive": [_words(d) for d in drives]})
 
 
 def square_waves(

@@ -89,6 +89,33 @@ def test_the_widest_stretch_is_interpolated():
     assert surrogate.valid_range(curve, within=1.0) == pytest.approx((1e-7, 1e-2))
 
 
+def test_a_crossing_of_zero_is_no_range():
+    import xarray as xr
+
+    periods = np.geomspace(1e-7, 1e-5, 41)
+    for slope, octaves in ((0.3, 0), (0.25, 1)):
+        # within 10 % over a factor exp(.2/slope): 1.9 and 2.2
+        curve = xr.Dataset({"relative_error": ("period", slope * np.log(periods / 1e-6))}, coords={"period": periods})
+        low, high = surrogate.valid_range(curve)
+        if octaves:
+            assert (low, high) == pytest.approx((1e-6 * np.exp(-0.4), 1e-6 * np.exp(0.4)), rel=1e-9)
+        else:
+            assert surrogate.validity(curve) == "nowhere within 10 %"
+    short = curve.isel(period=slice(19, 22))  # less than an octave altogether: the whole of it counts
+    assert surrogate.valid_range(short) == pytest.approx((periods[19], periods[21]))
+
+
+def test_compare_states_the_range_of_every_model_at_the_power_of_the_drives(trained, reference):
+    mapped = th.OutputMap(reference, -1e-3)
+    drives = [th.Pulse(30e-3, 1e-6), th.SquareWave(2e-3, 1e-6, 0.5)]
+    found = surrogate.compare({"map": mapped, **trained}, mapped, drives)
+    for name, model in {"map": mapped, **trained}.items():
+        curve = surrogate.period_error(model, mapped, np.geomspace(1e-7, 1e-5, 13), power=30e-3)
+        assert found.validity.sel(model=name).item() == curve.attrs["validity"]
+    assert found.validity.values[0] == "within 10 % from 0.1 to 10 us"
+    assert surrogate.compare(trained, reference).validity.values.tolist()[1].startswith("within 10 % from 0.5")
+
+
 def test_compare_measures_a_known_difference(reference):
     slower = th.Foster(R=1.01 * np.asarray(reference.R), tau=reference.tau)
     result = surrogate.compare({"one percent": slower, "itself": reference}, reference)
@@ -109,7 +136,10 @@ def test_compare_measures_a_known_difference(reference):
     assert off.wavelength_shift.values == pytest.approx(off.peak.values * 1555e-9 / 3.485 * 1.86e-4, rel=1e-3)
     assert result.states.values.tolist() == [reference.order] * 2
     for name in result.data_vars:
-        assert result[name].attrs["units"]
+        assert name == "validity" or result[name].attrs["units"]
+    # T grows as swing to a power of about 2.5 at most: 1 % is 2.5 % on the period
+    assert result.validity.values.tolist() == ["within 10 % from 0.1 to 10 us"] * 2
+    assert "validity" not in surrogate.compare({"": slower}, reference, [drive], periods=[])
 
 
 def test_held_out_drives_hold_no_training_drive_and_all_kinds():
