@@ -9,7 +9,8 @@ from .export.json import load_model, load_provenance, save_model
 from .fit import Fit, fit_foster, fit_newton, fit_second_order
 from .ladder import Ladder, judge, train_all, verdict
 from .lumped import BORGHI2021_HEAT_CAPACITY, newton, second_order
-from .quadratic import QuadraticReduction, fit_output_map, output_map, reduce_quadratic
+from .output_map import fit_output_map, output_map
+from .quadratic import QuadraticReduction, reduce_quadratic
 from .reduce import Reduction, reduce
 from .sindy import Network, SindyFit, fit_sindy, gate
 from .sindy_quadratic import fit_sindy_quadratic

@@ -25,13 +25,16 @@ from thermofem import (
     waveforms,
 )
 from thermofem.model import foster
+from thermofem.transient.nonlinear import NonlinearSystem
 
 from .fit import fit_foster, fit_newton, fit_second_order
-from .quadratic import output_map, reduce_quadratic
+from .output_map import output_map
+from .quadratic import reduce_quadratic
 from .reduce import reduce
 from .sindy import fit_sindy
+from .sindy_quadratic import fit_sindy_quadratic
 from .truncate import balanced_truncation
-from .validate import period_error, valid_range
+from .validate import PERIODS, error_curve, swings, valid_range
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -40,8 +43,9 @@ Array = NDArray[np.float64]
 
 SHELLS = (0.1e-6, 0.3e-6, 0.8e-6, 1.8e-6)  # m around the heated part, states of SINDy
 TOLERANCES = (0.1, 0.03, 0.01, 0.001, 1e-4)
+TIMES = np.arange(20_000) * 2e-9  # s, of the telegraphs
 REFERENCE = 1e-6  # certificate of what the others are judged by
-SAMPLES = 301
+SAMPLES = 301  # of the periodic state that Newton and the second order are trained on
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,9 +56,9 @@ class Ladder:
     ----------
     models : mapping from a name to a ThermalModel
     reference : ThermalModel
-        the certified reduction to 1e-6; with k(T) the quadratic reduction fitted to two transients of the full order.
+        the certified reduction to 1e-6; with k(T) the quadratic reduction.
     reference_error : float
-        certificate of it; with k(T) its rms misfit to those transients over the largest rise.
+        certificate of it; with k(T) its largest error over the peak rise, on a 20 us pulse of the full order.
     refused : mapping from a name to the reason
         models that could not be trained on this geometry.
     """
@@ -76,7 +80,8 @@ def train_all(
     """Train Newton, second order, SINDy and Foster networks and reduce the FEM to several orders.
 
     All are trained at small power on the first heated part: Newton and second order on the paper's square wave (1 us),
-    Foster networks on a step, SINDy on a telegraph. The drives come from the certified reduction to 1e-6.
+    Foster networks on a step, SINDy on a telegraph. The drives come from the certified reduction to 1e-6. With k(T) an
+    output map and quadratic SINDy are made for a larger power, SINDy from telegraphs of the quadratic reduction.
 
     Parameters
     ----------
@@ -86,8 +91,8 @@ def train_all(
     duty : float
         of the square wave.
     hot : float, W
-        with k(T): the largest power of interest, which the quadratic reduction and the output map are made for; default
-        ten times ``power``; 0 leaves k(T) out, of the reference too, and with it transients of the full order.
+        with k(T): the largest power of interest, which the quadratic models and the output map are made for; default
+        ten times ``power``; 0 leaves k(T) out, of the reference too, and with it a transient of the full order.
     names : sequence of str
         the models to train, such as "Newton" or "Foster, trained (5)"; default all of them.
 
@@ -119,11 +124,13 @@ def train_all(
     error = fine.error_bound
     if heat.nonlinear and hot != 0:
         hot = 10 * power if hot is None else checks.positive("hot", hot, unit="W", at_most=10)
-        model = heat.model(part, part)
-        drives = [solve(heat, Pulse(hot, 2e-5), _pulse_times()), solve(heat, Constant(hot / 2), times[times < 1e-4])]
-        quadratic = reduce_quadratic(model, hot, data=drives)  # type: ignore[arg-type]  # it is nonlinear
-        reference, error = quadratic.model, quadratic.residual / float(drives[0]["delta_T"].max())
-        makers["output map"] = lambda: output_map(model, hot)  # type: ignore[arg-type]
+        model: NonlinearSystem = heat.model(part, part)  # type: ignore[assignment]  # heat.nonlinear
+        reference = reduce_quadratic(model, hot).model
+        pulse = solve(heat, Pulse(hot, 2e-5), _pulse_times())
+        rise = pulse["delta_T"].values
+        error = float(np.abs(reference.response(Pulse(hot, 2e-5), pulse["time"].values) - rise).max() / rise.max())
+        makers["output map"] = lambda: output_map(model, hot)
+        makers["quadratic SINDy"] = lambda: _sindy_quadratic(heat, part, hot)
     models, refused = {}, {}
     for name in makers if names is None else names:
         make = makers[checks.choice("names", name, makers)]
@@ -150,14 +157,36 @@ def shells(heat: HeatProblem, part: str, power: float) -> tuple[xr.Dataset, list
 
     From a certified reduction with all of them as outputs, in closed form, sampled every 2 ns for 40 us.
     """
-    probes = tuple(Probe(name=f"shell {d * 1e6:g} um", part=part, shell=d) for d in SHELLS)
-    probed = assemble(replace(heat.geometry, probes=probes), heat.accuracy)
-    read = (part, *(p.name for p in probes))
+    probed, read = _probed(heat, part)
     fine = reduce(probed.channels(part, read), 1e-5).model
     parts = [foster(fine.channel(part, name)) for name in read]  # type: ignore[union-attr]  # several outputs
-    wave, times = Telegraph(power, dwell=5e-7, duration=4e-5, seed=1), np.arange(20_000) * 2e-9
-    rises = np.stack([p.response(wave, times) for p in parts], axis=1)
-    return dataset.build(times, rises, wave, read=read), [p.thermal_resistance for p in parts]
+    wave = _telegraph(power)
+    rises = np.stack([p.response(wave, TIMES) for p in parts], axis=1)
+    return dataset.build(TIMES, rises, wave, read=read), [p.thermal_resistance for p in parts]
+
+
+def _sindy_quadratic(heat: HeatProblem, part: str, power: float) -> ThermalModel:
+    """The same states with squares, from the quadratic reduction under telegraphs of the power and of half of it."""
+    probed, read = _probed(heat, part)
+    system: NonlinearSystem = probed.model(part, read)  # type: ignore[assignment]  # heat.nonlinear
+    reduced = reduce_quadratic(probed.model(part, part), power)  # type: ignore[arg-type]
+    look = (system.linear.C @ reduced.basis).T
+    data = []
+    for wave in (_telegraph(power), _telegraph(power / 2, seed=2)):
+        rises = reduced.model.states(wave, TIMES)[:, :-1] @ look
+        data.append(dataset.build(TIMES, rises, wave, read=read))
+    static, steady = system.linear.gain[:, 0], system.steady_rise(power)
+    return fit_sindy_quadratic(data, static.tolist(), power=power, steady=steady.tolist()).model
+
+
+def _probed(heat: HeatProblem, part: str) -> tuple[HeatProblem, tuple[str, ...]]:
+    """The same problem with shells around a part, and the names of all that is read."""
+    probes = tuple(Probe(name=f"shell {d * 1e6:g} um", part=part, shell=d) for d in SHELLS)
+    return assemble(replace(heat.geometry, probes=probes), heat.accuracy), (part, *(p.name for p in probes))
+
+
+def _telegraph(power: float, seed: int = 1) -> Telegraph:
+    return Telegraph(power, dwell=5e-7, duration=4e-5, seed=seed)
 
 
 def judge(
@@ -165,7 +194,7 @@ def judge(
     reference: ThermalModel,
     *,
     powers: Sequence[float] = (2e-3,),
-    periods: ArrayLike | None = None,
+    periods: ArrayLike = PERIODS,
     duty: float = 1 / 3,
 ) -> xr.Dataset:
     """Period and swing errors of several models over periods and powers, and where each can be trusted.
@@ -191,17 +220,16 @@ def judge(
 
     if not models:
         raise checks.InputError("models is empty; surrogate.train_all(heat).models has them all")
-    periods = np.geomspace(1e-7, 1e-5, 13) if periods is None else checks.array("periods", periods, increasing=True)
+    periods = checks.array("periods", periods, increasing=True)
     watts = checks.array("powers", powers, increasing=True)
     shape = (len(models), watts.size, periods.size)
     error, swing, ends = np.empty(shape), np.empty(shape), np.empty((*shape[:2], 2))
     for j, power in enumerate(watts):
-        exact = np.array([np.ptp(reference.periodic_response(SquareWave(power, t, duty), SAMPLES)) for t in periods])
+        exact = swings(reference, periods, float(power), duty)
         for i, model in enumerate(models.values()):
-            curve = period_error(model, reference, periods, power=float(power), duty=duty)
+            curve = error_curve(model, exact, periods, float(power), duty)
             error[i, j], ends[i, j] = curve["relative_error"].values, valid_range(curve)
-            own = [np.ptp(model.periodic_response(SquareWave(power, t, duty), SAMPLES)) for t in periods]
-            swing[i, j] = np.array(own) / exact - 1
+            swing[i, j] = swings(model, periods, float(power), duty) / exact - 1
     over = ("model", "power", "period")
     states = [float(getattr(m, "order", np.nan)) for m in models.values()]
     found = xr.Dataset(

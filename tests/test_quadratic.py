@@ -1,4 +1,4 @@
-"""Quadratic reduction and output map against the full-order FEM with k(T) and c_p(T), at a rise of 150 K."""
+"""Quadratic reduction and output map against the full-order FEM with k(T) and c_p(T), at a rise of 151 K."""
 
 from dataclasses import replace
 
@@ -11,11 +11,13 @@ import thermofem as th
 from thermofem.transient import integrate
 
 POWER = 38e-3
+PUBLISHED = 5e-4  # of the peak, which a quadratic Galerkin model reaches with k(T) at 145 K (1.8e-4 by another code)
 LOG = np.geomspace(1e-9, 2e-5, 40)
-PULSE = th.Pulse(POWER, 2e-5)
 DRIVES = {
     "half": (th.Constant(POWER / 2), LOG),
-    "pulse": (PULSE, np.unique(np.r_[LOG, 2e-5 + LOG])),
+    "pulse": (th.Pulse(POWER, 2e-5), np.unique(np.r_[LOG, 2e-5 + LOG])),
+    "shorter": (th.Pulse(0.66 * POWER, 3e-6), np.unique(np.r_[LOG, 3e-6 + LOG])),
+    "telegraph": (th.Telegraph(POWER, 1e-6, 2e-5, seed=3), np.linspace(1e-7, 2.5e-5, 250)),
 }
 
 
@@ -33,60 +35,86 @@ def conducting():
 
 
 def solved(system):
-    answers = {n: integrate(system, w, t, rtol=5e-5).outputs[:, 0] for n, (w, t) in DRIVES.items()}
+    answers = {n: integrate(system, w, t, rtol=2e-5).outputs[:, 0] for n, (w, t) in DRIVES.items()}
     return system, answers
 
 
 def errors(model, answers):
-    """Worst and mean error over the peak, of each drive."""
-    off = {n: np.abs(model.response(*DRIVES[n]) - y) / y.max() for n, y in answers.items()}
-    return {n: (float(e.max()), float(e.mean())) for n, e in off.items()}
+    """|error| over the peak of each drive, at every time."""
+    return {n: np.abs(model.response(*DRIVES[n]) - y) / y.max() for n, y in answers.items()}
 
 
-def datasets(answers):
-    return [th.dataset.build(DRIVES[n][1], y, DRIVES[n][0]) for n, y in answers.items()]
+def worst(model, answers):
+    return max(e.max() for e in errors(model, answers).values())
 
 
-def test_quadratic_reduction_fitted_to_two_transients(warm, conducting):
-    """Mean error under 5e-4 of the peak where the linear model is off by 2 % and the law moves k by 40 %."""
-    for system, answers in (warm, conducting):
-        q = surrogate.reduce_quadratic(system, POWER, data=datasets(answers))
-        found = errors(q.model, answers)
-        assert max(mean for _, mean in found.values()) < 5e-4
-        # in the first nanoseconds, where the linear basis is coarsest: measured 2.0e-3, and the reference has 5e-5
-        assert max(worst for worst, _ in found.values()) < 2.5e-3
-        assert errors(q.linear.model, answers)["pulse"][1] > 0.02
-        assert q.residual < 5e-4 * 150
-        assert q.order == q.linear.order
-        assert q.provenance["power_W"] == POWER
+def test_with_k_of_T_the_error_is_below_the_published_one_at_every_time(conducting):
+    system, answers = conducting
+    q = surrogate.reduce_quadratic(system, POWER)
+    assert 145 < q.model.largest_rise < 167
+    assert worst(q.model, answers) < PUBLISHED
+    assert worst(q.linear.model, answers) > 0.05
+    wave = th.SquareWave(POWER, 1e-6, 1 / 3)
+    exact = system.periodic_response(wave, 101)
+    assert np.abs(q.model.periodic_response(wave, 101) - exact).max() < PUBLISHED * exact.max()
 
 
-def test_quadratic_reduction_without_data(warm, conducting):
-    """What is left is of third order in the rise: measured 7e-4 with k(T), 1.4e-3 with c_p(T), 1.3 times as margin."""
-    for (system, answers), limit in ((warm, 1.9e-3), (conducting, 9e-4)):
+def test_with_c_of_T_what_is_left_is_of_third_order(warm):
+    """The linear model is off by some e, of second order in the rise; of the third order only a part is kept."""
+    system, answers = warm
+    q = surrogate.reduce_quadratic(system, POWER)
+    assert worst(q.model, answers) < worst(q.linear.model, answers) ** 2
+    assert q.static_error < worst(q.linear.model, answers) ** 2
+
+
+def test_the_steady_states_at_half_and_at_full_power_are_those_of_the_full_order(warm, conducting):
+    for system, _ in (warm, conducting):
         q = surrogate.reduce_quadratic(system, POWER)
-        assert max(mean for _, mean in errors(q.model, answers).values()) < limit
-        assert q.static_error < 4 * limit  # and the steady state is where the third order is largest
+        for power in (POWER / 2, POWER):
+            # the field at full power is in the basis; that at half power but for what a second one would add
+            assert q.model.steady_rise(power) == pytest.approx(system.steady_rise(power)[0], rel=1e-5)
+        field = q.basis @ q.model.steady_state(POWER)[:-1]
+        assert field == pytest.approx(system.steady_state(POWER), rel=0, abs=1e-6 * field.max())
+        between = 0.75 * POWER
+        error = q.model.steady_rise(between) / system.steady_rise(between)[0] - 1
+        assert q.static_error == pytest.approx(abs(error), rel=1e-6)
         assert q.model.largest_rise == pytest.approx(system.steady_rise(POWER)[0])
+        assert q.provenance == {
+            "method": "quadratic Galerkin reduction",
+            "power_W": POWER,
+            "static_error": q.static_error,
+        }
+
+
+def test_the_linear_part_is_the_certified_reduction_or_better(conducting):
+    """More vectors of a Galerkin basis never make a symmetric transfer function worse at real frequencies."""
+    system, _ = conducting
+    q = surrogate.reduce_quadratic(system, POWER)
+    exact = th.model.foster(system.linear).step_response(LOG)
+    # |error of the step| is not bounded by that of Z(f), but is of its size
+    assert np.abs(q.model.step_response(LOG) - exact).max() < q.linear.tolerance * exact.max()
+    assert q.model.thermal_resistance == pytest.approx(system.thermal_resistance, rel=1e-9)
 
 
 def test_output_map_errs_by_less_than_three_per_mille_of_the_peak(warm, conducting):
     for system, answers in (warm, conducting):
         static = surrogate.output_map(system, POWER)
-        fitted = surrogate.fit_output_map(static.linear, datasets(answers))
-        for model in (static, fitted):
-            assert np.mean([mean for _, mean in errors(model, answers).values()]) < 3e-3
-        assert static.steady_rise(POWER) == pytest.approx(system.steady_rise(POWER)[0], rel=3e-3)
-        assert -1e-3 < static.coefficient < -1e-4  # conductivity of the oxide rises: it warms less than linearly
+        data = [th.dataset.build(DRIVES[n][1], answers[n], DRIVES[n][0]) for n in ("half", "pulse")]
+        for model in (static, surrogate.fit_output_map(static.linear, data)):
+            assert np.mean([e.mean() for e in errors(model, answers).values()]) < 3e-3
+        # least squares over two powers of (cubic - quadratic): below a tenth of the linear model's error there
+        assert static.steady_rise(POWER) == pytest.approx(system.steady_rise(POWER)[0], rel=0.1 * 0.07)
+        assert static.coefficient < 0  # conductivity of the oxide rises: it warms less than linearly
 
 
 def test_the_second_order_is_exact_at_small_power(warm):
     """(rise - R P)/(R P)^2 as P -> 0 is the first correction by the laws: no c_p in it, and no third order."""
-    system, power = warm[0], 1e-4
-    model = surrogate.reduce_quadratic(system, power, tolerance=1e-6).model
+    system, power = warm[0], 2.5e-5
+    model = surrogate.reduce_quadratic(system, 4 * power, tolerance=1e-6).model  # nothing is imposed at a quarter
     linear = system.thermal_resistance * power
     exact = (system.steady_rise(power)[0] - linear) / linear**2
-    # third order: 1e-3 /K x 0.4 K; the basis holds the linear static field, which first-order theory needs, exactly
+    # third order: 1e-3 /K x the 0.4 K of the whole; the basis holds the linear static field, which is all that
+    # first-order theory needs, exactly
     assert (model.steady_rise(power) - linear) / linear**2 == pytest.approx(exact, rel=2e-3)
 
 
@@ -94,27 +122,25 @@ def test_what_cannot_be_reduced_is_named(warm):
     system = warm[0]
     with pytest.raises(th.InputError, match="no laws of temperature"):
         surrogate.reduce_quadratic(system.linear, POWER)
-    with pytest.raises(th.InputError, match="power"):
-        surrogate.output_map(system, -1.0)
+    for make in (surrogate.reduce_quadratic, surrogate.output_map):
+        with pytest.raises(th.InputError, match="power"):
+            make(system, -1.0)
     two = replace(system, linear=replace(system.linear, C=np.vstack([system.linear.C] * 2), outputs=("core", "shell")))
     with pytest.raises(th.InputError, match="inputs"):
         surrogate.output_map(two, POWER)
-    wave = th.SquareWave(POWER, 1e-6, 0.5)
-    periodic = th.dataset.build(LOG, LOG, wave, periodic=True)
-    with pytest.raises(th.InputError, match="transients from rest"):
-        surrogate.reduce_quadratic(system, POWER, data=periodic)
     with pytest.raises(th.InputError, match="data is empty"):
         surrogate.fit_output_map(th.Foster(R=[1.0], tau=[1e-6]), [])
 
 
 def test_compare_judges_all_models_on_held_out_drives_of_the_nonlinear_fem(warm):
-    system, answers = warm
-    quadratic = surrogate.reduce_quadratic(system, POWER, data=datasets(answers))
+    system, _ = warm
+    quadratic = surrogate.reduce_quadratic(system, POWER)
     linear = quadratic.linear.model
     models = {"linear": linear, "output map": surrogate.output_map(system, POWER), "quadratic": quadratic.model}
-    drives = [th.Pulse(30e-3, 3e-6)]  # another power and another width than the training
-    judged = surrogate.compare(models, system, drives)
+    judged = surrogate.compare(models, system, [th.Pulse(30e-3, 3e-6)])
     error = judged.rms_relative.max("drive")
-    assert float(error.sel(model="quadratic")) < 3e-3
-    assert float(error.sel(model="output map")) < 1e-2
-    assert float(error.sel(model="linear")) > 2e-2
+    second = float(error.sel(model="linear"))
+    assert (
+        float(error.sel(model="output map")) < second / 2
+    )  # its dynamics are linear: a part of the second order stays
+    assert float(error.sel(model="quadratic")) < second**2
