@@ -21,11 +21,11 @@ ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
 TEXTS = [*PAGES, ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
-GUIDES = ("cosimulation", "coupled", "exports", "adding")
-RUN = [page for page in PAGES if page.parent.name == "tutorials" or page.stem in GUIDES]
-RUN.append(ROOT / "README.md")
 BLOCK = re.compile(r'(<!-- not run: [^>]*-->\n)?^```(\w+)(?: title="([^"]+)")?\n(.*?)^```', re.MULTILINE | re.DOTALL)
 NUMBER = re.compile(r"[+-]?\d+\.?\d*(?:e[+-]?\d+)?")
+RUN = [
+    page for page in TEXTS if any(language in ("python", "sh") for _, language, _, _ in BLOCK.findall(page.read_text()))
+]
 
 
 def blocks(page: Path) -> list[tuple[str, str, str]]:
