@@ -7,7 +7,7 @@ particle swarm of the paper can be put before it and then only picks the start.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -59,12 +59,12 @@ class Fit:
     model: Foster
     parameters: Mapping[str, float]
     standard_errors: Mapping[str, float]
-    correlations: Array
+    correlations: Array = field(repr=False)
     residual: float
     relative_residual: float
     training: tuple[str, ...]
     notes: tuple[str, ...] = ()
-    geometry: str | None = None
+    geometry: str | None = field(default=None, repr=False)
     swarm_residual: float | None = None
 
     def _repr_html_(self) -> str:

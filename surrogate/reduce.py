@@ -11,7 +11,7 @@ Dynamical Systems (SIAM, 2005), ch. 11. The bound is derived in `surrogate.certi
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -56,11 +56,11 @@ class Reduction:
 
     model: Foster | StateSpace
     error_bound: float
-    channel_bounds: Array
-    frequency: Array
-    bound: Array
-    basis: Array
-    shifts: Array
+    channel_bounds: Array = field(repr=False)
+    frequency: Array = field(repr=False)
+    bound: Array = field(repr=False)
+    basis: Array = field(repr=False)
+    shifts: Array = field(repr=False)
     tolerance: float
     solves: int
 

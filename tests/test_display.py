@@ -47,6 +47,22 @@ def test_a_fit_and_a_reduction_show_their_errors():
     assert "of R_th at every frequency" in words(surrogate.reduce(strip(smallest=0.3), 1e-3))
 
 
+def test_a_heat_problem_shows_what_can_be_heated_and_read():
+    heat = th.assemble(th.strip_ring())
+    text = words(heat)
+    assert "2508" in text
+    assert "substrate, box, cladding, core" in text
+    assert "<path" in text
+    assert repr(heat) == "HeatProblem('strip ring', 2508 unknowns, accuracy 0.001, heated core)"
+
+
+def test_no_result_fills_the_terminal():
+    rom = surrogate.reduce(strip(smallest=0.3), 1e-3)
+    data = th.dataset.build(TIMES, LINEAR.response(th.Constant(1e-3), TIMES), th.Constant(1e-3))
+    for shown in (rom, surrogate.fit_foster(data, order=2), LINEAR, th.assemble(th.strip_ring())):
+        assert len(repr(shown)) < 1200, type(shown)
+
+
 def test_the_picture_rises_from_the_left_to_the_right():
     points = words(LINEAR).split('points="')[1].split('"')[0].split()
     x, y = np.array([[float(v) for v in point.split(",")] for point in points]).T

@@ -57,6 +57,21 @@ class HeatProblem:
     discretization: Discretization
     accuracy: float
 
+    def __repr__(self) -> str:
+        size = f"{self.unknowns} unknowns, accuracy {self.accuracy:g}"
+        return f"HeatProblem({self.geometry.name!r}, {size}, heated {', '.join(self.heated)})"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        from ..display import card, section_card
+
+        rows = [
+            ("unknowns", f"{self.unknowns}"),
+            ("accuracy", f"{self.accuracy:g}"),
+            ("heated", ", ".join(self.heated)),
+        ]
+        return card("Heat problem", [*rows, ("can be read", ", ".join(self.readable))], section_card(self.geometry))
+
     @property
     def heated(self) -> tuple[str, ...]:
         """Names of the parts that may carry absorbed power."""
