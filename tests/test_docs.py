@@ -112,7 +112,7 @@ def test_every_python_block_compiles_and_every_link_leads_somewhere(page):
     for _, language, _, content in BLOCK.findall(text):
         if language == "python":
             compile(content, str(page), "exec")
-    for target in re.findall(r"\]\(([^)\s]+)\)", BLOCK.sub("", text)):
+    for target in re.findall(r"(?:\]\(|src=\")([^)\s\"]+)[)\"]", BLOCK.sub("", text)):
         if target.startswith("http"):
             continue
         path, _, anchor = target.partition("#")
