@@ -112,6 +112,8 @@ def test_degrees_celsius_have_an_offset(tmp_path):
         (GOOD.replace("1,1,1", "1,1"), {}, "line 3 = '1,1' is no row of 3 numbers"),
         (GOOD + "broken off", {}, "line 5 = 'broken off'"),
         (GOOD.replace("0,0,1", "0,293.15,1"), {}, "a temperature and no rise"),
+        (GOOD.replace("0,0,1", "0,293.15,1"), {"ambient": 20}, "begins at 273.15 K above ambient = 20"),
+        (GOOD, {"ambient": "293.15 K"}, "begins at -293.15 K above ambient"),
         (GOOD, {"start": "5 us"}, "leaves 0 rows"),
         (GOOD, {"start": "5"}, "start = '5' has no unit"),
         (GOOD.replace("1,1,1", "1,1,-1"), {}, "negative"),

@@ -37,7 +37,7 @@ STEEP = 0.5  # of the range of the power: a change by more within `EDGE_ROWS` in
 FLANK = 0.1  # of the range, in one interval: less is noise beside an edge
 EDGE_ROWS = 3
 EDGES = ("row", "middle")
-_ABSOLUTE = 100.0  # K; a record that begins above it is a temperature, not a rise
+_ABSOLUTE = 100.0  # K; a record that begins further from rest is a temperature, or its ambient is in another unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +118,8 @@ def read_csv(
     ------
     InputError
         no such file or table; a column that is missing (the nearest is named), without unit or with a wrong one;
-        an empty cell, or a time before its predecessor (the line is named); an absolute temperature without ambient.
+        an empty cell, or a time before its predecessor (the line is named); an absolute temperature without ambient, or
+        an ambient that is far from it.
     """
     path, given = Path(path), dict(units or {})
     for role in given:
@@ -131,9 +132,10 @@ def read_csv(
         watts = _numbers(table, "power", power, given) if isinstance(power, str) else None
         t, first = _clock(table, t, _scalar("start", start, "s"))
         wave = _wave(power) if watts is None else _sampled(t, watts[first:], edges, path.name)
-        if ambient is None and rise[first] > _ABSOLUTE:
+        if abs(rise[first]) > _ABSOLUTE:
+            above = "" if ambient is None else f" above ambient = {ambient!r}"
             raise InputError(
-                f"{temperature!r} begins at {rise[first]:g} K, which is a temperature and no rise; "
+                f"{temperature!r} begins at {rise[first]:g} K{above}, which is a temperature and no rise; "
                 'give the one at rest, ambient = "293.15 K"'
             )
     except InputError as error:
