@@ -21,24 +21,25 @@ def network(model: ThermalModel) -> Foster:
     Parameters
     ----------
     model : Foster or StateSpace
-        a StateSpace with at most 500 states and one channel; it is diagonalised, which changes nothing but the form.
+        at most 500 states; a StateSpace has one channel and is diagonalised, which changes nothing but the form.
 
     Raises
     ------
     InputError
-        a large StateSpace (the FEM itself), a model that is not linear, or one that is not passive.
+        a large model (the FEM itself), a model that is not linear, or one that is not passive.
     """
+    if isinstance(model, StateSpace | Foster) and model.order > LARGEST:
+        raise checks.InputError(
+            f"model is a system of {model.order} states, at most {LARGEST} can be integrated with the optics; "
+            "reduce it first (surrogate.reduce), or keep the FEM in the loop (coupled.cosimulate)"
+        )
     if isinstance(model, StateSpace):
-        if model.order > LARGEST:
-            raise checks.InputError(
-                f"model is a system of {model.order} states, at most {LARGEST} can be integrated with the optics; "
-                "reduce it first (surrogate.reduce), or keep the FEM in the loop (coupled.cosimulate)"
-            )
         model = foster(model)
     if not isinstance(model, Foster):
         raise checks.InputError(
-            f"model is a {type(model).__name__}; a linear thermal model is needed (thermofem.Foster or StateSpace), "
-            "such as surrogate.second_order(...) or the .model of a fit"
+            f"model is a {type(model).__name__}; a compact thermal model is needed (thermofem.Foster, StateSpace, "
+            "OutputMap or Quadratic), such as surrogate.second_order(...), the .model of a fit, or for k(T) "
+            "surrogate.reduce_quadratic(...).model; coupled.cosimulate takes the FEM itself"
         )
     if not model.passive or model.thermal_resistance <= 0:
         raise checks.InputError(

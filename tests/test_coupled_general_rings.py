@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import constants
+from test_coupled_kinds import BENT
 
 import coupled
 import surrogate
 import thermofem as th
 from coupled.equilibria import spectrum
-from coupled.equilibria.balance import Static
+from coupled.equilibria.static import Static
 from coupled.equilibria.steady import internal, kind_of
 from coupled.kernels import equations as eq
 
@@ -25,6 +26,7 @@ CASES = {
     "scattering": (replace(RING, loss_rate=2e9, scattering_rate=8e9), EXPERIMENT),
     "output map": (RING, MAPPED),
     "all of it": (replace(KERR, scattering_rate=5e9), MAPPED),
+    "quadratic": (replace(KERR, scattering_rate=5e9), BENT),
 }
 LASERS = [(2e-3, -20e9), (6.3e-3, 0.0), (5e-3, -32e9), (10e-3, 15e9)]
 
@@ -33,26 +35,25 @@ LASERS = [(2e-3, -20e9), (6.3e-3, 0.0), (5e-3, -32e9), (10e-3, 15e9)]
 @pytest.mark.parametrize(("power", "detuning"), LASERS)
 def test_fixed_points_rest_and_their_eigenvalues_are_those_of_the_differentiated_right_hand_side(case, power, detuning):
     ring, model = CASES[case]
-    found, at = coupled.steady_states(ring, model, power=power, detuning=detuning), internal(ring, model)
+    found, at = coupled.steady_states(ring, model, power=power, detuning=detuning), internal(ring, model, power)
     drive, shift = eq.internal_drive(ring, power), eq.internal_detuning(detuning)
     for branch in (found.isel(branch=k) for k in range(found.sizes["branch"])):
-        y = np.zeros(3 + at.thermal.poles.shape[1])
+        absorbed = float(branch.absorbed)
+        heat = model.steady_state(absorbed) if model is BENT else getattr(model, "linear", model).R * absorbed
+        y = np.concatenate([np.zeros(3), heat])
         U, y[2] = float(branch.energy) / eq.FJ, float(branch.carriers) / eq.DENSITY
-        y[3:] = at.thermal.poles[0] / at.thermal.poles[1] * float(branch.absorbed) / eq.UW
         gamma = at.rates.loss + at.rates.fca * y[2] + at.rates.tpa * U
         D = -at.rates.thermal_shift * float(branch.delta_T) - eq.dispersion(y[2], at.fcd)[0] - at.rates.kerr * U - shift
         a = 1j * drive / (gamma - 1j * D)
         y[0], y[1] = a.real, a.imag
         assert abs(a) ** 2 == pytest.approx(U, rel=1e-11, abs=0)
-        f = eq.right_hand_side(y, drive, shift, at.rates, at.fcd, at.thermal)
+        f = eq.right_hand_side(y, drive, shift, *at[1:4])
         assert np.abs(f[:2]).max() < 1e-11 * drive
-        assert np.all(np.abs(f[3:]) <= 1e-11 * at.thermal.poles[1] * y[3:])
+        assert np.all(np.abs(f[3:]) <= 1e-11 * np.abs(np.diag(eq.jacobian(y, shift, *at[1:4])))[3:] * y[3:].sum())
         J = np.empty((y.size, y.size))
         for j in range(y.size):
             h, unit = 1e-3 * abs(y[j]), np.eye(y.size)[j]
-            g = [
-                eq.right_hand_side(y + m * h * unit, drive, shift, at.rates, at.fcd, at.thermal) for m in (-2, -1, 1, 2)
-            ]
+            g = [eq.right_hand_side(y + m * h * unit, drive, shift, *at[1:4]) for m in (-2, -1, 1, 2)]
             J[:, j] = (g[0] - 8 * g[1] + 8 * g[2] - g[3]) / (12 * h)
         growth, _, regime = kind_of(np.linalg.eigvals(J))
         # as for the paper's ring: round-off of the differences, 3e-11 per ns, magnified up to 2e4 times
@@ -65,11 +66,11 @@ def test_fixed_points_rest_and_their_eigenvalues_are_those_of_the_differentiated
 @pytest.mark.parametrize("case", CASES)
 def test_followed_eigenvalues_and_curves(case):
     ring, model = CASES[case]
-    at = internal(ring, model)
-    z = spectrum.dense(1.0, -50.0, at.rates, at.fcd, at.thermal)
-    for U, D in [(2.0, -50.0), (5.0, 20.0), (20.0, -130.0), (22.0, 60.0)]:
+    at = internal(ring, model, 10e-3)
+    z = spectrum.dense(1.0, -50.0, *at[1:])
+    for U, D in [(2.0, -50.0), (5.0, 20.0), (20.0, -130.0), (22.0, 60.0)] if model is not BENT else []:
         assert spectrum.follow(z, spectrum.secular(U, at.rates, at.fcd, at.static), D, at.thermal.poles)
-        left = spectrum.dense(U, D, at.rates, at.fcd, at.thermal)
+        left = spectrum.dense(U, D, *at[1:])
         assert max(np.abs(left - value).min() for value in z) < 1e-10  # round-off of LAPACK, as for the paper's ring
     powers, detunings = np.geomspace(1e-3, 2e-2, 8), np.linspace(-60e9, 40e9, 9)
     points = [c.isel(point=k) for c in coupled.hopf_curves(ring, model, powers, detunings) for k in (1, 12)]
@@ -85,7 +86,7 @@ def test_followed_eigenvalues_and_curves(case):
                 np.array([float(curve.energy[k]) / eq.FJ]), at.rates, at.fcd, at.static
             )[[3, 4, 5], 0]
             D = shift - eq.internal_detuning(float(curve.detuning[k]))
-            values = spectrum.dense(float(curve.energy[k]) / eq.FJ, D, at.rates, at.fcd, at.thermal)
+            values = spectrum.dense(float(curve.energy[k]) / eq.FJ, D, *at[1:])
             assert np.abs(values).min() < 1e-9
             assert gamma > 0
 
@@ -112,11 +113,30 @@ def test_a_mapped_model_is_its_linear_one_where_the_map_is_flat():
     assert Static(1.0).curvature == 0
 
 
-def test_a_quadratic_model_is_refused_in_words():
-    eye = -1e7 * np.eye(2)
-    quadratic = th.Quadratic(A=eye, H=np.zeros((2, 2, 2)), G=np.zeros((2, 2)), B=[1e10, 1e10], C=[1.0, 1.0])
-    with pytest.raises(th.InputError, match="model is quadratic; fixed points"):
-        coupled.steady_states(RING, quadratic, power=1e-3)
+def test_the_static_rise_of_a_quadratic_model_is_its_own():
+    at = internal(RING, BENT, 20e-3)
+    rates = at.rates._replace(fca=0.0, tpa=0.0)  # P_abs = 2 absorbed U
+    powers = np.array([0.0, 1e-9, 3e-4, 7.7e-3, 20e-3])
+    U = powers / eq.UW / (2 * rates.absorbed)
+    rows = spectrum.fixed.balances(U, rates, at.fcd, at.static)
+    assert rows[2] == pytest.approx(BENT.steady_rise(powers), rel=1e-11, abs=1e-15)
+    h = 1e-3 * U[2:4]  # error h^4 of a function that bends on the scale of U
+    shifts = [spectrum.fixed.balances(U[2:4] + k * h, rates, at.fcd, at.static)[3] for k in (-2, -1, 1, 2)]
+    slope = (shifts[0] - 8 * shifts[1] + 8 * shifts[2] - shifts[3]) / (12 * h)
+    assert rows[4, 2:4] == pytest.approx(slope, rel=1e-9)
+
+
+def test_a_quadratic_model_without_steady_states_is_named():
+    """x' = -x + x^2 + P in units of 1e7/s and 1 K: at rest up to P = 1/4, and with a square root's end just there."""
+    model = th.Quadratic(A=[[-1e7]], H=[[[1e7]]], G=[[0.0]], B=[1e10], C=[1.0])  # 1 mW heats by 1 K
+    share = 43e9 / (2 * 43e9)  # of the power, what the ring can absorb at most
+    coupled.steady_states(RING, model, power=0.22e-3 / share)
+    with pytest.raises(th.InputError, match="near the end of its steady states"):
+        coupled.steady_states(RING, model, power=0.249999e-3 / share)
+    with pytest.raises(th.InputError, match="has no steady state there"):
+        coupled.stability_map(RING, model, [0.1e-3, 0.6e-3], [-1e9, 0.0])
+    found = coupled.pulsing_map(RING, model, [0.1e-3, 0.6e-3], [-1e9, 0.0], duration=1e-6)
+    assert (found.regime == "stable").all()  # as little is absorbed as leaves it at rest
 
 
 def without_heat(lifetime):

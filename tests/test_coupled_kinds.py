@@ -6,10 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from models import MODELS, coarse_warm_fem
 from scipy.integrate import solve_ivp
 from test_coupled_equations import RING, SECOND_ORDER, state
+from test_sindy_quadratic import WAVES, dataset, known
 
 import coupled
+import surrogate
 import thermofem as th
 from coupled import Method
 from coupled.kernels import equations as eq
@@ -98,6 +101,39 @@ def test_a_quadratic_model_without_its_quadratic_part_is_the_network():
     assert a.sizes == b.sizes
     # round-off, grown as in the splitting of poles
     assert b.carriers.values == pytest.approx(a.carriers.values, rel=1e-6)
+
+
+CONTRACT = {name: model for name, model in MODELS.items() if not name.startswith("fem,") or name == "fem, reduced"} | {
+    "fem with k(T), reduced": lambda: surrogate.reduce_quadratic(coarse_warm_fem(), 38e-3).model,
+    "polynomial SINDy": lambda: surrogate.fit_sindy_quadratic([dataset(wave) for wave in WAVES], **known()).model,
+}
+
+
+@pytest.mark.parametrize("name", sorted(CONTRACT.keys() - {"fem"}))
+def test_every_compact_model_of_the_contract_goes_all_the_way(name):
+    model = CONTRACT[name]()
+    end = coupled.simulate(RING, model, power=0.4e-3, duration=200e-6).isel(time=-1)  # twenty slowest time constants
+    rest = coupled.steady_states(RING, model, power=0.4e-3)
+    assert rest.regime.values == ["stable"]
+    for quantity in ("energy", "carriers", "delta_T", "absorbed"):
+        assert float(end[quantity]) == pytest.approx(float(rest[quantity][0]), rel=1e-6)  # rtol of the run
+    powers, detunings = [2e-3, 6.31e-3], [-20e9, -10e9, 0.0, 10e9]
+    by_rate = coupled.stability_map(RING, model, powers, detunings)
+    by_time = coupled.pulsing_map(RING, model, powers, detunings, duration=10e-6)
+    assert (by_time.regime != "failed").all()
+    if name != "newton":  # whose pulses may stand beside a stable point
+        assert not ((by_time.regime == "self-pulsing") & (by_rate.regime == "stable")).any()
+    assert not ((by_time.regime == "stable") & (by_rate.regime == "self-pulsing")).any()
+    for curve in coupled.hopf_curves(RING, model, powers, [-20e9, 10e9])[:1]:
+        point = curve.isel(point=curve.sizes["point"] // 2)
+        at = coupled.steady_states(RING, model, power=float(point.power), detuning=float(point.detuning))
+        assert np.abs(at.growth_rate).min() < 1e-6 * 2 * np.pi * float(point.frequency)
+
+
+@pytest.mark.parametrize("name", ["fem", "fem, diagonalised", "fem, k(T) and c_p(T)"])
+def test_the_fem_itself_is_sent_elsewhere(name):
+    with pytest.raises(th.InputError, match=r"coupled\.cosimulate"):
+        coupled.steady_states(RING, MODELS[name](), power=1e-3)
 
 
 def test_models_that_cannot_be_integrated_say_why():

@@ -13,7 +13,7 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.equilibria import balance, spectrum, steady
-from coupled.equilibria.balance import Static
+from coupled.equilibria.static import Static
 from coupled.kernels import equations as eq
 
 RING = coupled.borghi2021()
@@ -67,13 +67,12 @@ def test_fixed_point_at_8_dbm_on_resonance(validated):
     N = 1.990834
     U, D = (np.array([v]) for v in (18.740013, -128.149671))
     rates, fcd = eq.internal_rates(RING)
-    values = spectrum.dense(U[0], D[0], rates, fcd, eq.internal_thermal(EXPERIMENT))
+    R = Static(EXPERIMENT.thermal_resistance * eq.UW)
+    values = spectrum.dense(U[0], D[0], rates, fcd, eq.internal_thermal(EXPERIMENT), R)
     values = sorted(values[values.imag >= 0], key=lambda v: -v.real)
     assert values[1] == pytest.approx(-0.00580991, rel=2e-6, abs=0)  # half a unit of the last digit, and U's
     assert values[2] == pytest.approx(-112.08 + 128.18j, abs=0.005 * 2**0.5)
-    assert balance.balances(U, rates, fcd, Static(EXPERIMENT.thermal_resistance * eq.UW))[0, 0] == pytest.approx(
-        N, rel=3e-7
-    )
+    assert balance.balances(U, rates, fcd, R)[0, 0] == pytest.approx(N, rel=3e-7)
 
 
 @given(
@@ -235,12 +234,12 @@ def test_eigenvalues_followed_from_a_neighbour_are_the_dense_ones(poles):
     rates, fcd = eq.internal_rates(RING)
     model = EXPERIMENT if poles == 2 else th.Foster(R=np.full(poles, 7e3 / poles), tau=np.geomspace(1e-9, 9e-6, poles))
     thermal, R = eq.internal_thermal(model), Static(model.thermal_resistance * eq.UW)
-    z = spectrum.dense(1.0, -50.0, rates, fcd, thermal)
+    z = spectrum.dense(1.0, -50.0, rates, fcd, thermal, R)
     for U, D in [(2.0, -50.0), (5.0, 0.0), (20.0, -130.0), (22.0, 60.0), (9.0, 180.0), (0.01, 2000.0)]:
         if not spectrum.follow(z, spectrum.secular(U, rates, fcd, R), D, thermal.poles):
             assert D == 0  # heat and light apart: two zeros may fall on one pole, which their sum tells
-            z = spectrum.dense(U, D, rates, fcd, thermal)
-        left = list(spectrum.dense(U, D, rates, fcd, thermal))
+            z = spectrum.dense(U, D, rates, fcd, thermal, R)
+        left = list(spectrum.dense(U, D, rates, fcd, thermal, R))
         for value in z:
             near = min(left, key=lambda w: abs(w - value))
             # LAPACK is backward stable: 1e-15 of the norm (300 to 2000 per ns) absolute, grown by condition ~10.

@@ -1,6 +1,6 @@
 """Fixed points of ring and heat as compiled functions: all follows from the energy U and the detuned D in closed form.
 
-    k = tau0 g U^2:       b N^2 + (1 - a k) N - k = 0,        z = R_th P_abs(U, N),       gamma = gamma(U, N)
+    k = tau0 g U^2:       b N^2 + (1 - a k) N - k = 0,        dT = dT(P_abs(U, N)),     gamma = gamma(U, N)
     shift(U) = -thermal_shift dT - S(N) - kerr U             the resonance's own shift, with D = shift - detuning
     drive^2  = U (gamma^2 + D^2)
 
@@ -18,23 +18,18 @@ Internal units as in `equations`.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..kernels import equations
 from ..kernels.compiling import compiled, forget_if_older, inlined
 from ..kernels.equations import Array, Rates, absorbed_power, dispersion
+from . import static
+from .static import rise
 
 SPACING = 0.02  # of s, in the search for turning points; pairs of them closer than this are found by their slope
 CLOSE = 4e-16  # relative width at which a bracket has no floating-point number left inside
-
-
-class Static(NamedTuple):
-    """Heat at rest: dT = z + curvature z^2, z = R P_abs."""
-
-    R: float  # K/uW
-    curvature: float = 0.0  # 1/K
 
 
 class Balance(NamedTuple):
@@ -50,7 +45,7 @@ class Balance(NamedTuple):
 
 
 @inlined
-def balance(U: float, rates: Rates, fcd: Array, heat: Static) -> Balance:
+def balance(U: float, rates: Rates, fcd: Array, heat: Any) -> Balance:
     """Return the fixed point of energy ``U``."""
     k = rates.tau0 * rates.g * U * U
     p = 1.0 - rates.a * k
@@ -59,9 +54,8 @@ def balance(U: float, rates: Rates, fcd: Array, heat: Static) -> Balance:
     N_slope = 2.0 * rates.tau0 * rates.g * U * (1.0 + rates.a * N) / root
     gamma = rates.loss + rates.fca * N + rates.tpa * U
     gamma_slope = rates.fca * N_slope + rates.tpa
-    z = heat.R * absorbed_power(U, N, rates)
-    z_slope = heat.R * 2.0 * (rates.absorbed + rates.fca * (N + N_slope * U) + 2.0 * rates.tpa * U)
-    dT, dT_slope = z + heat.curvature * z * z, z_slope * (1.0 + 2.0 * heat.curvature * z)
+    dT, by_heat = rise(absorbed_power(U, N, rates), heat)
+    dT_slope = by_heat * 2.0 * (rates.absorbed + rates.fca * (N + N_slope * U) + 2.0 * rates.tpa * U)
     S, S_slope = dispersion(N, fcd)
     shift = -rates.thermal_shift * dT - S - rates.kerr * U
     shift_slope = -rates.thermal_shift * dT_slope - S_slope * N_slope - rates.kerr
@@ -69,7 +63,7 @@ def balance(U: float, rates: Rates, fcd: Array, heat: Static) -> Balance:
 
 
 @compiled
-def balances(U: Array, rates: Rates, fcd: Array, heat: Static) -> Array:
+def balances(U: Array, rates: Rates, fcd: Array, heat: Any) -> Array:
     """Return the fields of `Balance` as rows, shape (7, n), for the energies ``U``, shape (n,)."""
     out = np.empty((7, U.size))
     for j in range(U.size):
@@ -80,7 +74,7 @@ def balances(U: Array, rates: Rates, fcd: Array, heat: Static) -> Array:
 
 
 @compiled
-def energy(s: float, drive: float, rates: Rates, fcd: Array, heat: Static) -> float:
+def energy(s: float, drive: float, rates: Rates, fcd: Array, heat: Any) -> float:
     """Return U with U gamma(U)^2 = drive^2/cosh^2 s: Newton in log U, kept within a bracket."""
     target = 2.0 * (math.log(drive) - math.log(math.cosh(s)))
     high = target - 2.0 * math.log(rates.loss)  # gamma >= loss
@@ -104,7 +98,7 @@ def energy(s: float, drive: float, rates: Rates, fcd: Array, heat: Static) -> fl
 
 
 @compiled
-def tilted(s: float, drive: float, rates: Rates, fcd: Array, heat: Static) -> tuple[float, float, float, float]:
+def tilted(s: float, drive: float, rates: Rates, fcd: Array, heat: Any) -> tuple[float, float, float, float]:
     """Return U, D, detuning and d(detuning)/ds of the tilted resonance at ``s``."""
     U = energy(s, drive, rates, fcd, heat)
     at = balance(U, rates, fcd, heat)
@@ -115,7 +109,7 @@ def tilted(s: float, drive: float, rates: Rates, fcd: Array, heat: Static) -> tu
 
 
 @compiled
-def reach(detuning: float, drive: float, rates: Rates, fcd: Array, heat: Static) -> float:
+def reach(detuning: float, drive: float, rates: Rates, fcd: Array, heat: Any) -> float:
     """Return an s beyond which, on either side, the tilted resonance is farther off than ``detuning`` (rad/ns)."""
     U = energy(0.0, drive, rates, fcd, heat)
     top = balance(U, rates, fcd, heat)
@@ -124,7 +118,7 @@ def reach(detuning: float, drive: float, rates: Rates, fcd: Array, heat: Static)
 
 
 @compiled
-def _slope_zero(left: float, right: float, drive: float, rates: Rates, fcd: Array, heat: Static) -> float:
+def _slope_zero(left: float, right: float, drive: float, rates: Rates, fcd: Array, heat: Any) -> float:
     """Return the s between two of opposite slope where the slope vanishes, by bisection."""
     sign = tilted(left, drive, rates, fcd, heat)[3] > 0.0
     while right - left > CLOSE * (1.0 + abs(left)):
@@ -139,7 +133,7 @@ def _slope_zero(left: float, right: float, drive: float, rates: Rates, fcd: Arra
 
 
 @compiled
-def _flattest(left: float, right: float, drive: float, rates: Rates, fcd: Array, heat: Static) -> float:
+def _flattest(left: float, right: float, drive: float, rates: Rates, fcd: Array, heat: Any) -> float:
     """Return the s of the smallest |slope| between two, by golden section; stops where the slope changes sign."""
     golden = 0.6180339887498949
     sign = tilted(left, drive, rates, fcd, heat)[3] > 0.0
@@ -162,7 +156,7 @@ def _flattest(left: float, right: float, drive: float, rates: Rates, fcd: Array,
 
 
 @compiled
-def turning_points(s_end: float, drive: float, rates: Rates, fcd: Array, heat: Static) -> Array:
+def turning_points(s_end: float, drive: float, rates: Rates, fcd: Array, heat: Any) -> Array:
     """Return -s_end, every s between where detuning(s) turns, and s_end, in increasing order."""
     n = math.ceil(2.0 * s_end / SPACING) + 1
     s = np.linspace(-s_end, s_end, n)
@@ -189,7 +183,7 @@ def turning_points(s_end: float, drive: float, rates: Rates, fcd: Array, heat: S
 
 @compiled
 def crossing(
-    left: float, right: float, detuning: float, drive: float, rates: Rates, fcd: Array, heat: Static
+    left: float, right: float, detuning: float, drive: float, rates: Rates, fcd: Array, heat: Any
 ) -> tuple[float, float]:
     """Return U and D where a monotone piece of the tilted resonance meets ``detuning``; Newton kept in the bracket."""
     falling = tilted(left, drive, rates, fcd, heat)[2] > detuning
@@ -212,7 +206,7 @@ def crossing(
 
 
 @compiled
-def fixed_points(detuning: float, drive: float, rates: Rates, fcd: Array, heat: Static, pieces: Array) -> Array:
+def fixed_points(detuning: float, drive: float, rates: Rates, fcd: Array, heat: Any, pieces: Array) -> Array:
     """Return every fixed point as columns (U, D), shape (2, m), in the order of s; ``pieces`` by `turning_points`."""
     out, count = np.empty((2, pieces.size - 1)), 0
     above = tilted(pieces[0], drive, rates, fcd, heat)[2] > detuning
@@ -225,5 +219,6 @@ def fixed_points(detuning: float, drive: float, rates: Rates, fcd: Array, heat: 
     return out[:, :count]
 
 
-for kernel in (balances, energy, tilted, reach, turning_points, crossing, fixed_points):
+for kernel in (balance, balances, energy, tilted, reach, turning_points, crossing, fixed_points):
     forget_if_older(kernel, equations.__file__)
+    forget_if_older(kernel, static.__file__)

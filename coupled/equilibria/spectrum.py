@@ -17,17 +17,19 @@ Source of the iteration: Aberth, Mathematics of Computation 27, 339 (1973). Inte
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba.extending import overload
 from numpy.typing import NDArray
 
-from ..kernels import equations
+from ..kernels import equations, kinds
 from ..kernels.compiling import compiled, forget_if_older, inlined
 from ..kernels.equations import Array, Rates, absorbed_power, dispersion
-from ..kernels.kinds import Network
+from ..kernels.kinds import Quadratic, order, rest
 from . import balance as fixed
-from .balance import Static
+from . import static as statics
+from .static import bend
 
 Complex = NDArray[np.complex128]
 
@@ -50,14 +52,14 @@ class Secular(NamedTuple):
 
 
 @inlined
-def secular(U: float, rates: Rates, fcd: Array, static: Static) -> Secular:
+def secular(U: float, rates: Rates, fcd: Array, static: Any) -> Secular:
     """Return the coefficients at the fixed point of energy ``U``; none depends on D."""
     at = fixed.balance(U, rates, fcd, static)
     N = at.N
     saturation = 1.0 + rates.a * N
     rho = (1.0 + rates.b * N * (2.0 + rates.a * N)) / (rates.tau0 * saturation * saturation)
     made = 4.0 * rates.g * U * U
-    lift = 1.0 + 2.0 * static.curvature * static.R * absorbed_power(U, N, rates)
+    lift = bend(absorbed_power(U, N, rates), static)
     heat = lift * 4.0 * rates.thermal_shift * (rates.absorbed + rates.fca * N + 2.0 * rates.tpa * U) * U
     return Secular(
         at.gamma,
@@ -72,7 +74,7 @@ def secular(U: float, rates: Rates, fcd: Array, static: Static) -> Secular:
 
 
 @compiled
-def seculars(U: Array, rates: Rates, fcd: Array, static: Static) -> Array:
+def seculars(U: Array, rates: Rates, fcd: Array, static: Any) -> Array:
     """Return the fields of `Secular` as rows, shape (8, n)."""
     out = np.empty((8, U.size))
     for j in range(U.size):
@@ -83,20 +85,28 @@ def seculars(U: Array, rates: Rates, fcd: Array, static: Static) -> Array:
 
 
 @compiled
-def state(U: float, D: float, rates: Rates, fcd: Array, thermal: Network) -> tuple[Array, float]:
+def state(U: float, D: float, rates: Rates, fcd: Array, thermal: Any, static: Any) -> tuple[Array, float]:
     """Return the state at the fixed point, turned so that the field is real, and its detuning."""
-    poles = thermal.poles
-    at = fixed.balance(U, rates, fcd, Static(np.sum(poles[0] / poles[1]), thermal.curvature))
-    y = np.empty(3 + poles.shape[1])
+    at = fixed.balance(U, rates, fcd, static)
+    y = np.empty(3 + order(thermal))
     y[0], y[1], y[2] = np.sqrt(U), 0.0, at.N
-    y[3:] = poles[0] / poles[1] * absorbed_power(U, at.N, rates)
+    rest(absorbed_power(U, at.N, rates), thermal, y)
     return y, at.shift - D
 
 
 @compiled
-def dense(U: float, D: float, rates: Rates, fcd: Array, thermal: Network) -> Complex:
+def warmth(U: Array, rates: Rates, fcd: Array, thermal: Any, static: Any) -> Array:
+    """Return the thermal states at the fixed points of the energies ``U``, shape (m, n)."""
+    out = np.empty((U.size, order(thermal)))
+    for j in range(U.size):
+        out[j] = state(U[j], 0.0, rates, fcd, thermal, static)[0][3:]
+    return out
+
+
+@compiled
+def dense(U: float, D: float, rates: Rates, fcd: Array, thermal: Any, static: Any) -> Complex:
     """Return the eigenvalues of the Jacobian, shape (3 + n,), in 1/ns, by a dense factorization."""
-    y, detuning = state(U, D, rates, fcd, thermal)
+    y, detuning = state(U, D, rates, fcd, thermal, static)
     return np.linalg.eigvals(equations.jacobian(y, detuning, rates, fcd, thermal).astype(np.complex128))
 
 
@@ -150,18 +160,31 @@ def follow(z: Complex, c: Secular, D: float, poles: Array) -> bool:
     return largest < GOOD and abs(total - trace) < GOOD * abs(trace)
 
 
+def _again(z: Complex, U: float, D: float, rates: Rates, fcd: Array, thermal: Any, static: Any) -> Any:
+    """Move ``z`` as `follow` does and return whether it can be trusted; never for a quadratic model."""
+
+
+@overload(_again, strict=False)
+def _again_of(z: Any, U: Any, D: Any, rates: Any, fcd: Any, thermal: Any, static: Any) -> Any:
+    def network(z: Complex, U: float, D: float, rates: Rates, fcd: Array, thermal: Any, static: Any) -> bool:
+        return bool(follow(z, secular(U, rates, fcd, static), D, thermal.poles))
+
+    def quadratic(z: Complex, U: float, D: float, rates: Rates, fcd: Array, thermal: Any, static: Any) -> bool:
+        return False
+
+    return quadratic if thermal.instance_class is Quadratic else network
+
+
 @compiled
-def survey(detunings: Array, drive: float, rates: Rates, fcd: Array, thermal: Network) -> Array:
+def survey(detunings: Array, drive: float, rates: Rates, fcd: Array, thermal: Any, static: Any) -> Array:
     """Return what linear stability says at one power, shape (4, m) for ``detunings`` in rad/ns, shape (m,).
 
     Rows: number of fixed points, number of stable ones, and of the least unstable fixed point the largest real part of
     its eigenvalues (1/ns) and the angular frequency that goes with it (rad/ns, 0 if real).
     """
-    poles = thermal.poles
-    static = Static(np.sum(poles[0] / poles[1]), thermal.curvature)
     s_end = fixed.reach(np.max(np.abs(detunings)), drive, rates, fcd, static)
     pieces = fixed.turning_points(s_end, drive, rates, fcd, static)
-    near = np.empty((pieces.size, 3 + poles.shape[1]), dtype=np.complex128)  # eigenvalues last seen on each branch
+    near = np.empty((pieces.size, 3 + order(thermal)), dtype=np.complex128)  # eigenvalues last seen on each branch
     known = np.zeros(pieces.size, dtype=np.bool_)
     out = np.zeros((4, detunings.size))
     for j in range(detunings.size):
@@ -172,8 +195,8 @@ def survey(detunings: Array, drive: float, rates: Rates, fcd: Array, thermal: Ne
             U, D = points[0, k], points[1, k]
             branch = k if points.shape[1] > 1 or D > 0.0 else pieces.size - 1
             z = near[branch]
-            if not known[branch] or not follow(z, secular(U, rates, fcd, static), D, poles):
-                z[:] = dense(U, D, rates, fcd, thermal)
+            if not known[branch] or not _again(z, U, D, rates, fcd, thermal, static):
+                z[:] = dense(U, D, rates, fcd, thermal, static)
             known[branch] = True
             first = z[np.argmax(z.real)]
             if first.real < 0.0:
@@ -184,6 +207,7 @@ def survey(detunings: Array, drive: float, rates: Rates, fcd: Array, thermal: Ne
     return out
 
 
-for kernel in (seculars, dense, follow, survey):
+for kernel in (secular, seculars, state, warmth, dense, follow, survey):
     forget_if_older(kernel, equations.__file__)
-    forget_if_older(kernel, fixed.__file__)
+    for module in (fixed, statics, kinds):
+        forget_if_older(kernel, str(module.__file__))

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofem import checks
 from thermofem.model import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring
@@ -20,8 +19,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from ..kernels.equations import Rates
-    from ..kernels.kinds import Network
-    from .balance import Static
+    from ..kernels.kinds import Network, Quadratic
+    from .static import Curve, Static
 
 Array = NDArray[np.float64]
 
@@ -32,7 +31,7 @@ def steady_states(
     """Return every fixed point at one power and detuning, and whether it is stable.
 
         P = U (gamma^2 + D^2)/(2 gamma_e),     D = -(w0/n0) [(dn/dT) dT + S(N)] - 2 pi detuning
-        b N^2 + (1 - a k) N - k = 0,  k = tau0 g_TPA U^2;     dT = R_th P_abs(U, N)
+        b N^2 + (1 - a k) N - k = 0,  k = tau0 g_TPA U^2;     dT = R_th P_abs(U, N), or what the model says at rest
 
     For an energy U all but the laser is explicit. The fixed points of one power are then one smooth curve, the tilted
     resonance, which is cut at its turning points into pieces that hold a detuning at most once: none is missed. Their
@@ -42,7 +41,7 @@ def steady_states(
     ----------
     ring : RingResonator
     model : ThermalModel
-        a Foster network, a StateSpace with at most 500 states, or an OutputMap over one.
+        as for `simulate`: a Foster network, a StateSpace with at most 500 states, an OutputMap over one, or Quadratic.
     power : float, W
         in the bus waveguide, larger than 0.
     detuning : float, Hz
@@ -60,10 +59,12 @@ def steady_states(
     Raises
     ------
     InputError
-        power or detuning out of range, or a model that is not linear, small and passive.
+        power or detuning out of range, or a model that is not small, not passive, or without a steady state at the
+        power.
 
     Tested against the cubic of a ring without two-photon absorption: energies to 1e-10, and all three fixed points down
-    to 1e-9 beyond the detuning at which bistability begins.
+    to 1e-9 beyond the detuning at which bistability begins. The static rise of a quadratic model is a Chebyshev series
+    through its steady states, exact to 1e-12.
 
     Source: Borghi et al., Opt. Express 29, 4363 (2021), Eqs. 1 and 2.1-2.5, with 2 gamma_e in drive and drop.
 
@@ -86,7 +87,7 @@ def steady_states(
     check_ring(ring)
     check_power(power)
     check_detuning(detuning)
-    at = internal(ring, model)
+    at = internal(ring, model, absorbable(ring, power))
     drive, shift = eq.internal_drive(ring, power), eq.internal_detuning(detuning)
     rest = (drive, at.rates, at.fcd, at.static)
     U, D = balance.fixed_points(shift, *rest, balance.turning_points(balance.reach(shift, *rest), *rest))
@@ -102,28 +103,35 @@ def steady_states(
 class Internal(NamedTuple):
     """A ring and its heat in internal units."""
 
-    model: Any  # Foster, or OutputMap over one
+    model: Any  # as `compact` returns it
     rates: Rates
     fcd: Array
-    thermal: Network
-    static: Static
+    thermal: Network | Quadratic
+    static: Static | Curve
 
 
-def internal(ring: RingResonator, model: ThermalModel) -> Internal:
-    """Resolve ring and thermal model, or raise InputError for one whose fixed points are not explicit in the energy."""
+def internal(ring: RingResonator, model: ThermalModel, largest: float) -> Internal:
+    """Resolve ring and thermal model, whose static rise is wanted up to ``largest``, the absorbed power in W."""
     from ..kernels import equations as eq
-    from .balance import Static
+    from .static import Static, curve
 
     small = compact(model)
-    if hasattr(small, "H"):
-        raise checks.InputError(
-            "model is quadratic; fixed points and stability take linear models and an OutputMap over one "
-            "(simulate and pulsing_map take quadratic ones too)"
-        )
     rates, fcd = eq.internal_rates(ring)
-    R = float(getattr(small, "linear", small).thermal_resistance) * eq.UW
-    thermal: Any = eq.internal_thermal(small)
-    return Internal(small, rates, fcd, thermal, Static(R, float(getattr(small, "coefficient", 0))))
+    static: Static | Curve
+    if hasattr(small, "H"):
+        static = curve(small, largest)
+    else:
+        R = float(getattr(small, "linear", small).thermal_resistance) * eq.UW
+        static = Static(R, float(getattr(small, "coefficient", 0)))
+    return Internal(small, rates, fcd, eq.internal_thermal(small), static)
+
+
+def absorbable(ring: RingResonator, power: float) -> float:
+    """The most that a ring can absorb of a bus power in W: what it does when it absorbs as much as leaves otherwise.
+
+    P_abs = 2 own U <= 4 gamma_e own P/(own + other)^2 <= gamma_e P/other, with other = gamma_e + gamma_d + gamma_s.
+    """
+    return power * ring.bus_rate / (ring.linear_rate - ring.loss_rate)
 
 
 def observables(ring: RingResonator, at: Internal, U: Array, D: Array, powers: Array) -> dict[str, Any]:
@@ -132,7 +140,7 @@ def observables(ring: RingResonator, at: Internal, U: Array, D: Array, powers: A
     from . import balance, spectrum
 
     N, _, dT, _, _, gamma, _ = balance.balances(np.ascontiguousarray(U), at.rates, at.fcd, at.static)
-    found = [kind_of(spectrum.dense(u, d, at.rates, at.fcd, at.thermal)) for u, d in zip(U, D, strict=True)]
+    found = [kind_of(spectrum.dense(u, d, *at[1:])) for u, d in zip(U, D, strict=True)]
     coupling, dropped = 2 * ring.bus_rate * eq.NS, 2 * ring.drop_bus_rate * eq.NS
     return {
         "energy": U * eq.FJ,

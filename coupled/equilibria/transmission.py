@@ -12,7 +12,7 @@ from thermofem.model import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring
 from ..resonator import RingResonator
-from .steady import Internal, internal, observables, provenance
+from .steady import Internal, absorbable, internal, observables, provenance
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -65,9 +65,9 @@ def transmission(
     from . import balance
 
     check_ring(ring)
-    at = internal(ring, model)
-    rest = (at.rates, at.fcd, at.static)
     P, nu = _ends("power", power), _ends("detuning", detuning)
+    at = internal(ring, model, absorbable(ring, P[-1]))
+    rest = (at.rates, at.fcd, at.static)
     if (P.size, nu.size) == (1, 2):
         drive = eq.internal_drive(ring, P[0])
         end = balance.reach(2 * np.pi * eq.NS * float(np.abs(nu).max()), drive, *rest)
@@ -127,10 +127,12 @@ def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike,
     wanted, nu = np.broadcast_arrays(np.asarray(drop, dtype=float), np.asarray(detuning, dtype=float))
     if not (np.all(np.isfinite(nu)) and np.all(wanted > 0) and np.all(wanted < 1)):
         raise checks.InputError(f"drop = {np.min(wanted):g} .. {np.max(wanted):g} W must lie between 0 and 1 W")
-    at = internal(ring, model)
     if ring.drop_bus_rate == 0:
         raise checks.InputError(f"ring {ring.name!r} has no drop port")
     U = wanted.ravel() / (2 * ring.drop_bus_rate) / eq.FJ
+    rates, fcd = eq.internal_rates(ring)
+    N = balance.balances(U, rates, fcd, balance.static.Static(0.0))[0]
+    at = internal(ring, model, float(eq.absorbed_power.py_func(U, N, rates).max()) * eq.UW)
     shift, gamma = balance.balances(U, at.rates, at.fcd, at.static)[[3, 5]]
     D = shift - 2 * np.pi * eq.NS * nu.ravel()
     return np.asarray(U * (gamma**2 + D**2) / eq.internal_drive(ring, 1.0) ** 2).reshape(wanted.shape)
@@ -177,7 +179,7 @@ def sweep(
     for name, values, check in (("power", P, check_power), ("detuning", nu, check_detuning)):
         for k, value in enumerate(values):
             check(value, f"{name}[{k}]" if values.size > 1 else name)
-    at = internal(ring, model)
+    at = internal(ring, model, absorbable(ring, float(P.max())))
     rest = (at.rates, at.fcd, at.static)
     steps = max(P.size, nu.size)
     P, nu = np.broadcast_to(P, steps), np.broadcast_to(nu, steps)
@@ -234,7 +236,7 @@ def _stable(point: Array, at: Internal) -> bool:
     """Whether a fixed point (U, D) is stable."""
     from . import spectrum
 
-    return bool(spectrum.dense(point[0], point[1], at.rates, at.fcd, at.thermal).real.max() < 0)
+    return bool(spectrum.dense(point[0], point[1], *at[1:]).real.max() < 0)
 
 
 def _ends(name: str, value: float | ArrayLike) -> Array:

@@ -39,7 +39,9 @@ class Quadratic(NamedTuple):
 
 
 Thermal = Network | Quadratic
-_OPTIONS = {"error_model": "numpy", "fastmath": {"contract", "reassoc", "nsz", "arcp"}}
+SHARES, NEWTON_STEPS = 8, 12  # of the power, one after the other, and to each
+ROUGH, TINY = 1e-2, 1e-300
+OPTIONS = {"error_model": "numpy", "fastmath": {"contract", "reassoc", "nsz", "arcp"}}
 
 
 def _chosen(thermal: Any, poles: Body, network: Body, quadratic: Body) -> Body:
@@ -65,11 +67,19 @@ def flow(y: Array, heat: float, thermal: Any, out: Array) -> Any:
     """Write dx/dt under the power ``heat`` to out[3:]."""
 
 
+def order(thermal: Any) -> Any:
+    """Return the number of thermal states."""
+
+
+def rest(heat: float, thermal: Any, out: Array) -> Any:
+    """Write the states at rest under the power ``heat`` to out[3:], of a quadratic model on the branch from zero."""
+
+
 def spread(y: Array, heat: float, by_heat: Any, by_dT: Any, thermal: Any, out: Array) -> Any:
     """Fill the Jacobian ``out`` outside its first 3 x 3 block from dP_abs/d(Re a, Im a, N) and d(optics)/d(dT)."""
 
 
-@overload(read, jit_options=_OPTIONS, strict=False)
+@overload(read, jit_options=OPTIONS, strict=False)
 def _read(y: Any, thermal: Any) -> Body:
     def network(y: Array, thermal: Any) -> float:
         z = 0.0
@@ -86,7 +96,7 @@ def _read(y: Any, thermal: Any) -> Body:
     return _chosen(thermal, network, network, quadratic)
 
 
-@overload(lift, jit_options=_OPTIONS, strict=False)
+@overload(lift, jit_options=OPTIONS, strict=False)
 def _lift(z: Any, thermal: Any) -> Body:
     def straight(z: float, thermal: Any) -> tuple[float, float]:
         return z, 1.0
@@ -97,7 +107,7 @@ def _lift(z: Any, thermal: Any) -> Body:
     return _chosen(thermal, straight, bent, straight)
 
 
-@overload(weigh, jit_options=_OPTIONS, strict=False)
+@overload(weigh, jit_options=OPTIONS, strict=False)
 def _weigh(k: Any, thermal: Any) -> Body:
     def network(k: Array, thermal: Any) -> float:
         total = 0.0
@@ -114,7 +124,7 @@ def _weigh(k: Any, thermal: Any) -> Body:
     return _chosen(thermal, network, network, quadratic)
 
 
-@overload(flow, jit_options=_OPTIONS, strict=False)
+@overload(flow, jit_options=OPTIONS, strict=False)
 def _flow(y: Any, heat: Any, thermal: Any, out: Any) -> Body:
     def bare(y: Array, heat: float, thermal: Any, out: Array) -> None:
         for i in range(3, y.size):
@@ -138,7 +148,54 @@ def _flow(y: Any, heat: Any, thermal: Any, out: Any) -> Body:
     return _chosen(thermal, bare, network, quadratic)
 
 
-@overload(spread, jit_options=_OPTIONS, strict=False)
+@overload(order, jit_options=OPTIONS, strict=False)
+def _order(thermal: Any) -> Body:
+    def bare(thermal: Any) -> int:
+        return int(thermal.shape[1])
+
+    def network(thermal: Any) -> int:
+        return int(thermal.poles.shape[1])
+
+    def quadratic(thermal: Any) -> int:
+        return int(thermal.C.size)
+
+    return _chosen(thermal, bare, network, quadratic)
+
+
+@overload(rest, jit_options=OPTIONS, strict=False)
+def _rest(heat: Any, thermal: Any, out: Any) -> Body:
+    def bare(heat: float, thermal: Any, out: Array) -> None:
+        for i in range(thermal.shape[1]):
+            out[3 + i] = thermal[0, i] / thermal[1, i] * heat
+
+    def network(heat: float, thermal: Any, out: Array) -> None:
+        for i in range(thermal.poles.shape[1]):
+            out[3 + i] = thermal.poles[0, i] / thermal.poles[1, i] * heat
+
+    def quadratic(heat: float, thermal: Any, out: Array) -> None:
+        n = thermal.C.size
+        J, f = np.empty((n, n)), np.empty(3 + n)
+        out[3:] = 0.0
+        for share in range(1, SHARES + 1):
+            P, before = heat * share / SHARES, np.inf
+            for _ in range(NEWTON_STEPS):
+                flow(out, P, thermal, f)
+                for i in range(n):
+                    for j in range(n):
+                        J[i, j] = thermal.A[i, j] + P * thermal.G[i, j]
+                        for m in range(n):
+                            J[i, j] += 2.0 * thermal.H[i, j, m] * out[3 + m]
+                change = np.linalg.solve(J, f[3:])
+                out[3:] -= change
+                size = np.abs(change).max() / max(np.abs(out[3:]).max(), TINY)
+                if size <= ROUGH if share < SHARES else (size < 1e-8 and size >= 0.5 * before) or size == 0.0:
+                    break  # near enough for the next share; at the last one, where round-off stops it
+                before = size
+
+    return _chosen(thermal, bare, network, quadratic)
+
+
+@overload(spread, jit_options=OPTIONS, strict=False)
 def _spread(y: Any, heat: Any, by_heat: Any, by_dT: Any, thermal: Any, out: Any) -> Body:
     def bare(y: Array, heat: float, by_heat: Any, by_dT: Any, thermal: Any, out: Array) -> None:
         for j in range(3, y.size):

@@ -134,12 +134,11 @@ def pulsing_map(
             journal.add(jobs[job], [list(cell) for cell in job.result()])
             advance()
     rows = [[_Cell(*cell) for cell in journal.rows[k]] for k in range(len(grid.rows))]
-    if not hasattr(small, "H"):  # whose fixed points are not known
-        stable = stable_points(small, grid)
-        rows = [
-            [_checked(cell, n) for cell, n in zip(row, points, strict=True)]
-            for row, points in zip(rows, stable, strict=True)
-        ]
+    stable = stable_points(small, grid)
+    rows = [
+        [_checked(cell, n) for cell, n in zip(row, points, strict=True)]
+        for row, points in zip(rows, stable, strict=True)
+    ]
     columns = {name: [[getattr(cell, name) for cell in row] for row in rows] for name in _Cell._fields}
     variables: dict[str, Any] = {
         name: (grid.names, np.array(columns[name]), dataset.describe(name))

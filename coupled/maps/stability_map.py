@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from thermofem import checks
 from thermofem.model import ThermalModel
 
-from ..equilibria.steady import Internal, internal, provenance
+from ..equilibria.steady import Internal, absorbable, internal, provenance
 from ..resonator import RingResonator
 from .grid import Grid, Point, grid_of
 
@@ -38,7 +39,7 @@ def stability_map(
     ----------
     ring : RingResonator
     model : ThermalModel
-        a Foster network, a StateSpace with at most 500 states, or an OutputMap over one.
+        as for `simulate`; the eigenvalues of a quadratic one are dense at every point, which takes longer.
     powers : array, shape (n,), W
         in the bus waveguide, larger than 0, increasing.
     detunings : array, shape (m,), Hz
@@ -58,7 +59,7 @@ def stability_map(
     ------
     InputError
         a power or detuning out of range or not increasing, an unknown name, not two axes, or a model that is not
-        linear (or an OutputMap), small and passive.
+        small, or not passive, or without a steady state at the powers.
 
     Where a limit cycle exists beside a stable point (a subcritical Hopf bifurcation, common with Newton's law), a ring
     switched on from cold may pulse although the point counts as stable here; `pulsing_map` integrates.
@@ -70,7 +71,7 @@ def stability_map(
     from thermofem import dataset
 
     grid = grid_of(ring, powers, detunings, vary)
-    at = internal(ring, model)
+    at = _internal(model, grid)
     fixed, stable, growth, omega = survey_grid(at, grid)
     names = np.array(["self-pulsing", "stable", "bistable"])
     over = grid.names
@@ -86,8 +87,18 @@ def stability_map(
 
 
 def stable_points(model: ThermalModel, grid: Grid) -> NDArray[np.int64]:
-    """Numbers of stable fixed points at the points of a grid."""
-    return np.asarray(survey_grid(internal(grid.rows[0][0][0], model), grid)[1].astype(int))
+    """Numbers of stable fixed points at the points of a grid; -1 where a quadratic model does not reach as far."""
+    try:
+        at = _internal(model, grid)
+    except checks.InputError:
+        return np.full([axis.size for axis in grid.axes], -1)
+    return np.asarray(survey_grid(at, grid)[1].astype(int))
+
+
+def _internal(model: ThermalModel, grid: Grid) -> Internal:
+    """The first ring and the model, with heat at rest up to what any point of the grid can absorb."""
+    largest = max(absorbable(ring, power) for row in grid.rows for ring, power, _ in row)
+    return internal(grid.rows[0][0][0], model, largest)
 
 
 def survey_grid(at: Internal, grid: Grid) -> Array:
@@ -98,12 +109,14 @@ def survey_grid(at: Internal, grid: Grid) -> Array:
     from ..equilibria import spectrum
     from ..kernels import equations as eq
 
-    thermal = at.thermal._replace(poles=_heated_poles(at.thermal.poles))
+    thermal: Any = at.thermal
+    if hasattr(thermal, "poles"):
+        thermal = thermal._replace(poles=_heated_poles(thermal.poles))
 
     def part(points: list[Point]) -> Array:
         ring, power, _ = points[0]
         shifts = 2 * np.pi * eq.NS * np.array([nu for _, _, nu in points])
-        return spectrum.survey(shifts, eq.internal_drive(ring, power), *eq.internal_rates(ring), thermal)
+        return spectrum.survey(shifts, eq.internal_drive(ring, power), *eq.internal_rates(ring), thermal, at.static)
 
     def row(points: list[Point]) -> Array:
         if all(ring is points[0][0] and power == points[0][1] for ring, power, _ in points):
