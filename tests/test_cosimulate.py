@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from models import coarse_fem, coarse_warm_fem
+from models import coarse_fem, coarse_warm_fem, quadratic
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh
@@ -134,8 +134,8 @@ def _monolithic():
 
 @pytest.mark.parametrize(
     "predictor",
-    [None, NETWORK, surrogate.newton(tau_th=275e-9), th.OutputMap(NETWORK, -4e-4), coupled.NO_PREDICTOR],
-    ids=["own", "second order", "newton", "output map", "none"],
+    [None, NETWORK, surrogate.newton(tau_th=275e-9), th.OutputMap(NETWORK, -4e-4), quadratic(), coupled.NO_PREDICTOR],
+    ids=["own", "second order", "newton", "output map", "quadratic", "none"],
 )
 def test_any_predictor_gives_the_same_answer(predictor):
     system, drive = coarse_fem(), {"power": MW, "duration": 0.3e-6, "rtol": 1e-7}
@@ -173,6 +173,16 @@ def test_k_of_T_in_the_loop():
     rise = run.delta_T.values[some]
     assert rise == pytest.approx(alone, rel=0, abs=5e-4)
     assert np.abs(rise - linear).max() > 1.5e-3  # so that it is seen
+
+
+def test_a_quadratic_reduction_predicts_k_of_T():
+    """It knows what the linear reduction leaves to the second pass."""
+    system, drive = coarse_warm_fem(), {"power": 0.1, "duration": 40e-9, "tolerance": 5e-4}
+    model = surrogate.reduce_quadratic(system, 0.01).model
+    run, linear = (coupled.cosimulate(RING, system, predictor=p, **drive) for p in (model, None))
+    assert run.attrs["passes"] == run.attrs["windows"]
+    assert linear.attrs["passes"] > linear.attrs["windows"]
+    assert np.interp(linear.time, run.time, run.delta_T) == pytest.approx(linear.delta_T.values, rel=0, abs=1e-3)
 
 
 def test_k_of_T_is_the_linear_problem_where_the_light_is_weak():
