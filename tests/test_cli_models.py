@@ -55,6 +55,7 @@ def test_validate_trains_every_model_on_a_geometry(folder):
     assert rows[reduction].split("│")[3].strip() == "0.1 to 10"
     assert "within 10%: Foster, trained (5) suffices (5 states)" in done.stdout
     assert f"within 1%: {reduction} suffices (14 states)" in done.stdout
+    assert "strip ring: square waves of 2 mW, 33% duty, against its FEM" in done.stdout
     assert "the same at every power" in done.stdout
     assert (folder / "ring.png").read_bytes().startswith(b"\x89PNG")
 

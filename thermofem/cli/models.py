@@ -158,23 +158,27 @@ def _validate_geometry(
     figure = output or Path("period_error.png")
     check_outputs([figure], inputs=[path], images=[figure])
     expect(path, "geometry")
+    geometry = CrossSection.from_toml(path)
     with working("solving, training every kind of model, judging"):
-        found = judge(CrossSection.from_toml(path), accuracy=accuracy, periods=periods, power=watts, duty=duty)
-    _draw_curves(found.curves, figure)
+        found = judge(geometry, accuracy=accuracy, periods=periods, power=watts, duty=duty)
+    of = f"{geometry.name}: square waves of {watts * 1e3:g} mW, {duty:.0%} duty, against its FEM"
+    _draw_curves(found.curves, figure, of)
     console = Console()
-    console.print(table(found))
+    console.print(table(found, of))
     for line in advice(found):
         console.print(line)
     console.print(f"wrote {figure}")
 
 
-def _draw_curves(curves: Mapping[str, xr.Dataset], figure: Path) -> None:
-    """Error over period of several models."""
+def _draw_curves(curves: Mapping[str, xr.Dataset], figure: Path, of: str = "") -> None:
+    """Error over period of several models, and what of."""
     from surrogate.plot import plot_period_error
 
     from ..plot import save_figure
 
-    save_figure(plot_period_error(curves), figure)
+    ax = plot_period_error(curves)
+    ax.set_title("\n".join([*filter(None, [of]), ax.get_title(loc="left")]), fontsize="small", loc="left")
+    save_figure(ax, figure)
 
 
 def simulate(

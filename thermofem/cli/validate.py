@@ -89,11 +89,11 @@ def against_power(heat: HeatProblem, core: str) -> dict[str, float] | None:
     return limits
 
 
-def table(found: Judged) -> Table:
-    """Models against the periods over which they can be trusted."""
+def table(found: Judged, of: str = "") -> Table:
+    """Models against the periods over which they can be trusted, under the words ``of``."""
     from rich.table import Table
 
-    shown = Table("model", "states", "within 1 % (µs)", "within 10 % (µs)", "largest error")
+    shown = Table("model", "states", "within 1 % (µs)", "within 10 % (µs)", "largest error", title=of or None)
     for name, curve in found.curves.items():
         largest = float(np.max(np.abs(curve["relative_error"].values)))
         words = f"{float(f'{100 * largest:.2g}'):g} %" if np.isfinite(largest) else "no such period"
