@@ -26,7 +26,6 @@ from .certificate import Certificate, Indices, Projection, certify, certify_defe
 
 Array = NDArray[np.float64]
 
-SYMMETRY = 1e-9  # allowed difference of a matrix from its transpose: assembly leaves round-off
 MOST = 300  # columns of the basis before a tolerance counts as out of reach
 ROOM = 32  # columns that the basis has room for at first
 PROMISING = 10.0  # the full certificate is worked out once one shift alone comes this near to the tolerance
@@ -118,13 +117,13 @@ def reduce(system: StateSpace, tolerance: float = 1e-4) -> Reduction:
     Raises
     ------
     InputError
-        no StateSpace, matrices that are not symmetric or not definite, or a tolerance out of reach.
+        a model of another kind, matrices that are not symmetric or not definite, or a tolerance out of reach.
 
     >>> rom = reduce(assemble(strip_ring()).system, tolerance=1e-4)
     >>> rom.error_bound < 1e-4
     True
     """
-    checks.has("system", system, "E", "A", "B", "C", hint="a StateSpace is needed, such as heat.system")
+    check_matrices(system)
     found = project(system, tolerance)
     projection, certificate = found.projection, found.certificate
     shape = (found.read.size, found.heated.size)
@@ -171,6 +170,15 @@ class Projected:
     def pairs(self) -> tuple[Indices, Indices]:
         """The two ports of each channel, outputs slowest."""
         return np.repeat(self.read, self.heated.size), np.tile(self.heated, self.read.size)
+
+
+def check_matrices(system: StateSpace) -> None:
+    """Raise InputError unless ``system`` is a StateSpace."""
+    if not isinstance(system, StateSpace):
+        raise checks.InputError(
+            f"a {type(system).__name__} cannot be reduced: give the StateSpace of a heat problem (heat.system); "
+            "fewer poles from a model come from surrogate.fit_foster on its step response"
+        )
 
 
 def project(system: StateSpace, tolerance: float) -> Projected:
@@ -356,10 +364,7 @@ def _parts(system: StateSpace) -> tuple[Any, Any, Array, Indices, Indices]:
 
     K, M = -csr_matrix(system.A), csr_matrix(system.E)
     for name, matrix in (("E", M), ("A", K)):
-        if abs(matrix - matrix.T).max() > SYMMETRY * abs(matrix).max():
-            raise checks.InputError(
-                f"{name} is not symmetric; this reduction and its bound need the matrices of heat flow"
-            )
+        checks.symmetric(name, matrix, hint="this reduction and its bound need the matrices of heat flow")
     ports: list[Array] = []
     where: list[int] = []
     for column in (*np.asarray(system.B, dtype=float).T, *np.asarray(system.C, dtype=float)):

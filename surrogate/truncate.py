@@ -7,8 +7,10 @@ Done on a certified rational-Krylov reduction whose own certificate is added. In
 and as the system is symmetric both Gramians are X: its eigenvalues are the Hankel singular values sigma_i, its
 eigenvectors the balanced basis, and truncation is a Galerkin projection on the first of them. It keeps symmetry, so
 stability and, where the heated part is read, R_i >= 0. For one part |H - H_r| <= 2 sum of the sigma left out, with
-equality at s = 0. The static gain is then restored by one factor alpha = H(0)/H_r(0); |H_r| is at most the sum of its
-|R_i|, so this costs |alpha - 1| sum |R_i| more, which for one part is |H(0) - H_r(0)|:
+equality at s = 0. Between two parts the ports are scaled to the same static gain first, and the sigma back by the
+geometric mean of both, so that nothing depends on the units of B and C. The static gain is then restored by one factor
+alpha = H(0)/H_r(0); |H_r| is at most the sum of its |R_i|, so this costs |alpha - 1| sum |R_i| more, which for one part
+is |H(0) - H_r(0)|:
 
     |H - alpha H_r| <= certificate + 2 sum_(i > r) sigma_i + |alpha - 1| sum |R_i|.
 
@@ -26,7 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Foster, StateSpace, checks
 
-from .reduce import project
+from .reduce import check_matrices, project
 
 Array = NDArray[np.float64]
 
@@ -96,6 +98,7 @@ def balanced_truncation(system: StateSpace, order: int, *, tolerance: float = 1e
     InputError
         several channels, an order out of range, or what `reduce` refuses.
     """
+    check_matrices(system)
     if (len(system.inputs), len(system.outputs)) != (1, 1):
         raise checks.InputError(
             f"inputs {system.inputs} and outputs {system.outputs}: pick one of each with .channel(heated, read)"
@@ -106,8 +109,9 @@ def balanced_truncation(system: StateSpace, order: int, *, tolerance: float = 1e
     checks.between("order", order, 1, rate.size, hint="a smaller tolerance gives more to choose from")
     if order != int(order):
         raise checks.InputError(f"order = {order} must be a whole number")
-    sigma, U = np.linalg.eigh(F @ F.T / (rate[:, None] + rate))
-    sigma, U = np.maximum(sigma[::-1], 0), U[:, ::-1]
+    own = fine.projection.gain.diagonal()
+    sigma, U = np.linalg.eigh((F / own) @ F.T / (rate[:, None] + rate))
+    sigma, U = np.maximum(sigma[::-1], 0) * np.sqrt(own[heated] * own[read]), U[:, ::-1]
     kept, Z = np.linalg.eigh(U[:, :order].T @ (rate[:, None] * U[:, :order]))
     modes = U[:, :order] @ Z
     static = float(fine.projection.gain[heated, read])

@@ -104,3 +104,22 @@ def test_response_keeps_the_shape_of_the_times(model):
 def test_what_is_not_finite_is_refused(model, ask):
     with pytest.raises(th.InputError, match="not finite"):
         getattr(model, ask)([1e-6, np.nan])
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (
+            {"A": np.array([[-2.0, 0.5], [0.0, -1.0]])},
+            "A is not symmetric; only a symmetric system is a Foster network",
+        ),
+        ({"E": np.array([[2.0, 0.5], [0.0, 1.0]])}, "E is not symmetric"),
+        ({"E": np.diag([1.0, -1.0])}, "E is not positive definite"),
+        ({"A": np.diag([-1.0, 1.0])}, "must decay"),
+        ({"A": np.diag([-1.0, np.nan])}, "A is not symmetric"),
+    ],
+)
+def test_what_is_no_foster_network_is_not_diagonalised(change, reason):
+    system = th.StateSpace(**{"E": np.eye(2), "A": -np.eye(2), "B": np.ones((2, 1)), "C": np.ones((1, 2)), **change})
+    with pytest.raises(th.InputError, match=reason):
+        th.model.foster(system)

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+SYMMETRY = 1e-9  # of the largest entry, in which round-off may leave a matrix asymmetric
+
 
 class InputError(ValueError):
     """What the caller gave cannot be used; the message names the argument, the value, the rule and a hint."""
@@ -94,6 +96,12 @@ def choice(name: str, value: str, choices: Iterable[str], *, hint: str = "") -> 
     near = difflib.get_close_matches(str(value), known, n=1, cutoff=0.5)
     guess = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
     raise InputError(_line(f"{name} = {value!r} is unknown; {guess}", "", hint))
+
+
+def symmetric(name: str, matrix: Any, *, hint: str = "") -> None:
+    """Raise InputError unless a matrix, dense or sparse, is symmetric and finite but for what assembly leaves of it."""
+    if not abs(matrix - matrix.T).max() <= SYMMETRY * abs(matrix).max() < math.inf:
+        raise InputError(_line(f"{name} is not symmetric", "", hint))
 
 
 def _line(rule: str, unit: str, hint: str) -> str:

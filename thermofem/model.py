@@ -311,16 +311,22 @@ def foster(system: StateSpace) -> Foster:
     Raises
     ------
     InputError
-        more than 2000 states (reduce the FEM first), several channels, or a pole that does not decay.
+        more than 2000 states (reduce the FEM first), several channels, matrices that are not symmetric, E not positive
+        definite, or a pole that does not decay.
     """
-    from scipy.linalg import eigh
+    from scipy.linalg import LinAlgError, eigh
     from scipy.sparse import issparse
 
     if system.order > 2000:
         raise checks.InputError(f"a system of {system.order} states is too large to diagonalise; reduce it first")
     system._single()
     E, A = (m.toarray() if issparse(m) else np.asarray(m) for m in (system.E, system.A))
-    rate, modes = eigh(-A, E)
+    for name, matrix in (("E", E), ("A", A)):  # eigh reads one triangle
+        checks.symmetric(name, matrix, hint="only a symmetric system is a Foster network")
+    try:
+        rate, modes = eigh(-A, E)
+    except LinAlgError:
+        raise checks.InputError("E is not positive definite; every heat capacity must be positive") from None
     if rate[0] <= 0:
         raise checks.InputError(
             f"the slowest pole has rate {rate[0]:g} 1/s; every one must decay (is a boundary held?)"

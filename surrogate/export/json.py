@@ -181,13 +181,14 @@ def _read_output_map(content: Mapping[str, Any]) -> OutputMap:
 
 
 def _write_quadratic(model: Quadratic) -> dict[str, Any]:
+    _check_quadratic(model)
     arrays = {name: getattr(model, name).tolist() for name in ("A", "H", "G", "B", "C")}
     units = {"A": "1/s", "H": "1/(K s)", "G": "1/J", "B": "K/J", "C": "1", "largest_rise": "K"}
     return {**arrays, "largest_rise": model.largest_rise, "units": units}
 
 
 def _read_quadratic(content: Mapping[str, Any]) -> Quadratic:
-    return Quadratic(
+    model = Quadratic(
         A=content["A"],
         H=content["H"],
         G=content["G"],
@@ -197,6 +198,22 @@ def _read_quadratic(content: Mapping[str, Any]) -> Quadratic:
         outputs=_names(content, "outputs"),
         largest_rise=content.get("largest_rise"),
     )
+    _check_quadratic(model)
+    return model
+
+
+def _check_quadratic(model: Quadratic) -> None:
+    """Refuse a system that cools where it is heated, or whose H and G outweigh A and B at a rise of 1 mK already."""
+    static = model.thermal_resistance
+    if not static > 0:
+        raise checks.InputError(f"the static gain -C A^-1 B = {static:g} K/W is not positive: heat would cool it")
+    with np.errstate(all="ignore"):
+        try:
+            rise = float(model.steady_rise(1e-3 / static))
+        except (checks.InputError, np.linalg.LinAlgError):
+            rise = float("nan")
+    if not abs(rise - 1e-3) <= 0.01 * 1e-3:  # k and c_p of no solid change by 1 % over 1 mK
+        raise checks.InputError("H or G outweighs A at a rise of 1 mK; is a unit or an exponent wrong?")
 
 
 def _write_network(model: Network) -> dict[str, Any]:

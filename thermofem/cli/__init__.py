@@ -130,10 +130,10 @@ for command in (models.fit, models.reduce, models.validate):
     app.command(rich_help_panel=MODELS)(command)
 app.command(rich_help_panel=LIGHT)(models.simulate)
 app.command("map", rich_help_panel=LIGHT)(maps.map_)
-for command in (maps.stability, cosimulate):
-    app.command(rich_help_panel=LIGHT)(command)
-for command in (export, cite):
-    app.command(rich_help_panel=RESULTS)(command)
+app.command(rich_help_panel=LIGHT)(maps.stability)
+app.command(rich_help_panel=LIGHT)(cosimulate)
+app.command(rich_help_panel=RESULTS)(export)
+app.command(rich_help_panel=RESULTS)(cite)
 
 
 @app.command(rich_help_panel=RESULTS)
