@@ -480,10 +480,10 @@ def test_campaign_files_that_cannot_be_meant(change, words, tmp_path, threads):
 
 def test_what_the_docs_and_the_example_describe_can_be_read(tmp_path):
     root = Path(__file__).resolve().parents[1]
-    for name, target in (("geometry", "ring.toml"), ("campaigns", "campaign.toml")):
+    for name, target in (("geometry", "heater.toml"), ("campaigns", "campaign.toml")):
         text = (root / "docs" / f"{name}.md").read_text()
-        (tmp_path / target).write_text(re.findall(r"```toml\n(.*?)```", text, flags=re.DOTALL)[0])
-    ring = th.CrossSection.from_toml(tmp_path / "ring.toml")
+        (tmp_path / target).write_text(re.findall(r"```toml[^\n]*\n(.*?)```", text, flags=re.DOTALL)[0])
+    ring = th.CrossSection.from_toml(tmp_path / "heater.toml")
     assert ring.region_names == ("substrate", "box", "cladding", "core", "heater")
     campaign = th.Campaign.from_toml(tmp_path / "campaign.toml")
     assert len(campaign) == 100 * 5 * 2
