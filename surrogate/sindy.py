@@ -139,7 +139,7 @@ class SindyFit(Generic[Identified]):
 
 
 def fit_sindy(
-    data: xr.Dataset, static: Sequence[float], *, window: float | None = None, impose: bool = True
+    data: xr.Dataset, static: Sequence[float] | None = None, *, window: float | None = None, impose: bool = True
 ) -> SindyFit[Network]:
     """Identify a thermal network from the rises of the core and of shells around it.
 
@@ -149,7 +149,8 @@ def fit_sindy(
         delta_T (K) over time and probe, from rest, evenly sampled; the first probe is heated and read. A random
         telegraph over some tens of microseconds, sampled every 2 ns, works best.
     static : sequence of float, K/W
-        steady rise of each probe per watt, from one static solution each.
+        steady rise of each probe per watt, from one static solution each; default the data's own, which
+        `thermofem.solve` with several parts to read and campaigns write.
     window : float, s
         half width of the test functions; default 15 samples. Shorter keeps faster poles and more noise.
     impose : bool
@@ -168,7 +169,7 @@ def fit_sindy(
         pysindy or cvxpy cannot be loaded.
     """
     times, rise, wave, names = read_probes(data)
-    gains = checks.array("static", static)
+    gains = checks.array("static", data.attrs.get("thermal_resistances", ()) if static is None else static)
     if gains.size != rise.shape[1] or gains.min() <= 0:
         raise checks.InputError(f"static has {gains.size} values for {rise.shape[1]} probes; one positive K/W for each")
     step = float(times[1] - times[0])
@@ -286,7 +287,10 @@ def regress(
 def read_probes(data: xr.Dataset) -> tuple[Array, Array, Waveform, tuple[str, ...]]:
     """Times, rises (time, probe), drive and names of the probes."""
     if "delta_T" not in data or "probe" not in data["delta_T"].dims:
-        raise checks.InputError("data.delta_T has no probes; solve with read=(core, shell, ...)")
+        raise checks.InputError(
+            "data.delta_T has no probes: SINDy needs shells of oxide around the core beside it; describe them as "
+            "[[probe]] in the geometry and solve with read=('core', 'shell', ...), or --read core --read shell"
+        )
     if data.attrs.get("kind", "transient") != "transient" or "waveform" not in data.attrs:
         raise checks.InputError("data must be a transient from rest that carries its waveform")
     times = checks.array("data.time", data["time"].values, increasing=True)
@@ -298,7 +302,12 @@ def read_probes(data: xr.Dataset) -> tuple[Array, Array, Waveform, tuple[str, ..
     rise = np.asarray(data["delta_T"].transpose("time", "probe").values, dtype=float)
     if not np.all(np.isfinite(rise)) or np.any(np.ptp(rise, axis=0) <= 0):
         raise checks.InputError("a probe of data.delta_T does not move or is not finite")
-    return times, rise, from_json(data.attrs["waveform"]), tuple(str(p) for p in data["probe"].values)
+    names = tuple(str(p) for p in data["probe"].values)
+    if data.attrs.get("heated", names[0]) != names[0]:
+        raise checks.InputError(
+            f"the first probe is {names[0]!r}; it must be the heated part, {data.attrs['heated']!r}"
+        )
+    return times, rise, from_json(data.attrs["waveform"]), names
 
 
 def _equations(A: Array, b: Array, names: tuple[str, ...]) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from test_cli import thermofem
 
+import surrogate
 import thermofem as th
 
 
@@ -31,6 +32,41 @@ def test_fit_and_reduce_write_models(folder):
     )  # table of the trained parameters
     assert sum(pole["R"] for pole in fem["poles"]) == pytest.approx(7867.156, rel=1e-3)  # converged reference, accuracy
     assert fem["provenance"]["error_bound"] <= 1e-4
+
+
+SHELLS = """
+[[probe]]
+name = "near"
+part = "core"
+shell = "0.2 um"
+[[probe]]
+name = "far"
+part = "core"
+shell = "0.8 um"
+"""
+
+
+def test_fit_identifies_a_sindy_network_from_shells(folder):
+    (folder / "shells.toml").write_text(th.strip_ring().to_toml() + SHELLS)
+    drive = ["--square", "1 us", "--duration", "40 us", "--samples", "20001"]
+    reads = ["--read", "core", "--read", "near", "--read", "far"]
+    for arguments in (
+        ["solve", "shells.toml", *drive, *reads, "-o", "shells.nc"],
+        ["fit", "shells.nc", "--kind", "sindy", "-o", "sindy.json"],
+        ["validate", "sindy.json", "--reference", "fem.json", "-o", "sindy.nc"],
+    ):
+        done = thermofem(*arguments, cwd=folder)
+        assert done.returncode == 0, done.stderr
+        if arguments[0] == "fit":
+            assert [line.split("/")[0] for line in done.stdout.splitlines()[:3]] == ["dT[core]", "dT[near]", "dT[far]"]
+    model, fem = (surrogate.load_model(folder / name) for name in ("sindy.json", "fem.json"))
+    error = surrogate.compare({"": model.poles}, fem, surrogate.square_waves(), periods=[]).rms_relative
+    assert float(np.sqrt((error**2).mean())) < 0.05  # what three states may err by
+    backwards = ["--read", "near", "--read", "core"]
+    assert thermofem("solve", "shells.toml", *drive, *backwards, "-o", "other.nc", cwd=folder).returncode == 0
+    done = thermofem("fit", "other.nc", "--kind", "sindy", cwd=folder)
+    assert done.returncode == 2
+    assert "the first probe is 'near'; it must be the heated part, 'core'" in done.stderr
 
 
 def test_validate_states_the_range(folder):
@@ -102,6 +138,8 @@ def test_simulate_reads_a_ring_file(folder):
     [
         (["fit", "missing.nc"], "missing.nc does not exist"),
         (["fit", "square.nc", "--kind", "secondorder"], "did you mean 'second-order'"),
+        (["fit", "square.nc", "--kind", "sindy"], "[[probe]] in the geometry and solve"),
+        (["fit", "square.nc", "square.nc", "--kind", "sindy"], "2 files: a SINDy network is identified from one"),
         (["reduce", "--tolerance", "-1"], "tolerance"),
         (["validate", "second.json", "--reference", "square.nc"], "square.nc"),
         (["validate", "second.json"], "judged by a --reference"),

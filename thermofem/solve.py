@@ -130,15 +130,17 @@ def _dataset(
 ) -> xr.Dataset:
     """Trajectory and provenance in the schema of `thermofem.dataset`."""
     single = read is None or isinstance(read, str)
-    names = (read or heated,) if single else tuple(read or ())
+    names: tuple[str, ...] = (read or heated,) if single else tuple(read or ())  # type: ignore[assignment]
     data = dataset.build(
         run.times,
         run.outputs[:, 0] if single else run.outputs,
         wave,
         periodic=periodic,
-        read=names,  # type: ignore[arg-type]
-        attributes=_provenance(heat, run, heated, names[0] if single else heated, rtol),  # type: ignore[arg-type]
+        read=names,
+        attributes=_provenance(heat, run, heated, names[0] if single else heated, rtol),
     )
+    if not single:
+        data.attrs["thermal_resistances"] = [heat.thermal_resistance(heated, name) for name in names]
     if np.size(field_times):
         data = data.merge(fields(heat, run.snapshots, field_times), combine_attrs="override")
     return data

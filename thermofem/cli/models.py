@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 Out = Annotated[Path, typer.Option("--output", "-o", help="File to write.")]
 Figure = Annotated[Path | None, typer.Option(help="Also draw into this image.")]
-KINDS = ("newton", "second-order", "foster")
+KINDS = ("newton", "second-order", "foster", "sindy")
 
 
 def fit(
     data: Annotated[list[Path], typer.Argument(help="Training data (netCDF); several are weighted by their swing.")],
-    kind: Annotated[str, typer.Option(help="newton, second-order or foster.")] = "second-order",
+    kind: Annotated[str, typer.Option(help="newton, second-order, foster or sindy.")] = "second-order",
     order: Annotated[int, typer.Option(help="Number of poles of a Foster network.")] = 5,
     output: Out = Path("model.json"),
 ) -> None:
@@ -40,6 +40,9 @@ def fit(
     for path in data:
         expect(path, "data")
     training = [dataset.load(path) for path in data]
+    if kind == "sindy":
+        _fit_sindy(training, output)
+        return
     if kind == "newton":
         found = surrogate.fit_newton(training)
     elif kind == "second-order":
@@ -49,10 +52,28 @@ def fit(
     surrogate.save_model(found.model, output, provenance=found.provenance)
     for name, value in found.parameters.items():
         print(f"{name:>22} = {value:.4g} ± {found.standard_errors[name]:.1g}")
-    print(f"{'misfit':>22} = {found.residual:.3g} K rms, {100 * found.relative_residual:.2g} % of the swing")
+    _print_misfit(found)
     for note in found.notes:
         print(f"{'note':>22} : {note}")
     print(f"wrote {output}")
+
+
+def _fit_sindy(training: list[xr.Dataset], output: Path) -> None:
+    """Identify a network of the core and the shells around it, and print its equations."""
+    import surrogate
+
+    if len(training) > 1:
+        raise checks.InputError(f"{len(training)} files: a SINDy network is identified from one transient from rest")
+    found = surrogate.fit_sindy(training[0])
+    surrogate.save_model(found.model, output, provenance=found.provenance)
+    for equation in found.equations:
+        print(equation)
+    _print_misfit(found)
+    print(f"wrote {output}")
+
+
+def _print_misfit(found: Any) -> None:
+    print(f"{'misfit':>22} = {found.residual:.3g} K rms, {100 * found.relative_residual:.2g} % of the swing")
 
 
 def reduce(
