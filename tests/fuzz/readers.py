@@ -126,7 +126,7 @@ def seeds() -> dict[str, list[str]]:
         "model": [path.read_text() for path in paths],
         "table": [
             f"Time (us),Temperature (K)\n{rows}",
-            f"% COMSOL\n% Time (s)  Temperature (degC)\n{rows}".replace(",", "  "),
+            f"% COMSOL\n% Time (s)  Temperature (degC)\n{rows}".replace(",29", "  2"),
         ],
         "waveform": [th.waveforms.to_json(wave) for wave in waves],
         "quantity": ["450 nm", "8 dBm", "-10 GHz", "1.4 W/m/K", "293.15 K", "20 degC", "1e-8 m^2*K/W"],

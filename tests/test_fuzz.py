@@ -1,0 +1,37 @@
+"""The fuzzing of the readers (`make fuzz`) begins with files that are valid; a short round finds nothing."""
+
+from __future__ import annotations
+
+import importlib.util
+import random
+import warnings
+from pathlib import Path
+
+import pytest
+
+SCRIPT = Path(__file__).resolve().parent / "fuzz" / "readers.py"
+
+
+@pytest.fixture(scope="module")
+def readers():
+    spec = importlib.util.spec_from_file_location("readers", SCRIPT)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_what_is_edited_is_valid(readers):
+    files = readers.seeds()
+    assert files.keys() == readers.TARGETS.keys()
+    for name, texts in files.items():
+        for text in texts:
+            readers.TARGETS[name](text)
+
+
+def test_files_that_end_early_are_documented_errors(readers):
+    pick = random.Random(1)
+    for name, texts in readers.seeds().items():
+        for text in texts:
+            for _ in range(15):
+                with warnings.catch_warnings():
+                    readers.survives(name, text[: pick.randrange(len(text))], {})
