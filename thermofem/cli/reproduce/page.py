@@ -33,7 +33,7 @@ thead th { border-bottom: 2px solid var(--ink); }
 td:first-child { width: 27%; } td:nth-child(2) { min-width: 7rem; } .tight { white-space: nowrap; } section > h3 { margin-top: 2rem; }
 .where { display: block; color: var(--soft); font-size: .82rem; }
 .agrees { color: var(--blue); } .differs { color: var(--red); font-weight: 600; } .open { color: var(--soft); }
-data { font-variant-numeric: tabular-nums; } sub { line-height: 0; }
+data { font-variant-numeric: tabular-nums; } sub { line-height: 0; font-size: .78em; }
 nav { font-size: .9rem; margin: 1rem 0 0; } nav a { display: inline-block; margin: 0 1rem .3rem 0; }
 a { color: var(--blue); overflow-wrap: anywhere; }
 @media (max-width: 46rem) {

@@ -156,7 +156,9 @@ def period_points(results: Mapping[str, Result]) -> Axes:
         data = results["rings"].data[name]
         label = f"FEM-coupled ring, Q = {data.attrs['loaded_q']:.0f}"
         ax.plot(data["period"] * 1e6, data["error"] * 1e6, marker, color=colour, markersize=3.5, label=label)
-    ax.set(xlabel="period (µs)", ylabel="period error (µs, or share)", xlim=(0.2, 4.6), ylim=(-0.5, 2.0))
+    lowest = 1e6 * min(result["error"].values.min(initial=0) for result in results["rings"].data.values())
+    bottom = min(-0.5, lowest - 0.1)
+    ax.set(xlabel="period (µs)", ylabel="period error (µs, or share)", xlim=(0.2, 4.6), ylim=(bottom, 2.0))
     return _legend(ax)
 
 
