@@ -8,6 +8,7 @@ import subprocess
 import sys
 from functools import cache
 from pathlib import Path
+from time import process_time
 
 import numpy as np
 import pytest
@@ -385,6 +386,24 @@ def test_matrices_that_are_not_symmetric_are_refused():
     E, A = np.diag([1e-12, 2e-12]), -np.array([[1e-4, -9e-5], [0.0, 1e-4]])
     with pytest.raises(th.InputError, match="symmetric"):
         coupled.cosimulate(RING, th.StateSpace(E, A, np.eye(2)[:, :1], np.eye(2)[:1]), power=MW, duration=1e-8)
+
+
+def test_the_result_says_what_it_took():
+    """Passes, solves and CPU time of both sides; a simulated microsecond at 6145 unknowns costs 0.1 to 0.2 s where
+    0.5 s are asked."""
+    heat, drive = th.assemble(th.strip_ring(), 1e-4), {"power": MW, "tolerance": 1e-3}
+    coupled.cosimulate(RING, heat, duration=10e-9, **drive)  # compiles, and orders the matrix
+    begin = process_time()
+    run = coupled.cosimulate(RING, heat, duration=3e-6, **drive)
+    spent = process_time() - begin
+    said = run.attrs
+    assert said["fem_unknowns"] == heat.unknowns > 6000
+    assert said["passes"] == run.passes.sum()
+    assert said["windows"] == run.sizes["window"] == run.discrepancy.size
+    assert said["largest_discrepancy"] == run.discrepancy.max() <= 1e-3
+    assert said["fem_solves"] >= 5 * said["fem_steps"] > 0  # a solve for every stage
+    assert 0 < said["cpu_optics"] < said["cpu_corrector"]
+    assert said["cpu_optics"] + said["cpu_corrector"] < spent < 0.5 * 3
 
 
 def test_progress_reaches_the_end():
