@@ -11,7 +11,7 @@ from coupled.parameters import borghi2021 as paper
 from surrogate.ladder import shells
 
 from ...dataset import build
-from ...model import Foster
+from ...model import Foster, StateSpace
 from ...waveforms import Constant, Pulse, SquareWave
 from .heat_stages import PULSE, elements_of
 from .settings import HEATING
@@ -81,6 +81,13 @@ def drives(job: Job) -> Result:
             "newton_tau_s": newton.parameters["tau_th"],
             "newton_ratio": newton.parameters["heat_capacity_ratio"],
         }
+    fast = periodic(paper.SECOND_ORDER_FEM.tau_f)
+    newton = surrogate.fit_newton(fast)
+    numbers["fast"] = {
+        "misfit": newton.residual / float(np.ptp(fast["delta_T"].values)),
+        "newton_ratio": newton.parameters["heat_capacity_ratio"],
+    }
+    numbers["literal_swing_K"] = float(np.ptp(_literal().periodic_response(SquareWave(HEATING, 0.8e-6, 0.33), 301)))
     times = np.geomspace(1e-9, 100e-6, 200)
     step = cold(Constant(HEATING), times)
     steady = HEATING * model.thermal_resistance
@@ -92,6 +99,17 @@ def drives(job: Job) -> Result:
         float(np.max(np.abs(surrogate.fit_decay(times, decay, order=n)(times) - decay)) / steady) for n in range(1, 6)
     ]
     return Result(numbers)
+
+
+def _literal() -> StateSpace:
+    """Eq. 3 with the paper's FEM set as it stands in print, where m c_p does not divide dP/dt, which then does nothing.
+
+    Its two modes have opposite signs, which is no Foster network.
+    """
+    p = paper.SECOND_ORDER_FEM
+    fast, slow = 1 / p.tau_f, 1 / p.tau_s
+    gain = p.kappa / p.heat_capacity / (fast - slow)
+    return StateSpace(np.eye(2), -np.diag([fast, slow]), np.array([[-gain], [gain]]), np.ones((1, 2)))
 
 
 def periods(job: Job) -> Result:
