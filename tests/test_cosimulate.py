@@ -389,7 +389,7 @@ def test_matrices_that_are_not_symmetric_are_refused():
 
 
 def test_the_result_says_what_it_took():
-    """Passes, solves and CPU time of both sides; a simulated microsecond at 6145 unknowns costs 0.1 to 0.2 s where
+    """Passes, solves and CPU time of both sides; a simulated microsecond at 6253 unknowns costs 0.1 to 0.2 s where
     0.5 s are asked."""
     heat, drive = th.assemble(th.strip_ring(), 1e-4), {"power": MW, "tolerance": 1e-3}
     coupled.cosimulate(RING, heat, duration=10e-9, **drive)  # compiles, and orders the matrix
