@@ -258,8 +258,9 @@ def _line(role: str, name: str, unit: str) -> tuple[float, float]:
     if not unit:
         raise InputError(f'column {name!r} states no unit; give units = {{"{role}": ...}}, e.g. "{_EXAMPLES[role]}"')
     unit = unit.replace("°C", "degC").replace("µ", "u").replace("μ", "u")
-    split = re.match(r"\s*([0-9.]+(?:[eE][+-]?\d+)?)\s*(.*)$", unit)
+    split = re.match(r"\s*((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)$", unit)
     scale, bare = (float(split[1]), split[2]) if split else (1.0, unit)
+    checks.positive(f"{role}: factor of the unit {unit!r}", scale)
     at = [quantity.parse(f"{number!r} {bare}", si, name=f"{role}: unit of {name!r}") for number in (0.0, 1.0, 2.0)]
     if abs(at[2] - 2 * at[1] + at[0]) > 1e-9 * abs(at[1]):
         raise InputError(f"{role}: the unit {bare!r} of {name!r} is no straight scale; write the column in {si}")
