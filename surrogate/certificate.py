@@ -28,6 +28,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from thermofem.transient.krylov import symmetric_part
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
@@ -109,7 +111,7 @@ def certify(
         the two ports of each channel.
     """
     omega = _frequencies(projection, shifts)
-    grams = [_symmetric(projection.remainder.T @ w) for w in solutions]
+    grams = [symmetric_part(projection.remainder.T @ w) for w in solutions]
     a, b = pairs
     phi = _phi(projection, float(shifts[0]), solutions[0], grams[0], omega)
     bounds = []
@@ -136,7 +138,7 @@ def certify_defect(
     """
     omega, p = _frequencies(projection, projection.rate[-1:]), projection.ports.shape[1]
     columns = np.column_stack([projection.remainder, defect])
-    gram = _symmetric(columns.T @ np.column_stack([static(column) for column in columns.T]))
+    gram = symmetric_part(columns.T @ np.column_stack([static(column) for column in columns.T]))
     Y = projection.ports / (projection.rate[:, None] + 1j * omega[:, None, None])
     shares = np.concatenate([np.broadcast_to(np.eye(p), (omega.size, p, p)), -Y], axis=1)
     norm = np.sqrt(np.maximum(np.einsum("mia,ij,mja->ma", shares.conj(), gram, shares).real, 0))
@@ -169,7 +171,3 @@ def _phi(projection: Projection, shift: float, solution: Array, gram: Array, ome
     G = np.linalg.lstsq(gram, D, rcond=1e-13)[0]
     Y = projection.ports / (projection.rate[:, None] + 1j * omega[:, None, None])
     return np.asarray(np.eye(gram.shape[0]) - G @ Y, dtype=complex)
-
-
-def _symmetric(matrix: Array) -> Array:
-    return (matrix + matrix.T) / 2

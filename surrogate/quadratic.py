@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 from thermofem import Quadratic
 from thermofem.factor import factorize
 from thermofem.materials.laws import Law
+from thermofem.transient.krylov import symmetric_part
 from thermofem.transient.nonlinear import Lift, NonlinearSystem
 
 from .output_map import check_nonlinear
@@ -134,7 +135,7 @@ def _modes(system: NonlinearSystem, fields: Array) -> tuple[Array, Array]:
     kept = size > DEPENDENT * size[-1]
     V = fields @ (turn[:, kept] / np.sqrt(size[kept]))
     stiffness = -V.T @ (A @ V)
-    rate, Z = np.linalg.eigh((stiffness + stiffness.T) / 2)
+    rate, Z = np.linalg.eigh(symmetric_part(stiffness))
     return rate, V @ Z
 
 

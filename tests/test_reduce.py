@@ -9,7 +9,8 @@ from surrogate_systems import discretized, geometries, strip
 import surrogate
 import thermofem as th
 from surrogate.certificate import PER_DECADE, ROUND_OFF, certify
-from surrogate.reduce import _parts, _Space
+from surrogate.reduce import _parts
+from surrogate.space import Space
 
 GEOMETRIES = list(geometries(8))
 FREQUENCY = np.geomspace(1e3, 1e12, 50)
@@ -70,7 +71,7 @@ def test_each_shift_alone_gives_a_looser_bound_with_the_known_zeros():
     """After two rounds |Phi|^2 is the product over the shifts used and the Ritz values, whichever factor it is from."""
     system = strip(smallest=0.1)
     K, M, ports, *pairs = _parts(system)
-    space = _Space(K, M, ports, 1e-3)
+    space = Space(K, M, ports, 1e-3)
     for _ in range(8):
         space.extend(space.solve_next()[1])
     solutions = [space.solve(j) for j in range(space.shifts.size)]

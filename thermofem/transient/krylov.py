@@ -10,6 +10,7 @@ Source: A. Ruhe, Linear Algebra Appl. 58, 391 (1984).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,7 +61,7 @@ def krylov(system: StateSpace, cycles: int = CYCLES) -> Basis:
     refusal = "the system is none of heat flow: E and -A must be symmetric and positive definite"
     for name, matrix in (("E", M), ("A", K)):  # the factors take one triangle for both
         checks.symmetric(name, matrix, hint=refusal)
-    V = np.empty((system.order, 0))
+    V = MV = np.empty((system.order, 0))
     if cycles == 0:
         return Basis(np.empty(0), V, V.T @ B)
     static = factorize(K)
@@ -73,15 +74,50 @@ def krylov(system: StateSpace, cycles: int = CYCLES) -> Basis:
     shifts = np.geomspace(30 * (gain / content).min(), 300 * (slope / gain).max(), SHIFTS - 1)
     solvers = [static, *(factorize(K + s * M) for s in shifts)]
     for turn in range(SHIFTS * cycles):
-        rest = B - M @ (V @ (V.T @ B))
+        rest = B - MV @ (V.T @ B)
         W = np.column_stack([solvers[turn % SHIFTS](b) for b in rest.T])
-        W /= np.sqrt(np.einsum("ij,ij->j", W, M @ W))
-        for _ in range(2):  # once more removes what round-off left
-            W -= V @ (V.T @ (M @ W))
-        size, rotation = np.linalg.eigh(W.T @ (M @ W))
-        kept = size > 1e-16  # below, only round-off is left
-        V = np.column_stack([V, W @ (rotation[:, kept] / np.sqrt(size[kept]))])
+        W = orthonormal(W, M, V, MV, smallest=1e-16)
+        V, MV = np.column_stack([V, W]), np.column_stack([MV, M @ W])
     stiffness = V.T @ (K @ V)
-    rate, modes = np.linalg.eigh((stiffness + stiffness.T) / 2)
+    rate, modes = np.linalg.eigh(symmetric_part(stiffness))
     V = V @ modes
     return Basis(rate, V, V.T @ B)
+
+
+def orthonormal(W: Array, M: Any, V: Array, MV: Array, *, most: int | None = None, smallest: float) -> Array:
+    """What the columns of W add to an M-orthonormal basis V, M-orthonormal itself.
+
+    Parameters
+    ----------
+    W : array, shape (n, p)
+    M : sparse matrix, shape (n, n)
+    V, MV : array, shape (n, k)
+        the basis, and M times it.
+    most : int
+        columns to keep at most, those that add most; default all.
+    smallest : float
+        squared length, of columns of unit length before what V holds is taken out, below which round-off is left.
+
+    Raises
+    ------
+    InputError
+        M not positive definite.
+    """
+    MW = M @ W
+    size = np.einsum("ij,ij->j", W, MW)
+    if np.any(size <= 0):
+        raise checks.InputError("E is not positive definite; every heat capacity must be positive")
+    W, MW = W / np.sqrt(size), MW / np.sqrt(size)
+    for _ in range(2):  # once more removes what round-off left
+        inside = MV.T @ W
+        W, MW = W - V @ inside, MW - MV @ inside
+    value, vector = np.linalg.eigh(symmetric_part(W.T @ MW))
+    kept = value > smallest
+    if most is not None:
+        kept[: max(0, kept.size - most)] = False
+    return np.asarray(W @ (vector[:, kept] / np.sqrt(value[kept])))
+
+
+def symmetric_part(matrix: Array) -> Array:
+    """(A + A^T)/2."""
+    return (matrix + matrix.T) / 2
