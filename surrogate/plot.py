@@ -70,10 +70,14 @@ def plot_error_against_states(comparison: xr.Dataset, ax: Axes | None = None) ->
     states, error = comparison["states"].values, 100 * comparison["rms_relative"].values
     typical = np.sqrt(np.mean(error**2, axis=1))
     families = [str(name).split(" (")[0] for name in comparison["model"].values]
-    for family, colour in zip(dict.fromkeys(families), _cycle(len(set(families))), strict=True):
+    count = len(set(families))
+    crowded = np.array([np.sum(states == n) > 1 for n in states])
+    beside = 0.08 * (np.arange(count) - (count - 1) / 2)  # bars of models with as many states stand side by side
+    for family, shift, colour in zip(dict.fromkeys(families), beside, _cycle(count), strict=True):
         own = [i for i, f in enumerate(families) if f == family]
-        ax.vlines(states[own], error[own].min(axis=1), error[own].max(axis=1), color=colour, linewidth=1, alpha=0.5)
-        ax.plot(states[own], typical[own], "o-" if len(own) > 1 else "o", color=colour, markersize=5, label=family)
+        at = states[own] + shift * crowded[own]
+        ax.vlines(at, error[own].min(axis=1), error[own].max(axis=1), color=colour, linewidth=1, alpha=0.5)
+        ax.plot(at, typical[own], "o-" if len(own) > 1 else "o", color=colour, markersize=5, label=family)
     ax.set(yscale="log", xlabel="number of states", ylabel="rms error (% of swing)")
     ax.set_xlim(0, states.max() + 1)
     ax.legend(frameon=False, fontsize="small")
