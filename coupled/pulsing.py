@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 DUTY_LEVEL = 0.45  # of the drop power between its minimum and its maximum; the paper's definition, caption of Fig. 6
 QUIET = 1e-4  # relative range of the carriers that is no oscillation (at least ten times rtol)
 SETTLED = 0.02  # relative change of an amplitude, or of the carriers at the end, that counts as none
+GONE, LEFT = 0.2, 0.8  # shares of the last amplitude: heading for less, it dies away; for more, it goes on
 FINE = 12  # samples that a cycle needs at least
 THINNED = 40  # steps of the integration to one sample: fewer samples may show a slow beat instead of the pulses
 LONGEST_PATTERN = 4  # unequal pulses that repeat together
@@ -132,8 +133,11 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     together = pattern(heights, waits[:-1])
     tops = heights[heights.size % together :].reshape(-1, together).max(axis=1)
     limit, seen = amplitude_limit(tops), f"{heights.size} cycles of "
-    if limit < 0.2 * tops[-1]:
+    if limit < GONE * tops[-1]:
         return _quiet(Regime.STABLE, seen + "an oscillation that dies away", swing, heights.size)
+    if not limit >= LEFT * tops[-1]:
+        words = seen + "an oscillation still falling, to where is not clear: simulate longer"
+        return _quiet(Regime.SLOW_TRANSIENT, words, swing, heights.size)
     change = limit / tops[tops.size // 3] - 1
     begin, end = float(up[-1 - together]), float(up[-1])
     last = (t >= begin) & (t <= end)
@@ -188,7 +192,8 @@ def amplitude_limit(heights: Array) -> float:
     """Where a sequence of amplitudes is heading: C for ``C + A r^k``, from the means of three blocks of equal length.
 
     The blocks cover the last two thirds, so the cold start does not count. The last amplitude where nothing is lost, or
-    so little that it says nothing about the end: a decay that ends at zero is no slower at first.
+    so little that it says nothing about the end; nan where the fall does not slow down as one towards rest does, which
+    is so past an unstable cycle, and may end at rest or in a smaller cycle.
     """
     length = max(2 * heights.size // 9, 1)
     if heights.size < 3:
@@ -197,9 +202,10 @@ def amplitude_limit(heights: Array) -> float:
     if last > (1 - SETTLED) * first:
         return float(heights[-1])
     curvature = (last - middle) - (middle - first)
-    if curvature > 0:
-        return max(float(last - (last - middle) ** 2 / curvature), 0.0)
-    return float(heights[-1]) if last > 0.9 * first else 0.0
+    limit = float(last - (last - middle) ** 2 / curvature) if curvature > 0 else -np.inf
+    if limit > -last:
+        return max(limit, 0.0)
+    return float(heights[-1]) if last > 0.9 * first else float("nan")
 
 
 def _duty(t: Array, drop: Array, begin: float, end: float) -> float:
