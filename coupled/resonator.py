@@ -204,6 +204,9 @@ class RingResonator:
     def with_rates(self, **values: float) -> RingResonator:
         """Return the ring with derived rates set: eta_fca, eta_tpa, g_tpa, thermal_shift, kerr_shift, in their units.
 
+        A rate that is set stays as it is whatever field changes later; ``dataclasses.replace(ring, rates=())`` lets all
+        of them follow the fields again.
+
         >>> from coupled import borghi2021
         >>> borghi2021().with_rates(eta_fca=2e-13).eta_fca
         2e-13
@@ -245,7 +248,8 @@ class RingResonator:
         Raises
         ------
         InputError
-            Q_L not below Q_i, a number of buses other than 1 and 2, or one of perimeter and mode_area alone.
+            Q_L not below Q_i, a number of buses other than 1 and 2, one of perimeter and mode_area alone, or both for a
+            base whose rates are set and would not follow the new volume.
         """
         checks.between("frequency", frequency, 1e13, 1e16, unit="Hz", hint="did you mean 192.88e12?")
         checks.between("loaded_q", loaded_q, 10, 1e10)
@@ -262,6 +266,12 @@ class RingResonator:
             raise checks.InputError("perimeter and mode_area make a volume together; give both or none")
         volumes: dict[str, Any] = {}
         if perimeter is not None and mode_area is not None:
+            fixed = sorted(dict(base.rates).keys() & {"eta_tpa", "g_tpa", "kerr_shift"})
+            if fixed:
+                raise checks.InputError(
+                    f"base has {' and '.join(fixed)} set by with_rates, which would not follow perimeter x mode_area; "
+                    "start from replace(base, rates=()) and set them anew"
+                )
             checks.between("perimeter", perimeter, 1e-7, 1, unit="m", hint="did you mean 50e-6?")
             checks.between("mode_area", mode_area, 1e-15, 1e-10, unit="m^2", hint="0.1 um^2 is 1e-13 m^2")
             volumes = {"tpa_volume": perimeter * mode_area, "fca_volume": perimeter * mode_area}

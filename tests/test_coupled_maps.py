@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 from concurrent.futures import Executor, Future
 from importlib import import_module
+from importlib.util import find_spec
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -68,6 +69,20 @@ def test_any_executor_will_do_and_a_bar_may_be_drawn(small, capsys):
     assert capsys.readouterr().out == ""
     coupled.pulsing_map(RING, EXPERIMENT, POWERS[:1], DETUNINGS[:1], duration=1e-7, progress=True)
     assert "100%" in capsys.readouterr().out
+
+
+@pytest.mark.skipif(find_spec("distributed") is None, reason='needs Dask: pip install "thermofem[dask]"')
+@pytest.mark.filterwarnings("ignore")  # what Dask's own sockets warn of is not ours
+def test_a_dask_cluster_is_an_executor(small):
+    from distributed import LocalCluster
+
+    with (
+        LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None) as cluster,
+        cluster.get_client() as client,
+        client.get_executor() as executor,
+    ):
+        found = coupled.pulsing_map(RING, EXPERIMENT, POWERS, DETUNINGS, executor=executor)
+    assert found.identical(small)
 
 
 def test_a_failing_point_stores_its_reason_and_spares_the_others(small, monkeypatch):

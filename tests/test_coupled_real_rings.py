@@ -246,3 +246,11 @@ def test_slips_in_a_ring_are_named(change, message):
         ConstantLifetime(10.0)
     with pytest.raises(th.InputError, match="constant lifetime"):
         REAL.with_swapped_srh()
+
+
+def test_rates_that_would_not_follow_a_new_volume_are_named():
+    fixed = RING.with_rates(eta_tpa=1e22, eta_fca=1e-13)
+    common = {"name": "ring", "frequency": 193e12, "loaded_q": 6e3, "intrinsic_q": 1e5}
+    assert RingResonator.from_quality_factors(fixed, **common).eta_tpa == 1e22
+    with pytest.raises(th.InputError, match="base has eta_tpa set"):
+        RingResonator.from_quality_factors(fixed, **common, perimeter=50e-6, mode_area=0.1e-12)
