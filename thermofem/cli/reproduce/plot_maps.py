@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -21,6 +21,7 @@ from .store import Result
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
+    from matplotlib.lines import Line2D
 
 WINDOW = 2.6e-6  # s, of the traces
 
@@ -34,22 +35,27 @@ def regime_map(results: Mapping[str, Result], model: str) -> Axes:
     """Where the ring pulses, the FEM's border over it."""
     ax, data = panel(), map_of(results, model)
     plot_map(data, "regime", ax)
+    runs = [] if model != "FEM" else _loop(ax, results["loop_map"].data["elements"])
     key = ax.get_legend()
     if key is not None:  # beside the map, which has something to say in every corner
-        handles = [handle for handle in key.legend_handles if handle is not None]
-        names = [text.get_text() for text in key.get_texts()]
+        handles = [handle for handle in key.legend_handles if handle is not None] + runs
+        names = [text.get_text() for text in key.get_texts()] + [str(line.get_label()) for line in runs]
         key.remove()
         figure_of(ax).legend(handles, names, loc="outside upper left", ncols=3, frameon=False, fontsize="small")
     if model != "FEM":
         _border(ax, map_of(results, "FEM"))
         _points(ax)
-        return ax
-    loop = results["loop_map"].data["elements"]
+    return ax
+
+
+def _loop(ax: Axes, loop: xr.Dataset) -> list[Line2D]:
+    """The points that ran with the FEM in the loop, filled where they pulse."""
     ghz, dbm = np.meshgrid(loop["detuning"].values * 1e-9, 10 * np.log10(loop["power"].values * 1e3))
     pulses = loop["regime"].values == "self-pulsing"
-    ax.plot(ghz[pulses], dbm[pulses], "o", color=INK, markersize=4)
-    ax.plot(ghz[~pulses], dbm[~pulses], "o", color=INK, markersize=4, fillstyle="none")
-    return ax
+    style: dict[str, Any] = {"color": INK, "markersize": 4, "linestyle": "none", "marker": "o"}
+    (does,) = ax.plot(ghz[pulses], dbm[pulses], label="FEM in the loop pulses", **style)
+    (rests,) = ax.plot(ghz[~pulses], dbm[~pulses], label="it does not", fillstyle="none", **style)
+    return [does, rests]
 
 
 def frequency_map(results: Mapping[str, Result], model: str) -> Axes:
