@@ -21,8 +21,8 @@ def test_all_models_are_trained_and_ranked(ladder):
     rms = np.sqrt((error.rms_relative**2).mean("drive"))
     ranked = ["Newton", "second order", *(f"Foster, trained ({n})" for n in range(3, 9))]
     assert np.all(np.diff(rms.sel(model=ranked)) < 0)
-    assert float(rms.sel(model="certified reduction (0.001)")) < 1e-3
-    assert float(rms.sel(model="SINDy")) < 0.01
+    assert float(rms.sel(model="certified reduction (0.001)")) < 1e-3  # its certificate
+    assert float(rms.sel(model="SINDy")) < 0.008  # published for five states
 
 
 def test_the_verdict_names_the_smallest_model_that_suffices(ladder):
@@ -37,6 +37,10 @@ def test_the_verdict_names_the_smallest_model_that_suffices(ladder):
     assert judged.shortest.sel(model="second order").item() == pytest.approx(0.6e-6, rel=0.15)
     assert judged.longest.sel(model="second order").item() == pytest.approx(1.45e-6, rel=0.15)
     assert "suffices" not in "".join(lines[1:])
+    one = judged.sel(model=["Foster, trained (4)"])
+    worst = float(np.abs(one.period_error).max())
+    assert "suffices" in surrogate.verdict(one, within=1.01 * worst)
+    assert "no model suffices everywhere" in surrogate.verdict(one, within=0.99 * worst)
 
 
 def test_power_decides_where_the_output_is_not_linear():

@@ -108,11 +108,13 @@ def test_a_crossing_of_zero_is_no_range():
 def test_compare_states_the_range_of_every_model_at_the_power_of_the_drives(trained, reference):
     mapped = th.OutputMap(reference, -1e-3)
     drives = [th.Pulse(30e-3, 1e-6), th.SquareWave(2e-3, 1e-6, 0.5)]
-    found = surrogate.compare({"map": mapped, **trained}, mapped, drives)
-    for name, model in {"map": mapped, **trained}.items():
+    models = {"map": mapped, "linear": reference, **trained}
+    found = surrogate.compare(models, mapped, drives)
+    for name, model in models.items():
         curve = surrogate.period_error(model, mapped, np.geomspace(1e-7, 1e-5, 13), power=30e-3)
         assert found.validity.sel(model=name).item() == curve.attrs["validity"]
     assert found.validity.values[0] == "within 10 % from 0.1 to 10 us"
+    assert found.validity.values[1] != "within 10 % from 0.1 to 10 us"  # as it would be at 2 mW
     assert surrogate.compare(trained, reference).validity.values.tolist()[1].startswith("within 10 % from 0.5")
 
 
