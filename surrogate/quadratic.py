@@ -100,8 +100,9 @@ def reduce_quadratic(system: NonlinearSystem, power: float, *, tolerance: float 
     QuadraticReduction
         measured on the reference strip at 20 mW, 147 K: the largest error at any time over the peak rise, on a step of
         half the power, a 20 us pulse, a 3 us pulse of two thirds, a telegraph and a 1 us square wave. With k(T) alone
-        (Si T^-1.3, oxide T^0.3) 1.8e-4, mean at most 4e-5; with c_p(T) (oxide T^0.5) 9e-4 and 3e-4; with the library's
-        Si(T) and SiO2(T), whose laws are far from parabolas, 2.0e-3 and 9e-4. The linear model is off by 7e-2.
+        (Si T^-1.3, oxide T^0.3) 1.8e-4, mean at most 4e-5 (at 167 K 2.3e-4 and 5e-5); with c_p(T) (oxide T^0.5) 9e-4
+        and 3e-4; with the library's Si(T) and SiO2(T), whose laws are far from parabolas, 2.0e-3 and 9e-4. The linear
+        model is off by 7e-2.
 
     Raises
     ------
