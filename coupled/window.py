@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 MAX_STEPS = 20_000_000  # ten seconds of work and 800 MB of accepted steps
-QUANTITIES = {"energy": 1, "carriers": 2, "delta_T": 3}
+QUANTITIES = ("energy", "carriers", "delta_T")
 NO_TIMES = np.empty(0)
 
 
@@ -113,14 +113,6 @@ def advance(
     thermal = eq.internal_thermal(model)
     floor = floor_of(rates, float(np.sqrt(laser.drive[:, 0].max())), model.thermal_resistance * eq.UW)
     unit = units(np.size(state.thermal))
-    watch = np.zeros(3)
-    if event:
-        scale = {"energy": eq.FJ, "carriers": eq.DENSITY, "delta_T": 1.0}
-        if not isinstance(event, Event):
-            raise checks.InputError(f"event = {event!r} is no coupled.Event, such as coupled.Event('delta_T', 5.0)")
-        checks.finite("event.level", event.level)
-        kind = checks.choice("event", event.quantity, QUANTITIES)
-        watch[:] = QUANTITIES[kind], event.level / scale[kind], event.stop
     at, begin = np.asarray(times, dtype=float) / eq.NS, state.as_array() / unit
     if adiabatic:
         from .kernels.adiabatic import integrate
@@ -130,8 +122,8 @@ def advance(
     else:
         chosen = method or (Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
         rows, y, reached, step, crossings, counts = rosenbrock.integrate(
-            begin, laser, rates, fcd, thermal, tableau(chosen), rtol, floor, at, per_step, first_step / eq.NS, watch,
-            MAX_STEPS,
+            begin, laser, rates, fcd, thermal, tableau(chosen), rtol, floor, at, per_step, first_step / eq.NS,
+            _watch(event), MAX_STEPS,
         )  # fmt: skip
     check_end(counts, reached, stop - start, rtol)
     t, ar, ai, N, dT = rows.T
@@ -148,6 +140,19 @@ def advance(
         crossings=crossings * eq.NS,
         counts=counts[:2],
     )
+
+
+def _watch(event: Event | None) -> Array:
+    """Number of the quantity to watch (0: nothing), its level in internal units, and whether to stop there."""
+    from .kernels import equations as eq
+
+    if not event:
+        return np.zeros(3)
+    if not isinstance(event, Event):
+        raise checks.InputError(f"event = {event!r} is no coupled.Event, such as coupled.Event('delta_T', 5.0)")
+    level = checks.finite("event.level", event.level)
+    kind = QUANTITIES.index(checks.choice("event", event.quantity, QUANTITIES))
+    return np.array([1 + kind, level / (eq.FJ, eq.DENSITY, 1.0)[kind], event.stop])
 
 
 def laser_of(ring: RingResonator, start: float, stop: float, power: Any, detuning: Any, offset: Any = 0.0) -> Any:

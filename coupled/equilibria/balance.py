@@ -67,9 +67,7 @@ def balances(U: Array, rates: Rates, fcd: Array, heat: Any) -> Array:
     """Return the fields of `Balance` as rows, shape (7, n), for the energies ``U``, shape (n,)."""
     out = np.empty((7, U.size))
     for j in range(U.size):
-        row = balance(U[j], rates, fcd, heat)
-        out[0, j], out[1, j], out[2, j], out[3, j] = row.N, row.N_slope, row.dT, row.shift
-        out[4, j], out[5, j], out[6, j] = row.shift_slope, row.gamma, row.gamma_slope
+        out[:, j] = balance(U[j], rates, fcd, heat)
     return out
 
 

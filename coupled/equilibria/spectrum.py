@@ -78,9 +78,7 @@ def seculars(U: Array, rates: Rates, fcd: Array, static: Any) -> Array:
     """Return the fields of `Secular` as rows, shape (8, n)."""
     out = np.empty((8, U.size))
     for j in range(U.size):
-        c = secular(U[j], rates, fcd, static)
-        out[0, j], out[1, j], out[2, j], out[3, j] = c.gamma, c.gamma_2, c.rho, c.alpha
-        out[4, j], out[5, j], out[6, j], out[7, j] = c.beta, c.heat, c.cross, c.kerr
+        out[:, j] = secular(U[j], rates, fcd, static)
     return out
 
 

@@ -57,7 +57,7 @@ def cosimulate(
     ring : RingResonator
     heat : HeatProblem, StateSpace, NonlinearSystem or Corrector
         the FEM, linear or with k(T) and c_p(T); its matrices, also from elsewhere; or anything that keeps the contract
-        of `coupled.corrector`.
+        of `coupled.loop.corrector`.
     power, detuning, duration : W, Hz, s
         as in `simulate`: numbers or waveforms.
     predictor : ThermalModel, optional

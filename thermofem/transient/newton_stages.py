@@ -67,7 +67,6 @@ class NewtonStepper(Stepper):
         super().__init__(system.linear, waves, factors)
         self.system = system
         self.tolerance = SHARE * tolerance * (0.5 if system.content.laws else 1.0)
-        self.iterations = self.refreshes = 0
         self._weight = self.E.diagonal()
         self._scale = np.zeros(1 + self.C.shape[0])
         self._rate = 0.0  # of convergence, per K of the largest rise: it grows with the rise
@@ -175,7 +174,6 @@ class NewtonStepper(Stepper):
                     shift, target - self._both @ np.concatenate([content.lifted(x) - known, shift * flow.lifted(x)])
                 )
                 x = x + change
-                self.iterations += 1
                 if not k:
                     self._scale = np.maximum(self._scale, self._measure(x))
                 size = self._size(change)
@@ -208,7 +206,6 @@ class NewtonStepper(Stepper):
 
     def _renew(self, x: Array) -> None:
         self._at, self._renewed = x, {}
-        self.refreshes += 1
 
     def _size(self, change: Array) -> float:
         """Largest of the changes of field and outputs, each relative to the largest value it has had."""
