@@ -28,13 +28,12 @@ eta_fca = "1e-13 m^3/s"          # eta_tpa ("1/s/J"), g_tpa ("1/m^3/s/J^2"), the
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from thermofem import checks, quantity
+from thermofem import checks, quantity, toml_file
 from thermofem.checks import InputError
 
 from .carriers import ShockleyReadHall
@@ -102,25 +101,12 @@ _NEEDED = (
 
 def read_file(path: str | Path) -> RingResonator:
     """Read a ring file; see `RingResonator.from_toml`."""
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise InputError(f"ring file {str(path)!r} does not exist") from None
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise InputError(f"ring file {str(path)!r} cannot be read: {reason}") from None
-    try:
-        return read_text(text)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+    return toml_file.read(path, "ring", read_text)
 
 
 def read_text(text: str) -> RingResonator:
     """Read the text of a ring file."""
-    try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"not valid TOML: {error}") from None
+    table = toml_file.parse(text)
     if table.keys() & {"layer", "part", "outer_radius"}:
         raise InputError(
             "this describes a cross-section; a ring file holds the optics: Q factors, perimeter, mode area"

@@ -9,13 +9,12 @@ samples = 100                          # points of the Latin hypercube; seed = 0
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from .. import checks, quantity, waveforms
+from .. import checks, quantity, toml_file, waveforms
 from ..checks import InputError
 from .paths import write_table
 from .plan import LARGEST, Campaign, Schedule, Value, Variation
@@ -28,20 +27,12 @@ _UNITS = ("m", "K", "rad", "W/m/K", "kg/m^3", "J/kg/K", "W/m^2/K", "m^2*K/W", ""
 
 def read_file(path: str | Path) -> Campaign:
     """Read a campaign file; see `Campaign.from_toml`."""
-    path = Path(path)
-    text = _text(path, "campaign")
-    try:
-        return read_text(text, path.parent)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+    return toml_file.read(path, "campaign", lambda text: read_text(text, Path(path).parent))
 
 
 def read_text(text: str, folder: Path) -> Campaign:
     """Read the text of a campaign file; a geometry file is looked for in ``folder``."""
-    try:
-        top = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"not valid TOML: {error}") from None
+    top = toml_file.parse(text)
     _known(top, _TOP, "the file")
     for key, hint in (("geometry", 'name a file, geometry = "strip.toml"'), ("drive", "add a [[drive]] table")):
         if key not in top:
@@ -63,16 +54,6 @@ def read_text(text: str, folder: Path) -> Campaign:
     )
 
 
-def _text(path: Path, kind: str) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise InputError(f"{kind} file {str(path)!r} does not exist") from None
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise InputError(f"{kind} file {str(path)!r} cannot be read: {reason}") from None
-
-
 def _geometry(given: Any, folder: Path) -> str:
     """Text of the base geometry, which must be a geometry itself."""
     from ..geometry import CrossSection
@@ -84,7 +65,7 @@ def _geometry(given: Any, folder: Path) -> str:
     if not isinstance(given, str):
         raise InputError(f"geometry = {given!r} is neither a file nor a table")
     CrossSection.from_toml(folder / given)
-    return _text(folder / given, "geometry")
+    return toml_file.text_of(folder / given, "geometry")
 
 
 def _tables(top: dict[str, Any], key: str) -> list[dict[str, Any]]:

@@ -7,11 +7,10 @@ that suggests the nearest one.
 from __future__ import annotations
 
 import json
-import tomllib
 from pathlib import Path
 from typing import Any
 
-from .. import checks, quantity
+from .. import checks, quantity, toml_file
 from ..checks import InputError
 from ..materials.library import LIBRARY, Material
 from ..materials.property_toml import LAW_KEYS, PROPERTIES, read_property, write_property
@@ -53,25 +52,12 @@ _MATERIAL = {"conductivity": _ANY, "density": "kg/m^3", "specific_heat": _ANY, "
 
 def read_file(path: str | Path) -> CrossSection:
     """Read a geometry file; see `CrossSection.from_toml`."""
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise InputError(f"geometry file {str(path)!r} does not exist") from None
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise InputError(f"geometry file {str(path)!r} cannot be read: {reason}") from None
-    try:
-        return read_text(text)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+    return toml_file.read(path, "geometry", read_text)
 
 
 def read_text(text: str) -> CrossSection:
     """Read the text of a geometry file; see `CrossSection.from_toml_text`."""
-    try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"not valid TOML: {error}") from None
+    table = toml_file.parse(text)
     if table.keys() & {"base", "loaded_q", "wavelength", "carriers"}:
         raise InputError("this describes the optics of a ring; a geometry has outer_radius, [[layer]] and [[part]]")
     top = _read(table, _TOP, "the file", required=("outer_radius", "layer", "part"))
