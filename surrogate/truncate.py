@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Foster, StateSpace, checks
+from thermofem.model import check_single
 
 from .reduce import check_matrices, project
 
@@ -99,10 +100,7 @@ def balanced_truncation(system: StateSpace, order: int, *, tolerance: float = 1e
         several channels, an order out of range, or what `reduce` refuses.
     """
     check_matrices(system)
-    if (len(system.inputs), len(system.outputs)) != (1, 1):
-        raise checks.InputError(
-            f"inputs {system.inputs} and outputs {system.outputs}: pick one of each with .channel(heated, read)"
-        )
+    check_single(system)
     fine = project(system, tolerance)
     heated, read = int(fine.heated[0]), int(fine.read[0])
     rate, F = fine.projection.rate, fine.projection.ports

@@ -259,7 +259,7 @@ class StateSpace:
     @property
     def thermal_resistance(self) -> float:
         """R_th of the only channel in K/W; InputError when there are several (take ``gain`` or ``channel``)."""
-        self._single()
+        check_single(self)
         return float(self.gain[0, 0])
 
     def step_response(self, times: ArrayLike, *, rtol: float = 1e-5) -> Array:
@@ -271,7 +271,7 @@ class StateSpace:
         """C (i w E - A)^-1 B in K/W, one complex factorization a frequency."""
         from scipy.sparse.linalg import splu
 
-        self._single()
+        check_single(self)
         E, A = self._sparse("E"), self._sparse("A")
         f = np.atleast_1d(checks.numbers("frequency", frequency))
         z = [
@@ -283,26 +283,28 @@ class StateSpace:
         """Rise in K from rest, by error-controlled integration (`transient.integrate`)."""
         from .transient.integration import integrate
 
-        self._single()
+        check_single(self)
         return integrate(self, wave, times, rtol=rtol).outputs[:, 0].reshape(np.shape(times))
 
     def periodic_response(self, wave: waveforms.Waveform, samples: int, *, rtol: float = 1e-5) -> Array:
         """One period of the periodic state in K (`transient.integrate_periodic`)."""
         from .transient.integration import integrate_periodic
 
-        self._single()
+        check_single(self)
         return integrate_periodic(self, wave, samples, rtol=rtol).outputs[:, 0]
-
-    def _single(self) -> None:
-        if (len(self.inputs), len(self.outputs)) != (1, 1):
-            raise checks.InputError(
-                f"inputs {self.inputs} and outputs {self.outputs}: pick one of each with .channel(heated, read)"
-            )
 
     def _sparse(self, name: str) -> csc_matrix:
         from scipy.sparse import csc_matrix
 
         return csc_matrix(getattr(self, name))
+
+
+def check_single(system: StateSpace) -> None:
+    """Raise InputError unless the system has one input and one output."""
+    if (len(system.inputs), len(system.outputs)) != (1, 1):
+        raise checks.InputError(
+            f"inputs {system.inputs} and outputs {system.outputs}: pick one of each with .channel(heated, read)"
+        )
 
 
 def foster(system: StateSpace) -> Foster:
@@ -319,7 +321,7 @@ def foster(system: StateSpace) -> Foster:
 
     if system.order > 2000:
         raise checks.InputError(f"a system of {system.order} states is too large to diagonalise; reduce it first")
-    system._single()
+    check_single(system)
     E, A = (m.toarray() if issparse(m) else np.asarray(m) for m in (system.E, system.A))
     for name, matrix in (("E", E), ("A", A)):  # eigh reads one triangle
         checks.symmetric(name, matrix, hint="only a symmetric system is a Foster network")

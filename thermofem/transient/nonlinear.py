@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import checks, waveforms
 from ..materials.laws import Law
-from ..model import AtSmallPower, StateSpace
+from ..model import AtSmallPower, StateSpace, check_single
 
 Array = NDArray[np.float64]
 
@@ -97,14 +97,14 @@ class NonlinearSystem(AtSmallPower):
         """Rise in K from rest, by error-controlled integration (`transient.integrate`)."""
         from .integration import integrate
 
-        self.linear._single()
+        check_single(self.linear)
         return integrate(self, wave, times, rtol=rtol).outputs[:, 0].reshape(np.shape(times))
 
     def periodic_response(self, wave: waveforms.Waveform, samples: int, *, rtol: float = 1e-5) -> Array:
         """One period of the periodic state in K (`transient.integrate_periodic`)."""
         from .integration import integrate_periodic
 
-        self.linear._single()
+        check_single(self.linear)
         return integrate_periodic(self, wave, samples, rtol=rtol).outputs[:, 0]
 
     def steady_state(self, power: float | Sequence[float]) -> Array:
