@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..factor import factorize
-from .matrices import Surfaces, capacity, conduction, surface_terms, volume
+from .matrices import Surfaces, capacity, conduction, properties, surface_terms, volume
 from .shell import shell_integral
 
 if TYPE_CHECKING:
@@ -63,7 +63,6 @@ class Enrichment:
         import skfem
 
         from .enrichment import ElementTriP2Enriched, quadratic
-        from .problem import properties
 
         d = heat.discretization
         basis = skfem.Basis(d.basis.mesh, ElementTriP2Enriched(), intorder=1)  # everything is integrated without it
@@ -104,13 +103,16 @@ def discretization_error(heat: HeatProblem, heated: str, read: str) -> float:
     """
     source, reading = (heat.enrichment.mean(heat, name) for name in (heated, read))
     # static last: R_th, which comes next, has the same factors
-    (early, missing_early), (static, missing) = (_added(heat, source, reading, s) for s in (EARLY, 0.0))
+    (early, missing_early), (static, missing) = (added_by_cubics(heat, source, reading, s) for s in (EARLY, 0.0))
     shares = missing / static, missing_early / (early if heated == read else static)
     return float(SATURATION * max(map(abs, shares)))
 
 
-def _added(heat: HeatProblem, source: Array, reading: Array, s: float) -> tuple[float, float]:
-    """H(s) of quadratics, and what cubics add: conjugate gradients from there, preconditioned level by level."""
+def added_by_cubics(heat: HeatProblem, source: Array, reading: Array, s: float) -> tuple[float, float]:
+    """H(s) of quadratics and what cubics add to it, both in K/W, for functionals of the heat and of the reading.
+
+    Conjugate gradients from the quadratic solution, preconditioned level by level.
+    """
     two, coarse = heat.enrichment, heat.discretization.factors
     n = heat.unknowns
     matrix = two.K + s * two.E if s else two.K
@@ -148,8 +150,6 @@ def domain_error(heat: HeatProblem, heated: str, read: str) -> float:
     Sides with convection are mounts, not cuts, and stay as they are. Measured: against a domain of 2 mm the open
     sides of the reference strip leave 9e-5 where its own leave 3.3e-3.
     """
-    from .problem import properties
-
     geometry, d = heat.geometry, heat.discretization
     cut = [side for side in ("bottom", "outer") if getattr(geometry, side).kind in ("isothermal", "insulated")]
     if not cut:
@@ -175,7 +175,7 @@ NOTABLE = 1e-2  # of R_th: a domain that moves it by more is worth a warning, by
 _told: set[tuple[float, float]] = set()
 
 
-def warn(geometry: CrossSection, domain: float, accuracy: float) -> None:
+def warn_of_domain(geometry: CrossSection, domain: float, accuracy: float) -> None:
     """Say in the log, once for each size of domain, that its end moves R_th by more than the accuracy; and the remedy.
 
     A warning above `NOTABLE`, information below: a ring on a finite chip or on a mount is no mistake.

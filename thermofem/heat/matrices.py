@@ -15,6 +15,8 @@ from ..model import StateSpace
 from ..transient.integration import Ledger
 
 if TYPE_CHECKING:
+    from ..geometry.cross_section import CrossSection
+    from ..materials.library import Material
     from ..mesh import Mesh
 
 Array = NDArray[np.float64]
@@ -167,6 +169,19 @@ def build(
         held=basis.get_dofs(surfaces.held).all() if len(surfaces.held) else np.empty(0, dtype=np.intp),
         surfaces=surfaces,
     )
+
+
+def properties(geometry: CrossSection, mesh: Mesh) -> tuple[Array, Array]:
+    """k_r, k_z in W/(m K), shape (2, triangles), and rho c_p in J/(m^3 K), at the ambient temperature."""
+    T0 = geometry.ambient
+
+    def k(material: Material) -> list[float]:
+        along_z = material.conductivity if material.conductivity_z is None else material.conductivity_z
+        return [value * float(material.conductivity_law.factor(T0)) for value in (material.conductivity, along_z)]
+
+    materials = [geometry.material_of(name) for name in mesh.region_names]
+    capacities = [m.heat_capacity * float(m.specific_heat_law.factor(T0)) for m in materials]
+    return np.array([k(m) for m in materials]).T[:, mesh.region], np.array(capacities)[mesh.region]
 
 
 def conduction(basis: Any, conductivity: ArrayLike) -> Any:

@@ -22,14 +22,14 @@ from ..materials.laws import Law, is_constant
 from ..model import StateSpace
 from ..transient.integration import Ledger
 from ..transient.nonlinear import Lift, NonlinearLedger, NonlinearSystem, lift, rows
+from .accuracy import ESTIMATES, Enrichment, warn_of_domain
 from .interface import contacts, split
-from .matrices import Discretization, Surfaces, build, capacity, conduction, discretize, skfem_mesh
+from .matrices import Discretization, Surfaces, build, capacity, conduction, discretize, properties, skfem_mesh
+from .shell import shell_mean
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
-    from ..materials.library import Material
     from ..mesh import Mesh
-    from .accuracy import Enrichment
 
 __all__ = ["Discretization", "HeatProblem", "Surfaces", "assemble", "discretize", "skfem_mesh"]
 
@@ -196,8 +196,6 @@ class HeatProblem:
     @cached_property
     def enrichment(self) -> Enrichment:
         """What cubic elements would add, see `thermofem.heat.accuracy`."""
-        from .accuracy import Enrichment
-
         return Enrichment.of(self)
 
     def steady_rise(self, power: float, heated: str | None = None, read: str | None = None) -> float:
@@ -230,14 +228,10 @@ class HeatProblem:
         """
         mesh, domain = self.mesh_error(heated, read), self._estimate("domain", heated, read)
         if domain > self.accuracy:
-            from .accuracy import warn
-
-            warn(self.geometry, domain, self.accuracy)
+            warn_of_domain(self.geometry, domain, self.accuracy)
         return mesh, domain
 
     def _estimate(self, kind: str, heated: str | None, read: str | None) -> float:
-        from .accuracy import ESTIMATES
-
         heated = checks.choice("heated", heated or self.heated[0], self.heated)
         read = checks.choice("read", read or heated, self.readable)
         key = kind, heated, read
@@ -293,26 +287,11 @@ def assemble(geometry: CrossSection, accuracy: float = 1e-3) -> HeatProblem:
 
 
 def _on_mesh(geometry: CrossSection, mesh: Mesh, resistance: dict[str, float], accuracy: float) -> HeatProblem:
-    from .shell import shell_mean
-
     conductivity, heat_capacity = properties(geometry, mesh)
     discretization = build(mesh, conductivity, heat_capacity, _surfaces(geometry, mesh, resistance))
     shells = {probe.name: shell_mean(geometry, mesh, discretization.basis, probe) for probe in geometry.probes}
     discretization = replace(discretization, means={**discretization.means, **shells})
     return HeatProblem(geometry, mesh, discretization, accuracy)
-
-
-def properties(geometry: CrossSection, mesh: Mesh) -> tuple[Array, Array]:
-    """k_r, k_z in W/(m K), shape (2, triangles), and rho c_p in J/(m^3 K), at the ambient temperature."""
-    T0 = geometry.ambient
-
-    def k(material: Material) -> list[float]:
-        along_z = material.conductivity if material.conductivity_z is None else material.conductivity_z
-        return [value * float(material.conductivity_law.factor(T0)) for value in (material.conductivity, along_z)]
-
-    materials = [geometry.material_of(name) for name in mesh.region_names]
-    capacities = [m.heat_capacity * float(m.specific_heat_law.factor(T0)) for m in materials]
-    return np.array([k(m) for m in materials]).T[:, mesh.region], np.array(capacities)[mesh.region]
 
 
 def _surfaces(geometry: CrossSection, mesh: Mesh, resistance: dict[str, float]) -> Surfaces:
