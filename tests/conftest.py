@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import pytest
+from paths import ROOT
 
 ROWS = pytest.StashKey[list]()
-VALIDATION = Path(__file__).resolve().parent.parent / "docs" / "validation.json"
+VALIDATION = ROOT / "docs" / "validation.json"
 
 
 def pytest_addoption(parser):

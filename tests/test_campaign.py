@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from paths import ROOT
 
 import thermofem as th
 from thermofem.campaign import Schedule, Variation, work
@@ -479,9 +480,8 @@ def test_campaign_files_that_cannot_be_meant(change, words, tmp_path, threads):
 
 
 def test_what_the_docs_and_the_example_describe_can_be_read(tmp_path):
-    root = Path(__file__).resolve().parents[1]
     for name, target in (("geometry", "heater.toml"), ("campaigns", "campaign.toml")):
-        text = (root / "docs" / f"{name}.md").read_text()
+        text = (ROOT / "docs" / f"{name}.md").read_text()
         (tmp_path / target).write_text(re.findall(r"```toml[^\n]*\n(.*?)```", text, flags=re.DOTALL)[0])
     ring = th.CrossSection.from_toml(tmp_path / "heater.toml")
     assert ring.region_names == ("substrate", "box", "cladding", "core", "heater")
@@ -489,4 +489,4 @@ def test_what_the_docs_and_the_example_describe_can_be_read(tmp_path):
     assert len(campaign) == 100 * 5 * 2
     section = th.CrossSection.from_toml_text(campaign.geometry_of(campaign.cases()[-1].values))
     assert [p.outer_radius - p.inner_radius for p in section.parts[:2]] == pytest.approx([500e-9] * 2, rel=1e-9, abs=0)
-    assert len(th.Campaign.from_toml(root / "examples" / "campaign_200.toml").cases()) == 200
+    assert len(th.Campaign.from_toml(ROOT / "examples" / "campaign_200.toml").cases()) == 200

@@ -6,6 +6,7 @@ import re
 
 import pytest
 import xarray as xr
+from paths import ROOT
 from typer.testing import CliRunner
 
 import surrogate
@@ -52,19 +53,16 @@ def test_a_model_names_those_of_its_geometry_as_bibtex(tmp_path):
 
 
 def test_the_citation_file_names_this_version():
-    from pathlib import Path
-
-    text = (Path(__file__).resolve().parent.parent / "CITATION.cff").read_text()
+    text = (ROOT / "CITATION.cff").read_text()
     assert f"version: {th.__version__}\n" in text
 
 
 def test_the_doctor_knows_every_requirement():
     import tomllib
-    from pathlib import Path
 
     from thermofem.cli.doctor import PACKAGES
 
-    project = tomllib.loads((Path(__file__).resolve().parent.parent / "pyproject.toml").read_text())["project"]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert {re.split(r"[>=<~!]", line)[0] for line in project["dependencies"]} == set(PACKAGES)
 
 

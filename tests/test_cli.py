@@ -106,10 +106,18 @@ def test_solve_periodic(tmp_path):
         (["cite", "."], ". is a folder or a device"),
         (["solve", "-o", f"{'n' * 300}.nc"], "File name too long"),
         (["cite", f"{'n' * 300}.nc"], "File name too long"),
+        (["campaign", "missing.toml"], "campaign file 'missing.toml' does not exist"),
+        (["campaign", "bad.toml"], "not valid TOML"),
+        (["campaign", "empty.toml"], "geometry is missing"),
+        (["campaign", "plan.toml", "-o", "bad.toml/out"], "cannot be made"),
+        (["campaign", "plan.toml", "--workers", "0"], "workers = 0"),
+        (["campaign", "plan.toml", "--workers", "2", "--scheduler", "tcp://x:1"], "exclude each other"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(arguments, words, tmp_path):
     (tmp_path / "good.toml").write_text(GEOMETRY)
+    (tmp_path / "bad.toml").write_text("geometry = ")
+    (tmp_path / "empty.toml").write_text("")
     (tmp_path / "bad_key.toml").write_text(GEOMETRY.replace("thickness", "thicknes", 1))
     (tmp_path / "bad_material.toml").write_text(GEOMETRY.replace('"SiO2"', '"SiO3"', 1))
     (tmp_path / "wide.toml").write_text(GEOMETRY.replace("450 nm", "0.45 m"))
@@ -164,31 +172,3 @@ def test_solve_writes_fields(tmp_path):
     done = thermofem("solve", "--square", "1 us", "--periodic", "--field-times", "1 us", cwd=tmp_path)
     assert done.returncode == 2
     assert "--periodic keeps no fields" in done.stderr
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["campaign", "missing.toml"], "campaign file 'missing.toml' does not exist"),
-        (["campaign", "bad.toml"], "not valid TOML"),
-        (["campaign", "empty.toml"], "geometry is missing"),
-        (["campaign", "good.toml", "-o", "bad.toml/out"], "cannot be made"),
-        (["campaign", "good.toml", "--workers", "0"], "workers = 0"),
-        (["campaign", "good.toml", "--workers", "2", "--scheduler", "tcp://x:1"], "exclude each other"),
-    ],
-)
-def test_bad_campaigns_are_one_line_and_exit_code_2(arguments, words, tmp_path):
-    (tmp_path / "bad.toml").write_text("geometry = ")
-    (tmp_path / "empty.toml").write_text("")
-    (tmp_path / "ring.toml").write_text(GEOMETRY)
-    (tmp_path / "good.toml").write_text('geometry = "ring.toml"\n[[drive]]\npower = "1 mW"\n')
-    (tmp_path / "optics.toml").write_text('base = "borghi2021"\n')
-    (tmp_path / "plan.toml").write_text('geometry = "good.toml"\n[[drive]]\npower = "1 mW"\n')
-    (tmp_path / "table.csv").write_text("Time (us),T (K)\n0,1\n1,2\n")
-    surrogate.save_model(th.Foster(R=[5e3], tau=[1e-6]), tmp_path / "model.json")
-    before = sorted(tmp_path.iterdir())
-    done = thermofem(*arguments, cwd=tmp_path)
-    assert done.returncode == 2, done.stdout + done.stderr
-    assert words in " ".join(done.stderr.split())
-    assert "Traceback" not in done.stderr
-    assert sorted(tmp_path.iterdir()) == before

@@ -7,12 +7,12 @@ import re
 import subprocess
 import sys
 from functools import cache
-from pathlib import Path
 from time import process_time
 
 import numpy as np
 import pytest
 from models import coarse_fem, coarse_warm_fem, quadratic
+from paths import ROOT
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh
@@ -269,7 +269,7 @@ def test_a_co_simulation_unit_in_another_process():
     """The example, whole: 22 passes, 4 mK of 10 K from the unit's constant power over steps of 0.1 ns."""
     pytest.importorskip("fmpy", reason="fmpy runs the unit")
     pytest.importorskip("pythonfmu", reason="pythonfmu builds the unit")
-    example = Path(__file__).parents[1] / "examples" / "fmu_corrector.py"
+    example = ROOT / "examples" / "fmu_corrector.py"
     done = subprocess.run([sys.executable, str(example)], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     found = re.search(r"(\d+) passes of (\d+) windows.*\nlargest rise (\S+) K, apart (\S+) mK", done.stdout)

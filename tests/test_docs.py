@@ -12,12 +12,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from paths import ROOT
 
 import coupled
 import surrogate
 import thermofem as th
 
-ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
 TEXTS = [*PAGES, ROOT / "README.md", ROOT / "CONTRIBUTING.md"]

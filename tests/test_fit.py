@@ -1,19 +1,16 @@
 """Training of Foster networks and spectra, against the models that made the data and against published tables."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from paths import MEASURED
 from surrogate_systems import strip
 
 import surrogate
 import thermofem as th
 from surrogate.fit import Training
 from surrogate.projection import polish
-
-MEASURED = Path(__file__).parents[2] / "shared" / "reference" / "measured" / "thermal_steps"
 
 
 @pytest.fixture(scope="module")
@@ -256,7 +253,7 @@ STEPS = {
 @pytest.mark.parametrize("name", STEPS)
 def test_measured_devices(name):
     """Cooling curves of packaged devices (github.com/nizie002/PyRth, tests/data, MIT, (c) 2024 N. J. Ziegeler)."""
-    path = MEASURED / f"{name}.csv"
+    path = MEASURED / "thermal_steps" / f"{name}.csv"
     if not path.is_file():
         pytest.skip(f"the measured curves are not part of the project: {path} is absent")
     time, rise, _ = np.loadtxt(path, delimiter=",", skiprows=1, unpack=True)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import importlib.util
 import random
 import warnings
-from pathlib import Path
 
 import pytest
+from paths import ROOT
 
-SCRIPT = Path(__file__).resolve().parent / "fuzz" / "readers.py"
+SCRIPT = ROOT / "tests" / "fuzz" / "readers.py"
 
 
 @pytest.fixture(scope="module")

@@ -7,16 +7,15 @@ from __future__ import annotations
 
 import importlib.util
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from paths import MEASURED, ROOT
 from scipy.constants import c
 
 import coupled
 
-ROOT = Path(__file__).resolve().parents[1]
-MEASURED = ROOT.parent / "shared" / "reference" / "measured" / "ring_bistability"
+LOOPS = MEASURED / "ring_bistability"
 
 
 def example():
@@ -28,14 +27,14 @@ def example():
 
 @pytest.fixture(scope="module")
 def script():
-    if not MEASURED.is_dir():
-        pytest.skip(f"the measured loops are not part of the project: {MEASURED} is absent")
+    if not LOOPS.is_dir():
+        pytest.skip(f"the measured loops are not part of the project: {LOOPS} is absent")
     return example()
 
 
 @pytest.fixture(scope="module")
 def loops(script):
-    return script.load(MEASURED / "full_loops_2018-01-12.csv")
+    return script.load(LOOPS / "full_loops_2018-01-12.csv")
 
 
 # An independent fit of the same model to the same 1500 points: rms 3.8 and 4.1 %, and these four parameters, whose last
@@ -55,7 +54,7 @@ def test_loops_and_jumps(script, loops, lumped):
     # the residual is systematic, so the optimum is flat: both fits are at it within 1 % of the misfit
     assert x == pytest.approx(values, rel=0.08)
     assert x[:2] == pytest.approx(values[:2], rel=0.006)
-    table = np.genfromtxt(MEASURED / "jumps_2018-01-12.csv", delimiter=",", names=True)
+    table = np.genfromtxt(LOOPS / "jumps_2018-01-12.csv", delimiter=",", names=True)
     errors = np.abs(script.jumps(x, table, lumped=lumped))
     assert errors.shape == (2, 15)
     assert errors[0].max() < up
@@ -64,7 +63,7 @@ def test_loops_and_jumps(script, loops, lumped):
 
 def test_another_day_needs_only_power_and_wavelength(script, loops):
     x, _ = script.fit(loops, lumped=True)
-    other = script.load(MEASURED / "loops_2018-01-10.csv")
+    other = script.load(LOOPS / "loops_2018-01-10.csv")
     moved, rms = script.refit(other, x, lumped=True)
     assert 0.05 < rms < 0.07  # 5.6 to 6.4 % were found; the fibre coupling drifts by 10 % that day
     assert x[0] / moved[0] == pytest.approx(1.4, abs=0.1)  # about 1.4 times less power, says the source

@@ -9,8 +9,8 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from paths import ROOT
 
-ROOT = Path(__file__).resolve().parent.parent
 USE = """
 import thermofem as th
 from coupled.kernels.tableaus import Method, tableau

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from paths import MEASURED
 
 import surrogate
 import thermofem as th
@@ -18,7 +19,6 @@ TIMES = np.linspace(0, 10e-6, 101)
 MODEL = th.Foster(R=[2000.0, 5000.0], tau=[50e-9, 1e-6])
 WAVE = th.Pulse(2e-3, 5e-6)
 RISE = MODEL.response(WAVE, TIMES)
-MEASURED = Path(__file__).resolve().parents[2] / "shared" / "reference" / "measured"
 
 COMSOL = """% Model:              ring.mph
 % Version:            COMSOL 5.6.0.341
