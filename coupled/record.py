@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermofem import dataset
+
 from .inputs import pieces
 from .resonator import RingResonator
 from .window import Window
@@ -17,16 +19,15 @@ from .window import Window
 Array = NDArray[np.float64]
 
 
+def origin(kind: str, ring: RingResonator) -> dict[str, Any]:
+    """What every Dataset of the package says of itself: its kind and its ring."""
+    return dataset.stamp(kind) | {"ring": ring.name, "ring_parameters": json.dumps(asdict(ring))}
+
+
 def provenance(ring: RingResonator, light: dict[str, Any], duration: float) -> dict[str, Any]:
     """What every run says of its ring and its laser."""
-    from thermofem import __version__, dataset
-
     return {
-        "schema": dataset.SCHEMA,
-        "thermofem_version": __version__,
-        "kind": "coupled",
-        "ring": ring.name,
-        "ring_parameters": json.dumps(asdict(ring)),
+        **origin("coupled", ring),
         **{name: value for name, value in light.items() if isinstance(value, float)},
         "duration": float(duration),
     }

@@ -13,9 +13,8 @@ from .model import Foster, StateSpace, ThermalModel
 from .nonlinear_models import OutputMap, OutsideTrainingWarning, Quadratic
 from .solve import solve, solve_periodic
 from .tables import read_csv
+from .version import __version__ as __version__
 from .waveforms import Chirp, Constant, Pulse, Sampled, SquareWave, Telegraph, Waveform
-
-__version__ = "0.1.0"
 
 __all__ = [
     "Boundary",

@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import checks, waveforms
 from .quantity import FIELDS
+from .version import __version__
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -88,8 +89,6 @@ def build(
     """
     import xarray as xr
 
-    from . import __version__
-
     times, rise = np.asarray(times, dtype=float), np.asarray(delta_T, dtype=float)
     several = rise.ndim == 2
     variables: dict[str, Any] = {
@@ -100,14 +99,17 @@ def build(
     if several:
         coordinates["probe"] = ("probe", list(read), {"long_name": "part whose mean is read"})
     attrs = {
-        "schema": SCHEMA,
-        "thermofem_version": __version__,
-        "kind": "periodic" if periodic else "transient",
+        **stamp("periodic" if periodic else "transient"),
         "waveform": waveforms.to_json(wave),
         "read": ", ".join(read),
         **(attributes or {}),
     }
     return xr.Dataset(variables, coords=coordinates, attrs=attrs)
+
+
+def stamp(kind: str) -> dict[str, Any]:
+    """What every Dataset says of itself: schema, version of the code, and its kind."""
+    return {"schema": SCHEMA, "thermofem_version": __version__, "kind": kind}
 
 
 def describe(name: str) -> dict[str, str]:

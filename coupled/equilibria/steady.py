@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,6 +10,7 @@ from numpy.typing import NDArray
 from thermofem.model import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring
+from ..record import origin
 from ..resonator import RingResonator
 from ..thermal import compact
 
@@ -173,15 +172,7 @@ def kind_of(eigenvalues: NDArray[np.complex128]) -> tuple[float, float, str]:
 
 def provenance(kind: str, ring: RingResonator, model: Any) -> dict[str, Any]:
     """Attributes of a Dataset of this package: what it is, and the ring and the network it was made with."""
-    from thermofem import __version__, dataset
-
-    said: dict[str, Any] = {
-        "schema": dataset.SCHEMA,
-        "thermofem_version": __version__,
-        "kind": kind,
-        "ring": ring.name,
-        "ring_parameters": json.dumps(asdict(ring)),
-    }
+    said = origin(kind, ring)
     poles = getattr(model, "linear", model)
     if hasattr(poles, "tau"):
         said |= {"model_R": np.asarray(poles.R), "model_tau": np.asarray(poles.tau)}

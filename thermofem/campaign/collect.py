@@ -114,18 +114,8 @@ def _content(store: Store, plan: dict[str, Any], *, training: bool) -> bytes:
 
 def _layout(file: Any, plan: dict[str, Any], store: Store, finished: list[str], count: int) -> dict[str, Any]:
     """Dimensions, the times and powers of the drives, and the empty variables over case; returns those."""
-    from .. import __version__
-
     probes = _probes(store.result(finished[0])) if finished else []
-    file.attrs.update(
-        {
-            "schema": dataset.SCHEMA,
-            "thermofem_version": __version__,
-            "kind": "campaign",
-            "campaign": plan["name"],
-            "geometry": plan["geometry"],
-        }
-    )
+    file.attrs.update({**dataset.stamp("campaign"), "campaign": plan["name"], "geometry": plan["geometry"]})
     file.dimensions = {"case": count, "probe": len(probes)}
     _text(file, "probe", probes, "part whose mean is read", over="probe")
     variables = {}

@@ -19,6 +19,7 @@ import numpy as np
 
 from .. import checks, quantity, waveforms
 from ..checks import InputError
+from ..version import __version__
 from .paths import place, write_table
 
 if TYPE_CHECKING:
@@ -237,8 +238,6 @@ class Campaign:
         return list(seen.values())
 
     def _key(self, geometry: str) -> str:
-        from .. import __version__
-
         drives = [(s.name, waveforms.to_json(s.wave), s.times or s.samples) for s in self.schedules]
         content = (FORMAT, __version__, geometry, drives, self.heated, self.read, self.accuracy, self.rtol)
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]

@@ -49,7 +49,7 @@ def main() -> None:
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from .. import __version__
+        from ..version import __version__
 
         print(__version__)
         raise typer.Exit

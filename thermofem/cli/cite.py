@@ -10,8 +10,8 @@ from typing import Annotated, Any
 
 import typer
 
-from .. import __version__
 from ..checks import InputError
+from ..version import __version__
 from .kinds import expect
 
 

@@ -7,7 +7,7 @@ import html
 import re
 from collections.abc import Mapping, Sequence
 
-from ... import __version__
+from ...version import __version__
 from .claims import Claim, marked_up, typeset
 from .sections import Picture, Section
 from .stages import Stage
