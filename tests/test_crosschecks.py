@@ -18,6 +18,7 @@ from scipy.special import j1
 import thermofem as th
 from thermofem.factor import factorize
 from thermofem.heat import HeatProblem
+from thermofem.heat.matrices import Surfaces, build, surface_terms
 from thermofem.transient import integrate
 
 SERIES = "infinite series (Carslaw and Jaeger)"
@@ -100,6 +101,21 @@ def test_anisotropic_manufactured_solution_converges_with_order_three():
         errors.append(np.abs(T - exact(*d.basis.doflocs)).max())
     assert np.all(np.log2(np.array(errors[:-1]) / errors[1:]) > 2.8)  # P2: 3
     assert errors[-1] < 1e-3
+
+
+@pytest.mark.parametrize("k", [(2.0, 2.0), (3.0, 0.5), (0.5, 3.0)], ids=["isotropic", "flat", "upright"])
+def test_all_heat_of_a_distant_source_leaves_through_open_sides(k):
+    """T = 1/(4 pi sqrt(det k) sqrt(d . k^-1 d)) of 1 W in unbounded material, half of which flows down from z = 0."""
+    k_r, k_z = k
+    mesh = tensor_mesh(np.linspace(0, 3, 61), np.linspace(-2, 0, 41))
+    cut = facets_where(mesh, lambda r, z: np.isclose(r, 3) | np.isclose(z, -2))
+    conductivity = np.array([k_r, k_z])[:, None] * np.ones(len(mesh.triangles))
+    d = build(mesh, conductivity, 1.0, Surfaces(open=cut))
+    r, z = d.basis.doflocs
+    T = 1 / (4 * np.pi * k_r * np.sqrt(k_z) * np.sqrt(np.maximum(r**2 / k_r + z**2 / k_z, 0.01)))
+    outflow = surface_terms(d.basis, conductivity, d.surfaces) @ T
+    # P2 on facets of 0.05: (0.05/2)^3, and the next order of T on the way to the far corner
+    assert outflow.sum() == pytest.approx(0.5, rel=1e-4)
 
 
 def test_an_anisotropic_box_reaches_the_matrices():

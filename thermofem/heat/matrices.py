@@ -154,7 +154,7 @@ def build(
     """As `discretize`, with every kind of surface and polynomials up to ``degree`` 2 or 3.
 
     K_ij += int 2 pi r (u_i^+ - u_i^-) (u_j^+ - u_j^-) / R ds     over every contact of resistance R
-    K_ij += int 2 pi r k (n . d) / d^2 u_i u_j ds                 over open sides
+    K_ij += int 2 pi r (n . d) / (d . k^-1 d) u_i u_j ds          over open sides, d from the source
     """
     import skfem
 
@@ -280,7 +280,7 @@ def surface_terms(basis: Any, conductivity: ArrayLike, surfaces: Surfaces) -> An
     @skfem.BilinearForm
     def outlet(u, v, w):  # type: ignore[no-untyped-def]
         r, z = w.x[0], w.x[1] - surfaces.source
-        slope = (w["k_r"] * w.n[0] * r + w["k_z"] * w.n[1] * z) / (r**2 + z**2)
+        slope = (w.n[0] * r + w.n[1] * z) / (r**2 / w["k_r"] + z**2 / w["k_z"])
         return 2 * np.pi * w.x[0] * slope * u * v
 
     total = csr_matrix((basis.N, basis.N))
