@@ -76,6 +76,25 @@ def test_thin_films_conduct_less():
     assert silicon_film(100e-9).conductivity == pytest.approx(148 / 2, rel=0.1)
     assert silicon_film(1e-3).conductivity == pytest.approx(148, rel=1e-3)
     assert find("Si 220 nm") == silicon_film(220e-9)
+    # k = k_bulk/(1 + 3 L/(8 d)) at every T, with the mean free path L proportional to k_bulk ~ T^-1.3
+    for thickness in (20e-9, 220e-9, 1e-3):
+        film, bulk = silicon_film(thickness), 1.0001**-1.3
+        warmer = 148 * bulk / (1 + 3 * 300e-9 * bulk / (8 * thickness))
+        change = float(film.conductivity_law.factor(300.03)) - 1
+        assert change == pytest.approx(warmer / film.conductivity - 1, rel=2e-4)  # 1e-4 in T, and its square
+
+
+def test_laws_of_temperature_are_those_of_the_tables():
+    """Rows of Incropera's tables A.1 (silicon) and A.2 (silicon dioxide, fused silica), typed a second time."""
+    printed = {
+        "Si(T)": [(200, 264, 556), (300, 148, 712), (400, 98.9, 790), (600, 61.9, 867), (800, 42.2, 913)],
+        "SiO2(T)": [(300, 1.38, 745), (400, 1.51, 905), (600, 1.75, 1040), (800, 2.17, 1105)],
+    }
+    for name, rows in printed.items():
+        material = find(name)
+        for T, k, c in rows:
+            assert material.conductivity * float(material.conductivity_law.factor(T)) == pytest.approx(k, rel=1e-12)
+            assert material.specific_heat * float(material.specific_heat_law.factor(T)) == pytest.approx(c, rel=1e-12)
 
 
 @pytest.mark.parametrize(
