@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from scipy.integrate import solve_ivp
+from scipy.optimize import curve_fit
 
 import coupled
 import thermofem as th
@@ -52,6 +53,23 @@ def test_fit_gives_back_what_a_noisy_decay_determines():
         assert abs(np.mean(pulls)) < 3.5 / np.sqrt(40)
         assert np.std(pulls) == pytest.approx(1, abs=3.5 / np.sqrt(80))
     assert np.mean([fit.residual for fit in found]) == pytest.approx(0.02, rel=0.05)
+
+
+def test_standard_errors_are_those_of_a_fit_of_the_lifetimes_themselves():
+    """(tau_n, tau_p) fitted by SciPy with its own numerical derivatives; here they follow from (tau0, tau_high)."""
+    data = coupled.carrier_decay(SWAPPED, 2e23, TIMES)
+    data["carriers"] = data["carriers"] * np.exp(0.02 * np.random.default_rng(7).normal(size=TIMES.size))
+    fit = coupled.fit_carrier_decay(data, PRINTED)
+
+    def log_density(times, scale, tau_n, tau_p):
+        carriers = replace(PRINTED, tau_n=tau_n * 1e-9, tau_p=tau_p * 1e-9)
+        return np.log(coupled.carrier_decay(carriers, scale * 1e23, times)["carriers"].values)
+
+    best, covariance = curve_fit(log_density, TIMES, np.log(data["carriers"].values), p0=(2, 25, 30), xtol=1e-12)
+    for name, unit, k in (("initial_density", 1e23, 0), ("tau_n", 1e-9, 1), ("tau_p", 1e-9, 2)):
+        assert fit.parameters[name] == pytest.approx(best[k] * unit, rel=1e-5)  # where least squares stops
+        # forward differences of the root of round-off, squared in the covariance
+        assert fit.standard_errors[name] == pytest.approx(np.sqrt(covariance[k, k]) * unit, rel=1e-4)
 
 
 def test_no_decay_determines_the_trap_energy():
