@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import thermofem as th
+from thermofem.model import pole_responses
 from thermofem.waveforms import from_json, linear_pieces, period_times, to_json
 
 SAW = th.Sampled([0, 1e-6, 1e-6, 3e-6], [0, 2e-3, 1e-3, 0], repeat=True)
@@ -40,6 +42,17 @@ def test_between_breakpoints_the_power_is_straight(wave, span):
         t = start + (stop - start) * np.array([0.1, 0.5, 0.9])
         p = wave(t)
         assert p[1] == pytest.approx((p[0] + p[2]) / 2, rel=1e-6, abs=1e-12)
+
+
+@pytest.mark.parametrize("z", [1e-6, 3e-4, 0.999e-3, 1.001e-3, 0.1, 3.0])
+def test_a_pole_follows_a_ramp_at_every_ratio_of_its_times(z):
+    """x(u) = slope (e^-z - 1 + z)/rate^2 with z = rate u, in extended precision; a series below z = 1e-3."""
+    rate, u = 1e7, z / 1e7
+    long = np.longdouble(z)
+    exact = float(sum((-1) ** k * long**k / math.factorial(k) for k in range(2, 30)))
+    got = pole_responses(np.array([rate]), th.Sampled([0.0, 1e-5], [0.0, 1e-3]), [u])[0, 0]
+    # the closed form loses 2e-16/(z/2) above 1e-3
+    assert got == pytest.approx(1e-3 / 1e-5 * exact / rate**2, rel=1e-12, abs=0)
 
 
 def test_continuous_from_the_right_and_limit_from_the_left():
