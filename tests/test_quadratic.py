@@ -54,6 +54,8 @@ def test_with_k_of_T_the_error_is_below_the_published_one_at_every_time(conducti
     assert 145 < q.model.largest_rise < 167
     assert worst(q.model, answers) < PUBLISHED
     assert worst(q.linear.model, answers) > 0.05
+    # second order by the laws, third by the steady states at half and full power: what is left is of fourth
+    assert q.static_error < worst(q.linear.model, answers) ** 3
     wave = th.SquareWave(POWER, 1e-6, 1 / 3)
     exact = system.periodic_response(wave, 101)
     assert np.abs(q.model.periodic_response(wave, 101) - exact).max() < PUBLISHED * exact.max()
