@@ -13,7 +13,7 @@ from ..thermal import compact
 
 
 def van_vaerenbergh_q(ring: RingResonator, model: ThermalModel, *, carriers: float = 1e23) -> float:
-    """Return q, up to a factor that all rings of one geometry share: only ratios of it mean something.
+    """Return q, up to a factor of quality factors, absorbed share and mode volume: compare rings that share those.
 
         q = sqrt(sigma_FCD tau_fc)/(R_th dn/dT),      R_th = tau_th/(m c_p) for Newton's law
 

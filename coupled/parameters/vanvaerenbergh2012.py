@@ -3,7 +3,8 @@
 T. Van Vaerenbergh et al., "Cascadable excitability in microrings". Every number stands in the check of that paper by
 J. Lamo (github.com/JohannesLamo/Master_thesis_MRR_simulation_final, check_simulation_against_Thomas_paper.m), whose
 "same as in paper" is taken at its word: the print itself was not at hand. With them the ring pulses as in the paper's
-Fig. 3, whose points that check holds too, to 1 % in period, temperature and carriers.
+Fig. 3, whose points that check holds too, to 1 % in period, temperature and carriers. The check counts a thousandth of
+the light that two-photon absorption takes, but all of its heat; that is a slip (2 to 3 % off the figure) and not here.
 """
 
 from __future__ import annotations
