@@ -9,10 +9,12 @@ import pytest
 
 import coupled
 import surrogate
+import thermofem as th
 from coupled.equilibria.lyapunov import first_lyapunov
 
 RING = coupled.borghi2021()
 EXPERIMENT = surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)
+FEM_TRAINED = surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1200e-9, eta=0.31)
 POWERS, DETUNINGS = 1e-3 * 10 ** (np.linspace(3, 10, 12) / 10), np.linspace(-30e9, 30e9, 13)
 
 
@@ -92,6 +94,39 @@ def test_a_subcritical_point_has_a_pulse_beside_it():
     assert (
         swing_of(newton, float(point.power), rest, ring, initial=run)[0] > 0.3
     )  # and goes on where rest is stable too
+
+
+def test_which_thermal_models_begin_to_pulse_softly():
+    """As docs/stability.md says, on every leading point of the plane of the paper's maps."""
+    cases = {
+        "newton": (RING.with_lumped_fcd(), surrogate.newton(tau_th=275e-9)),
+        "experiment": (RING, EXPERIMENT),
+        "FEM": (RING, surrogate.reduce(th.assemble(th.strip_ring()).system, tolerance=1e-4).model),
+        "FEM-trained": (RING, FEM_TRAINED),
+    }
+    hard = {}
+    for name, (ring, model) in cases.items():
+        curves = coupled.hopf_curves(ring, model, POWERS, DETUNINGS)
+        g, nu, leading = (np.concatenate([c[v].values for c in curves]) for v in ("lyapunov", "detuning", "leading"))
+        hard[name] = nu[(g > 0) & leading], nu[(g < 0) & leading]
+    assert hard["newton"][1].size == hard["experiment"][0].size == hard["FEM"][0].size == 0
+    assert hard["FEM-trained"][0].min() > 22e9
+    assert hard["FEM-trained"][1].size
+
+
+def test_the_narrow_hysteresis_of_the_fem_trained_set():
+    """A large pulse and rest beside each other just outside its subcritical border, one pulse or rest farther off."""
+    curves = coupled.hopf_curves(RING, FEM_TRAINED, POWERS, DETUNINGS)
+    points = [c.isel(point=k) for c in curves for k in np.flatnonzero((c.lyapunov.values > 0) & c.leading.values)]
+    point = min(points, key=lambda p: abs(float(p.detuning) - 28e9))
+    power, border = float(point.power), float(point.detuning)
+    _, pulses = swing_of(FEM_TRAINED, power, border - 3e9)
+    after, _ = swing_of(FEM_TRAINED, power, border + 0.01e9, initial=pulses)
+    assert after > 0.3
+    (rest,) = coupled.steady_states(RING, FEM_TRAINED, power=power, detuning=border + 0.01e9).regime.values
+    assert rest == "stable"
+    far, _ = swing_of(FEM_TRAINED, power, border + 0.4e9, initial=pulses)
+    assert far < 0.01
 
 
 def test_weight_of_carriers_against_heat():
