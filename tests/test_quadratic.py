@@ -107,6 +107,10 @@ def test_output_map_errs_by_less_than_three_per_mille_of_the_peak(warm, conducti
         # least squares over two powers of (cubic - quadratic): below a tenth of the linear model's error there
         assert static.steady_rise(POWER) == pytest.approx(system.steady_rise(POWER)[0], rel=0.1 * 0.07)
         assert static.coefficient < 0  # conductivity of the oxide rises: it warms less than linearly
+        powers = POWER * np.array([0.5, 1])
+        left = static.steady_rise(powers) - [system.steady_rise(p)[0] for p in powers]
+        bend = powers**2  # least squares: what is left has no share of z^2; round-off against the largest
+        assert abs(left @ bend) < 1e-9 * np.linalg.norm(left) * np.linalg.norm(bend)
 
 
 def test_the_second_order_is_exact_at_small_power(warm):
