@@ -113,11 +113,14 @@ class RingResonator:
             volume = getattr(self, f"{kind}_volume")
             checks.between(f"{kind}_volume", volume, 1e-22, 1e-12, unit="m^3", hint=_VOLUME_HINT)
         for name in ("loss_rate", "drop_rate", "scattering_rate"):  # none, or one that is no slip of a unit
-            if getattr(self, name) not in (None, 0):
+            if getattr(self, name) != 0 and not (name == "drop_rate" and self.drop_rate is None):
                 checks.between(name, getattr(self, name), 1e5, 1e13, unit="1/s", hint=_RATE_HINT)
         hint = "silicon has 4.5e-18 m^2/W"
         checks.between("kerr_coefficient", self.kerr_coefficient, -1e-15, 1e-15, unit="m^2/W", hint=hint)
-        for name, value in self.rates:
+        if not isinstance(self.carriers, ShockleyReadHall | ConstantLifetime):
+            kind = type(self.carriers).__name__
+            raise checks.InputError(f"carriers is a {kind}; ShockleyReadHall(...) or ConstantLifetime(30e-9) is needed")
+        for name, value in _pairs("rates", self.rates, "(name, value)"):
             checks.choice("rates", name, DERIVED)
             checks.finite(f"rates {name}", value)
             if name != "thermal_shift" and value < 0:
@@ -315,13 +318,19 @@ class RingResonator:
         return replace(self, name=f"{self.name}, swapped SRH", carriers=swapped)
 
 
+def _pairs(name: str, given: Any, pair: str) -> list[tuple[Any, Any]]:
+    """A sequence of pairs as a list, or InputError."""
+    try:
+        return [(first, second) for first, second in given]
+    except (TypeError, ValueError):
+        raise checks.InputError(f"{name} = {given!r} is no sequence of pairs; every term is {pair}") from None
+
+
 def _check_dispersion(terms: tuple[tuple[float, float], ...]) -> None:
     """Raise InputError unless every term is (coefficient <= 0, exponent) and small at 1e23 carriers per m^3."""
-    if not terms:
+    if isinstance(terms, tuple | list) and not terms:
         raise checks.InputError("fcd is empty; for no free-carrier dispersion give ((0.0, 1.0),)")
-    for term in terms:
-        if len(term) != 2:
-            raise checks.InputError(f"fcd holds {term!r}; every term is (coefficient, exponent)")
+    for term in _pairs("fcd", terms, "(coefficient, exponent)"):
         coefficient = checks.finite("fcd coefficient", term[0])
         exponent = checks.between("fcd exponent", term[1], 0.3, 3)
         if coefficient > 0:

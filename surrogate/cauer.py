@@ -76,6 +76,7 @@ def cauer(model: Foster) -> Cauer:
     InputError
         a network that is not passive; poles of zero R are left out, equal time constants merged.
     """
+    checks.has("model", model, "passive", "tau", hint="a Foster network is needed, such as the .model of a fit")
     if not model.passive:
         raise checks.InputError("the network is not passive (an R is negative); it has no ladder")
     R, tau = np.asarray(model.R), np.asarray(model.tau)
@@ -123,7 +124,8 @@ def foster_of(ladder: Cauer) -> Foster:
     With the ladder's incidence D (bidiagonal), C dx/dt = -D^T R^-1 D x + e_1 P. The singular values of
     R^-1/2 D C^-1/2 are the square roots of the rates, which keeps the slow ones accurate.
     """
-    R, C = np.asarray(ladder.R), np.asarray(ladder.C)
+    checks.has("ladder", ladder, "R", "C", hint="surrogate.cauer(model) makes a Cauer ladder")
+    R, C = np.asarray(ladder.C)
     D = np.eye(R.size) - np.eye(R.size, k=1)
     _, sigma, modes = np.linalg.svd(D / np.sqrt(R)[:, None] / np.sqrt(C))
     tau = 1 / sigma**2

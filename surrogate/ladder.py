@@ -34,7 +34,7 @@ from .reduce import reduce
 from .sindy import fit_sindy
 from .sindy_quadratic import fit_sindy_quadratic
 from .truncate import balanced_truncation
-from .validate import PERIODS, error_curve, swings, valid_range
+from .validate import PERIODS, check_models, error_curve, swings, valid_range
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -102,6 +102,7 @@ def train_all(
         a power or duty out of range, a name that is none of the models'.
     """
     checks.positive("power", power, unit="W", at_most=10, hint="powers are in W (did you mean 2e-3 for 2 mW?)")
+    checks.has("heat", heat, "heated", "channels", hint="th.assemble(geometry) makes the HeatProblem")
     part = heat.heated[0]
     system = heat.channels(part, part)
     fine = reduce(system, REFERENCE)
@@ -218,6 +219,8 @@ def judge(
     """
     import xarray as xr
 
+    check_models(models)
+    check_models({"reference": reference})
     if not models:
         raise checks.InputError("models is empty; surrogate.train_all(heat).models has them all")
     periods = checks.array("periods", periods, increasing=True)
@@ -251,6 +254,8 @@ def judge(
 
 def verdict(judged: xr.Dataset, *, within: float = 0.1) -> str:
     """Which model suffices where, one line for each model and power, and the smallest that suffices everywhere."""
+    if not {"period_error", "power"} <= set(getattr(judged, "variables", ())):
+        raise checks.InputError(f"judged is a {type(judged).__name__} without period errors; judge makes one")
     lines = []
     low, high = float(judged["period"][0]), float(judged["period"][-1])
     for power in judged["power"].values:

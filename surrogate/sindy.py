@@ -286,6 +286,7 @@ def regress(
 
 def read_probes(data: xr.Dataset) -> tuple[Array, Array, Waveform, tuple[str, ...]]:
     """Times, rises (time, probe), drive and names of the probes."""
+    checks.has("data", data, "data_vars", hint="a Dataset is needed, such as th.solve returns")
     if "delta_T" not in data or "probe" not in data["delta_T"].dims:
         raise checks.InputError(
             "data.delta_T has no probes: SINDy needs shells of oxide around the core beside it; describe them as "

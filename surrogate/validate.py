@@ -62,15 +62,22 @@ def period_error(
     InputError
         periods that are not positive or do not increase, a power that is not positive, a duty outside 0..1.
     """
-    for name, given in (("reference", reference), ("model", model)):
-        checks.has(name, given, "periodic_response", hint="a thermal model is needed, such as the .model of a fit")
+    check_models({"reference": reference, "model": model})
     periods = checks.array("periods", periods, increasing=True, hint="periods are in s (did you mean 1e-6?)")
     return error_curve(model, swings(reference, periods, power, duty), periods, power, duty)
+
+
+def check_models(models: Mapping[str, ThermalModel]) -> None:
+    """InputError unless every one of them is a thermal model, in a mapping from their names."""
+    checks.has("models", models, "items", hint='a mapping from names is needed, such as {"Newton": model}')
+    for name, given in models.items():
+        checks.has(str(name), given, "periodic_response", hint="a thermal model is needed, such as the .model of a fit")
 
 
 def swings(reference: ThermalModel, periods: Array, power: float, duty: float) -> Array:
     """Swing in K of the periodic state at each period; raises as `period_error`."""
     checks.positive("periods[0]", periods[0], unit="s")
+    checks.positive("periods[-1]", periods[-1], unit="s", at_most=0.1, hint="periods are in s (did you mean 1e-6?)")
     checks.positive("power", power, unit="W", at_most=10, hint="powers are in W (did you mean 2e-3 for 2 mW?)")
     checks.between("duty", duty, 1e-6, 1 - 1e-6, hint="the duty cycle is the fraction of the period that is on")
     return np.array([_swing(reference, t, power, duty) for t in periods])
@@ -101,6 +108,8 @@ def valid_range(curve: xr.Dataset, *, within: float = 0.1) -> tuple[float, float
     changes sign is within any limit for a moment, and a period is known from the model only. (nan, nan) without one.
     """
     checks.positive("within", within, hint="0.1 is ten percent")
+    if not {"period", "relative_error"} <= set(getattr(curve, "variables", ())):
+        raise checks.InputError(f"curve is a {type(curve).__name__} without period errors; period_error makes one")
     x, y = np.log(curve["period"].values), np.abs(curve["relative_error"].values)
     good = np.concatenate([[False], y <= within, [False]])
     first, last = np.flatnonzero(~good[:-1] & good[1:]), np.flatnonzero(good[:-1] & ~good[1:]) - 1
@@ -163,13 +172,17 @@ def compare(
     Raises
     ------
     InputError
-        no model, or a drive under which the reference does not move.
+        no model or what is none, no waveform, or a drive under which the reference does not move.
     """
     import xarray as xr
 
-    drives = held_out_drives() if drives is None else list(drives)
+    drives = held_out_drives() if drives is None else [drives] if hasattr(drives, "breakpoints") else list(drives)
     if not models or not drives:
         raise checks.InputError("compare needs at least one model and one drive")
+    check_models(models)
+    check_models({"reference": reference})
+    for drive in drives:
+        checks.has("drives", drive, "breakpoints", hint="waveforms are needed, such as those of held_out_drives()")
     exact = [_answer(reference, drive) for drive in drives]
     swing = np.array([np.ptp(y) for y in exact])
     if np.any(swing <= 0):

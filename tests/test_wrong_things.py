@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -42,4 +44,91 @@ def test_the_wrong_kind_of_thing(call, words, heat, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(th.InputError, match=words):
         call(surrogate.fit_newton(DATA), heat)
+    assert not list(tmp_path.iterdir())
+
+
+WAVE = th.SquareWave(power=1e-3, period=1e-6, duty=0.3)
+EYE, ONES = np.eye(2), np.ones((2, 1))
+PATH = "no name of a file; give a text or a pathlib.Path"
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda heat: th.CrossSection.from_toml(None), f"path = None is {PATH}"),
+        (lambda heat: th.Campaign.from_toml(3), f"path = 3 is {PATH}"),
+        (lambda heat: th.open_campaign(None), f"directory = None is {PATH}"),
+        (lambda heat: th.save(DATA, None), f"path = None is {PATH}"),
+        (lambda heat: th.load(None), f"path = None is {PATH}"),
+        (lambda heat: th.read_csv(None, time="t", temperature="T", power=1e-3), f"path = None is {PATH}"),
+        (lambda heat: surrogate.save_model(MODEL, None), f"path = None is {PATH}"),
+        (lambda heat: surrogate.export_model(MODEL, None, to="spice"), f"path = None is {PATH}"),
+        (lambda heat: surrogate.load_model(MODEL), f"path = Foster.* is {PATH}"),
+        (lambda heat: coupled.RingResonator.from_toml(None), f"path = None is {PATH}"),
+        (
+            lambda heat: coupled.pulsing_map(RING, MODEL, [1e-3], [0.0], duration=1e-7, file=3),
+            f"file = 3 is {PATH}",
+        ),
+        (lambda heat: heat.mesh.save(None), f"path = None is {PATH}"),
+        (lambda heat: heat.thermal_resistance(3), "heated = 3 is unknown; known: core"),
+        (lambda heat: heat.thermal_resistance(["core"]), "heated = .* is unknown; did you mean 'core'"),
+        (lambda heat: heat.thermal_resistance("core", 3), "read = 3 is no name; give one or several of substrate"),
+        (lambda heat: th.solve(heat, WAVE, [1e-6], read=("core", "core")), "holds 'core' twice; give each once"),
+        (lambda heat: MODEL.periodic_response(None, 10), "NoneType has no period"),
+        (lambda heat: MODEL.periodic_response(WAVE, "a"), "samples = 'a' must be a whole number"),
+        (lambda heat: MODEL.periodic_response(WAVE, 10.5), "samples = 10.5 must be a whole number"),
+        (lambda heat: th.solve_periodic(heat, WAVE, samples=10**10), "samples = 10000000000 must .* up to 1e.07"),
+        (lambda heat: th.StateSpace(None, -EYE, ONES, ONES.T), "E is a NoneType; an array or a sparse"),
+        (lambda heat: th.StateSpace([[1]], [[-1]], [[1]], [[1]]), "E is a list; an array or a sparse"),
+        (lambda heat: th.StateSpace(EYE, -EYE * np.nan, ONES, ONES.T), "A of shape .2, 2. .* not finite"),
+        (lambda heat: th.StateSpace(EYE[:0, :0], EYE[:0, :0], ONES[:0], ONES.T[:, :0]), "E of shape .0, 0. is empty"),
+        (lambda heat: th.dataset.build(TIMES, TIMES, None), "wave is a NoneType; a waveform is needed"),
+        (lambda heat: th.dataset.build(TIMES, TIMES[:3], WAVE), r"delta_T has shape \(3,\); a value for each of 30"),
+        (lambda heat: th.dataset.build(TIMES, TIMES * np.nan, WAVE), "delta_T holds nan"),
+        (lambda heat: th.dataset.build(TIMES[::-1], TIMES, WAVE), "times must increase"),
+    ],
+)
+def test_what_names_no_file_no_part_and_no_numbers(call, words, heat, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(th.InputError, match=words):
+        call(heat)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: surrogate.compare({"a": None}, MODEL), "a is a NoneType; a thermal model is needed"),
+        (lambda: surrogate.compare({"a": MODEL}, None), "reference is a NoneType; a thermal model is needed"),
+        (lambda: surrogate.compare(MODEL, MODEL), "models is a Foster; a mapping from names is needed"),
+        (lambda: surrogate.compare({"a": MODEL}, MODEL, [None]), "drives is a NoneType; waveforms are needed"),
+        (lambda: surrogate.judge(MODEL, MODEL), "models is a Foster; a mapping from names is needed"),
+        (lambda: surrogate.judge({"a": MODEL}, 3), "reference is a int; a thermal model is needed"),
+        (lambda: surrogate.verdict(DATA), "judged is a Dataset without period errors; judge makes one"),
+        (lambda: surrogate.train_all(None), "heat is a NoneType; th.assemble"),
+        (lambda: surrogate.valid_range(DATA), "curve is a Dataset without period errors; period_error makes one"),
+        (lambda: surrogate.validity(None), "curve is a NoneType without period errors"),
+        (lambda: surrogate.period_error(MODEL, MODEL, [0.3, 3]), r"periods\[-1\] = 3 is larger than 0.1 .* 1e-6"),
+        (lambda: surrogate.cauer(None), "model is a NoneType; a Foster network is needed"),
+        (lambda: surrogate.structure_function(DATA), "model is a Dataset; a Foster network is needed"),
+        (lambda: surrogate.foster_of(MODEL), "ladder is a Foster; surrogate.cauer"),
+        (lambda: surrogate.fit_sindy(None), "data is a NoneType; a Dataset is needed"),
+        (lambda: surrogate.save_model(MODEL, "m.json", provenance=3), "provenance is a int; a mapping"),
+        (lambda: surrogate.export_model(MODEL, "m.cir", to="spice", provenance=3), "provenance is a int; a mapping"),
+        (lambda: coupled.power_for_drop(RING, MODEL, drop="a", detuning=0.0), "drop is not an array of numbers"),
+        (lambda: coupled.power_for_drop(RING, MODEL, drop=1e-3, detuning="a"), "detuning is not an array of numbers"),
+        (lambda: coupled.power_for_drop(RING, MODEL, drop=[], detuning=0.0), r"shape \(0,\) are empty"),
+        (lambda: coupled.power_for_drop(RING, MODEL, drop=[1e-3] * 2, detuning=[0.0] * 3), "do not go together"),
+        (lambda: coupled.power_for_drop(RING, MODEL, drop=1e-3, detuning=[0, -8]), "did you mean -8e9?"),
+        (lambda: coupled.power_for_drop(RING, MODEL, drop=1e-3, detuning=1e30), "detuning = 1e.30 must lie between"),
+        (lambda: dataclasses.replace(RING, carriers=None), "carriers is a NoneType; ShockleyReadHall"),
+        (lambda: dataclasses.replace(RING, loss_rate=None), "loss_rate = None is not a number"),
+        (lambda: dataclasses.replace(RING, fcd=1.0), "fcd = 1.0 is no sequence of pairs"),
+        (lambda: dataclasses.replace(RING, rates="ab c"), "rates = 'ab c' is no sequence of pairs"),
+    ],
+)
+def test_what_is_no_model_no_ring_and_no_light(call, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(th.InputError, match=words):
+        call()
     assert not list(tmp_path.iterdir())

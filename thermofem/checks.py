@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -86,6 +87,14 @@ def has(name: str, value: Any, *attributes: str, hint: str) -> None:
     """Raise InputError unless ``value`` has the attributes: it is another kind of thing."""
     if not all(hasattr(value, attribute) for attribute in attributes):
         raise InputError(f"{name} is a {type(value).__name__}; {hint}")
+
+
+def path(name: str, value: Any) -> Path:
+    """Return ``value`` as a Path, or raise InputError: it is no name of a file or folder."""
+    try:
+        return Path(value)
+    except TypeError:
+        raise InputError(f"{name} = {value!r} is no name of a file; give a text or a pathlib.Path") from None
 
 
 def choice(name: str, value: str, choices: Iterable[str], *, hint: str = "") -> str:

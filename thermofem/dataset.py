@@ -86,10 +86,21 @@ def build(
         names of the probes.
     attributes : dict
         provenance.
+
+    Raises
+    ------
+    InputError
+        times that do not increase, numbers that are not finite, a rise of another length, no waveform.
     """
     import xarray as xr
 
-    times, rise = np.asarray(times, dtype=float), np.asarray(delta_T, dtype=float)
+    checks.has("wave", wave, "breakpoints", hint="a waveform is needed; e.g. th.Pulse(power=2e-3, width=20e-6)")
+    times, rise = checks.array("times", times, increasing=True), checks.numbers("delta_T", delta_T)
+    if rise.shape not in ((times.size,), (times.size, len(read))):
+        raise checks.InputError(
+            f"delta_T has shape {rise.shape}; a value for each of {times.size} times is needed, or for each of "
+            f"{len(read)} probes at each time"
+        )
     several = rise.ndim == 2
     variables: dict[str, Any] = {
         "delta_T": (("time", "probe") if several else ("time",), rise, describe("delta_T")),
@@ -201,7 +212,7 @@ def load(path: str | Path) -> xr.Dataset:
     """
     import xarray as xr
 
-    path = Path(path)
+    path = checks.path("path", path)
     if not path.is_file():
         raise checks.InputError(f"{path} {'is a folder or a device' if path.exists() else 'does not exist'}")
     try:
@@ -223,7 +234,7 @@ def load(path: str | Path) -> xr.Dataset:
 
 def check_target(path: str | Path) -> Path:
     """Where a file will be written, links followed; InputError without a folder, or where no file could be."""
-    path = Path(path)
+    path = checks.path("path", path)
     try:
         if path.is_symlink():
             path = path.resolve()
@@ -238,7 +249,7 @@ def check_target(path: str | Path) -> Path:
 
 def check_image(path: str | Path) -> None:
     """InputError unless the name ends as one of `IMAGES`."""
-    if Path(path).suffix.lower() not in IMAGES:
+    if checks.path("path", path).suffix.lower() not in IMAGES:
         raise checks.InputError(f"{path} does not say what kind of image it is; end it with {', '.join(IMAGES)}")
 
 
@@ -271,7 +282,7 @@ def _umask() -> int:
 
 def make_folder(path: str | Path) -> Path:
     """Make a folder to write into where it does not exist; InputError when that or writing is not possible."""
-    path = Path(path)
+    path = checks.path("path", path)
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -49,7 +49,7 @@ def write_fields(data: xr.Dataset, path: str | Path) -> tuple[Path, ...]:
     ...     [path.name for path in write_fields(data, f"{folder}/heat.pvd")]
     ['heat_0000.vtu', 'heat_0001.vtu', 'heat.pvd']
     """
-    path = Path(path)
+    path = checks.path("path", path)
     check_field(data)
     kind = checks.choice("fields: ending", path.suffix, _KINDS, hint="ParaView opens these three")
     times = data["field_time"].values

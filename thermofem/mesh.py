@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from . import checks
 from .checks import InputError, MissingLibraryError
 from .geometry.regions import GRID
 from .sizes import size_function, sizes
@@ -82,7 +83,7 @@ class Mesh:
         """
         import meshio
 
-        path = Path(path)
+        path = checks.path("path", path)
         cells = [("triangle", self.triangles.astype(np.int32))]
         tags = [(self.region + 1).astype(np.int32)]
         names = {name: np.array([k + 1, 2]) for k, name in enumerate(self.region_names)}
@@ -109,7 +110,7 @@ def load(path: str | Path) -> Mesh:
     """
     import meshio
 
-    if not Path(path).is_file():
+    if not checks.path("path", path).is_file():
         raise InputError(f"mesh file {str(path)!r} does not exist")
     try:
         mesh = meshio.gmsh.read(path)

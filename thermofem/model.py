@@ -223,6 +223,11 @@ class StateSpace:
     outputs: tuple[str, ...] = ("core",)
 
     def __post_init__(self) -> None:
+        for name in ("E", "A", "B", "C"):
+            matrix = getattr(self, name)
+            checks.has(name, matrix, "shape", "dtype", hint="an array or a sparse matrix is needed")
+            if 0 in matrix.shape or not np.isfinite(matrix.sum()):
+                raise checks.InputError(f"{name} of shape {matrix.shape} is empty or holds what is not finite")
         n = self.A.shape[0]
         shapes = {"E": (n, n), "A": (n, n), "B": (n, len(self.inputs)), "C": (len(self.outputs), n)}
         for name, shape in shapes.items():

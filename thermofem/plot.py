@@ -13,6 +13,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.tri import Triangulation
 
+from . import checks
 from .checks import InputError, choice, positive
 from .dataset import check_image, write_whole
 from .fields import check_field
@@ -117,7 +118,7 @@ def animate_field(
     """
     from matplotlib import animation
 
-    path = FilePath(path)
+    path = checks.path("path", path)
     check_field(data)
     kind = choice("film: ending", path.suffix, (".gif", ".mp4"))
     if kind == ".mp4" and not animation.FFMpegWriter.isAvailable():

@@ -121,7 +121,7 @@ def read_csv(
         an empty cell, or a time before its predecessor (the line is named); an absolute temperature without ambient, or
         an ambient that is far from it.
     """
-    path, given = Path(path), dict(units or {})
+    path, given = checks.path("path", path), dict(units or {})
     for role in given:
         checks.choice("units: key", role, _ROLES)
     content = _content(path)

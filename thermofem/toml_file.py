@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
+from . import checks
 from .checks import InputError
 
 T = TypeVar("T")
@@ -25,7 +26,7 @@ def text_of(path: Path, kind: str) -> str:
 
 def read(path: str | Path, kind: str, read_text: Callable[[str], T]) -> T:
     """What ``read_text`` makes of the text of a file; its InputError then begins with the file."""
-    text = text_of(Path(path), kind)
+    text = text_of(checks.path("path", path), kind)
     try:
         return read_text(text)
     except InputError as error:

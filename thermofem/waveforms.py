@@ -28,6 +28,7 @@ from .switched import POWER_HINT, TIME_HINT, Chirp, Telegraph, inside
 Array = NDArray[np.float64]
 
 MOST_PERIODS = 1e6  # that a call may span
+MOST_SAMPLES = 10_000_000  # of a periodic state; more would not fit into memory
 _QUARTERS = np.array([[0.25], [0.75]])
 
 
@@ -82,10 +83,12 @@ def period_times(wave: Waveform, samples: int) -> Array:
     InputError
         the waveform has no period, or ``samples`` is too small to hold its edges.
     """
-    period = wave.period
+    period = getattr(wave, "period", None)
     if period is None:
         raise checks.InputError(f"{type(wave).__name__} has no period; a periodic state needs a periodic waveform")
     edges = wave.breakpoints(0.0, period)
+    if not isinstance(samples, int | np.integer) or samples > MOST_SAMPLES:
+        raise checks.InputError(f"samples = {samples!r} must be a whole number of times, up to {MOST_SAMPLES:g}")
     if samples < 3 + 2 * edges.size:
         raise checks.InputError(f"samples = {samples} is too few for a period with {edges.size} edges inside")
     times = np.arange(samples, dtype=float) * (period / (samples - 1))

@@ -118,15 +118,24 @@ def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike,
     Raises
     ------
     InputError
-        a drop power that is not positive, or a model as for `steady_states`.
+        a drop power that is not positive, a detuning or a model as for `steady_states`, shapes that do not go
+        together.
     """
     from ..kernels import equations as eq
     from . import balance
 
     check_ring(ring)
-    wanted, nu = np.broadcast_arrays(np.asarray(drop, dtype=float), np.asarray(detuning, dtype=float))
-    if not (np.all(np.isfinite(nu)) and np.all(wanted > 0) and np.all(wanted < 1)):
+    lights = checks.numbers("drop", drop), checks.numbers("detuning", detuning)
+    try:
+        wanted, nu = np.broadcast_arrays(*lights)
+    except ValueError:
+        shapes = f"{lights[0].shape} and {lights[1].shape}"
+        raise checks.InputError(f"drop and detuning have shapes {shapes}, which do not go together") from None
+    if not wanted.size:
+        raise checks.InputError(f"drop and detuning of shape {wanted.shape} are empty")
+    if not (np.all(wanted > 0) and np.all(wanted < 1)):
         raise checks.InputError(f"drop = {np.min(wanted):g} .. {np.max(wanted):g} W must lie between 0 and 1 W")
+    check_detuning(float(nu.ravel()[np.abs(nu).argmax()]))
     if ring.drop_bus_rate == 0:
         raise checks.InputError(f"ring {ring.name!r} has no drop port")
     U = wanted.ravel() / (2 * ring.drop_bus_rate) / eq.FJ

@@ -39,7 +39,7 @@ class Journal:
         valid: Callable[[int, list[Any]], bool] = lambda row, cells: True,
     ) -> None:
         self.valid = valid
-        self.path = Path(path) if path is not None else None
+        self.path = checks.path("file", path) if path is not None else None
         self.rows: dict[int, list[Any]] = {}
         if self.path is None:
             return

@@ -68,6 +68,7 @@ def export_model(
         "outputs",
         hint="a thermal model is needed, such as the .model of a fit",
     )
+    checks.has("provenance", provenance or {}, "items", hint="a mapping is needed, such as the .provenance of a fit")
     lines = header(model, provenance or {})
     if to == "fmu":
         from .fmu import write

@@ -63,6 +63,7 @@ def save_model(model: ThermalModel, path: str | Path, *, provenance: Mapping[str
     if name is None:
         hint = "; save its .model" if hasattr(model, "model") else ""
         raise checks.InputError(f"a {type(model).__name__} has no JSON form; known: {', '.join(sorted(KINDS))}{hint}")
+    checks.has("provenance", provenance or {}, "items", hint="a mapping is needed, such as the .provenance of a fit")
     content = {
         "format": FORMAT,
         "schema": SCHEMA,
@@ -108,7 +109,7 @@ def load_provenance(path: str | Path) -> dict[str, Any]:
 
 def _content(path: str | Path) -> dict[str, Any]:
     """The JSON object of a model file, its format and version checked."""
-    path = Path(path)
+    path = checks.path("path", path)
     try:
         content = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
     except FileNotFoundError:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import dataset, waveforms
+from .. import checks, dataset, waveforms
 from ..checks import InputError
 from .store import Store, write_file
 
@@ -59,7 +59,7 @@ def open_campaign(directory: str | Path) -> xr.Dataset:
     """
     import xarray as xr
 
-    store = Store(Path(directory))
+    store = Store(checks.path("directory", directory))
     plan = store.read_plan()
     keys = [case[0] for case in plan["cases"]]
     path = store.directory / INDEX

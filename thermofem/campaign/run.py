@@ -92,7 +92,7 @@ def run(
     """
     if workers is not None:
         checks.between("workers", workers, 1, 1024)
-    store = Store(Path(directory))
+    store = Store(checks.path("directory", directory))
     cases = campaign.cases()
     with store.opened():
         store.write_plan(campaign, cases)

@@ -9,7 +9,7 @@ are the matrices at the ambient temperature T0, and `HeatProblem.model` is the n
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -182,8 +182,8 @@ class HeatProblem:
         >>> round(assemble(strip_ring()).thermal_resistance("core") / 1e3, 2)  # K/mW
         7.86
         """
-        heated = heated or self.heated[0]
-        channel = self.channels(heated, read or heated)
+        heated = self.heated[0] if heated is None else checks.choice("heated", heated, self.heated)
+        channel = self.channels(heated, heated if read is None else read)
         if heated not in self._static:
             self._static[heated] = self.discretization.factors.solve(0.0, 1.0, channel.B[:, 0])
         return float(channel.C[0] @ self._static[heated])
@@ -323,7 +323,12 @@ def _names(
     argument: str, given: str | Sequence[str] | None, known: Sequence[str], default: Sequence[str]
 ) -> tuple[str, ...]:
     """One or several names, each checked against the known ones."""
+    if not isinstance(given, str | Iterable | None):
+        raise checks.InputError(f"{argument} = {given!r} is no name; give one or several of {', '.join(known)}")
     names = tuple(default) if given is None else (given,) if isinstance(given, str) else tuple(given)
     if not names:
         raise checks.InputError(f"{argument} is empty; give at least one of {', '.join(known)}")
+    twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
+    if twice is not None:  # data.sel(probe=...) could not tell them apart
+        raise checks.InputError(f"{argument} = {names} holds {twice!r} twice; give each once")
     return tuple(checks.choice(argument, name, known) for name in names)
