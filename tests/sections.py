@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from hypothesis import strategies as st
+
+from thermofem.geometry import CrossSection, Layer, Part
+
 # every table of the geometry file at once
 HEATER = """
 name = "strip with a heater"
@@ -79,3 +83,30 @@ bottom = "0 nm"
 height = "220 nm"
 heated = true
 """
+
+
+def on_oxide(*parts, **changes):
+    layers = (Layer("bulk", "Si", 1e-6), Layer("oxide", "SiO2", 2e-6, datum=True), Layer("top", "SiO2", 1e-6))
+    return CrossSection("test", 4e-6, layers, parts, **changes)
+
+
+def core(**changes):
+    values = {"inner_radius": 1e-6, "outer_radius": 2e-6, "bottom": 0.0, "height": 400e-9, "heated": True}
+    return Part("core", "Si", **(values | changes))
+
+
+NM = 1e-9
+CELL = 50  # nm
+lattice = st.integers
+
+
+@st.composite
+def random_parts(draw):
+    parts = []
+    for k in range(draw(lattice(1, 4))):
+        left, low = draw(lattice(0, 60)), draw(lattice(-40, 10))
+        right, high = draw(lattice(left + 1, 80)), draw(lattice(low + 1, 20))
+        material = draw(st.sampled_from(["Si", "Al", "SiO2", "void"])) if k else "Si"
+        numbers = (left * CELL * NM, right * CELL * NM, low * CELL * NM, (high - low) * CELL * NM)
+        parts.append(Part(f"part{k}", material, *numbers, heated=k == 0))
+    return parts

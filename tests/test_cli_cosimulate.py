@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from test_cli import thermofem
+from commands import thermofem
 
 import thermofem as th
 

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from test_cli import thermofem
+from commands import thermofem
 
 import surrogate
 import thermofem as th

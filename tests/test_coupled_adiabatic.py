@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rings import RING, SECOND_ORDER
 from scipy.integrate import solve_ivp
-from test_coupled_equations import RING, SECOND_ORDER
 
 import coupled
 import thermofem as th

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rings import BENT
 from scipy import constants
-from test_coupled_kinds import BENT
 
 import coupled
 import surrogate

@@ -7,9 +7,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import xarray as xr
+from rings import RING, SECOND_ORDER, printed_equations, state
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
-from test_coupled_equations import RING, SECOND_ORDER, printed_equations, state
 
 import coupled
 import thermofem as th

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from rings import LAWS, NETWORKS, RING, SECOND_ORDER, printed_equations, state
 from scipy.integrate import solve_ivp
-from test_coupled_equations import LAWS, MODELS, RING, SECOND_ORDER, printed_equations, state
 
 import thermofem as th
 from coupled import Method
@@ -63,10 +63,10 @@ def run(method, rtol, duration=20e3, times=(), model=SECOND_ORDER, max_steps=10*
 
 
 @pytest.mark.parametrize("method", Method)
-@pytest.mark.parametrize("poles", MODELS)
+@pytest.mark.parametrize("poles", NETWORKS)
 @pytest.mark.parametrize("law", LAWS)
 def test_a_step_solves_the_same_systems_as_a_dense_factorization(method, poles, law):
-    ring, model, table, h = LAWS[law], MODELS[poles], tableau(method), 0.7
+    ring, model, table, h = LAWS[law], NETWORKS[poles], tableau(method), 0.7
     y = state(poles)
     drive, detuning, rates, fcd, thermal = problem(ring, model)
     J = eq.jacobian(y, detuning, rates, fcd, thermal)

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from chain import WAVES, dataset, known
 from models import MODELS, coarse_warm_fem
+from rings import BENT, LINEAR, RING, SECOND_ORDER, state
 from scipy.integrate import solve_ivp
-from test_coupled_equations import RING, SECOND_ORDER, state
-from test_sindy_quadratic import WAVES, dataset, known
 
 import coupled
 import surrogate
@@ -20,17 +20,6 @@ from coupled.kernels import quadratic, rosenbrock
 from coupled.kernels.tableaus import tableau
 from coupled.thermal import compact
 
-R, TAU = np.asarray(SECOND_ORDER.R), np.asarray(SECOND_ORDER.tau)
-LINEAR = th.Quadratic(np.diag(-1 / TAU), np.zeros((2, 2, 2)), np.zeros((2, 2)), R / TAU, np.ones(2))
-DRAW = np.random.default_rng(3)
-H = DRAW.normal(size=(2, 2, 2)) * 2e-3 / TAU[:, None, None]
-BENT = th.Quadratic(
-    np.array([[-1 / TAU[0], 2e5], [1e5, -1 / TAU[1]]]),
-    (H + H.transpose(0, 2, 1)) / 2,
-    DRAW.normal(size=(2, 2)) * 1e-3 * (R / TAU)[:, None],
-    R / TAU,
-    np.array([1.0, 0.9]),
-)
 MAPPED = th.OutputMap(SECOND_ORDER, -4e-3)
 KINDS = {"network": SECOND_ORDER, "output map": MAPPED, "quadratic": BENT, "quadratic, linear": LINEAR}
 REAL = replace(RING, drop_rate=20e9, scattering_rate=3e9, kerr_coefficient=4.5e-18)

@@ -11,7 +11,7 @@ import sys
 import numpy as np
 import pytest
 import scipy.io
-from test_cli import thermofem
+from commands import thermofem
 
 import surrogate
 import thermofem as th

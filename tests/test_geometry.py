@@ -4,8 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hypothesis import event, given, settings
-from hypothesis import strategies as st
-from sections import HEATER, STRIP
+from sections import CELL, HEATER, NM, STRIP, core, on_oxide, random_parts
 
 from thermofem.checks import InputError
 from thermofem.geometry import disc, heated_ring, rib_ring
@@ -15,7 +14,6 @@ from thermofem.geometry.cross_section import (
     OPEN,
     Boundary,
     CrossSection,
-    Layer,
     Part,
     Probe,
     strip_ring,
@@ -108,16 +106,6 @@ def test_a_new_material():
 # --- the planar subdivision -------------------------------------------------------------------------------------------
 
 
-def on_oxide(*parts, **changes):
-    layers = (Layer("bulk", "Si", 1e-6), Layer("oxide", "SiO2", 2e-6, datum=True), Layer("top", "SiO2", 1e-6))
-    return CrossSection("test", 4e-6, layers, parts, **changes)
-
-
-def core(**changes):
-    values = {"inner_radius": 1e-6, "outer_radius": 2e-6, "bottom": 0.0, "height": 400e-9, "heated": True}
-    return Part("core", "Si", **(values | changes))
-
-
 def test_a_trapezoid_keeps_its_width_at_half_height():
     part = core(sidewall_angle=math.radians(60))
     lean = 200e-9 / math.tan(math.radians(60))
@@ -192,23 +180,6 @@ def test_sides_cover_the_outline_of_the_stack():
         assert geometry.on_boundary(side, r, z).tolist() == [j == k for j in range(5)]
     with pytest.raises(InputError, match="side = 'botom' is unknown; did you mean 'bottom'"):
         geometry.on_boundary("botom", 0, 0)
-
-
-NM = 1e-9
-CELL = 50  # nm
-lattice = st.integers
-
-
-@st.composite
-def random_parts(draw):
-    parts = []
-    for k in range(draw(lattice(1, 4))):
-        left, low = draw(lattice(0, 60)), draw(lattice(-40, 10))
-        right, high = draw(lattice(left + 1, 80)), draw(lattice(low + 1, 20))
-        material = draw(st.sampled_from(["Si", "Al", "SiO2", "void"])) if k else "Si"
-        numbers = (left * CELL * NM, right * CELL * NM, low * CELL * NM, (high - low) * CELL * NM)
-        parts.append(Part(f"part{k}", material, *numbers, heated=k == 0))
-    return parts
 
 
 def painted_volumes(geometry):

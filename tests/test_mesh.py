@@ -9,12 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
-from sections import HEATER, STRIP
-from test_geometry import on_oxide, random_parts
+from sections import HEATER, STRIP, core, on_oxide, random_parts
 
 from thermofem import mesh
 from thermofem.checks import InputError, MissingLibraryError
-from thermofem.geometry import CrossSection, strip_ring
+from thermofem.geometry import CrossSection, Part, strip_ring
 from thermofem.materials import Material
 from thermofem.mesh import Mesh
 from thermofem.sizes import fitted, size_function, sizes
@@ -91,14 +90,10 @@ def test_corners_of_other_parts_and_of_voids_are_graded_too():
 
 
 def heated_and_hole():
-    from test_geometry import Part, core
-
     return core(), Part("hole", "void", 3e-6, 3.5e-6, bottom=-400e-9, height=400e-9)
 
 
 def heated_and_ridge():
-    from test_geometry import core
-
     return (core(bottom=1e-6),)
 
 
