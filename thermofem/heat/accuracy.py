@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 log = logging.getLogger("thermofem")
 
-# Of the error of quadratics, cubics on the same mesh show 65 to 100 % on the cross-sections of tests/test_accuracy.py.
+# Of the error of quadratics, cubics on the same mesh show 65 to 100 % (tests/thermofem/test_accuracy.py).
 SATURATION = 1.25
 EARLY = 5e8  # 1/s; the step response averaged around 2 ns, whose error is nearest to that of the step at 1 ns
 ITERATIONS = 3  # of conjugate gradients; two show 96 to 99 % of what cubics add (measured)
@@ -99,8 +99,8 @@ def discretization_error(heat: HeatProblem, heated: str, read: str) -> float:
     heated, read : str
         the channel, checked by the caller.
 
-    Between 0.8 and 1.9 times the true error on the cross-sections of tests/test_accuracy.py; on the coarsest meshes, of
-    accuracy 1e-2, as little as 0.7 times (measured on five rings), where cubics are far from the end, too.
+    Between 0.8 and 1.9 times the true error on the cross-sections of tests/thermofem/test_accuracy.py; on the coarsest
+    meshes, of accuracy 1e-2, as little as 0.7 times (measured on five rings), where cubics are far from the end, too.
     """
     source, reading = (heat.enrichment.mean(heat, name) for name in (heated, read))
     # static last: R_th, which comes next, has the same factors
