@@ -25,7 +25,7 @@ CASES = {
     "kerr": (KERR, EXPERIMENT),
     "scattering": (replace(RING, loss_rate=2e9, scattering_rate=8e9), EXPERIMENT),
     "output map": (RING, MAPPED),
-    "all of it": (replace(KERR, scattering_rate=5e9), MAPPED),
+    "all of it": (replace(KERR, scattering_rate=5e9, drop_rate=20e9), MAPPED),
     "quadratic": (replace(KERR, scattering_rate=5e9), BENT),
 }
 LASERS = [(2e-3, -20e9), (6.3e-3, 0.0), (5e-3, -32e9), (10e-3, 15e9)]
