@@ -10,7 +10,7 @@ so that for g < 0 (supercritical) the ring begins to pulse with an amplitude lik
 for g > 0 (subcritical) it jumps to a large pulse and has hysteresis. Only the Jacobian is differentiated, by central
 differences along Re q and Im q: B(q, .) = J'(Re q) + i J'(Im q), C(q, q*, .) = J''(Re q) + J''(Im q).
 
-Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Eq. 5.39.
+Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Section 5.4.
 """
 
 from __future__ import annotations
