@@ -109,7 +109,7 @@ def reduce(system: StateSpace, tolerance: float = 1e-4) -> Reduction:
     Returns
     -------
     Reduction
-        measured on the reference strip (6145 unknowns): order 10 / 14 / 18 / 23 for 1e-3 / 1e-4 / 1e-5 / 1e-6; the
+        measured on the reference strip (6253 unknowns): order 10 / 14 / 18 / 26 for 1e-3 / 1e-4 / 1e-5 / 1e-6; the
         bound is at most three times the true error where that is largest.
 
     Raises
