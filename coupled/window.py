@@ -107,6 +107,7 @@ def advance(
     """
     from .kernels import equations as eq
     from .kernels import rosenbrock
+    from .kernels.interrupts import uninterrupted
 
     laser = laser_of(ring, start, stop, power, detuning, offset)
     rates, fcd = eq.internal_rates(ring)
@@ -117,13 +118,15 @@ def advance(
     if adiabatic:
         from .kernels.adiabatic import integrate
 
-        rows, y, reached, counts = integrate(begin, laser, rates, fcd, thermal, rtol, floor, at, MAX_STEPS)
+        rows, y, reached, counts = uninterrupted(
+            integrate, begin, laser, rates, fcd, thermal, rtol, floor, at, MAX_STEPS
+        )
         step, crossings = 0.0, NO_TIMES
     else:
         chosen = method or (Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
-        rows, y, reached, step, crossings, counts = rosenbrock.integrate(
-            begin, laser, rates, fcd, thermal, tableau(chosen), rtol, floor, at, per_step, first_step / eq.NS,
-            _watch(event), MAX_STEPS,
+        rows, y, reached, step, crossings, counts = uninterrupted(
+            rosenbrock.integrate, begin, laser, rates, fcd, thermal, tableau(chosen), rtol, floor, at, per_step,
+            first_step / eq.NS, _watch(event), MAX_STEPS,
         )  # fmt: skip
     check_end(counts, reached, stop - start, rtol)
     t, ar, ai, N, dT = rows.T

@@ -130,9 +130,13 @@ def pulsing_map(
         for _ in journal.rows:
             advance()
         jobs = {pool.submit(_row, small, grid.rows[k], float(duration), float(rtol), order): k for k in left}
-        for job in as_completed(jobs):
-            journal.add(jobs[job], [list(cell) for cell in job.result()])
-            advance()
+        try:
+            for job in as_completed(jobs):
+                journal.add(jobs[job], [list(cell) for cell in job.result()])
+                advance()
+        finally:  # after Ctrl-C or an error: only what runs is waited for
+            for job in jobs:
+                job.cancel()
     rows = [[_Cell(*cell) for cell in journal.rows[k]] for k in range(len(grid.rows))]
     stable = stable_points(small, grid)
     rows = [
