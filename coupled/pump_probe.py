@@ -59,6 +59,7 @@ def carrier_decay(carriers: ShockleyReadHall, initial: float, times: ArrayLike) 
 
     hint = "densities are in 1/m^3 (1e17 cm^-3 is 1e23)"
     N0 = checks.positive("initial", initial, unit="1/m^3", at_most=1e28, hint=hint)
+    checks.has("carriers", carriers, "tau0", "lifetime", hint="the .carriers of a ring are needed")
     t = checks.array("times", times, increasing=True, hint="times are in s")
     checks.between("times[0]", t[0], 0, 1, unit="s", hint="times count from the pulse on")
     checks.between("times[-1]", t[-1], 0, 1, unit="s", hint="did you mean 50e-9 for 50 ns?")

@@ -35,7 +35,10 @@ class State:
     thermal: ArrayLike
 
     def __post_init__(self) -> None:
-        value = complex(self.field)
+        try:
+            value = complex(self.field)
+        except (TypeError, ValueError):
+            raise checks.InputError(f"field = {self.field!r} is not a complex number") from None
         checks.between(
             "field energy", abs(value) ** 2, 0, 1e-9, unit="J", hint="fields are in sqrt(J); 20 fJ is 1.4e-7"
         )

@@ -98,6 +98,7 @@ def unknowns(
         [checks.positive(name, start[name], hint="a free parameter must start above 0") for name in names]
     )
     low, high = values / SPAN, values * SPAN
+    checks.has("bounds", bounds or {}, "items", hint='a mapping is needed, such as {"kappa": (1e5, 1e7)}')
     for name, pair in (bounds or {}).items():
         checks.choice("a name in bounds", name, names)
         ends = np.asarray(pair)

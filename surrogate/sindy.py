@@ -208,7 +208,10 @@ def gate(A: ArrayLike, b: ArrayLike, static: float, *, name: str = "core") -> Fo
     InputError
         complex or growing poles, a negative residue, or a static gain off by more than 1e-3.
     """
-    A, b = np.asarray(A, dtype=float), np.asarray(b, dtype=float)
+    A, b = checks.numbers("A", A), checks.array("b", b)
+    checks.positive("static", static, unit="K/W")
+    if A.shape != (b.size, b.size):
+        raise checks.InputError(f"A has shape {A.shape}; ({b.size}, {b.size}) goes with b")
     rate, modes = np.linalg.eig(A)
     tau = np.divide(-1.0, rate.real, where=rate.real != 0, out=np.full(rate.size, np.inf))
     said = "the identified network is refused: "

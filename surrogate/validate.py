@@ -183,6 +183,8 @@ def compare(
     check_models({"reference": reference})
     for drive in drives:
         checks.has("drives", drive, "breakpoints", hint="waveforms are needed, such as those of held_out_drives()")
+    checks.positive("wavelength", wavelength, unit="m", at_most=1e-4, hint="did you mean 1.55e-6?")
+    checks.finite("shift", shift, unit="Hz/K")
     exact = [_answer(reference, drive) for drive in drives]
     swing = np.array([np.ptp(y) for y in exact])
     if np.any(swing <= 0):
@@ -218,6 +220,8 @@ def square_waves(
     power: float = 2e-3, *, periods: int = 11, duties: Sequence[float] = (0.1, 0.2, 1 / 3, 0.45, 0.6)
 ) -> list[Waveform]:
     """Square waves from 0.1 to 10 us at every duty: 55 by default, on which orders of models are compared."""
+    if not isinstance(periods, int | np.integer) or periods < 1:
+        raise checks.InputError(f"periods = {periods!r} must be a whole number of periods, 1 or more")
     return [SquareWave(power, t, d) for t in np.geomspace(1e-7, 1e-5, periods) for d in duties]
 
 

@@ -48,6 +48,7 @@ def test_the_wrong_kind_of_thing(call, words, heat, tmp_path, monkeypatch):
 
 
 WAVE = th.SquareWave(power=1e-3, period=1e-6, duty=0.3)
+TRACE = coupled.simulate(RING, MODEL, **LIGHT)
 EYE, ONES = np.eye(2), np.ones((2, 1))
 PATH = "no name of a file; give a text or a pathlib.Path"
 
@@ -74,6 +75,7 @@ PATH = "no name of a file; give a text or a pathlib.Path"
         (lambda heat: heat.thermal_resistance(["core"]), "heated = .* is unknown; did you mean 'core'"),
         (lambda heat: heat.thermal_resistance("core", 3), "read = 3 is no name; give one or several of substrate"),
         (lambda heat: th.solve(heat, WAVE, [1e-6], read=("core", "core")), "holds 'core' twice; give each once"),
+        (lambda heat: heat.steady_rise(1e9), "power = 1e.09 must lie between -10 and 10"),
         (lambda heat: MODEL.periodic_response(None, 10), "NoneType has no period"),
         (lambda heat: MODEL.periodic_response(WAVE, "a"), "samples = 'a' must be a whole number"),
         (lambda heat: MODEL.periodic_response(WAVE, 10.5), "samples = 10.5 must be a whole number"),
@@ -121,6 +123,23 @@ def test_what_names_no_file_no_part_and_no_numbers(call, words, heat, tmp_path, 
         (lambda: coupled.power_for_drop(RING, MODEL, drop=[1e-3] * 2, detuning=[0.0] * 3), "do not go together"),
         (lambda: coupled.power_for_drop(RING, MODEL, drop=1e-3, detuning=[0, -8]), "did you mean -8e9?"),
         (lambda: coupled.power_for_drop(RING, MODEL, drop=1e-3, detuning=1e30), "detuning = 1e.30 must lie between"),
+        (lambda: surrogate.compare({"a": MODEL}, MODEL, wavelength="a"), "wavelength = 'a' is not a number"),
+        (lambda: surrogate.compare({"a": MODEL}, MODEL, shift=np.nan), "shift = nan is not finite"),
+        (lambda: surrogate.square_waves(periods=2.5), "periods = 2.5 must be a whole number"),
+        (lambda: surrogate.gate([[-1e6, 0]], [1e9], 1e3), r"A has shape \(1, 2\); \(1, 1\) goes with b"),
+        (lambda: surrogate.gate([[np.nan]], [1e9], 1e3), "A holds nan"),
+        (lambda: surrogate.gate([[-1e6]], [1e9], np.nan), "static = nan is not finite"),
+        (lambda: coupled.carrier_decay(RING, 1e23, [0, 1e-9]), "carriers is a RingResonator; the .carriers of a ring"),
+        (lambda: coupled.stability_map(RING, MODEL, [1e-3], [0.0], vary=3), "vary is a int; a mapping is needed"),
+        (
+            lambda: coupled.pulsing_map(RING, MODEL, [1e-3], [0.0], duration=1e-7, executor=3),
+            "executor is a int; a concurrent.futures.Executor",
+        ),
+        (
+            lambda: coupled.identify(RING, [TRACE], free=["kappa"], bounds=3),
+            "bounds is a int; a mapping is needed",
+        ),
+        (lambda: coupled.State("a", 0.0, [0.0]), "field = 'a' is not a complex number"),
         (lambda: dataclasses.replace(RING, carriers=None), "carriers is a NoneType; ShockleyReadHall"),
         (lambda: dataclasses.replace(RING, loss_rate=None), "loss_rate = None is not a number"),
         (lambda: dataclasses.replace(RING, fcd=1.0), "fcd = 1.0 is no sequence of pairs"),

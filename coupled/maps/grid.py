@@ -69,6 +69,7 @@ def grid_of(
     check_ring(ring)
     laser = {"power": check_axis("powers", powers), "detuning": check_axis("detunings", detunings)}
     own: dict[str, Array] = {}
+    checks.has("vary", vary or {}, "items", hint='a mapping is needed, such as {"bus_rate": [3e10, 4e10]}')
     for name, values in (vary or {}).items():
         checks.choice("a name in vary", name, optical_names(ring))
         own[name] = checks.array(f"vary[{name!r}]", values)

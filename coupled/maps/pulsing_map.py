@@ -233,6 +233,7 @@ def _checked(cell: _Cell, stable_points: int) -> _Cell:
 def _pool(executor: Executor | None) -> Iterator[Executor]:
     """The caller's executor, left open, or threads of our own."""
     if executor is not None:
+        checks.has("executor", executor, "submit", hint="a concurrent.futures.Executor is needed")
         yield executor
         return
     with ThreadPoolExecutor(os.cpu_count()) as pool:  # the integration releases the interpreter's lock

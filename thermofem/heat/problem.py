@@ -204,10 +204,10 @@ class HeatProblem:
         Raises
         ------
         InputError
-            no steady state is found, see `nonlinear.NonlinearSystem.steady_state`.
+            a power out of range; no steady state is found, see `nonlinear.NonlinearSystem.steady_state`.
         """
         heated = heated or self.heated[0]
-        checks.finite("power", power, unit="W")
+        checks.between("power", power, -10, 10, unit="W", hint="powers are in W (did you mean 2e-3 for 2 mW?)")
         model = self.model(heated, read or heated)
         if isinstance(model, NonlinearSystem):
             return float(model.steady_rise(power)[0])
