@@ -176,7 +176,8 @@ def compare(
     """
     import xarray as xr
 
-    drives = held_out_drives() if drives is None else [drives] if hasattr(drives, "breakpoints") else list(drives)
+    given: Any = held_out_drives() if drives is None else drives
+    drives = [given] if hasattr(given, "breakpoints") else list(given)
     if not models or not drives:
         raise checks.InputError("compare needs at least one model and one drive")
     check_models(models)
