@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from paths import ROOT
@@ -89,3 +90,10 @@ def needs_mesher():
     problem = gmsh_problem()
     if problem:
         pytest.skip(problem)
+
+
+@pytest.fixture(scope="module")
+def threads():
+    """An executor for campaigns that need no process of their own."""
+    with ThreadPoolExecutor(2) as executor:
+        yield executor
