@@ -158,7 +158,7 @@ def write_references(folder: str | Path) -> str:
     InputError, MissingLibraryError
         as `mesh_for`; a folder that cannot be written.
     """
-    from .geometry.cross_section import strip_ring
+    from .geometry.rings import strip_ring
 
     rows = []
     for accuracy in (1e-3, 1e-4):

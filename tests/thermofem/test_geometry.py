@@ -7,17 +7,8 @@ from hypothesis import event, given, settings
 from sections import CELL, HEATER, NM, STRIP, core, on_oxide, random_parts
 
 from thermofem.checks import InputError
-from thermofem.geometry import disc, heated_ring, rib_ring
-from thermofem.geometry.cross_section import (
-    INSULATED,
-    ISOTHERMAL,
-    OPEN,
-    Boundary,
-    CrossSection,
-    Part,
-    Probe,
-    strip_ring,
-)
+from thermofem.geometry import CrossSection, disc, heated_ring, rib_ring, strip_ring
+from thermofem.geometry.parts import INSULATED, ISOTHERMAL, OPEN, Boundary, Part, Probe
 from thermofem.materials import Polynomial, Power
 from thermofem.materials.library import LIBRARY
 from thermofem.mesh import content_hash

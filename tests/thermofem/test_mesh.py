@@ -308,7 +308,7 @@ def test_files_that_cannot_be_read_or_written(tmp_path):
 # --- without gmsh -----------------------------------------------------------------------------------------------------
 
 WITHOUT_GMSH = """
-from thermofem.geometry import cross_section as geometry
+from thermofem import geometry
 from thermofem import mesh
 from thermofem.checks import MissingLibraryError
 print(len(mesh.mesh_for(geometry.strip_ring(), 1e-3).points))

@@ -1,8 +1,8 @@
 """The cross-section of a ring in (r, z): what is where, how overlaps resolve, and the file that says so."""
 
-from .cross_section import CrossSection, strip_ring
+from .cross_section import CrossSection
 from .parts import Boundary, Interface, Layer, Part, Probe
-from .rings import disc, heated_ring, rib_ring
+from .rings import disc, heated_ring, rib_ring, strip_ring
 
 __all__ = [
     "Boundary",

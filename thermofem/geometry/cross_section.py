@@ -15,21 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
 from ..materials.library import VOID, Material, find
-from .parts import INSULATED, ISOTHERMAL, OPEN, Boundary, Interface, Layer, Part, Probe, length, ring, slip
+from .parts import INSULATED, ISOTHERMAL, OPEN, Boundary, Interface, Layer, Part, Probe, length
 from .regions import Subdivision, check_held, check_places, subdivide
-
-__all__ = [
-    "INSULATED",
-    "ISOTHERMAL",
-    "OPEN",
-    "Boundary",
-    "CrossSection",
-    "Interface",
-    "Layer",
-    "Part",
-    "Probe",
-    "strip_ring",
-]
 
 
 @dataclass(frozen=True)
@@ -201,50 +188,3 @@ class CrossSection:
         from .toml_schema import write_text
 
         return write_text(self)
-
-
-def strip_ring(
-    radius: float = 7.955e-6,
-    width: float = 450e-9,
-    height: float = 220e-9,
-    box: float = 2e-6,
-    cladding: float = 2e-6,
-    substrate: float = 30e-6,
-    outer_radius: float = 60e-6,
-) -> CrossSection:
-    """A silicon strip ring on buried oxide under oxide, on silicon; the substrate's bottom is held at ambient.
-
-    Parameters
-    ----------
-    radius : float, m
-        to the centre of the core. The default has the perimeter of a racetrack with 7 um bends and 3 um straights.
-    width, height : float, m
-        of the core.
-    box, cladding, substrate : float, m
-        thickness of the buried oxide, of the oxide above the top of the core, and of the substrate.
-    outer_radius : float, m
-        where the domain ends.
-
-    Source: the ring of Borghi et al., Opt. Express 29, 4363 (2021); substrate and outer radius are ours.
-
-    >>> strip_ring(width=500e-9).region_names
-    ('substrate', 'box', 'cladding', 'core')
-    """
-    length("outer_radius", outer_radius, typical=60e-6)
-    for name, value, typical in (("box", box, 2e-6), ("cladding", cladding, 2e-6), ("substrate", substrate, 30e-6)):
-        length(name, value, typical=typical)
-    length("height", height, typical=220e-9)
-    length("radius", radius, typical=8e-6)
-    if radius > outer_radius:
-        raise checks.InputError(
-            f"radius = {radius:g} m is larger than outer_radius = {outer_radius:g} m; "
-            + slip(radius, 8e-6, outer_radius)
-        )
-    inner, outer = ring(radius, width)
-    layers = (
-        Layer("substrate", "Si", substrate),
-        Layer("box", "SiO2", box, datum=True),
-        Layer("cladding", "SiO2", cladding + height),
-    )
-    core = Part("core", "Si", inner, outer, bottom=0.0, height=height, heated=True)
-    return CrossSection("strip ring", outer_radius, layers, (core,))
