@@ -210,7 +210,12 @@ def plot_preview(geometry: CrossSection, mesh: Mesh) -> Axes:
 def _name_parts(geometry: CrossSection, ax: Axes) -> None:
     """Write the name of every part at its edge, heated ones marked."""
     for number, part in enumerate(geometry.parts):
-        at = ((part.inner_radius + part.outer_radius) / 2e-6, (part.bottom + part.height / 2) * 1e6)
+        r, z = (part.inner_radius + part.outer_radius) / 2, part.bottom + part.height / 2
+        if any(
+            p.inner_radius < r < p.outer_radius and 0 < z - p.bottom < p.height for p in geometry.parts[number + 1 :]
+        ):
+            r = part.outer_radius - (part.outer_radius - part.inner_radius) / 8  # a later part lies over its middle
+        at = (r * 1e6, z * 1e6)
         ax.annotate(
             f"{part.name} (heated)" if part.heated else part.name,
             at,

@@ -24,6 +24,21 @@ def folder(tmp_path_factory):
     return folder
 
 
+@pytest.mark.parametrize(
+    ("kind", "units"),
+    [
+        ("second-order", {"kappa": "1/s", "tau_f": "s", "tau_s": "s"}),
+        ("newton", {"tau_th": "s", "heat_capacity": "J/K"}),
+        ("foster", {"R_1": "K/W", "tau_1": "s"}),
+    ],
+)
+def test_fit_prints_units(folder, kind, units):
+    """Of all but the ratios eta and heat_capacity_ratio."""
+    done = thermofem("fit", "square.nc", "--kind", kind, "--order", "1", "-o", f"{kind}.json", cwd=folder)
+    words = [line.split() for line in done.stdout.splitlines() if "±" in line]
+    assert {word[0]: word[5] for word in words if len(word) == 6} == units
+
+
 def test_fit_and_reduce_write_models(folder):
     second, fem = (json.loads((folder / f"{name}.json").read_text()) for name in ("second", "fem"))
     assert len(second["poles"]) == 2

@@ -443,3 +443,23 @@ def test_laws_in_toml():
 def test_bad_laws(law, words):
     with pytest.raises(InputError, match=words):
         CrossSection.from_toml_text(STRIP + f"[material.Si]\nconductivity = {law}\n")
+
+
+def test_the_preview_points_at_every_part_where_no_later_one_lies_over_it():
+    from matplotlib import pyplot
+
+    from thermofem import assemble
+    from thermofem.plot import plot_preview
+
+    rib = rib_ring()  # its core stands on the slab; here it goes through it
+    slab, top = rib.parts
+    geometry = replace(rib, parts=(slab, replace(top, bottom=0.0, height=top.bottom + top.height)))
+    heat = assemble(geometry)
+    axes = plot_preview(geometry, heat.mesh)
+    corners = heat.mesh.points[heat.mesh.triangles].mean(axis=1) * 1e6
+    for label in axes.texts:
+        name = label.get_text().removesuffix(" (heated)")
+        nearest = np.argmin(np.hypot(*(corners - label.xy).T))
+        assert heat.mesh.region_names[heat.mesh.region[nearest]] == name
+    assert len(axes.texts) == len(geometry.parts) == 2
+    pyplot.close(axes.figure)

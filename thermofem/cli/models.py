@@ -51,7 +51,7 @@ def fit(
         found = surrogate.fit_foster(training, order=order)
     surrogate.save_model(found.model, output, provenance=found.provenance)
     for name, value in found.parameters.items():
-        print(f"{name:>22} = {value:.4g} ± {found.standard_errors[name]:.1g}")
+        print(f"{name:>22} = {value:.4g} ± {found.standard_errors[name]:.1g} {_unit(name)}".rstrip())
     _print_misfit(found)
     for note in found.notes:
         print(f"{'note':>22} : {note}")
@@ -70,6 +70,12 @@ def _fit_sindy(training: list[xr.Dataset], output: Path) -> None:
         print(equation)
     _print_misfit(found)
     print(f"wrote {output}")
+
+
+def _unit(parameter: str) -> str:
+    """The SI unit of a fitted parameter; a ratio has none."""
+    units = {"kappa": "1/s", "heat_capacity": "J/K", "tau": "s", "R": "K/W"}
+    return units.get(parameter, units.get(parameter.partition("_")[0], ""))
 
 
 def _print_misfit(found: Any) -> None:
