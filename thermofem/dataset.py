@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import io
 import os
+import sys
 import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -215,13 +216,17 @@ def load(path: str | Path) -> xr.Dataset:
     path = checks.path("path", path)
     if not path.is_file():
         raise checks.InputError(f"{path} {'is a folder or a device' if path.exists() else 'does not exist'}")
+    damage, hook = "", sys.unraisablehook
+    sys.unraisablehook = lambda unraisable: None  # h5netcdf closes a damaged file that it has half opened, and fails
     try:
         with xr.open_dataset(path, engine="h5netcdf") as opened:
             data = opened.load()
     except (OSError, ValueError, KeyError, RuntimeError, TypeError) as error:  # whatever a damaged file trips
-        raise checks.InputError(
-            f"{path} cannot be read as netCDF ({str(error).splitlines()[0]}); is it complete?"
-        ) from None
+        damage = (str(error) or type(error).__name__).splitlines()[0]
+    finally:
+        sys.unraisablehook = hook
+    if damage:
+        raise checks.InputError(f"{path} cannot be read as netCDF ({damage}); is it complete?")
     schema = data.attrs.get("schema", SCHEMA)
     if not isinstance(schema, int | np.integer):
         raise checks.InputError(f"{path} has schema {schema!r}, which is no number; was it written by thermofem?")

@@ -129,3 +129,19 @@ except th.InputError as error:
     assert (done.returncode, done.stderr) == (0, "")
     assert "large.nc cannot be written" in done.stdout
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_damaged_file_is_named_and_nothing_else_is_said(tmp_path, monkeypatch):
+    """A file whose closing fails as well would otherwise leave a traceback after the message."""
+    said = []
+    monkeypatch.setattr(sys, "unraisablehook", said.append)
+    times = np.linspace(0, 1e-6, 2001)
+    whole = th.save(th.dataset.build(times, times, th.Constant(1e-3)), tmp_path / "whole.nc").read_bytes()
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        damaged = np.frombuffer(whole, dtype=np.uint8).copy()
+        damaged[rng.integers(0, damaged.size, 300)] = rng.integers(0, 256, 300)
+        (tmp_path / "damaged.nc").write_bytes(damaged.tobytes())
+        with pytest.raises(th.InputError, match="cannot be read as netCDF"):
+            th.load(tmp_path / "damaged.nc")
+    assert not said
