@@ -125,7 +125,7 @@ def foster_of(ladder: Cauer) -> Foster:
     R^-1/2 D C^-1/2 are the square roots of the rates, which keeps the slow ones accurate.
     """
     checks.has("ladder", ladder, "R", "C", hint="surrogate.cauer(model) makes a Cauer ladder")
-    R, C = np.asarray(ladder.C)
+    R, C = np.asarray(ladder.R), np.asarray(ladder.C)
     D = np.eye(R.size) - np.eye(R.size, k=1)
     _, sigma, modes = np.linalg.svd(D / np.sqrt(R)[:, None] / np.sqrt(C))
     tau = 1 / sigma**2
