@@ -104,7 +104,7 @@ def geometries() -> list[tuple[float, float]]:
 
     section = th.strip_ring().to_toml().replace("[[", "[[geometry.").replace("\n[boundary]", "\n[geometry.boundary]")
     found = []
-    for count in (4, 8, 16):
+    for count in (16, 64, 256):  # few show the start of the worker only
         plan = read_text("accuracy = 1e-2\n[geometry]\n" + section + CAMPAIGN.format(count), Path())
         with tempfile.TemporaryDirectory() as folder:
             start = time.perf_counter()
