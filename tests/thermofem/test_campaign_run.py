@@ -152,7 +152,7 @@ def test_a_killed_parent_restarts_where_it_was(tmp_path):
 
 def test_a_full_disk_is_one_line_and_the_finished_work_stays(tmp_path):
     """A limit on the size of files, below that of a result, in a real process: every write of a result fails."""
-    resource = pytest.importorskip("resource")
+    resource = pytest.importorskip("resource", reason="limits on the size of files are POSIX")
     write(tmp_path, 4)
     make_first = th.Campaign.from_toml(tmp_path / "campaign.toml")
     with ThreadPoolExecutor(1) as executor:
