@@ -7,6 +7,7 @@ Source: C. A. Kennedy, M. H. Carpenter, NASA/TM-2016-219173, ESDIRK4(3)6L[2]SA.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cached_property
 
@@ -137,15 +138,16 @@ class Stepper:
 
     def norm(self, x: Array) -> float:
         """Energy norm sqrt(x^T E x)."""
-        return float(np.sqrt(max(x @ (self.E @ x), 0.0)))
+        return math.sqrt(max(x @ (self.E @ x), 0.0))
 
     def step(self, x: Array, slope: Array, h: float, powers: Array) -> tuple[Array, Array] | None:
         """One ESDIRK step: slopes and states of the six stages, each (6, n); the last state is the new x."""
         slopes, states = np.empty((6, x.size)), np.empty((6, x.size))
         slopes[0], states[0] = slope, x
+        weights, sources = h * STAGES, powers @ self.B.T
         for i in range(1, 6):
-            known = x + h * (STAGES[i, :i] @ slopes[:i])
-            slopes[i] = self.solve(GAMMA * h, self.A @ known + self.B @ powers[i])
+            known = x + weights[i, :i] @ slopes[:i]
+            slopes[i] = self.solve(GAMMA * h, self.A @ known + sources[i])
             states[i] = known + GAMMA * h * slopes[i]
         self.steps += 1
         return slopes, states

@@ -334,7 +334,8 @@ class _Record:
             rates = [h * self.stepper.rate(states[k], slopes[k]) for k in (0, -1)]
             ends = (states[0], states[-1], *rates)
             self.outputs[read] = hermite((self.times[read] - t) / h, *(C @ v for v in ends))
-            self.snapshots[kept] = hermite((self.kept[kept] - t) / h, *ends)
+            if kept.size:
+                self.snapshots[kept] = hermite((self.kept[kept] - t) / h, *ends)
         if self.ledger:
             self.heat_out += self.ledger.outflow(h, WEIGHTS, states, slopes)
 
