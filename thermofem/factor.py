@@ -113,6 +113,17 @@ class Pencil:
                 self._replace(key, self._matrix(a, b))
             return self._shared.solve(rhs)
 
+    def keep(self, a: float, b: float) -> Solve:
+        """Solves with (a E + b K), with a factorization of its own from now on."""
+        key = _key(a, b)
+        with self._lock:
+            if key in self._own:
+                return self._own[key]
+            if key == self._there:  # the shared place becomes its own
+                self._own[key], self._shared, self._there = self._shared.solve, None, None
+                return self._own[key]
+            return self._keep(key, self._matrix(a, b))
+
     def _matrix(self, a: float, b: float) -> Any:
         """Upper triangle of a E + b K, with the places of both."""
         from scipy.sparse import csc_matrix

@@ -27,6 +27,8 @@ from . import checks, waveforms
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
+    from .transient.modal import Modal
+
 Array = NDArray[np.float64]
 
 
@@ -267,8 +269,17 @@ class StateSpace:
         check_single(self)
         return float(self.gain[0, 0])
 
+    @cached_property
+    def _modal(self) -> Modal:
+        """Transients in closed form; InputError where E or A is not symmetric."""
+        from .transient.krylov import check_heat_flow
+        from .transient.modal import Modal
+
+        check_heat_flow(self)
+        return Modal(self)
+
     def step_response(self, times: ArrayLike, *, rtol: float = 1e-5) -> Array:
-        """Rise in K/W after a unit step, by error-controlled integration."""
+        """Rise in K/W after a unit step, see `response`."""
         milliwatt = 1e-3
         return self.response(waveforms.Constant(milliwatt), times, rtol=rtol) / milliwatt
 
@@ -285,18 +296,24 @@ class StateSpace:
         return np.asarray(z, dtype=complex).reshape(np.shape(frequency))
 
     def response(self, wave: waveforms.Waveform, times: ArrayLike, *, rtol: float = 1e-5) -> Array:
-        """Rise in K from rest, by error-controlled integration (`transient.integrate`)."""
+        """Rise in K from rest: in closed form (`transient.modal`) where the power is straight, else stepped.
+
+        ``rtol`` is as of `transient.integrate`.
+        """
         from .transient.integration import integrate
 
         check_single(self)
-        return integrate(self, wave, times, rtol=rtol).outputs[:, 0].reshape(np.shape(times))
+        run = self._modal.run(self.C, wave, times, rtol=rtol) or integrate(self, wave, times, rtol=rtol)
+        return run.outputs[:, 0].reshape(np.shape(times))
 
     def periodic_response(self, wave: waveforms.Waveform, samples: int, *, rtol: float = 1e-5) -> Array:
-        """One period of the periodic state in K (`transient.integrate_periodic`)."""
+        """One period of the periodic state in K, at `waveforms.period_times`, as `response`."""
         from .transient.integration import integrate_periodic
 
         check_single(self)
-        return integrate_periodic(self, wave, samples, rtol=rtol).outputs[:, 0]
+        times = waveforms.period_times(wave, samples)
+        run = self._modal.run(self.C, wave, times, rtol=rtol, periodic=True)
+        return (run or integrate_periodic(self, wave, samples, rtol=rtol)).outputs[:, 0]
 
     def _sparse(self, name: str) -> csc_matrix:
         from scipy.sparse import csc_matrix

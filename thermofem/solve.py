@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 
 from . import checks, dataset
 from .heat.problem import HeatProblem
+from .model import StateSpace
 from .transient.integration import Trajectory, integrate, integrate_periodic
-from .waveforms import Waveform
+from .waveforms import Waveform, period_times
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -30,8 +31,13 @@ def solve(
     read: str | Sequence[str] | None = None,
     rtol: float = 1e-4,
     field_times: ArrayLike = (),
+    method: str = "auto",
 ) -> xr.Dataset:
     """Full-order transient from rest.
+
+    Powers that are straight lines between their breakpoints are answered in closed form on a few fields of the mesh,
+    grown until the answer settles (`transient.modal`); others, and conductivities or heat capacities that depend on
+    temperature, are stepped with error control (`transient.integration`).
 
     Parameters
     ----------
@@ -45,10 +51,12 @@ def solve(
     read : str or sequence of str
         what is read; default the heated part. A sequence gives ``delta_T`` a dimension ``probe``.
     rtol : float
-        time-integration error relative to the largest rise so far, see `transient.integrate`; the mesh adds its own
+        error in time relative to the largest rise so far, see `transient.integrate`; the mesh adds its own
         ``heat.accuracy``.
     field_times : array, s
         times at which the whole field is kept.
+    method : "auto" or "stepping"
+        "stepping" takes the integrator where the closed form would do: slower, and an independent check.
 
     Returns
     -------
@@ -64,10 +72,14 @@ def solve(
     >>> data.delta_T.round(1).values
     array([ 9.2, 15.4,  6.2])
     """
-    heated = _check(heat, wave, heated)
-    system = heat.model(heated, read if read is not None else heated)
-    factors = heat.discretization.factors
-    run = integrate(system, wave, times, rtol=rtol, snapshots=field_times, ledger=heat.audit(heated), factors=factors)
+    heated = _check(heat, wave, heated, method)
+    system, ledger = heat.model(heated, read if read is not None else heated), heat.audit(heated)
+    run = None
+    if method == "auto" and isinstance(system, StateSpace):
+        run = heat.modal(heated).run(system.C, wave, times, rtol=rtol, snapshots=field_times, ledger=ledger)
+    if run is None:
+        factors = heat.discretization.factors
+        run = integrate(system, wave, times, rtol=rtol, snapshots=field_times, ledger=ledger, factors=factors)
     return _dataset(heat, wave, run, heated, read, rtol, field_times)
 
 
@@ -79,6 +91,7 @@ def solve_periodic(
     heated: str | None = None,
     read: str | Sequence[str] | None = None,
     rtol: float = 1e-4,
+    method: str = "auto",
 ) -> xr.Dataset:
     """One period of the full-order periodic state, both ends and every edge of the waveform among the samples.
 
@@ -88,7 +101,7 @@ def solve_periodic(
     wave : Waveform
         with a period, as `SquareWave`.
     samples : int
-    heated, read, rtol
+    heated, read, rtol, method
         as in `solve`.
 
     Returns
@@ -101,19 +114,25 @@ def solve_periodic(
     InputError
         a waveform without a period, too few samples for its edges.
     """
-    heated = _check(heat, wave, heated)
-    system = heat.model(heated, read if read is not None else heated)
-    factors = heat.discretization.factors
-    run = integrate_periodic(system, wave, samples, rtol=rtol, ledger=heat.audit(heated), factors=factors)
+    heated = _check(heat, wave, heated, method)
+    system, ledger = heat.model(heated, read if read is not None else heated), heat.audit(heated)
+    run = None
+    if method == "auto" and isinstance(system, StateSpace):
+        times = period_times(wave, samples)
+        run = heat.modal(heated).run(system.C, wave, times, rtol=rtol, ledger=ledger, periodic=True)
+    if run is None:
+        factors = heat.discretization.factors
+        run = integrate_periodic(system, wave, samples, rtol=rtol, ledger=ledger, factors=factors)
     return _dataset(heat, wave, run, heated, read, rtol, (), periodic=True)
 
 
-def _check(heat: HeatProblem, wave: Waveform, heated: str | None) -> str:
+def _check(heat: HeatProblem, wave: Waveform, heated: str | None, method: str) -> str:
     """Name of the heated part, with the kinds of the arguments checked: slips are easy, the errors inside are not."""
     if not isinstance(heat, HeatProblem):
         raise checks.InputError(f"heat is a {type(heat).__name__}; th.assemble(geometry) makes the HeatProblem")
     if isinstance(wave, type) or not hasattr(wave, "breakpoints"):
         raise checks.InputError(f"wave = {wave!r} is no waveform; e.g. th.Pulse(power=2e-3, width=20e-6)")
+    checks.choice("method", method, ("auto", "stepping"))
     return checks.choice("heated", heated or heat.heated[0], heat.heated)
 
 
@@ -161,6 +180,7 @@ def _provenance(heat: HeatProblem, run: Trajectory, heated: str, read: str, rtol
         "unknowns": heat.unknowns,
         "materials": json.dumps(materials),
         "rtol": rtol,
+        "method": run.method,
         "steps": run.steps,
         "factorizations": run.factorizations,
         "solves": run.solves,

@@ -139,10 +139,10 @@ def test_heater_and_core_are_reciprocal(needs_mesher):
     there, back = heat.thermal_resistance("core", "heater"), heat.thermal_resistance("heater", "core")
     assert there == pytest.approx(back, rel=1e-10)  # two solves with one symmetric matrix
     data = [
-        th.solve(heat, th.Constant(1e-3), [1e-7, 1e-6], heated=one, read=other, rtol=1e-6).delta_T.values
+        th.solve(heat, th.Constant(1e-3), [1e-7, 1e-6, 1e-5], heated=one, read=other, rtol=1e-6).delta_T.values
         for one, other in (("core", "heater"), ("heater", "core"))
     ]
-    assert data[0] == pytest.approx(data[1], rel=1e-5)
+    assert data[0] == pytest.approx(data[1], rel=2e-6, abs=2e-7 * there * 1e-3)  # two runs; early on, of a tenth
 
 
 def layer_resistance(one, other, bottom, height, thickness, k):

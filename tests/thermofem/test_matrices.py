@@ -57,6 +57,20 @@ def test_a_pencil_solves_every_combination_however_often_it_comes_back(strip, in
             assert np.abs(left).max() < ROUND_OFF * scale
 
 
+@pytest.mark.parametrize("there", [True, False])
+def test_factors_that_are_kept_stay(strip, there):
+    E, K = strip.discretization.E, strip.discretization.K
+    pencil, rhs = Pencil(E, K), np.random.default_rng(1).normal(size=E.shape[0])
+    if there:
+        pencil.solve(0.0, 1.0, rhs)
+    static, before = pencil.keep(0.0, 1.0), pencil.factorizations
+    for b in (1e-9, 1e-6):
+        pencil.solve(1.0, b, rhs)
+    assert np.abs(K @ static(rhs) - rhs).max() < ROUND_OFF * abs(K).max() * np.abs(static(rhs)).max()
+    pencil.solve(0.0, 1.0, rhs)
+    assert (before, pencil.factorizations) == (1, 3)
+
+
 def test_the_enrichment_adds_what_cubic_elements_add(strip):
     """Three conjugate gradients against a direct solve with scikit-fem's own cubics, at s = 0."""
     d = strip.discretization

@@ -21,6 +21,7 @@ from .. import checks
 from ..materials.laws import Law, is_constant
 from ..model import StateSpace
 from ..transient.integration import Ledger
+from ..transient.modal import Modal
 from ..transient.nonlinear import Lift, NonlinearLedger, NonlinearSystem, lift, rows
 from .accuracy import ESTIMATES, Enrichment, warn_of_domain
 from .interface import contacts, split
@@ -131,6 +132,16 @@ class HeatProblem:
         return (
             NonlinearSystem(linear, self._flow_and_content[0], self._flow_and_content[1]) if self.nonlinear else linear
         )
+
+    def modal(self, heated: str) -> Modal:
+        """Transients in closed form with ``heated`` carrying the power, kept from run to run; at small power."""
+        if heated not in self._modal:
+            self._modal[heated] = Modal(self.channels(heated), self.discretization.factors)
+        return self._modal[heated]
+
+    @cached_property
+    def _modal(self) -> dict[str, Modal]:
+        return {}
 
     @cached_property
     def ledger(self) -> Ledger | NonlinearLedger:

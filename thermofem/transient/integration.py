@@ -69,6 +69,9 @@ class Trajectory:
     heat_in, heat_stored, heat_out : float, J
         exact energy delivered, energy now in the field above the start, energy that left; nan without a ledger.
     steps, rejected, factorizations, solves : int
+        steps of the integrator, or straight pieces of the power in closed form.
+    method : str
+        "stepping" (this module) or "closed form" (`transient.modal`).
     """
 
     times: Array
@@ -82,6 +85,7 @@ class Trajectory:
     rejected: int
     factorizations: int
     solves: int
+    method: str = "stepping"
 
     @property
     def imbalance(self) -> float:
@@ -126,13 +130,7 @@ def integrate(
     InputError
         times not increasing or negative, rtol outside 1e-10..0.1, or steps that shrink without end.
     """
-    times = checks.array("times", times, increasing=True)
-    kept = checks.array("snapshots", snapshots, increasing=True) if np.size(snapshots) else np.empty(0)
-    rtol = checks.between("rtol", rtol, 1e-10, 0.1)
-    if times[0] < 0 or (kept.size and kept[0] < 0):
-        raise checks.InputError(
-            f"times start at {min([times[0], *kept[:1]]):g} s, before the start of the run at t = 0"
-        )
+    times, kept = check_run(times, snapshots, rtol)
     stepper = _stepper(system, waves, rtol, factors)
     x = np.zeros(system.order) if initial is None else np.array(initial, dtype=float)
     record = _Record(stepper, times, kept, ledger, x)
@@ -141,6 +139,18 @@ def integrate(
     for start, stop in pairwise(edges.tolist()):
         x, _ = _cross(stepper, control, record, x, start, stop)
     return record.trajectory(x)
+
+
+def check_run(times: ArrayLike, snapshots: ArrayLike, rtol: float) -> tuple[Array, Array]:
+    """Times and snapshots of a run from t = 0 as arrays; InputError as of `integrate`."""
+    times = checks.array("times", times, increasing=True)
+    kept = checks.array("snapshots", snapshots, increasing=True) if np.size(snapshots) else np.empty(0)
+    checks.between("rtol", rtol, 1e-10, 0.1)
+    if times[0] < 0 or (kept.size and kept[0] < 0):
+        raise checks.InputError(
+            f"times start at {min([times[0], *kept[:1]]):g} s, before the start of the run at t = 0"
+        )
+    return times, kept
 
 
 def integrate_periodic(

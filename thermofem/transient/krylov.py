@@ -1,14 +1,16 @@
-"""A few fields that hold almost all of what a heat problem does: a rational Krylov basis in modal form.
+"""A few fields that hold almost all of what a heat problem does: a rational Krylov space in modal form.
 
-The basis V collects (K + s_j M)^-1 R for four real shifts s_j taken in turn, R being what the basis so far leaves of
+The space collects (K + s_j M)^-1 R for a few real shifts s_j taken in turn, R being what the space so far leaves of
 the heat vectors; a rotation then makes V^T M V = 1 and V^T K V = diag(rate). It carries no bound of its error
-(`surrogate.reduce` gives one): it speeds up what is exact with any basis, see `thermofem.transient.deflation`.
+(`surrogate.reduce` gives one): it speeds up what is exact with any fields, see `thermofem.transient.deflation`, or is
+grown until an answer no longer moves, see `thermofem.transient.modal`.
 
 Source: A. Ruhe, Linear Algebra Appl. 58, 391 (1984).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,9 +22,11 @@ from ..factor import factorize
 from ..model import StateSpace
 
 Array = NDArray[np.float64]
+Factor = Callable[[float], Callable[[Array], Array]]
 
 SHIFTS = 4
 CYCLES = 5  # 20 fields a heated part: Z(f) within 2e-5 of R_th up to 3 GHz (measured on strip, rib, heated ring)
+REFUSAL = "the system is none of heat flow: E and -A must be symmetric and positive definite"
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +51,91 @@ class Basis:
         return StateSpace(np.eye(self.rate.size), -np.diag(self.rate), self.heating, system.C @ self.vectors, **names)
 
 
+class Space:
+    """A rational Krylov space of a heat problem: grown by rounds through its shifts, M-orthonormal.
+
+    Parameters
+    ----------
+    system : StateSpace
+        E and -A symmetric positive definite.
+    count : int
+        number of shifts: 0, and the others from 30 times the slowest to ``reach`` times the fastest rate at which the
+        heated parts answer.
+    reach : float
+    fastest : float, 1/s
+        the last shift is at least this.
+    factor : callable
+        solve with K + s M for a shift s, where the caller keeps factors.
+
+    Raises
+    ------
+    InputError
+        static gain or heat content that is not positive.
+    """
+
+    def __init__(
+        self,
+        system: StateSpace,
+        count: int = SHIFTS,
+        *,
+        reach: float = 300.0,
+        fastest: float = 0.0,
+        factor: Factor | None = None,
+    ) -> None:
+        from scipy.sparse import csr_matrix
+
+        self.M, self.K = csr_matrix(system.E), -csr_matrix(system.A)
+        self.B = np.asarray(system.B, dtype=float)
+        factor = factor or (lambda s: factorize(self.K + s * self.M))
+        static = factor(0.0)
+        x = np.column_stack([static(b) for b in self.B.T])
+        gain, content = np.einsum("ij,ij->j", self.B, x), np.einsum("ij,ij->j", x, self.M @ x)
+        if np.any(gain <= 0) or np.any(content <= 0):
+            raise checks.InputError(REFUSAL)
+        lumped = self.B / self.M.diagonal()[:, None]
+        slope = np.einsum("ij,ij->j", self.B, lumped) ** 2 / np.einsum("ij,ij->j", lumped, self.M @ lumped)
+        low, high = 30 * (gain / content).min(), max(reach * (slope / gain).max(), fastest)
+        self.shifts = np.append(0.0, np.geomspace(low, high, count - 1))
+        self.solvers = [static, *(factor(s) for s in self.shifts[1:])]
+        self.V = self.MV = np.empty((system.order, 0))
+        self.stiffness = np.empty((0, 0))
+        self.sizes = [0]
+
+    @property
+    def order(self) -> int:
+        """Number of fields."""
+        return int(self.V.shape[1])
+
+    def grow(self) -> None:
+        """One round through the shifts; the space stays as it is once it holds everything."""
+        for solve in self.solvers:
+            if self.order < self.V.shape[0]:
+                rest = self.B - self.MV @ (self.V.T @ self.B)
+                self._add(np.column_stack([solve(b) for b in rest.T]))
+        self.sizes.append(self.order)
+
+    def _add(self, W: Array) -> None:
+        room = self.V.shape[0] - self.order
+        W = orthonormal(W, self.M, self.V, self.MV, most=room, smallest=1e-16)
+        KW = self.K @ W
+        across, corner = self.V.T @ KW, W.T @ KW
+        self.V, self.MV = np.column_stack([self.V, W]), np.column_stack([self.MV, self.M @ W])
+        self.stiffness = np.block([[self.stiffness, across], [across.T, symmetric_part(corner)]])
+
+    def basis(self, size: int | None = None, extra: Array | None = None) -> Basis:
+        """Its first ``size`` fields (default all), and an extra one of shape (n,), in modal form."""
+        size = self.order if size is None else size
+        V, stiffness = self.V[:, :size], self.stiffness[:size, :size]
+        if extra is not None and size < len(V):
+            w = orthonormal(extra[:, None], self.M, V, self.MV[:, :size], smallest=1e-16)
+            across = V.T @ (self.K @ w)
+            V = np.column_stack([V, w])
+            stiffness = np.block([[stiffness, across], [across.T, w.T @ (self.K @ w)]])
+        rate, rotation = np.linalg.eigh(stiffness)
+        V = V @ rotation
+        return Basis(rate, V, V.T @ self.B)
+
+
 def krylov(system: StateSpace, cycles: int = CYCLES) -> Basis:
     """Return the basis of ``cycles`` rounds through four shifts, for all inputs at once; empty for 0 rounds.
 
@@ -55,33 +144,20 @@ def krylov(system: StateSpace, cycles: int = CYCLES) -> Basis:
     InputError
         a system that is not one of heat flow: E and -A symmetric positive definite.
     """
-    from scipy.sparse import csr_matrix
-
-    M, K, B = csr_matrix(system.E), -csr_matrix(system.A), np.asarray(system.B, dtype=float)
-    refusal = "the system is none of heat flow: E and -A must be symmetric and positive definite"
-    for name, matrix in (("E", M), ("A", K)):  # the factors take one triangle for both
-        checks.symmetric(name, matrix, hint=refusal)
-    V = MV = np.empty((system.order, 0))
+    check_heat_flow(system)
     if cycles == 0:
-        return Basis(np.empty(0), V, V.T @ B)
-    static = factorize(K)
-    x = np.column_stack([static(b) for b in B.T])
-    gain, content = np.einsum("ij,ij->j", B, x), np.einsum("ij,ij->j", x, M @ x)
-    if np.any(gain <= 0) or np.any(content <= 0):
-        raise checks.InputError(refusal)
-    lumped = B / M.diagonal()[:, None]
-    slope = np.einsum("ij,ij->j", B, lumped) ** 2 / np.einsum("ij,ij->j", lumped, M @ lumped)
-    shifts = np.geomspace(30 * (gain / content).min(), 300 * (slope / gain).max(), SHIFTS - 1)
-    solvers = [static, *(factorize(K + s * M) for s in shifts)]
-    for turn in range(SHIFTS * cycles):
-        rest = B - MV @ (V.T @ B)
-        W = np.column_stack([solvers[turn % SHIFTS](b) for b in rest.T])
-        W = orthonormal(W, M, V, MV, smallest=1e-16)
-        V, MV = np.column_stack([V, W]), np.column_stack([MV, M @ W])
-    stiffness = V.T @ (K @ V)
-    rate, modes = np.linalg.eigh(symmetric_part(stiffness))
-    V = V @ modes
-    return Basis(rate, V, V.T @ B)
+        none = np.empty((system.order, 0))
+        return Basis(np.empty(0), none, none.T @ np.asarray(system.B, dtype=float))
+    space = Space(system)
+    for _ in range(cycles):
+        space.grow()
+    return space.basis()
+
+
+def check_heat_flow(system: StateSpace) -> None:
+    """Raise InputError unless E and A are symmetric: the factors take one triangle for both."""
+    for name, matrix in (("E", system.E), ("A", system.A)):
+        checks.symmetric(name, matrix, hint=REFUSAL)
 
 
 def orthonormal(W: Array, M: Any, V: Array, MV: Array, *, most: int | None = None, smallest: float) -> Array:

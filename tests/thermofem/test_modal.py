@@ -1,0 +1,133 @@
+"""Transients in closed form on a growing space: the full-order answer within rtol, heat that adds up, and its limits."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from models import coarse, coarse_fem
+from test_transient import Cosine, three_poles
+
+import thermofem as th
+from thermofem.model import foster
+from thermofem.transient import integrate, modal
+from thermofem.transient.modal import Modal
+
+STEP, PULSE, SQUARE = th.Constant(2e-3), th.Pulse(2e-3, 1e-6), th.SquareWave(2e-3, 0.4e-6, 1 / 3)
+RAMPS = th.Sampled([0.0, 0.3e-6, 0.31e-6, 20e-6], [0.0, 2e-3, 0.0, 1e-3])
+TIMES = np.geomspace(1e-9, 20e-6, 60)
+
+
+def worst(found, exact):
+    """Largest error relative to the largest value so far."""
+    return float((np.abs(found - exact) / np.maximum.accumulate(np.abs(exact))).max())
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-4, 1e-6, 1e-8])
+@pytest.mark.parametrize("wave", [STEP, PULSE, SQUARE, RAMPS], ids=lambda wave: type(wave).__name__)
+def test_it_is_the_answer_of_every_pole_within_rtol(wave, rtol):
+    """All poles of the full system, diagonalised."""
+    system = coarse_fem()
+    assert worst(system.response(wave, TIMES, rtol=rtol), foster(system).response(wave, TIMES)) < rtol
+
+
+def test_the_periodic_state_is_that_of_every_pole():
+    system = coarse_fem()
+    exact = foster(system).periodic_response(SQUARE, 301)
+    assert np.abs(system.periodic_response(SQUARE, 301, rtol=1e-6) - exact).max() < 1e-6 * exact.max()
+
+
+@pytest.mark.parametrize("read", ["core", "cladding", "box", "substrate"])
+@pytest.mark.parametrize("wave", [STEP, PULSE], ids=["step", "pulse"])
+def test_stepping_the_mesh_agrees_wherever_it_is_read(read, wave):
+    """Relative to the largest rise so far, but 1e-6 of the largest of all at least: what has not arrived is not held."""
+    heat = th.assemble(th.strip_ring())
+    found = th.solve(heat, wave, TIMES, read=read, rtol=1e-4)
+    exact = th.solve(heat, wave, TIMES, read=read, rtol=1e-7, method="stepping")
+    assert (found.attrs["method"], exact.attrs["method"]) == ("closed form", "stepping")
+    assert found.attrs["solves"] < exact.attrs["solves"] / 10
+    rise = np.abs(exact.delta_T.values)
+    allowed = 1e-4 * np.maximum.accumulate(rise) + 1e-6 * rise.max()
+    assert np.all(np.abs(found.delta_T.values - exact.delta_T.values) < allowed)
+
+
+def test_it_does_not_depend_on_what_ran_before():
+    heat, other = th.assemble(th.strip_ring()), th.assemble(th.strip_ring())
+    th.solve(other, PULSE, TIMES, read="substrate", rtol=1e-7)
+    first, second = (th.solve(one, PULSE, TIMES) for one in (heat, other))
+    assert first.delta_T.values == pytest.approx(second.delta_T.values, rel=1e-12)
+    with ThreadPoolExecutor(4) as pool:
+        several = list(pool.map(lambda rtol: th.solve(other, PULSE, TIMES, rtol=rtol), [1e-4] * 4))
+    assert all(np.array_equal(one.delta_T, second.delta_T) for one in several)
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-5])
+def test_fields_are_those_of_the_stepped_mesh(rtol):
+    """In the energy norm, in which two rounds bring them five times nearer: slower than what the core feels of them."""
+    system, at = coarse_fem(), [3e-9, 1e-6, 1.5e-6]
+    found = Modal(system).run(system.C, PULSE, TIMES, rtol=rtol, snapshots=at).snapshots
+    exact = integrate(system, PULSE, TIMES, rtol=1e-8, snapshots=at).snapshots
+    for mine, full in zip(found, exact, strict=True):
+        assert (mine - full) @ system.E @ (mine - full) < rtol**2 * (full @ system.E @ full)
+
+
+@pytest.mark.parametrize(
+    "geometry",
+    [th.strip_ring(), th.strip_ring().opened()],
+    ids=["held bottom", "open sides"],
+)
+def test_the_energy_balance_closes(geometry):
+    heat = th.assemble(geometry)
+    for data in (th.solve(heat, PULSE, TIMES), th.solve_periodic(heat, SQUARE, 101)):
+        assert data.attrs["method"] == "closed form"
+        assert abs(data.attrs["heat_imbalance"]) < 1e-9  # round-off of the solves
+    stepped = th.solve(heat, PULSE, TIMES, rtol=1e-7, method="stepping").attrs
+    for key in ("heat_in", "heat_stored", "heat_out"):
+        assert th.solve(heat, PULSE, TIMES).attrs[key] == pytest.approx(stepped[key], rel=1e-4)
+
+
+def test_several_inputs_add_up():
+    d = coarse()[1]
+    system = d.state_space(("core", "substrate"), ("core",))
+    run = Modal(system).run(system.C, [PULSE, STEP], TIMES, rtol=1e-6)
+    exact = integrate(system, [PULSE, STEP], TIMES, rtol=1e-8).outputs
+    assert worst(run.outputs[:, 0], exact[:, 0]) < 1e-6
+
+
+@pytest.mark.parametrize("rtol", [1e-2, 1e-5])
+def test_times_long_before_the_heat_has_left_the_part(rtol):
+    """From 1 ps on the shifts reach further, and what is small then still counts."""
+    system, times = coarse_fem(), np.geomspace(1e-12, 1e-6, 40)
+    assert worst(system.response(STEP, times, rtol=rtol), foster(system).response(STEP, times)) < rtol
+
+
+def test_a_system_smaller_than_the_space_is_exact():
+    found = three_poles().response(STEP, [0.0, 0.1, 1.0])
+    assert found == pytest.approx(foster(three_poles()).response(STEP, [0.0, 0.1, 1.0]), rel=1e-12)
+    assert three_poles().response(STEP, [0.0]) == pytest.approx([0.0])
+
+
+def test_what_it_cannot_answer_is_stepped(monkeypatch):
+    system, smooth = coarse_fem(), Cosine(1e6)
+    assert Modal(system).run(system.C, smooth, TIMES, rtol=1e-4) is None
+    exact = integrate(system, smooth, TIMES, rtol=1e-5).outputs[:, 0]
+    assert np.array_equal(system.response(smooth, TIMES, rtol=1e-5), exact)
+    t = np.array([0.5, 1.0])
+    growing = th.StateSpace(np.eye(2), -np.diag([-1.0, 2.0]), np.array([[0.5], [2.0]]), np.array([[0.5, 2.0]]))
+    found = growing.response(th.Constant(1.0), t)
+    assert found == pytest.approx(0.25 * np.expm1(t) - 2 * np.expm1(-2 * t), rel=1e-5)
+    monkeypatch.setattr(modal, "ROUNDS", 4)
+    assert Modal(system).run(system.C, STEP, TIMES, rtol=1e-4) is None
+
+
+def test_refusals():
+    skew = th.StateSpace(np.eye(2), np.array([[-1.0, 0.5], [0.0, -2.0]]), np.ones((2, 1)), np.ones((1, 2)))
+    with pytest.raises(th.InputError, match="symmetric"):  # the factors take one triangle for both
+        skew.response(STEP, [1.0])
+    heat = th.assemble(th.strip_ring())
+    with pytest.raises(th.InputError, match="method"):
+        th.solve(heat, PULSE, TIMES, method="guess")
+    for times, rtol in (([1e-6, 0.5e-6], 1e-4), ([-1e-9, 1e-6], 1e-4), (TIMES, 1.0)):
+        with pytest.raises(th.InputError, match="times|rtol"):
+            th.solve(heat, PULSE, times, rtol=rtol)
