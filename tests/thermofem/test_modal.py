@@ -1,4 +1,4 @@
-"""Transients in closed form on a growing space: the full-order answer within rtol, heat that adds up, and its limits."""
+"""Transients in closed form on a growing space: the full-order answer within rtol, heat that adds up, its limits."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_the_periodic_state_is_that_of_every_pole():
 @pytest.mark.parametrize("read", ["core", "cladding", "box", "substrate"])
 @pytest.mark.parametrize("wave", [STEP, PULSE], ids=["step", "pulse"])
 def test_stepping_the_mesh_agrees_wherever_it_is_read(read, wave):
-    """Relative to the largest rise so far, but 1e-6 of the largest of all at least: what has not arrived is not held."""
+    """Relative to the largest rise so far, or 1e-6 of the largest of all: what has not arrived is not held."""
     heat = th.assemble(th.strip_ring())
     found = th.solve(heat, wave, TIMES, read=read, rtol=1e-4)
     exact = th.solve(heat, wave, TIMES, read=read, rtol=1e-7, method="stepping")
@@ -129,5 +129,5 @@ def test_refusals():
     with pytest.raises(th.InputError, match="method"):
         th.solve(heat, PULSE, TIMES, method="guess")
     for times, rtol in (([1e-6, 0.5e-6], 1e-4), ([-1e-9, 1e-6], 1e-4), (TIMES, 1.0)):
-        with pytest.raises(th.InputError, match="times|rtol"):
+        with pytest.raises(th.InputError, match=r"times|rtol"):
             th.solve(heat, PULSE, times, rtol=rtol)

@@ -10,7 +10,7 @@ Source: A. Ruhe, Linear Algebra Appl. 58, 391 (1984).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,11 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import checks
-from ..factor import factorize
+from ..factor import Solve, factorize
 from ..model import StateSpace
 
 Array = NDArray[np.float64]
-Factor = Callable[[float], Callable[[Array], Array]]
 
 SHIFTS = 4
 CYCLES = 5  # 20 fields a heated part: Z(f) within 2e-5 of R_th up to 3 GHz (measured on strip, rib, heated ring)
@@ -58,45 +57,16 @@ class Space:
     ----------
     system : StateSpace
         E and -A symmetric positive definite.
-    count : int
-        number of shifts: 0, and the others from 30 times the slowest to ``reach`` times the fastest rate at which the
-        heated parts answer.
-    reach : float
-    fastest : float, 1/s
-        the last shift is at least this.
-    factor : callable
-        solve with K + s M for a shift s, where the caller keeps factors.
-
-    Raises
-    ------
-    InputError
-        static gain or heat content that is not positive.
+    shifts : array, 1/s
+    solvers : sequence of callable
+        solve with K + s M, for each shift s.
     """
 
-    def __init__(
-        self,
-        system: StateSpace,
-        count: int = SHIFTS,
-        *,
-        reach: float = 300.0,
-        fastest: float = 0.0,
-        factor: Factor | None = None,
-    ) -> None:
+    def __init__(self, system: StateSpace, shifts: Array, solvers: Sequence[Solve]) -> None:
         from scipy.sparse import csr_matrix
 
-        self.M, self.K = csr_matrix(system.E), -csr_matrix(system.A)
-        self.B = np.asarray(system.B, dtype=float)
-        factor = factor or (lambda s: factorize(self.K + s * self.M))
-        static = factor(0.0)
-        x = np.column_stack([static(b) for b in self.B.T])
-        gain, content = np.einsum("ij,ij->j", self.B, x), np.einsum("ij,ij->j", x, self.M @ x)
-        if np.any(gain <= 0) or np.any(content <= 0):
-            raise checks.InputError(REFUSAL)
-        lumped = self.B / self.M.diagonal()[:, None]
-        slope = np.einsum("ij,ij->j", self.B, lumped) ** 2 / np.einsum("ij,ij->j", lumped, self.M @ lumped)
-        low, high = 30 * (gain / content).min(), max(reach * (slope / gain).max(), fastest)
-        self.shifts = np.append(0.0, np.geomspace(low, high, count - 1))
-        self.solvers = [static, *(factor(s) for s in self.shifts[1:])]
+        self.M, self.K, self.B = csr_matrix(system.E), -csr_matrix(system.A), np.asarray(system.B, dtype=float)
+        self.shifts, self.solvers = shifts, solvers
         self.V = self.MV = np.empty((system.order, 0))
         self.stiffness = np.empty((0, 0))
         self.sizes = [0]
@@ -144,14 +114,40 @@ def krylov(system: StateSpace, cycles: int = CYCLES) -> Basis:
     InputError
         a system that is not one of heat flow: E and -A symmetric positive definite.
     """
+    from scipy.sparse import csr_matrix
+
     check_heat_flow(system)
     if cycles == 0:
         none = np.empty((system.order, 0))
         return Basis(np.empty(0), none, none.T @ np.asarray(system.B, dtype=float))
-    space = Space(system)
+    M, K = csr_matrix(system.E), -csr_matrix(system.A)
+    static = factorize(K)
+    slow, fast = rates(system, static)
+    shifts = np.append(0.0, np.geomspace(30 * slow, 300 * fast, SHIFTS - 1))
+    space = Space(system, shifts, [static, *(factorize(K + s * M) for s in shifts[1:])])
     for _ in range(cycles):
         space.grow()
     return space.basis()
+
+
+def rates(system: StateSpace, static: Solve) -> tuple[float, float]:
+    """The slowest and the fastest rate in 1/s at which the heated parts answer: gain/content, and initial slope/gain.
+
+    The slope b^T M^-1 b is estimated from below by (b^T D^-1 b)^2 / (b^T D^-1 M D^-1 b) with D the diagonal of M.
+
+    Raises
+    ------
+    InputError
+        a static gain or a heat content that is not positive.
+    """
+    B, M = np.asarray(system.B, dtype=float), system.E
+    x = np.column_stack([static(b) for b in B.T])
+    gain, content = np.einsum("ij,ij->j", B, x), np.einsum("ij,ij->j", x, M @ x)
+    if np.any(gain <= 0) or np.any(content <= 0):
+        raise checks.InputError(REFUSAL)
+    lumped = B / M.diagonal()[:, None]
+    slope = np.einsum("ij,ij->j", B, lumped) ** 2 / np.einsum("ij,ij->j", lumped, M @ lumped)
+    return float((gain / content).min()), float((slope / gain).max())
 
 
 def check_heat_flow(system: StateSpace) -> None:
