@@ -52,6 +52,18 @@ def test_stepping_the_mesh_agrees_wherever_it_is_read(read, wave):
     assert np.all(np.abs(found.delta_T.values - exact.delta_T.values) < allowed)
 
 
+@pytest.mark.parametrize("read", ["core", "box", "cladding"])
+def test_heat_on_its_way_elsewhere(read):
+    """From 20 ps on, where the heat is still in the core: of a hundredth of the window's largest rise on."""
+    heat, times = th.assemble(th.strip_ring(), accuracy=1e-2), np.geomspace(2e-11, 3e-8, 40)
+    found, exact = (
+        th.solve(heat, STEP, times, read=read, rtol=rtol, method=method).delta_T.values
+        for rtol, method in ((1e-3, "auto"), (1e-7, "stepping"))
+    )
+    there = exact > 1e-2 * exact.max()
+    assert np.all(np.abs(found - exact)[there] < 1e-3 * exact[there])
+
+
 def test_it_does_not_depend_on_what_ran_before():
     heat, other = th.assemble(th.strip_ring()), th.assemble(th.strip_ring())
     th.solve(other, PULSE, TIMES, read="substrate", rtol=1e-7)
@@ -100,6 +112,24 @@ def test_times_long_before_the_heat_has_left_the_part(rtol):
     """From 1 ps on the shifts reach further, and what is small then still counts."""
     system, times = coarse_fem(), np.geomspace(1e-12, 1e-6, 40)
     assert worst(system.response(STEP, times, rtol=rtol), foster(system).response(STEP, times)) < rtol
+
+
+def test_a_first_time_of_round_off_costs_no_more():
+    """Nothing in the mesh is faster than its fastest cell."""
+    system, times = coarse_fem(), np.array([1e-22, 1e-8, 1e-6])
+    run = Modal(system).run(system.C, STEP, times, rtol=1e-5)
+    assert run.factorizations <= 4
+    assert worst(run.outputs[:, 0], foster(system).response(STEP, times)) < 1e-5
+
+
+@pytest.mark.parametrize("rtol", [1e-2, 1e-3, 1e-4])
+def test_changes_that_hardly_fall_do_not_pass_for_an_answer(rtol, monkeypatch):
+    """Two shifts nine decades apart: what a round brings is small, what is missing is not."""
+    monkeypatch.setattr(modal, "SPAN", 100.0)
+    monkeypatch.setattr(modal, "ROUNDS", 60)
+    system, times = coarse_fem(), np.geomspace(1e-14, 1e-6, 60)
+    run = Modal(system).run(system.C, STEP, times, rtol=rtol)
+    assert run is None or worst(run.outputs[:, 0], foster(system).response(STEP, times)) < rtol
 
 
 def test_a_system_smaller_than_the_space_is_exact():

@@ -40,7 +40,8 @@ SLOWEST, FASTEST = (
 )  # shifts beside 0, over the rates of `krylov.rates`: fewest fields for steps from 1 ns on
 SPAN = 2.5  # decades at most between two shifts: so two do, with as few fields as three or four, and fewer factors
 EARLIEST = 1.5  # the last shift over the inverse of the first wanted time
-FEWEST, ROUNDS = 2, 30  # first looked at, and left to the integrator
+FEWEST, ROUNDS = 2, 25  # first looked at, and left to the integrator
+OTHERS = 10.0  # weight of changes elsewhere than in the heated part, where they fall slowly (measured, see the tests)
 STALLED = 1e-2  # of the tolerance: below it a change counts as none, however slowly the changes fall
 
 
@@ -105,7 +106,7 @@ class Modal:
             fields = z[wanted.searchsorted(kept)] @ basis.vectors.T
             answers.append(Answer(basis, z, z @ (C @ basis.vectors).T, fields))
             if len(answers) > 2:
-                moved.append(_moved(answers[-3], answers[-1], C, space.M) / rtol)
+                moved.append(_moved(answers[-3], answers[-1], C, space) / rtol)
                 if moved[-1] <= min(1.0, max(moved[-2] / 2, STALLED)):
                     break
         else:
@@ -164,8 +165,8 @@ def _first(waves: Sequence[Waveform], wanted: Array) -> float:
     return float(later[0] - min(starts)) if later.size else np.inf
 
 
-def _moved(old: Answer, new: Answer, C: Array, M: Any) -> float:
-    """Largest change of an output or a kept field in the last two rounds.
+def _moved(old: Answer, new: Answer, C: Array, space: Space) -> float:
+    """Largest change of an output or a kept field in the last two rounds, those elsewhere than in the heat by `OTHERS`.
 
     Relative to the largest value so far, of an output at least to `esdirk.FAR` of what the field would mean there.
     """
@@ -174,10 +175,13 @@ def _moved(old: Answer, new: Answer, C: Array, M: Any) -> float:
     steady = basis.heating.sum(axis=1) / basis.rate
     far = FAR * np.abs(C @ (basis.vectors @ steady)) / np.linalg.norm(steady)
     scale = np.maximum(np.maximum.accumulate(np.abs(new.outputs), axis=0), np.multiply.outer(size, far))
-    changes = [float((np.abs(new.outputs - old.outputs) / np.maximum(scale, tiny)).max())]
+    changes = (np.abs(new.outputs - old.outputs) / np.maximum(scale, tiny)).max(axis=0)
+    weights = [1.0 if any(np.array_equal(row, b) for b in space.B.T) else OTHERS for row in C]
+    moved = list(weights * changes)
     for was, field in zip(old.fields, new.fields, strict=True):
-        changes.append(float(np.sqrt((field - was) @ (M @ (field - was)) / max(field @ (M @ field), tiny))))
-    return max(changes)
+        change = (field - was) @ (space.M @ (field - was))
+        moved.append(OTHERS * np.sqrt(change / max(field @ (space.M @ field), tiny)))
+    return float(max(moved))
 
 
 def _balance(found: Answer, ledger: Ledger, waves: Sequence[Waveform], end: float) -> tuple[float, float, float]:
