@@ -4,8 +4,8 @@ The task is a user's: reference strip at accuracy 1e-4 (about 6k unknowns), 2 mW
 1e-3 of the largest rise. The peer is what one writes by hand with scikit-fem: constant step, Crank-Nicolson started by
 four backward Euler quarter steps after each edge (Rannacher), SciPy's splu with its default ordering, factorized once
 for each step size. Its step is the largest that meets the error. Ours are the closed form that such a power allows and
-the integrator for any other, each from the matrices on, factors and all. They take turns in one process, CPU time, medians;
-the reference for the errors is the integrator at rtol 1e-7.
+the integrator for any other, each from the matrices on, factors and all. They take turns in one process, CPU time,
+medians; the reference for the errors is the integrator at rtol 1e-7.
 
 Then what one more geometry costs: from its TOML text to R_th and the step response over 20 us, at accuracy 1e-3, with
 gmsh's mesh and the estimates of the errors; twelve rings that differ in radius and width.
