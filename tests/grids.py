@@ -21,9 +21,7 @@ def tensor_mesh(r, z, region: Callable | None = None, names: tuple[str, ...] = (
 
 def facets_where(mesh: th.Mesh, where: Callable) -> np.ndarray:
     """Boundary facets whose midpoint satisfies ``where(r, z)``."""
-    from thermofem.heat.problem import skfem_mesh
-
-    grid = skfem_mesh(mesh)
+    grid = mesh.skfem
     return grid.facets_satisfying(lambda x: where(*x), boundaries_only=True)
 
 

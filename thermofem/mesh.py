@@ -12,6 +12,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -68,6 +69,13 @@ class Mesh:
     triangles: NDArray[np.int64]
     region: NDArray[np.int64]
     region_names: tuple[str, ...]
+
+    @cached_property
+    def skfem(self) -> Any:
+        """The triangles as scikit-fem holds them."""
+        import skfem
+
+        return skfem.MeshTri(np.ascontiguousarray(self.points.T), np.ascontiguousarray(self.triangles.T))
 
     def volumes(self) -> dict[str, float]:
         """Volume of every region in m^3: the sum of 2 pi r_centroid area, exact for triangles."""

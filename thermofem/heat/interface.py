@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..mesh import Mesh
-from .matrices import skfem_mesh
 
 PERFECT = (
     1e-14  # m^2 K/W; a hundredth of a picometre of oxide: a perfect contact, to keep the matrices well conditioned
@@ -40,7 +39,7 @@ def contacts(mesh: Mesh, resistance: Mapping[str, float]) -> dict[float, tuple[N
     if not side.any():
         return {}
     own = [0.0, *(value for value in resistance.values() if value > PERFECT)]
-    grid = skfem_mesh(mesh)
+    grid = mesh.skfem
     facets = grid.boundary_facets()
     ends = np.sort(_place(mesh)[grid.facets[:, facets]], axis=0).T
     order = np.lexsort(ends.T)

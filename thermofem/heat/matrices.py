@@ -159,7 +159,7 @@ def build(
     import skfem
 
     element = {2: skfem.ElementTriP2, 3: skfem.ElementTriP3}[degree]()
-    basis = skfem.Basis(skfem_mesh(mesh), element, intorder=2 * degree + 1)
+    basis = skfem.Basis(mesh.skfem, element, intorder=2 * degree + 1)
     stiffness = conduction(basis, conductivity) + surface_terms(basis, conductivity, surfaces)
     return Discretization(
         basis=basis,
@@ -298,10 +298,3 @@ def surface_terms(basis: Any, conductivity: ArrayLike, surfaces: Surfaces) -> An
                 sign = 1 if one is other else -1
                 total = total + sign * exchange.assemble(one, other, h=1 / resistance)
     return total
-
-
-def skfem_mesh(mesh: Mesh) -> Any:
-    """The triangles as scikit-fem holds them."""
-    import skfem
-
-    return skfem.MeshTri(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.triangles.T))

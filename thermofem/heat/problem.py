@@ -25,14 +25,14 @@ from ..transient.modal import Modal
 from ..transient.nonlinear import Lift, NonlinearLedger, NonlinearSystem, lift, rows
 from .accuracy import ESTIMATES, Enrichment, warn_of_domain
 from .interface import contacts, split
-from .matrices import Discretization, Surfaces, build, capacity, conduction, discretize, properties, skfem_mesh
+from .matrices import Discretization, Surfaces, build, capacity, conduction, discretize, properties
 from .shell import shell_mean
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
     from ..mesh import Mesh
 
-__all__ = ["Discretization", "HeatProblem", "Surfaces", "assemble", "discretize", "skfem_mesh"]
+__all__ = ["Discretization", "HeatProblem", "Surfaces", "assemble", "discretize"]
 
 Array = NDArray[np.float64]
 
@@ -307,7 +307,7 @@ def _on_mesh(geometry: CrossSection, mesh: Mesh, resistance: dict[str, float], a
 
 def _surfaces(geometry: CrossSection, mesh: Mesh, resistance: dict[str, float]) -> Surfaces:
     """Held, convective and open facets, and contacts."""
-    grid = skfem_mesh(mesh)
+    grid = mesh.skfem
     facets = grid.boundary_facets()
     r, z = grid.p[:, grid.facets[:, facets]].mean(axis=1)
     none = np.empty(0, dtype=np.intp)
