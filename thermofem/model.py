@@ -15,7 +15,7 @@ Adding a model: write a function that returns one of these kinds, and add it to 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -241,6 +241,10 @@ class StateSpace:
         from .display import model_card
 
         return model_card(self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields alone: what is kept between runs stays in this process."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @property
     def order(self) -> int:

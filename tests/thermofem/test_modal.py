@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -149,6 +150,12 @@ def test_what_it_cannot_answer_is_stepped(monkeypatch):
     assert found == pytest.approx(0.25 * np.expm1(t) - 2 * np.expm1(-2 * t), rel=1e-5)
     monkeypatch.setattr(modal, "ROUNDS", 4)
     assert Modal(system).run(system.C, STEP, TIMES, rtol=1e-4) is None
+
+
+def test_a_system_travels_to_another_process_after_a_run():
+    system = coarse_fem()
+    rise = system.response(STEP, TIMES)
+    assert pickle.loads(pickle.dumps(system)).response(STEP, TIMES) == pytest.approx(rise, rel=1e-12)
 
 
 def test_refusals():
