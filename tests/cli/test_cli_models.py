@@ -131,6 +131,7 @@ def test_validate_says_up_to_which_power_linear_models_hold():
 def test_simulate_pulses_with_the_period_of_the_fem(folder):
     done = thermofem("simulate", "fem.json", "--power", "8 dBm", "--figure", "traces.png", cwd=folder)
     assert done.returncode == 0, done.stderr
+    assert "are those of the ring 'Borghi 2021'; --ring RING.toml takes those of yours" in done.stderr
     period = float(done.stdout.split("period ")[1].split(" ns")[0])
     assert period == pytest.approx(680, rel=0.01)  # the same optics on an independent code's heat
     assert th.load(folder / "traces.nc")["drop"].max() > 3e-3
@@ -140,6 +141,7 @@ def test_simulate_reads_a_ring_file(folder):
     (folder / "ring.toml").write_text('base = "borghi2021"\nname = "on one bus"\nbuses = 1\n')
     done = thermofem("simulate", "fem.json", "--ring", "ring.toml", "--duration", "1 us", "-o", "one.nc", cwd=folder)
     assert done.returncode == 0, done.stderr
+    assert "those of the ring 'on one bus'\n" in done.stderr
     run = th.load(folder / "one.nc")
     assert run.attrs["ring"] == "on one bus"
     assert float(run["drop"].max()) == 0

@@ -168,13 +168,14 @@ def test_commands(tmp_path):
     model = tmp_path / "model.json"
     surrogate.save_model(EXPERIMENT, model)
     start = [str(model), "--power", "7 dBm, 9 dBm", "--detuning", "-10 GHz, 10 GHz", "--points", "2, 3"]
-    for command, more in (
-        ("map", ["--duration", "6 us", "--resume", str(tmp_path / "rows")]),
-        ("stability", ["--ring", "borghi2021-lumped"]),
+    for command, more, ring in (
+        ("map", ["--duration", "6 us", "--resume", str(tmp_path / "rows")], "'Borghi 2021'; --ring RING.toml takes"),
+        ("stability", ["--ring", "borghi2021-lumped"], "'Borghi 2021, lumped FCD'\n"),
     ):
         output, picture = tmp_path / f"{command}.nc", tmp_path / f"{command}.png"
         done = CliRunner().invoke(app, [command, *start, *more, "-o", str(output), "--figure", str(picture)])
         assert done.exit_code == 0, done.output
+        assert ring in done.output
         found = th.load(output)
         assert found.regime.shape == (2, 3)
         assert found.power.values == pytest.approx(1e-3 * 10 ** np.array([0.7, 0.9]), rel=1e-12, abs=0)

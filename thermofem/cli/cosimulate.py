@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..checks import InputError
-from .files import RING, check_outputs, ring_of
+from .files import DEFAULT_RING, RING, check_outputs, ring_of, say_ring
 from .kinds import expect
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ def cosimulate(
     power: Annotated[str, typer.Option(help="Power in the bus waveguide.")] = "8 dBm",
     detuning: Annotated[str, typer.Option(help="Laser minus cold resonance.")] = "0 GHz",
     duration: Annotated[str, typer.Option(help="Length of the run, from a cold start.")] = "20 us",
-    ring: Annotated[str, typer.Option(help=RING)] = "borghi2021",
+    ring: Annotated[str, typer.Option(help=RING)] = DEFAULT_RING,
     heater: Annotated[list[str] | None, typer.Option(help="Constant power of another part: 'heater=5 mW'.")] = None,
     predictor: Annotated[
         str | None, typer.Option(metavar="MODEL", help="Model (JSON) that predicts, or none; default: a reduction.")
@@ -59,6 +59,7 @@ def cosimulate(
     if paraview and not settings["field_times"]:
         raise InputError("--paraview writes the fields that are kept; say which with --field-times '1 us, 5 us'")
     heat = assemble(CrossSection.from_toml(geometry) if geometry else strip_ring(), accuracy)
+    say_ring(resonator, ring)
     with Bar(length, heat.unknowns) as progress:
         run = coupled.cosimulate(resonator, heat, duration=length, rtol=rtol, progress=progress, **settings)
     dataset.save(run, output)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 
     from coupled import RingResonator
 
+DEFAULT_RING = "borghi2021"
 RING = "Ring file (TOML), or borghi2021, borghi2021-lumped for Newton's law, or vanvaerenbergh2012."
 
 
@@ -44,6 +46,12 @@ def ring_of(given: str) -> RingResonator:
         return named[given]
     expect(Path(given), "ring")
     return coupled.RingResonator.from_toml(given)
+
+
+def say_ring(ring: RingResonator, given: str) -> None:
+    """A line on the terminal: whose light and carriers these are, for a thermal model says nothing of them."""
+    hint = "; --ring RING.toml takes those of yours" if given == DEFAULT_RING else ""
+    print(f"light and carriers are those of the ring {ring.name!r}{hint}", file=sys.stderr)
 
 
 def working(what: str) -> Status:

@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from .. import checks
-from .files import RING, check_outputs, ring_of, working
+from .files import DEFAULT_RING, RING, check_outputs, ring_of, say_ring, working
 from .kinds import expect
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ Out = Annotated[Path, typer.Option("--output", "-o", help="File (netCDF) to writ
 
 def map_(
     model: Model,
-    ring: Ring = "borghi2021",
+    ring: Ring = DEFAULT_RING,
     power: Power = "3 dBm, 10 dBm",
     detuning: Detuning = "-30 GHz, 30 GHz",
     points: Annotated[str, typer.Option(help="Number of powers and of detunings.")] = "20, 20",
@@ -47,6 +47,7 @@ def map_(
     check_outputs([output, figure, resume], inputs=[model], images=[figure])
     resonator, thermal, axes = _setting(model, ring, power, detuning, points)
     length = _quantity(duration, "s", "--duration")
+    say_ring(resonator, ring)
     found = coupled.pulsing_map(
         resonator, thermal, *axes, duration=length, follow=follow, file=resume, progress=True
     )  # fmt: skip
@@ -55,7 +56,7 @@ def map_(
 
 def stability(
     model: Model,
-    ring: Ring = "borghi2021",
+    ring: Ring = DEFAULT_RING,
     power: Power = "3 dBm, 10 dBm",
     detuning: Detuning = "-30 GHz, 30 GHz",
     points: Annotated[str, typer.Option(help="Number of powers and of detunings.")] = "100, 100",
@@ -67,6 +68,7 @@ def stability(
 
     check_outputs([output, figure], inputs=[model], images=[figure])
     resonator, thermal, axes = _setting(model, ring, power, detuning, points)
+    say_ring(resonator, ring)
     with working("finding fixed points and their eigenvalues; the first run on a machine compiles for some seconds"):
         found = coupled.stability_map(resonator, thermal, *axes)
     _finish(found, figure, output, ("regime",), resonator, thermal)

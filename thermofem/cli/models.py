@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .. import checks
-from .files import RING, check_outputs, ring_of, working
+from .files import DEFAULT_RING, RING, check_outputs, ring_of, say_ring, working
 from .kinds import expect
 
 if TYPE_CHECKING:
@@ -214,7 +214,7 @@ def simulate(
     detuning: Annotated[str, typer.Option(help="Laser minus cold resonance.")] = "0 GHz",
     duration: Annotated[str, typer.Option(help="Length of the run, from a cold start.")] = "20 us",
     rtol: Annotated[float, typer.Option(help="Relative error of a step.")] = 1e-6,
-    ring: Annotated[str, typer.Option(help=RING)] = "borghi2021",
+    ring: Annotated[str, typer.Option(help=RING)] = DEFAULT_RING,
     figure: Figure = None,
     output: Out = Path("traces.nc"),
 ) -> None:
@@ -233,6 +233,7 @@ def simulate(
         "detuning": quantity.parse(detuning, "Hz", name="--detuning"),
         "duration": quantity.parse(duration, "s", name="--duration"),
     }
+    say_ring(resonator, ring)
     with working("integrating; the first run on a machine compiles for some seconds"):
         run = coupled.simulate(resonator, thermal, rtol=rtol, **settings)
     dataset.save(run, output)
