@@ -23,7 +23,7 @@ from ..progress import bar
 from ..pulsing import Regime
 from ..resonator import RingResonator
 from ..states import State
-from ..thermal import compact, states_of
+from ..thermal import compact, long_enough, states_of
 from .grid import Grid, Point, grid_of
 from .journal import Journal
 from .quick import pulse
@@ -99,7 +99,8 @@ def pulsing_map(
     xarray.Dataset
         over power (W) and detuning (Hz), or the axes given: regime ("self-pulsing", "stable", "slow transient" or
         "failed"), period (s, nan unless it pulses), duty, swing (K) and reason, in words; a point that cannot be
-        integrated says why there.
+        integrated says why there. ``attrs["suggested_duration"]`` (s) is there where points are slow transients
+        and the runs were short for the model's heat.
 
     Raises
     ------
@@ -143,6 +144,8 @@ def pulsing_map(
         [_checked(cell, n) for cell, n in zip(row, points, strict=True)]
         for row, points in zip(rows, stable, strict=True)
     ]
+    if any(cell.regime == Regime.SLOW_TRANSIENT for row in rows for cell in row) and long_enough(small) > duration:
+        attrs["suggested_duration"] = long_enough(small)
     columns = {name: [[getattr(cell, name) for cell in row] for row in rows] for name in _Cell._fields}
     variables: dict[str, Any] = {
         name: (grid.names, np.array(columns[name]), dataset.describe(name))

@@ -15,6 +15,7 @@ import surrogate
 import thermofem as th
 from coupled.maps.quick import pulse
 from coupled.plot import plot_map
+from coupled.thermal import long_enough
 from thermofem.cli import app
 
 RING = coupled.borghi2021()
@@ -162,6 +163,27 @@ def test_slips_are_named_in_one_line(change, message):
     with pytest.raises(th.InputError, match=message) as error:
         coupled.pulsing_map(**arguments)
     assert "\n" not in str(error.value)
+
+
+def test_a_slow_ring_asks_for_longer_runs_and_then_shows_what_it_does(tmp_path):
+    """Its heat is an exponential of ten times 1.2 us, 95 % of which have risen after ln 20 of those."""
+    slow = th.Foster(R=[7784.0], tau=[12e-6])
+    assert long_enough(slow) == pytest.approx(
+        10 * np.log(20) * 12e-6, rel=0.015
+    )  # half of the second digit, and a grid of .2 %
+    assert long_enough(th.OutputMap(slow, 1e-3)) == long_enough(slow)
+    short = coupled.pulsing_map(RING, slow, P, NU)
+    assert "slow transient" in short.regime
+    assert short.attrs["suggested_duration"] == long_enough(slow)
+    again = coupled.pulsing_map(RING, slow, P, NU, duration=short.attrs["suggested_duration"])
+    assert "slow transient" not in again.regime
+    assert "suggested_duration" not in again.attrs
+    surrogate.save_model(slow, tmp_path / "slow.json")
+    given = [str(tmp_path / "slow.json"), "-o", str(tmp_path / "out.nc")]
+    for command in (["map", "--points", "2, 3"], ["simulate", "--duration", "2 us"]):
+        done = CliRunner().invoke(app, [command[0], *given, *command[1:]])
+        assert done.exit_code == 0, done.output
+        assert 'try --duration "360 us": ten times' in done.output
 
 
 def test_commands(tmp_path):

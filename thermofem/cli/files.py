@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .. import dataset
+from .. import dataset, quantity
 from ..checks import InputError
 from .kinds import expect
 
@@ -52,6 +52,11 @@ def say_ring(ring: RingResonator, given: str) -> None:
     """A line on the terminal: whose light and carriers these are, for a thermal model says nothing of them."""
     hint = "; --ring RING.toml takes those of yours" if given == DEFAULT_RING else ""
     print(f"light and carriers are those of the ring {ring.name!r}{hint}", file=sys.stderr)
+
+
+def longer(duration: float) -> str:
+    """What to type where a run ends before it says what the ring does; ``duration`` in s, of `thermal.long_enough`."""
+    return f'try --duration "{quantity.write(duration, "s")}": ten times what a step of this heat takes to 95 %'
 
 
 def working(what: str) -> Status:

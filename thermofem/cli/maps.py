@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from .. import checks
-from .files import DEFAULT_RING, RING, check_outputs, ring_of, say_ring, working
+from .files import DEFAULT_RING, RING, check_outputs, longer, ring_of, say_ring, working
 from .kinds import expect
 
 if TYPE_CHECKING:
@@ -121,6 +121,9 @@ def _finish(
     dataset.save(found, output)
     names, counts = np.unique(found["regime"].values, return_counts=True)
     print(", ".join(f"{count} {name}" for name, count in zip(names, counts, strict=True)))
+    if "suggested_duration" in found.attrs:
+        slow = dict(zip(names, counts, strict=True))["slow transient"]
+        print(f"{slow} points still move when their run ends; {longer(found.attrs['suggested_duration'])}")
     if figure:
         from coupled.plot import plot_maps
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .. import checks
-from .files import DEFAULT_RING, RING, check_outputs, ring_of, say_ring, working
+from .files import DEFAULT_RING, RING, check_outputs, longer, ring_of, say_ring, working
 from .kinds import expect
 
 if TYPE_CHECKING:
@@ -221,6 +221,7 @@ def simulate(
     """Drive a ring with a thermal model: traces, and whether and how it pulses."""
     import coupled
     import surrogate
+    from coupled.thermal import long_enough
 
     from .. import dataset, quantity
 
@@ -247,4 +248,6 @@ def simulate(
     print(f"{found.regime}: {found.reason}")
     if found.regime == "self-pulsing":
         print(f"period {found.period * 1e9:.1f} ns, duty {found.duty:.3f}, swing {found.swing:.2f} K")
+    elif found.regime == "slow transient" and long_enough(thermal) > settings["duration"]:
+        print(longer(long_enough(thermal)))
     print(f"wrote {output}" + (f" and {figure}" if figure else ""))
