@@ -23,7 +23,7 @@ from .compiling import compiled, forget_if_older, inlined
 from .equations import Array, Rates, absorbed_power, dispersion
 from .kinds import flow, lift, read
 from .laser import Laser, power_and_detuning
-from .rosenbrock import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS
+from .rosenbrock import DONE, STEP_TOO_SMALL, STOPPED, TOO_MANY_STEPS
 
 A = np.array(
     [
@@ -75,7 +75,7 @@ def _slopes(
 @compiled
 def integrate(
     y: Array, laser: Laser, rates: Rates, fcd: Array, thermal: Any, rtol: float, floor: Array, times: Array,
-    max_steps: int,
+    max_steps: int, watch: Array,
 ) -> tuple[Array, Array, float, NDArray[np.int64]]:  # fmt: skip
     """Integrate carriers and heat from ``y`` through every piece of ``laser``; as `rosenbrock.integrate`.
 
@@ -100,8 +100,10 @@ def integrate(
             rows[row, 0], rows[row, 1], rows[row, 2] = t, a[0], a[1]
             rows[row, 3], rows[row, 4] = y[2], lift(read(y, thermal), thermal)[0]
         while t < stop:
-            if accepted + rejected >= max_steps:
-                return rows[:filled], y, t, np.array([accepted, rejected, TOO_MANY_STEPS])
+            if accepted + rejected >= max_steps or watch[0] > 0.0:
+                ended = STOPPED if watch[0] > 0.0 else TOO_MANY_STEPS
+                return rows[:filled], y, t, np.array([accepted, rejected, ended])
+            watch[1] = t
             landing = t + 1.0001 * h >= stop
             if landing:
                 h = stop - t

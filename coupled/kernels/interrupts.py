@@ -1,23 +1,42 @@
-"""Ctrl-C and compiled code: an exception raised while a kernel hands its results over crashes the interpreter."""
+"""Ctrl-C and compiled code: an exception raised while a kernel hands its results over crashes the interpreter.
+
+Python runs its signal handlers between two of its own instructions. While a kernel runs there is none, but numba runs
+some to turn results into objects: a KeyboardInterrupt raised there ends in a SystemError or a crash. So it must come
+after the kernel, or in another thread.
+"""
 
 from __future__ import annotations
 
 import signal
 import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+LOOK = 0.1  # s between two looks at a kernel that runs
+
+
+def new_watch(*kernels: int) -> NDArray[np.float64]:
+    """What a kernel and the thread that waits for it share: whether to stop (0 or 1), and the time reached in ns.
+
+    For several kernels at once a row each, as long as a cache line, so that none waits for what another writes.
+    """
+    return np.zeros((*kernels, 8))
 
 
 def uninterrupted(kernel: Any, *arguments: Any) -> Any:
     """Call a compiled kernel, and let Ctrl-C through when it has returned; a second one, or one that compiles, at once.
 
-    Python runs its signal handlers between two of its own instructions. While a kernel runs there is none, but numba
-    runs some to turn results into objects: a KeyboardInterrupt raised there ends in a SystemError or a crash.
+    For a kernel that returns soon: nothing is cheaper.
     """
     before = signal.getsignal(signal.SIGINT)
     if threading.current_thread() is not threading.main_thread() or not callable(before):
         return kernel(*arguments)  # signals go to the main thread only, or nobody listens
     if not kernel.signatures:
-        kernel.compile(tuple(kernel.typeof_pyval(argument) for argument in arguments))
+        _compile(kernel, arguments)
     came: list[Any] = []
 
     def hold(number: int, frame: Any) -> None:
@@ -32,3 +51,28 @@ def uninterrupted(kernel: Any, *arguments: Any) -> Any:
         signal.signal(signal.SIGINT, before)
         if came:
             before(*came[0])
+
+
+def watched(kernel: Any, *arguments: Any, progress: Callable[[float], None] | None = None) -> Any:
+    """Call a compiled kernel, whose last argument is a watch, in a thread of its own; Ctrl-C ends it within a step.
+
+    ``progress`` is called with the time reached in ns about ten times a second; what it raises ends the kernel, too.
+    """
+    watch = arguments[-1]
+    _compile(kernel, arguments)
+    with ThreadPoolExecutor(1) as pool:
+        try:
+            job = pool.submit(kernel, *arguments)
+            while True:
+                try:
+                    return job.result(LOOK)
+                except TimeoutError:
+                    if progress:
+                        progress(float(watch[1]))
+        finally:
+            watch[0] = 1.0
+
+
+def _compile(kernel: Any, arguments: tuple[Any, ...]) -> None:
+    """Compile a kernel for what it is given, where Ctrl-C still comes through; nothing where that was done before."""
+    kernel.compile(tuple(kernel.typeof_pyval(argument) for argument in arguments))

@@ -30,7 +30,7 @@ from .laser import Laser, light
 from .tableaus import Tableau
 
 QUIET = 1e-2  # of its size, what a step moves a state that rests
-DONE, TOO_MANY_STEPS, STEP_TOO_SMALL, EVENT = 0, 1, 2, 3  # how `integrate` ended
+DONE, TOO_MANY_STEPS, STEP_TOO_SMALL, EVENT, STOPPED = 0, 1, 2, 3, 4  # how `integrate` ended
 
 
 @compiled
@@ -212,7 +212,7 @@ def _moved(y: Array, out: Array, z: float, z_new: float, floor: Array) -> float:
 @compiled
 def integrate(
     y: Array, laser: Laser, rates: Rates, fcd: Array, thermal: Any, method: Tableau, rtol: float, floor: Array,
-    times: Array, per_step: int, first: float, event: Array, max_steps: int,
+    times: Array, per_step: int, first: float, event: Array, max_steps: int, watch: Array,
 ) -> tuple[Array, Array, float, float, Array, NDArray[np.int64]]:  # fmt: skip
     """Integrate from ``y`` through every piece of ``laser``, whose edges it lands on.
 
@@ -234,6 +234,8 @@ def integrate(
     event : array, shape (3,)
         what is watched (0 nothing, 1 U in fJ, 2 N, 3 dT), the level, and whether the integration ends there (0 or 1).
     max_steps : int
+    watch : array, shape (2 or more,)
+        looked at and written to in every step, by and for another thread: whether to stop (0 or 1), and t in ns.
 
     Returns
     -------
@@ -248,7 +250,7 @@ def integrate(
     crossings : array, ns
         when the watched quantity rose through its level.
     counts : array of int, shape (3,)
-        accepted steps, rejected steps, and how it ended (DONE, TOO_MANY_STEPS, STEP_TOO_SMALL, EVENT).
+        accepted steps, rejected steps, and how it ended (DONE, TOO_MANY_STEPS, STEP_TOO_SMALL, EVENT, STOPPED).
 
     Steps are bounded where the state rests: an L-stable method damps with a long step what grows by the equations, and
     would stay on an unstable fixed point. A state that a step moves by less than 1 % has its Jacobian's eigenvalues
@@ -295,8 +297,10 @@ def integrate(
                 h, h_before = min(h, cautious), 0.0
             looked, cap = 0.0, math.inf
         while t < stop:
-            if accepted + rejected >= max_steps:
-                return rows[:filled], y, t, h, crossings[:crossed], np.array([accepted, rejected, TOO_MANY_STEPS])
+            if accepted + rejected >= max_steps or watch[0] > 0.0:
+                ended = STOPPED if watch[0] > 0.0 else TOO_MANY_STEPS
+                return rows[:filled], y, t, h, crossings[:crossed], np.array([accepted, rejected, ended])
+            watch[1] = t
             planned = h
             landing = t + 1.0001 * h >= stop
             if landing:
@@ -345,20 +349,8 @@ def integrate(
                 seen = rest
             last = landing and stop == end
             while filled < wanted and (last or times[filled] <= t + h):
-                _between(
-                    rows,
-                    filled,
-                    times[filled],
-                    (times[filled] - t) / h,
-                    y,
-                    out,
-                    z,
-                    z_new,
-                    k,
-                    total,
-                    method.dense,
-                    thermal,
-                )
+                x = (times[filled] - t) / h
+                _between(rows, filled, times[filled], x, y, out, z, z_new, k, total, method.dense, thermal)
                 filled += 1
             accepted += 1
             if wanted == 0:

@@ -12,13 +12,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from thermofem import checks
 from thermofem.model import ThermalModel
 
 from ..arguments import check_duration
 from ..equilibria.steady import provenance
+from ..kernels.interrupts import new_watch
 from ..progress import bar
 from ..pulsing import Regime
 from ..resonator import RingResonator
@@ -130,12 +131,16 @@ def pulsing_map(
     with _pool(executor) as pool, bar("map", len(grid.rows), progress) as advance:
         for _ in journal.rows:
             advance()
-        jobs = {pool.submit(_row, small, grid.rows[k], float(duration), float(rtol), order): k for k in left}
+        watches = new_watch(len(grid.rows))
+        jobs = {
+            pool.submit(_row, small, grid.rows[k], float(duration), float(rtol), order, watches[k]): k for k in left
+        }
         try:
             for job in as_completed(jobs):
                 journal.add(jobs[job], [list(cell) for cell in job.result()])
                 advance()
-        finally:  # after Ctrl-C or an error: only what runs is waited for
+        finally:  # after Ctrl-C or an error: what runs in threads ends at once, in processes with its row
+            watches[:, 0] = 1.0
             for job in jobs:
                 job.cancel()
     rows = [[_Cell(*cell) for cell in journal.rows[k]] for k in range(len(grid.rows))]
@@ -204,22 +209,28 @@ def _fits(grid: Grid, row: int, cells: list[Any]) -> bool:
     ] == [[str, float, float, float, str]] * len(grid.rows[row])
 
 
-def _row(model: Any, points: list[Point], duration: float, rtol: float, follow: Follow | None) -> list[_Cell]:
+def _row(
+    model: Any, points: list[Point], duration: float, rtol: float, follow: Follow | None, watch: NDArray[np.float64]
+) -> list[_Cell]:
     """All points of one row, each on its own or from where its neighbour ended."""
     cells: list[_Cell] = []
     state = cold = State.cold(states_of(model))
     for point in reversed(points) if follow == Follow.DOWN else points:
-        cell, end = _cell(model, point, duration, rtol, state)
+        cell, end = _cell(model, point, duration, rtol, state, watch)
         cells.append(cell)
         state = cold if follow is None or end is None else end
     return cells[::-1] if follow == Follow.DOWN else cells
 
 
-def _cell(model: Any, point: Point, duration: float, rtol: float, state: State) -> tuple[_Cell, State | None]:
+def _cell(
+    model: Any, point: Point, duration: float, rtol: float, state: State, watch: NDArray[np.float64]
+) -> tuple[_Cell, State | None]:
     """One point, and where its run ended; whatever stops it becomes its reason."""
     ring, power, detuning = point
     try:
-        found, end = pulse(ring, model, power=power, detuning=detuning, duration=duration, rtol=rtol, initial=state)
+        found, end = pulse(
+            ring, model, power=power, detuning=detuning, duration=duration, rtol=rtol, initial=state, watch=watch
+        )
     except (checks.InputError, RuntimeError) as error:
         return _Cell(FAILED, float("nan"), float("nan"), float("nan"), str(error)), None
     return _Cell(str(found.regime), found.period, found.duty, found.swing, found.reason), end

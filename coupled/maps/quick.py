@@ -6,14 +6,18 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thermofem import checks
 
 from .. import window
+from ..kernels.interrupts import new_watch
 from ..kernels.tableaus import Method, tableau
 from ..pulsing import Pulsing, classify
 from ..resonator import RingResonator
 from ..states import State
+
+Array = NDArray[np.float64]
 
 
 @lru_cache(maxsize=16)
@@ -33,6 +37,7 @@ def pulse(
     duration: float = 20e-6,
     rtol: float = 1e-5,
     initial: State,
+    watch: Array | None = None,
 ) -> tuple[Pulsing, State]:
     """Return what ``pulsing(simulate(...))`` says at a constant power (W) and detuning (Hz), and the state at the end.
 
@@ -46,6 +51,8 @@ def pulse(
         as in `simulate`.
     initial : State
         ``State.cold(n)`` for a map from a cold ring.
+    watch : array, optional
+        where another thread says whether to stop, `interrupts.new_watch`.
     """
     from ..kernels import equations as eq
     from ..kernels import rosenbrock
@@ -58,6 +65,7 @@ def pulse(
     rows, y, reached, _, _, counts = rosenbrock.integrate(
         initial.as_array() / unit, laser, rates, fcd, thermal, method, rtol,
         window.floor_of(rates, drive, resistance), np.empty(0), 1, 0.0, np.zeros(3), window.MAX_STEPS,
+        new_watch() if watch is None else watch,
     )  # fmt: skip
     window.check_end(counts, reached, duration, rtol)
     t, ar, ai, N, dT = np.ascontiguousarray(rows.T)

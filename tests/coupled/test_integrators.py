@@ -14,6 +14,7 @@ import thermofem as th
 from coupled import Method
 from coupled.kernels import equations as eq
 from coupled.kernels.compiling import forget_if_older
+from coupled.kernels.interrupts import new_watch
 from coupled.kernels.kinds import Network
 from coupled.kernels.rosenbrock import (
     DONE,
@@ -55,7 +56,7 @@ def steady_laser(duration, drive, detuning=0.0):
 def run(method, rtol, duration=20e3, times=(), model=SECOND_ORDER, max_steps=10**7):
     y = np.zeros(3 + model.order)
     drive, detuning, rates, fcd, _ = problem(RING, model)
-    args = (tableau(method), rtol, FLOOR, np.asarray(times, dtype=float), 1, 0.0, np.zeros(3), max_steps)
+    args = (tableau(method), rtol, FLOOR, np.asarray(times, dtype=float), 1, 0.0, np.zeros(3), max_steps, new_watch())
     rows, y, reached, _, _, counts = integrate(
         y, steady_laser(duration, drive, detuning), rates, fcd, eq.internal_thermal(model), *args
     )
@@ -201,7 +202,7 @@ def test_it_gives_up_with_a_reason_instead_of_running_for_ever():
     assert counts[:2].sum() == 100
     assert reached == rows[-1, 0] < 20e3
     drive, _, rates, fcd, _ = problem(RING, SECOND_ORDER)
-    args = (tableau(Method.RODAS4), 1e-6, FLOOR, np.empty(0), 1, 0.0, np.zeros(3), 10**6)
+    args = (tableau(Method.RODAS4), 1e-6, FLOOR, np.empty(0), 1, 0.0, np.zeros(3), 10**6, new_watch())
     laser = steady_laser(1.0, drive, np.nan)
     _, _, reached, _, _, counts = integrate(np.zeros(5), laser, rates, fcd, eq.internal_thermal(SECOND_ORDER), *args)
     assert (reached, counts[2]) == (0, STEP_TOO_SMALL)

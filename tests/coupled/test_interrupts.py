@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
+import threading
+import time
 from concurrent.futures import Executor, Future
+from importlib import import_module
 
+import numpy as np
 import pytest
 
 import coupled
 import thermofem as th
+from coupled.kernels import adiabatic as adiabatic_light
+from coupled.kernels import rosenbrock
 from coupled.kernels.interrupts import uninterrupted
+from coupled.maps.quick import pulse
 
+RING = coupled.borghi2021()
 MODEL = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
 
 
@@ -44,9 +53,10 @@ def test_without_an_interrupt_the_answer_comes_back():
     assert uninterrupted(Kernel(0), 3) == 3
 
 
-def test_an_interrupted_run_is_a_keyboard_interrupt():
+@pytest.mark.parametrize("duration", [9e-5, 5e-3], ids=["short", "long"])
+def test_an_interrupted_run_is_a_keyboard_interrupt(duration):
     """In a process of its own: raised amid the hand-over of the results it was a SystemError or a crash."""
-    script = """
+    script = f"""
 import os, signal, threading
 import coupled, thermofem as th
 model = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
@@ -54,12 +64,81 @@ run = lambda duration: coupled.simulate(coupled.borghi2021(), model, power=6.31e
 run(1e-7)  # compiled
 threading.Timer(0.1, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
 try:
-    run(5e-3)  # most of a second
+    while True:
+        run({duration})
 except KeyboardInterrupt:
     print("interrupted")
 """
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300, check=False)
     assert (done.returncode, done.stdout) == (0, "interrupted\n"), done.stderr
+
+
+def press(*_):
+    """Ctrl-C while the kernel runs, in the function that shows how far it is."""
+    signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.parametrize("adiabatic", [False, True])
+def test_a_long_run_ends_within_a_step_of_the_interrupt(adiabatic, monkeypatch):
+    """100 ms take 10 to 30 s; the kernel says itself that it was stopped, and where."""
+    module = adiabatic_light if adiabatic else rosenbrock
+    kernel, ended = module.integrate, []
+
+    class Recorded:
+        compile, typeof_pyval = kernel.compile, kernel.typeof_pyval
+
+        def __call__(self, *arguments):
+            found = kernel(*arguments)
+            ended.append((found[2], found[-1][2]))
+            return found
+
+    monkeypatch.setattr(module, "integrate", Recorded())
+    with pytest.raises(KeyboardInterrupt):
+        coupled.simulate(RING, MODEL, power=6.31e-3, duration=0.1, adiabatic=adiabatic, progress=press)
+    (reached, how), *others = ended
+    assert not others
+    assert how == rosenbrock.STOPPED
+    assert 0 < reached < 0.1e9  # ns
+
+
+def test_a_long_run_says_how_far_it_is_and_begins_as_a_short_one_does():
+    """In a thread of its own, which a short one does without."""
+    seen: list[float] = []
+    run = coupled.simulate(RING, MODEL, power=6.31e-3, duration=3e-3, progress=seen.append)
+    assert seen[-1] == pytest.approx(3e-3, rel=1e-15)
+    assert len(seen) > 1
+    assert all(np.diff(seen) >= 0)
+    short = coupled.simulate(RING, MODEL, power=6.31e-3, duration=50e-6, progress=seen.append)
+    assert seen[-1] == pytest.approx(50e-6, rel=1e-15, abs=0)
+    before = slice(short.sizes["time"] - 1)  # its last step is cut short
+    for name in ("energy", "carriers", "delta_T"):
+        assert np.array_equal(run[name][before], short[name][before])
+
+
+def test_an_interrupted_map_ends_the_runs_under_way(monkeypatch):
+    """Rows of 20 points of 50 ms each in threads, minutes of work; Ctrl-C comes when each of them has begun."""
+    ended, begun = [], threading.Barrier(3)
+
+    def recorded(*arguments, **options):
+        begun.wait(60)
+        try:
+            return pulse(*arguments, **options)
+        except KeyboardInterrupt:
+            ended.append(True)
+            raise
+
+    monkeypatch.setattr(import_module("coupled.maps.pulsing_map"), "pulse", recorded)
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+
+    def press_soon():
+        begun.wait(60)
+        time.sleep(0.05)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=press_soon).start()
+    with pytest.raises(KeyboardInterrupt):
+        coupled.pulsing_map(RING, MODEL, [6e-3, 6.1e-3], np.linspace(0, 1e9, 20), duration=50e-3)
+    assert ended == [True, True]
 
 
 class Interrupted(Executor):
