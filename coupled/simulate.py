@@ -115,8 +115,7 @@ def simulate(
     wanted = NO_TIMES if times is None else _wanted(times, duration)
     if adiabatic and (event or method):
         raise checks.InputError("adiabatic goes with neither event nor method; it has a method of its own")
-    if progress is not None and not callable(progress):
-        raise checks.InputError(f"progress = {progress!r} must be a function; it is called with the time in s")
+    checks.progress(progress)
     chosen = check_method(method) or (Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
     small = compact(model)
     run = advance(

@@ -97,6 +97,12 @@ def path(name: str, value: Any) -> Path:
         raise InputError(f"{name} = {value!r} is no name of a file; give a text or a pathlib.Path") from None
 
 
+def progress(value: Any) -> None:
+    """Raise InputError unless what is to show the progress is a function, or nothing."""
+    if value is not None and not callable(value):
+        raise InputError(f"progress = {value!r} must be a function; it is called with the time in s")
+
+
 def choice(name: str, value: str, choices: Iterable[str], *, hint: str = "") -> str:
     """Return ``value``, or raise InputError naming the nearest of ``choices``."""
     known = sorted(choices)

@@ -98,8 +98,7 @@ def cosimulate(
     check_run(ring, duration, rtol)
     checks.between("tolerance", tolerance, 1e-8, 1, unit="K", hint="1e-3 K gives periods to about 1e-4")
     light = {"input_power": power_in_time(power, duration), "detuning": detuning_in_time(detuning, duration)}
-    if progress is not None and not callable(progress):
-        raise checks.InputError(f"progress = {progress!r} must be a function; it is called with the time in s")
+    checks.progress(progress)
     kept = checks.array("field_times", field_times, increasing=True) if np.size(field_times) else np.zeros(1)
     if not 0 <= kept[0] <= kept[-1] <= duration:
         raise checks.InputError(f"field_times must lie between 0 and the duration of {duration:g} s")

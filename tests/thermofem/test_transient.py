@@ -180,6 +180,27 @@ def test_periodic_state_closes_and_needs_few_passes():
     assert np.abs(run.outputs[:, 0] - exact).max() < 1e-6 * exact.max()
 
 
+def test_progress_is_the_time_reached_and_changes_nothing():
+    heat, wave, seen = th.assemble(th.strip_ring()), th.SquareWave(2e-3, 1e-6, 0.33), []
+    times = np.linspace(0, 2e-6, 11)
+    step = {"method": "stepping"}
+    run = th.solve(heat, wave, times, progress=seen.append, **step)
+    assert run.equals(th.solve(heat, wave, times, **step))
+    assert np.all(np.diff(seen) > 0)
+    assert seen[-1] == pytest.approx(2e-6, rel=1e-12, abs=0)  # round-off of adding steps
+    seen.clear()
+    run = th.solve_periodic(heat, wave, progress=seen.append, **step)
+    assert run.equals(th.solve_periodic(heat, wave, **step))
+    assert np.all(np.diff(seen) > 0)
+    passes = seen[-1] / 1e-6
+    assert passes == pytest.approx(round(passes), rel=1e-12)
+    assert 2 <= passes <= 8
+    seen.clear()
+    th.solve(heat, wave, times, progress=seen.append)
+    th.solve_periodic(heat, wave, progress=seen.append)
+    assert seen == [2e-6, 1e-6]  # in closed form: at the end
+
+
 def test_a_far_probe_does_not_rule_the_steps():
     """The heater 2 um above has 1e-9 of its rise after 50 ns: relative to that, a run takes three times the work."""
     heat, pulse, times = th.assemble(th.heated_ring()), th.Pulse(2e-3, 10e-6), np.geomspace(1e-9, 20e-6, 60)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..checks import InputError
-from .files import DEFAULT_RING, RING, check_outputs, ring_of, say_ring
+from .bar import Bar
+from .files import DEFAULT_RING, RING, check_outputs, ring_of, say_ring, working
 from .kinds import expect
 
 if TYPE_CHECKING:
@@ -58,9 +59,10 @@ def cosimulate(
     }
     if paraview and not settings["field_times"]:
         raise InputError("--paraview writes the fields that are kept; say which with --field-times '1 us, 5 us'")
-    heat = assemble(CrossSection.from_toml(geometry) if geometry else strip_ring(), accuracy)
+    with working("meshing and assembling"):
+        heat = assemble(CrossSection.from_toml(geometry) if geometry else strip_ring(), accuracy)
     say_ring(resonator, ring)
-    with Bar(length, heat.unknowns) as progress:
+    with Bar(f"{heat.unknowns} temperatures in the loop", length, stays=True) as progress:
         run = coupled.cosimulate(resonator, heat, duration=length, rtol=rtol, progress=progress, **settings)
     dataset.save(run, output)
     if paraview:
@@ -102,29 +104,6 @@ def _times(texts: list[str]) -> tuple[float, ...]:
 
     given = [part.strip() for text in texts for part in text.split(",") if part.strip()]
     return tuple(sorted(quantity.parse(text, "s", name="--field-times") for text in given))
-
-
-class Bar:
-    """A progress bar over simulated time; called with the time in s."""
-
-    def __init__(self, duration: float, unknowns: int) -> None:
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-        columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[at]}"), TimeElapsedColumn())
-        self.progress, self.duration = Progress(*columns, console=Console(stderr=True)), duration
-        self.task = self.progress.add_task(f"{unknowns} temperatures in the loop", total=duration, at="0 us")
-
-    def __enter__(self) -> Bar:
-        self.progress.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.progress.stop()
-
-    def __call__(self, time: float) -> None:
-        """Show how far the run is."""
-        self.progress.update(self.task, completed=time, at=f"{time * 1e6:.3g} of {self.duration * 1e6:.3g} us")
 
 
 def _report(run: Any) -> None:

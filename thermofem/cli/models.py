@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .. import checks
+from .bar import Bar
 from .files import DEFAULT_RING, RING, check_outputs, longer, ring_of, say_ring, working
 from .kinds import expect
 
@@ -43,12 +44,13 @@ def fit(
     if kind == "sindy":
         _fit_sindy(training, output)
         return
-    if kind == "newton":
-        found = surrogate.fit_newton(training)
-    elif kind == "second-order":
-        found = surrogate.fit_second_order(training)
-    else:
-        found = surrogate.fit_foster(training, order=order)
+    with working("training"):
+        if kind == "newton":
+            found = surrogate.fit_newton(training)
+        elif kind == "second-order":
+            found = surrogate.fit_second_order(training)
+        else:
+            found = surrogate.fit_foster(training, order=order)
     surrogate.save_model(found.model, output, provenance=found.provenance)
     for name, value in found.parameters.items():
         print(f"{name:>22} = {value:.4g} ± {found.standard_errors[name]:.1g} {_unit(name)}".rstrip())
@@ -64,7 +66,8 @@ def _fit_sindy(training: list[xr.Dataset], output: Path) -> None:
 
     if len(training) > 1:
         raise checks.InputError(f"{len(training)} files: a SINDy network is identified from one transient from rest")
-    found = surrogate.fit_sindy(training[0])
+    with working("training"):
+        found = surrogate.fit_sindy(training[0])
     surrogate.save_model(found.model, output, provenance=found.provenance)
     for equation in found.equations:
         print(equation)
@@ -97,8 +100,9 @@ def reduce(
     check_outputs([output], inputs=[geometry])
     expect(geometry, "geometry")
     section = CrossSection.from_toml(geometry) if geometry else strip_ring()
-    heat = assemble(section, accuracy)
-    rom = surrogate.reduce(heat.channels(heat.heated[0]), tolerance=tolerance)
+    with working("meshing, assembling and reducing"):
+        heat = assemble(section, accuracy)
+        rom = surrogate.reduce(heat.channels(heat.heated[0]), tolerance=tolerance)
     provenance = {**rom.provenance, "geometry": section.to_toml(), "mesh_accuracy": accuracy}
     surrogate.save_model(rom.model, output, provenance=provenance)
     print(
@@ -235,8 +239,9 @@ def simulate(
         "duration": quantity.parse(duration, "s", name="--duration"),
     }
     say_ring(resonator, ring)
-    with working("integrating; the first run on a machine compiles for some seconds"):
-        run = coupled.simulate(resonator, thermal, rtol=rtol, **settings)
+    first = "the first run on a machine compiles for some seconds"
+    with Bar("integrating", settings["duration"], first=first) as progress:
+        run = coupled.simulate(resonator, thermal, rtol=rtol, progress=progress, **settings)
     dataset.save(run, output)
     if figure:
         from coupled.plot import plot_traces

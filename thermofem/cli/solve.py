@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Console
@@ -15,7 +15,8 @@ from ..geometry import CrossSection, strip_ring
 from ..heat import assemble
 from ..mesh import Mesh, mesh_for
 from ..solve import solve, solve_periodic
-from .files import check_outputs
+from .bar import Bar
+from .files import check_outputs, working
 from .kinds import expect
 
 if TYPE_CHECKING:
@@ -54,12 +55,14 @@ def run(
     if preview_file:
         _draw_preview(section, heat.mesh, preview_file)
     wanted = read[0] if len(read) == 1 else read or None
-    with console.status(f"solving with {heat.unknowns} unknowns"):
+    settings: dict[str, Any] = {"heated": heated, "read": wanted, "rtol": errors[1]}
+    span = wave.period if periodic and wave.period else length
+    with Bar(f"solving with {heat.unknowns} unknowns", span, periodic=periodic) as progress:
         if periodic:
-            data = solve_periodic(heat, wave, samples, heated=heated, read=wanted, rtol=errors[1])
+            data = solve_periodic(heat, wave, samples, progress=progress, **settings)
         else:
             times = np.linspace(0, length, samples)
-            data = solve(heat, wave, times, heated=heated, read=wanted, rtol=errors[1], field_times=field_times)
+            data = solve(heat, wave, times, field_times=field_times, progress=progress, **settings)
     dataset.save(data, output)
     with console.status("drawing"):
         _draw(data, figure, paraview)
@@ -82,7 +85,8 @@ def preview(geometry: Path | None, accuracy: float, path: Path) -> None:
     expect(geometry, "geometry")
     section = CrossSection.from_toml(geometry) if geometry else strip_ring()
     check_outputs([path], inputs=[geometry], images=[path])
-    mesh = mesh_for(section, accuracy)
+    with working("meshing"):
+        mesh = mesh_for(section, accuracy)
     _draw_preview(section, mesh, path)
     console = Console(stderr=True)
     console.print(f"{section.name}: {', '.join(mesh.region_names)}; {len(mesh.triangles)} triangles; wrote {path}")

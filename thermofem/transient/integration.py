@@ -11,7 +11,7 @@ scales below the first wanted one.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -104,6 +104,7 @@ def integrate(
     snapshots: ArrayLike = (),
     ledger: Ledger | NonlinearLedger | None = None,
     factors: Pencil | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
     """Integrate E dx/dt = A x + B P(t) from t = 0 and read C x at ``times``.
 
@@ -124,6 +125,8 @@ def integrate(
         closes the energy balance, see `Trajectory.imbalance`.
     factors : Pencil
         of E and -A, where the caller keeps them for further runs.
+    progress : callable, optional
+        called after each step with the time in s that has been reached.
 
     Raises
     ------
@@ -133,7 +136,7 @@ def integrate(
     times, kept = check_run(times, snapshots, rtol)
     stepper = _stepper(system, waves, rtol, factors)
     x = np.zeros(system.order) if initial is None else np.array(initial, dtype=float)
-    record = _Record(stepper, times, kept, ledger, x)
+    record = _Record(stepper, times, kept, ledger, x, progress)
     control = _Control(stepper, rtol, x)
     edges = stepper.edges(max(times[-1], kept[-1] if kept.size else 0.0))
     for start, stop in pairwise(edges.tolist()):
@@ -162,6 +165,7 @@ def integrate_periodic(
     initial: Array | None = None,
     ledger: Ledger | NonlinearLedger | None = None,
     factors: Pencil | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
     """One period of the periodic state, at `waveforms.period_times`.
 
@@ -170,7 +174,8 @@ def integrate_periodic(
         (x(T) - x(0)) + K^-1 M (x(T) - x(0)) / T,
 
     which leaves at most 13 % of the error (z -> (1 - e^-z)(1 + z)/z lies in 1..1.3). The first pass, from ``initial``
-    or the static state of the mean power, fixes the steps for all.
+    or the static state of the mean power, fixes the steps for all. ``progress`` is called after each step with the time
+    in s that all passes together have covered.
 
     Raises
     ------
@@ -187,12 +192,12 @@ def integrate_periodic(
         else np.array(initial, dtype=float)
     )
     control = _Control(stepper, rtol, x)
-    plan, end = _plan(stepper, control, times, x)
-    for _ in range(PASSES):
+    plan, end = _plan(stepper, control, times, x, progress)
+    for k in range(1, PASSES + 1):
         defect = end - x
         correction = RELAXATION * (defect + stepper.static(stepper.E @ defect) / period)
         x = x + correction
-        record = _Record(stepper, times, np.empty(0), ledger, x)
+        record = _Record(stepper, times, np.empty(0), ledger, x, progress, k * period)
         end = _march(stepper, plan, x, record)
         if control.error(correction, x) <= 1:
             return record.trajectory(end)
@@ -255,10 +260,12 @@ def _cross(
     return x, _Plan(start, stop, tuple(taken))
 
 
-def _plan(stepper: Stepper, control: _Control, times: Array, x: Array) -> tuple[list[_Plan], Array]:
+def _plan(
+    stepper: Stepper, control: _Control, times: Array, x: Array, progress: Callable[[float], None] | None
+) -> tuple[list[_Plan], Array]:
     """Steps of one period found with error control, and the state at its end."""
     edges, plan = stepper.edges(float(times[-1])), []
-    record = _Record(stepper, times, np.empty(0), None, x)
+    record = _Record(stepper, times, np.empty(0), None, x, progress)
     for start, stop in pairwise(edges.tolist()):
         x, steps = _cross(stepper, control, record, x, start, stop)
         plan.append(steps)
@@ -323,9 +330,17 @@ class _Record:
     """Outputs at the wanted times by cubic Hermite interpolation, snapshots, and the energy balance."""
 
     def __init__(
-        self, stepper: Stepper, times: Array, kept: Array, ledger: Ledger | NonlinearLedger | None, x: Array
+        self,
+        stepper: Stepper,
+        times: Array,
+        kept: Array,
+        ledger: Ledger | NonlinearLedger | None,
+        x: Array,
+        progress: Callable[[float], None] | None = None,
+        before: float = 0.0,
     ) -> None:
         self.stepper, self.times, self.kept, self.ledger = stepper, times, kept, ledger
+        self.progress, self.before = progress, before  # time covered by earlier passes, s
         self.outputs = np.tile(stepper.C @ x, (times.size, 1))  # right where times are 0, overwritten elsewhere
         self.snapshots = np.tile(x, (kept.size, 1))
         self.start, self.heat_in, self.heat_out = x, 0.0, 0.0
@@ -348,6 +363,8 @@ class _Record:
                 self.snapshots[kept] = hermite((self.kept[kept] - t) / h, *ends)
         if self.ledger:
             self.heat_out += self.ledger.outflow(h, WEIGHTS, states, slopes)
+        if self.progress:
+            self.progress(self.before + t + h)
 
     def deliver(self, start: float, stop: float) -> None:
         """Count the exact energy of one piece."""
