@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import checks
+from thermofem.switched import seconds
 from thermofem.waveforms import Waveform, linear_pieces
 
 Array = NDArray[np.float64]
@@ -85,7 +86,7 @@ class Sweep:
         object.__setattr__(self, "values", values)
 
     def _at(self, t: ArrayLike, side: str) -> Array:
-        times, values, t = np.asarray(self.times), np.asarray(self.values), np.asarray(t, dtype=float)
+        times, values, t = np.asarray(self.times), np.asarray(self.values), seconds(t)
         slack = 1e-9 * (times[-1] - times[0])
         outside = (t < times[0] - slack) | (t > times[-1] + slack)
         if np.any(outside):

@@ -23,6 +23,16 @@ def inside(times: Array, start: float, stop: float) -> Array:
     return times[(times > start + slack) & (times < stop - slack)]
 
 
+def seconds(t: ArrayLike) -> Array:
+    """The times that a waveform is asked for, as floats; InputError where they are none."""
+    found = np.asarray(t)
+    if found.dtype.kind not in "fiub":
+        raise checks.InputError(f"t = {t!r} is not a number or an array of numbers; {TIME_HINT}")
+    if not np.isfinite(found).all():
+        raise checks.InputError(f"t holds {found[~np.isfinite(found)][0]}, which is no time")
+    return np.asarray(found, dtype=float)
+
+
 class Switched:
     """A power that is on or off, from the times at which it changes; it begins on."""
 
@@ -33,11 +43,11 @@ class Switched:
 
     def __call__(self, t: ArrayLike) -> Array:
         """Power in W at ``t``, continuous from the right."""
-        return self.power * (np.searchsorted(self.edges, np.asarray(t, dtype=float), side="right") % 2 == 0)
+        return self.power * (np.searchsorted(self.edges, seconds(t), side="right") % 2 == 0)
 
     def before(self, t: ArrayLike) -> Array:
         """Power in W just before ``t``."""
-        return self.power * (np.searchsorted(self.edges, np.asarray(t, dtype=float), side="left") % 2 == 0)
+        return self.power * (np.searchsorted(self.edges, seconds(t), side="left") % 2 == 0)
 
     def breakpoints(self, start: float, stop: float) -> Array:
         """Every change inside."""

@@ -2,7 +2,8 @@
 
 Contract of a `Waveform` (anything that satisfies it can drive every model):
 
-1. ``wave(t)`` is the power in W at time ``t`` in s (scalar or array), continuous from the right.
+1. ``wave(t)`` is the power in W at time ``t`` in s (scalar or array), continuous from the right; those of this module
+   raise InputError where ``t`` is text or not finite.
 2. ``wave.before(t)`` is the limit from the left; it differs from ``wave(t)`` only at jumps.
 3. ``wave.breakpoints(start, stop)`` are the sorted times strictly inside (start, stop) where P jumps or has a kink;
    every integrator lands on them.
@@ -23,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import checks
-from .switched import POWER_HINT, TIME_HINT, Chirp, Telegraph, inside
+from .switched import POWER_HINT, TIME_HINT, Chirp, Telegraph, inside, seconds
 
 Array = NDArray[np.float64]
 
@@ -119,7 +120,7 @@ class Constant:
 
     def __call__(self, t: ArrayLike) -> Array:
         """Power in W."""
-        return np.full(np.shape(t), float(self.power))
+        return np.full(seconds(t).shape, float(self.power))
 
     before = __call__
 
@@ -163,12 +164,12 @@ class Pulse:
 
     def __call__(self, t: ArrayLike) -> Array:
         """Power in W at ``t``, continuous from the right."""
-        t = np.asarray(t, dtype=float)
+        t = seconds(t)
         return np.where((t >= self.start) & (t < self.stop), float(self.power), 0.0)
 
     def before(self, t: ArrayLike) -> Array:
         """Power in W just before ``t``."""
-        t = np.asarray(t, dtype=float)
+        t = seconds(t)
         return np.where((t > self.start) & (t <= self.stop), float(self.power), 0.0)
 
     def breakpoints(self, start: float, stop: float) -> Array:
@@ -222,7 +223,7 @@ class SquareWave:
         return edges.ravel()
 
     def _at(self, t: ArrayLike, side: str) -> Array:
-        t = np.asarray(t, dtype=float)
+        t = seconds(t)
         if t.size == 0:
             return np.zeros(t.shape)
         edges = self._edges(float(t.min()), float(t.max()))
@@ -319,7 +320,7 @@ class Sampled:
 
     def _at(self, t: ArrayLike, before: bool) -> Array:
         times, power = np.asarray(self.times), np.asarray(self.power)
-        u = self._wrap(np.asarray(t, dtype=float), before)
+        u = self._wrap(seconds(t), before)
         k = np.clip(np.searchsorted(times, u, side="left" if before else "right") - 1, 0, times.size - 2)
         step = times[k + 1] - times[k]
         share = np.where(step > 0, (u - times[k]) / np.where(step > 0, step, 1.0), 1.0 - before)

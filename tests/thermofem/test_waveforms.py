@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import coupled
 import thermofem as th
 from thermofem.model import pole_responses
 from thermofem.waveforms import from_json, linear_pieces, period_times, to_json
@@ -53,6 +54,29 @@ def test_a_pole_follows_a_ramp_at_every_ratio_of_its_times(z):
     got = pole_responses(np.array([rate]), th.Sampled([0.0, 1e-5], [0.0, 1e-3]), [u])[0, 0]
     # the closed form loses 2e-16/(z/2) above 1e-3
     assert got == pytest.approx(1e-3 / 1e-5 * exact / rate**2, rel=1e-12, abs=0)
+
+
+@pytest.mark.parametrize(
+    "wave",
+    [*WAVES, th.Telegraph(2e-3, 1e-7, 1e-5), coupled.Sweep([0, 1e-6], [5e9, -5e9])],
+    ids=lambda w: type(w).__name__,
+)
+@pytest.mark.parametrize(
+    ("t", "words"),
+    [
+        ("soon", "t = 'soon' is not a number"),
+        ("1e-7", "t = '1e-7' is not a number"),
+        (["1e-7", 2e-7], "is not a number or an array of numbers; times are in s"),
+        (None, "t = None is not a number"),
+        (np.nan, "t holds nan, which is no time"),
+        ([1e-7, np.inf], "t holds inf"),
+    ],
+)
+def test_a_time_that_is_none_is_named(wave, t, words):
+    for asked in (wave, wave.before):
+        with pytest.raises(th.InputError, match=words):
+            asked(t)
+    assert wave(0).shape == wave(np.int64(0)).shape == ()
 
 
 def test_continuous_from_the_right_and_limit_from_the_left():
