@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import checks
+from .. import checks, toml_file
 from ..materials.library import VOID, Material, find
+from . import toml_schema
 from .parts import INSULATED, ISOTHERMAL, OPEN, Boundary, Interface, Layer, Part, Probe, length
 from .regions import Subdivision, check_held, check_places, subdivide
 
@@ -172,19 +173,13 @@ class CrossSection:
         InputError
             the file is missing or no TOML, or what it says cannot be; the message begins with the file.
         """
-        from .toml_schema import read_file
-
-        return read_file(path)
+        return toml_file.read(path, "geometry", cls.from_toml_text)
 
     @classmethod
     def from_toml_text(cls, text: str) -> CrossSection:
         """Read the text of a geometry file."""
-        from .toml_schema import read_text
-
-        return read_text(text)
+        return cls(**toml_schema.fields(text))
 
     def to_toml(self) -> str:
         """The geometry as the text of a geometry file; reading it back gives an equal CrossSection."""
-        from .toml_schema import write_text
-
-        return write_text(self)
+        return toml_schema.write_text(self)

@@ -1,4 +1,4 @@
-"""The geometry file: TOML text with units in, a `CrossSection` out, and back.
+"""The geometry file: TOML text with units in, the fields of a `CrossSection` out, and back.
 
 Each table of the file has its keys listed here once, with the unit that the value must have; an unknown key is an error
 that suggests the nearest one.
@@ -7,15 +7,16 @@ that suggests the nearest one.
 from __future__ import annotations
 
 import json
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .. import checks, quantity, toml_file
 from ..checks import InputError
 from ..materials.library import LIBRARY, Material
 from ..materials.property_toml import LAW_KEYS, PROPERTIES, read_property, write_property
-from .cross_section import CrossSection
 from .parts import INSULATED, ISOTHERMAL, VERTICAL, Boundary, Interface, Layer, Part, Probe, ring
+
+if TYPE_CHECKING:
+    from .cross_section import CrossSection
 
 # key -> the SI unit of its text, or what else it holds
 _TEXT, _FLAG, _TABLE, _TABLES, _ANY = "text", "true or false", "table", "list of tables", "anything"
@@ -50,31 +51,26 @@ _CONVECTION = {"convection": "W/m^2/K"}
 _MATERIAL = {"conductivity": _ANY, "density": "kg/m^3", "specific_heat": _ANY, "source": _TEXT}
 
 
-def read_file(path: str | Path) -> CrossSection:
-    """Read a geometry file; see `CrossSection.from_toml`."""
-    return toml_file.read(path, "geometry", read_text)
-
-
-def read_text(text: str) -> CrossSection:
-    """Read the text of a geometry file; see `CrossSection.from_toml_text`."""
+def fields(text: str) -> dict[str, Any]:
+    """The fields of the `CrossSection` that the text of a geometry file describes."""
     table = toml_file.parse(text)
     if table.keys() & {"base", "loaded_q", "wavelength", "carriers"}:
         raise InputError("this describes the optics of a ring; a geometry has outer_radius, [[layer]] and [[part]]")
     top = _read(table, _TOP, "the file", required=("outer_radius", "layer", "part"))
     boundary = _read(top.get("boundary", {}), _BOUNDARY, "[boundary]")
-    return CrossSection(
-        name=top.get("name", "cross-section"),
-        outer_radius=top["outer_radius"],
-        layers=tuple(_layer(item, k) for k, item in enumerate(top["layer"], 1)),
-        parts=tuple(_part(item, k) for k, item in enumerate(top["part"], 1)),
-        interfaces=tuple(_interface(item, k) for k, item in enumerate(top.get("interface", []), 1)),
-        probes=tuple(_probe(item, k) for k, item in enumerate(top.get("probe", []), 1)),
-        bottom=_boundary(boundary, "bottom", ISOTHERMAL),
-        top=_boundary(boundary, "top", INSULATED),
-        outer=_boundary(boundary, "outer", INSULATED),
-        materials=tuple(_material(name, item) for name, item in top.get("material", {}).items()),
-        ambient=top.get("ambient", 293.15),
-    )
+    return {
+        "name": top.get("name", "cross-section"),
+        "outer_radius": top["outer_radius"],
+        "layers": tuple(_layer(item, k) for k, item in enumerate(top["layer"], 1)),
+        "parts": tuple(_part(item, k) for k, item in enumerate(top["part"], 1)),
+        "interfaces": tuple(_interface(item, k) for k, item in enumerate(top.get("interface", []), 1)),
+        "probes": tuple(_probe(item, k) for k, item in enumerate(top.get("probe", []), 1)),
+        "bottom": _boundary(boundary, "bottom", ISOTHERMAL),
+        "top": _boundary(boundary, "top", INSULATED),
+        "outer": _boundary(boundary, "outer", INSULATED),
+        "materials": tuple(_material(name, item) for name, item in top.get("material", {}).items()),
+        "ambient": top.get("ambient", 293.15),
+    }
 
 
 def _read(table: Any, keys: dict[str, str], where: str, *, required: tuple[str, ...] = ()) -> dict[str, Any]:
