@@ -103,12 +103,14 @@ samples = 21
 
 
 def geometries() -> list[tuple[float, float]]:
-    from thermofem.campaign.schema import read_text
+    from thermofem.campaign import Campaign
+    from thermofem.campaign.schema import fields
 
     section = th.strip_ring().to_toml().replace("[[", "[[geometry.").replace("\n[boundary]", "\n[geometry.boundary]")
     found = []
     for count in (16, 64, 256):  # few show the start of the worker only
-        plan = read_text("accuracy = 1e-2\n[geometry]\n" + section + CAMPAIGN.format(count), Path())
+        text = "accuracy = 1e-2\n[geometry]\n" + section + CAMPAIGN.format(count)
+        plan = Campaign(**fields(text, Path()))
         with tempfile.TemporaryDirectory() as folder:
             start = time.perf_counter()
             plan.run(Path(folder) / "c", workers=1)

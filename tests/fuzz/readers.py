@@ -27,7 +27,8 @@ from hypothesis import strategies as st
 import surrogate
 import thermofem as th
 from coupled import ring_toml
-from thermofem.campaign.schema import read_text as read_campaign
+from thermofem.campaign import Campaign
+from thermofem.campaign.schema import fields
 from thermofem.quantity import parse
 from thermofem.waveforms import from_json
 
@@ -66,7 +67,7 @@ def geometry(text: str) -> None:
 
 def campaign(text: str) -> None:
     """Campaign file, and its cases."""
-    len(read_campaign(text, ROOT))
+    len(Campaign(**fields(text, ROOT)))
 
 
 def ring(text: str) -> None:

@@ -1,6 +1,7 @@
 """Campaigns: many geometries times drives, one netCDF file for each geometry, resumable, on any Executor.
 
-plan    what is varied and how it is driven: `Campaign`, `Variation`, `Schedule`
+plan    base geometry, what is varied, how it is driven: `Campaign`
+vary    one quantity that varies, one drive: `Variation`, `Schedule`
 schema  the campaign file (TOML)
 work    one geometry: solved in a worker process, handed back as the bytes of a netCDF file
 run     the loop over an Executor
@@ -9,7 +10,8 @@ collect all results as one Dataset: the index and the training collection
 """
 
 from .collect import open_campaign
-from .plan import Campaign, Case, Schedule, Variation
+from .plan import Campaign, Case
 from .run import Summary
+from .vary import Schedule, Variation
 
 __all__ = ["Campaign", "Case", "Schedule", "Summary", "Variation", "open_campaign"]

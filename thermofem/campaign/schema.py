@@ -1,4 +1,4 @@
-"""The campaign file: TOML text with units in, a `Campaign` out.
+"""The campaign file: TOML text with units in, the fields of a `Campaign` out.
 
 geometry = "strip.toml"                # beside this file; or [geometry] with the same tables inside
 samples = 100                          # points of the Latin hypercube; seed = 0
@@ -17,7 +17,7 @@ import numpy as np
 from .. import checks, quantity, toml_file, waveforms
 from ..checks import InputError
 from .paths import write_table
-from .plan import LARGEST, Campaign, Schedule, Value, Variation
+from .vary import LARGEST, Schedule, Value, Variation
 
 _TOP = ("name", "geometry", "samples", "seed", "accuracy", "rtol", "vary", "drive", "probes")
 _VARY = ("path", "name", "values", "from", "to", "count", "spacing")
@@ -25,13 +25,8 @@ _DRIVE = ("name", "power", "pulse", "square", "duty", "periodic", "duration", "f
 _UNITS = ("m", "K", "rad", "W/m/K", "kg/m^3", "J/kg/K", "W/m^2/K", "m^2*K/W", "")
 
 
-def read_file(path: str | Path) -> Campaign:
-    """Read a campaign file; see `Campaign.from_toml`."""
-    return toml_file.read(path, "campaign", lambda text: read_text(text, Path(path).parent))
-
-
-def read_text(text: str, folder: Path) -> Campaign:
-    """Read the text of a campaign file; a geometry file is looked for in ``folder``."""
+def fields(text: str, folder: Path) -> dict[str, Any]:
+    """The fields of the `Campaign` that the text of a campaign file describes; geometry files lie in ``folder``."""
     top = toml_file.parse(text)
     _known(top, _TOP, "the file")
     for key, hint in (("geometry", 'name a file, geometry = "strip.toml"'), ("drive", "add a [[drive]] table")):
@@ -40,18 +35,18 @@ def read_text(text: str, folder: Path) -> Campaign:
     probes = top.get("probes", {})
     _known(probes, ("heated", "read"), "[probes]")
     read = probes.get("read", [])
-    return Campaign(
-        geometry=_geometry(top["geometry"], folder),
-        variations=tuple(_variation(item, k) for k, item in enumerate(_tables(top, "vary"), 1)),
-        schedules=tuple(_schedule(item, k) for k, item in enumerate(_tables(top, "drive"), 1)),
-        name=str(top.get("name", "campaign")),
-        heated=probes.get("heated"),
-        read=(read,) if isinstance(read, str) else tuple(read),
-        accuracy=checks.finite("accuracy", top.get("accuracy", 1e-3)),
-        rtol=checks.finite("rtol", top.get("rtol", 1e-4)),
-        samples=_integer("samples", top.get("samples", 0), 0),
-        seed=_integer("seed", top.get("seed", 0), 0),
-    )
+    return {
+        "geometry": _geometry(top["geometry"], folder),
+        "variations": tuple(_variation(item, k) for k, item in enumerate(_tables(top, "vary"), 1)),
+        "schedules": tuple(_schedule(item, k) for k, item in enumerate(_tables(top, "drive"), 1)),
+        "name": str(top.get("name", "campaign")),
+        "heated": probes.get("heated"),
+        "read": (read,) if isinstance(read, str) else tuple(read),
+        "accuracy": checks.finite("accuracy", top.get("accuracy", 1e-3)),
+        "rtol": checks.finite("rtol", top.get("rtol", 1e-4)),
+        "samples": _integer("samples", top.get("samples", 0), 0),
+        "seed": _integer("seed", top.get("seed", 0), 0),
+    }
 
 
 def _geometry(given: Any, folder: Path) -> str:

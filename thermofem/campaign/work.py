@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from ..heat import HeatProblem
-    from .plan import Schedule
+    from .vary import Schedule
 
 THREADS = (
     "OMP_NUM_THREADS",

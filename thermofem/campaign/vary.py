@@ -1,0 +1,107 @@
+"""What changes from geometry to geometry, and how each is driven: `Variation` and `Schedule`."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .. import checks, quantity, waveforms
+from ..checks import InputError
+
+LARGEST = 1_000_000  # geometries of one campaign
+_NAME = re.compile(r"\w[\w .+-]*")
+_INDEX = "case key status reason probe thermal_resistance unknowns discretization_error domain_error feature features"
+_TAKEN = tuple(_INDEX.split())
+
+Value = float | str
+
+
+@dataclass(frozen=True)
+class Variation:
+    """One varied quantity: listed values, or a range from which a Latin hypercube draws.
+
+    Parameters
+    ----------
+    name : str
+        its name in the index.
+    paths : tuple of str
+        where the geometry takes it: "part.core.width", "layer.box.thickness", "material.SiO2.conductivity",
+        "interface.core.resistance", "boundary.top.convection", "outer_radius"; several take the same value.
+    unit : str
+        SI unit of the values.
+    values : tuple
+        numbers in SI, or words (a material); crossed with the values of every other listed variation.
+    low, high : float
+        ends of the range to draw from, where there are no values.
+    logarithmic : bool
+        draw evenly in the logarithm.
+    """
+
+    name: str
+    paths: tuple[str, ...]
+    unit: str = ""
+    values: tuple[Value, ...] = ()
+    low: float = math.nan
+    high: float = math.nan
+    logarithmic: bool = False
+
+    def __post_init__(self) -> None:
+        if not _NAME.fullmatch(self.name):
+            raise InputError(f"vary: name = {self.name!r} is not usable; take letters, digits, spaces and _ . + -")
+        if self.name in _TAKEN:
+            raise InputError(f"vary: name = {self.name!r} is taken by the index; choose another one")
+        if not self.paths:
+            raise InputError(f"vary {self.name!r} needs at least one path, e.g. 'part.core.width'")
+        if self.values:
+            return
+        low, high = checks.finite(f"{self.name}: from", self.low), checks.finite(f"{self.name}: to", self.high)
+        if not low < high:
+            raise InputError(f"{self.name}: from = {low:g} must be below to = {high:g}")
+        if self.logarithmic and low <= 0:
+            raise InputError(f"{self.name}: from = {low:g} must be positive where the spacing is logarithmic")
+
+    def at(self, share: float) -> float:
+        """The value at ``share`` (0 to 1) of the range."""
+        if self.logarithmic:
+            return float(self.low * (self.high / self.low) ** share)
+        return float(self.low + share * (self.high - self.low))
+
+    def text(self, value: Value) -> str:
+        """A value as the geometry file writes it."""
+        return value if isinstance(value, str) else quantity.write(value, self.unit)
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """One drive of every geometry: a waveform with the times to keep, or one period of its periodic state.
+
+    Parameters
+    ----------
+    name : str
+    wave : Waveform
+    times : tuple of float, s
+        empty for the periodic state.
+    samples : int
+        of the periodic state.
+    """
+
+    name: str
+    wave: Any
+    times: tuple[float, ...] = ()
+    samples: int = 301
+
+    def __post_init__(self) -> None:
+        if not self.name.isidentifier():
+            raise InputError(f"drive name = {self.name!r} is not usable; take letters, digits and _")
+        self.kept  # noqa: B018  an impossible sampling raises here, not in a thousand workers
+
+    @property
+    def kept(self) -> np.ndarray:
+        """The times in the result, s."""
+        if self.times:
+            return checks.array(f"drive {self.name!r}: times", self.times, increasing=True)
+        return waveforms.period_times(self.wave, self.samples)
