@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 from . import checks, dataset
 from .heat.problem import HeatProblem
 from .model import StateSpace
-from .transient.integration import Trajectory, integrate, integrate_periodic
+from .transient.integration import integrate, integrate_periodic
+from .transient.trajectory import Trajectory
 from .waveforms import Waveform, period_times
 
 if TYPE_CHECKING:

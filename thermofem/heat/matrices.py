@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..factor import Pencil
 from ..model import StateSpace
-from ..transient.integration import Ledger
+from ..transient.trajectory import Ledger
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection

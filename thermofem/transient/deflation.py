@@ -28,10 +28,11 @@ from ..model import StateSpace
 from ..waveforms import Constant, Waveform
 from .esdirk import EMBEDDED, GAMMA, STAGE_TIMES, STAGES, WEIGHTS, Stepper
 from .fast_part import FastPart, Piece
-from .integration import Ledger, between, hermite
+from .integration import between, hermite
 from .krylov import Basis
 from .newton_stages import GUESS, NewtonStepper
 from .nonlinear import NonlinearLedger, NonlinearSystem
+from .trajectory import Ledger
 
 Array = NDArray[np.float64]
 

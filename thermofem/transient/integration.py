@@ -25,6 +25,7 @@ from ..waveforms import Waveform, period_times
 from .esdirk import EMBEDDED, WEIGHTS, Stepper
 from .newton_stages import NewtonStepper
 from .nonlinear import NonlinearLedger, NonlinearSystem
+from .trajectory import Ledger, Trajectory
 
 Array = NDArray[np.float64]
 
@@ -33,65 +34,6 @@ RELAXATION = 1 / 1.149  # middle of the interval 1..1.298 of the corrected perio
 PASSES = 30
 EDGE_GAIN = 4**1.5  # of a first step's error from rung to rung: behind an edge the rise is t - a t^1.5 (measured)
 FINEST = 40  # rungs below the length of a piece before a run is given up
-
-
-@dataclass(frozen=True, eq=False)
-class Ledger:
-    """Closes the energy balance: heat stored = storage x, heat flowing out = drain_A x + drain_E dx/dt + direct P.
-
-    ``direct`` is the share of the power that enters at held unknowns, where a heated part touches a held boundary.
-    """
-
-    storage: Array
-    drain_A: Array
-    drain_E: Array
-    direct: float = 0.0
-
-    def content(self, x: Array) -> float:
-        """Heat in the field in J."""
-        return float(self.storage @ x)
-
-    def outflow(self, h: float, weights: Array, states: Array, slopes: Array) -> float:
-        """Heat in J that left during one step."""
-        return h * float(weights @ (states @ self.drain_A + slopes @ self.drain_E))
-
-
-@dataclass(frozen=True, eq=False)
-class Trajectory:
-    """What a transient gives back.
-
-    Attributes
-    ----------
-    times : array, shape (n,), s
-    outputs : array, shape (n, outputs), K
-    final : array, shape (states,), K
-    snapshots : array, shape (snapshots, states), K
-    heat_in, heat_stored, heat_out : float, J
-        exact energy delivered, energy now in the field above the start, energy that left; nan without a ledger.
-    steps, rejected, factorizations, solves : int
-        steps of the integrator, or straight pieces of the power in closed form.
-    method : str
-        "stepping" (this module) or "closed form" (`transient.modal`).
-    """
-
-    times: Array
-    outputs: Array
-    final: Array
-    snapshots: Array
-    heat_in: float
-    heat_stored: float
-    heat_out: float
-    steps: int
-    rejected: int
-    factorizations: int
-    solves: int
-    method: str = "stepping"
-
-    @property
-    def imbalance(self) -> float:
-        """(in - stored - out) relative to the largest of the three."""
-        scale = max(abs(self.heat_in), abs(self.heat_stored), abs(self.heat_out))
-        return (self.heat_in - self.heat_stored - self.heat_out) / scale if scale else 0.0
 
 
 def integrate(

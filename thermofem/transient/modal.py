@@ -27,9 +27,10 @@ from ..factor import Pencil
 from ..model import StateSpace, pole_responses
 from ..waveforms import Waveform, linear_pieces
 from .esdirk import FAR
-from .integration import Ledger, Trajectory, check_run
+from .integration import check_run
 from .krylov import Basis, Space, rates
 from .nonlinear import NonlinearLedger
+from .trajectory import Ledger, Trajectory
 
 Array = NDArray[np.float64]
 
