@@ -110,3 +110,10 @@ def random_parts(draw):
         numbers = (left * CELL * NM, right * CELL * NM, low * CELL * NM, (high - low) * CELL * NM)
         parts.append(Part(f"part{k}", material, *numbers, heated=k == 0))
     return parts
+
+
+def says(error, *words):
+    """The message holds the words, in one line."""
+    message = str(error.value)
+    assert all(word in message for word in words), message
+    assert "\n" not in message

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import re
-import subprocess
-import sys
 from functools import cache
 from time import process_time
 
 import numpy as np
 import pytest
+from correctors import MW, NETWORK, RING, Exact, traces_apart
 from models import coarse_fem, coarse_warm_fem, quadratic
-from paths import ROOT
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh
@@ -23,49 +19,13 @@ import surrogate
 import thermofem as th
 from coupled.kernels import equations as eq
 from thermofem.cubic import Cubic
-from thermofem.model import pole_responses
 from thermofem.transient import integrate
-
-RING = coupled.borghi2021()
-MW = 6.31e-3  # 8 dBm
-NETWORK = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
 
 
 @cache
 def strip():
     heat = th.assemble(th.strip_ring())
     return heat, surrogate.reduce(heat.system, tolerance=1e-6).model
-
-
-def traces_apart(run, other):
-    """Largest difference of delta_T in units of its largest value, on the times of ``run``."""
-    times, values = run.time.values, run.delta_T.values
-    return np.abs(np.interp(times, other.time, other.delta_T) - values).max() / values.max()
-
-
-class Exact:
-    """A Foster network in closed form behind the contract, as anybody would write a corrector."""
-
-    def __repr__(self):
-        return "Exact()"  # in the name of a test: the same in every process
-
-    def __init__(self, network):
-        self.rate, self.gain = 1 / network.tau, network.R / network.tau
-        self.state, self.tried, self.accepted, self.said = np.zeros(network.order), None, 0, []
-
-    def advance(self, times, power):
-        fine = np.unique(
-            np.concatenate([times, power.breakpoints(times[0], times[-1]), np.linspace(times[0], times[-1], 500)])
-        )
-        wave = th.Sampled(fine - fine[0], np.maximum(power(fine), 0))
-        poles = pole_responses(self.rate, wave, np.minimum(times - times[0], fine[-1] - fine[0]))
-        states = poles * self.gain + np.exp(-self.rate * (times - times[0])[:, None]) * self.state
-        self.tried, self.last = states[-1], states.sum(axis=1)
-        return self.last
-
-    def accept(self):
-        self.state, self.accepted = self.tried, self.accepted + 1
-        self.said.append(self.last)
 
 
 @pytest.mark.parametrize(("dBm", "GHz"), [(8, 0), (5, 0), (7, -10), (10, 20), (8, 25), (6, 10)])
@@ -217,69 +177,6 @@ def test_a_predictor_may_know_the_heater():
     assert run.delta_T.values[-1] == pytest.approx(alone[0], rel=0, abs=1e-3)
 
 
-def test_a_corrector_of_ones_own():
-    drive = {"power": MW, "duration": 1e-6}
-    corrector = Exact(NETWORK)
-    run = coupled.cosimulate(RING, corrector, predictor=surrogate.newton(tau_th=275e-9), **drive)
-    assert traces_apart(run, coupled.simulate(RING, NETWORK, **drive)) < 2e-3
-    assert corrector.accepted == run.attrs["windows"]
-    assert np.array_equal(run.delta_T, np.concatenate([corrector.said[0], *(rise[1:] for rise in corrector.said[1:])]))
-    assert run.attrs["passes"] < 1000  # 435; with half of the discrepancy fed back 4590
-    assert run.sizes["window"] == run.attrs["windows"]
-
-
-def _serve(pipe):
-    """Another process that owns the thermal model."""
-    corrector = Exact(NETWORK)
-    while (message := pipe.recv()) is not None:
-        pipe.send(corrector.advance(*message) if message else corrector.accept())
-
-
-class Remote:
-    """A corrector at the other end of a connection of the standard library."""
-
-    def __init__(self, pipe):
-        self.pipe = pipe
-
-    def advance(self, times, power):
-        self.pipe.send((times, power))
-        return self.pipe.recv()
-
-    def accept(self):
-        self.pipe.send(())
-        self.pipe.recv()
-
-
-def test_two_processes():
-    context = multiprocessing.get_context("spawn")
-    here, there = context.Pipe()
-    process = context.Process(target=_serve, args=(there,))
-    process.start()
-    try:
-        drive = {"power": MW, "duration": 0.3e-6, "predictor": NETWORK}
-        run = coupled.cosimulate(RING, Remote(here), **drive)
-    finally:
-        here.send(None)
-        process.join(20)
-    assert process.exitcode == 0
-    assert np.array_equal(run.delta_T, coupled.cosimulate(RING, Exact(NETWORK), **drive).delta_T)
-
-
-def test_a_co_simulation_unit_in_another_process():
-    """The example, whole: 22 passes, 4 mK of 10 K from the unit's constant power over steps of 0.1 ns."""
-    pytest.importorskip("fmpy", reason="fmpy, which runs the unit, is not installed")
-    pytest.importorskip("pythonfmu", reason="pythonfmu, which builds the unit, is not installed")
-    example = ROOT / "examples" / "fmu_corrector.py"
-    done = subprocess.run([sys.executable, str(example)], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    found = re.search(r"(\d+) passes of (\d+) windows.*\nlargest rise (\S+) K, apart (\S+) mK", done.stdout)
-    passes, windows, rise, apart = map(float, found.groups())
-    assert rise > 10
-    assert apart < 8
-    assert windows > 1  # so that the unit went on from what it had accepted
-    assert passes > 2 * windows  # and went back to it
-
-
 def test_a_laser_that_sweeps():
     heat, reduction = strip()
     drive = {
@@ -303,82 +200,6 @@ def test_fields_are_those_of_the_temperature_that_is_read():
         rise = np.interp(time, run.time, run.delta_T)
         assert field[inside].mean() == pytest.approx(rise, rel=0.03, abs=1e-12)  # silicon is nearly even
     assert run.field.values[2].max() < 1.2 * run.delta_T.values.max()
-
-
-@pytest.mark.parametrize(
-    ("answer", "reason"),
-    [
-        (lambda rise, k: rise + np.random.default_rng(k).normal(), "discrepancy goes from"),
-        (lambda rise, k: rise * np.nan, "not finite"),
-        (lambda rise, k: rise - 1e30, r"says -1e\+30 K"),
-    ],
-    ids=["noise", "nan", "unit"],
-)
-def test_a_corrector_that_cannot_be_followed_stops_the_run_with_the_reason(answer, reason):
-    class Broken(Exact):
-        calls = 0
-
-        def advance(self, times, power):
-            self.calls += 1
-            return answer(super().advance(times, power), self.calls)
-
-    with pytest.raises(th.InputError, match=f"stops at t = 0 s: .*{reason}"):
-        coupled.cosimulate(RING, Broken(NETWORK), power=MW, duration=1e-9)
-
-
-def test_a_corrector_with_too_few_answers_is_named():
-    class Short(Exact):
-        def advance(self, times, power):
-            return super().advance(times, power)[1:]
-
-    with pytest.raises(th.InputError, match="one temperature each"):
-        coupled.cosimulate(RING, Short(NETWORK), power=MW, duration=1e-9)
-
-
-@pytest.mark.parametrize(
-    "answer",
-    [None, "hot", ["hot"], [[1.0], [1.0, 2.0]], 1j, np.array([1j])],
-    ids=["none", "text", "texts", "ragged", "complex", "complexes"],
-)
-def test_a_corrector_without_real_numbers_is_named(answer):
-    class Odd(Exact):
-        def advance(self, times, power):
-            return answer
-
-    with pytest.raises(th.InputError, match=r"no array of real numbers|one temperature each"):
-        coupled.cosimulate(RING, Odd(NETWORK), power=MW, duration=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("said", "message"),
-    [([1, 2], "returned a list"), ({"device": object()}, "'device': a object"), ({3: 4}, "3: a int")],
-    ids=["list", "object", "number"],
-)
-def test_a_summary_that_no_file_can_hold_is_named(said, message):
-    class Talkative(Exact):
-        def summary(self):
-            return said
-
-    with pytest.raises(th.InputError, match=message):
-        coupled.cosimulate(RING, Talkative(NETWORK), predictor=NETWORK, power=MW, duration=1e-9)
-
-
-def test_a_corrector_may_use_its_arrays_again():
-    """One that answers in the same memory each time, and shifts the times it is given to its own clock."""
-
-    class Thrifty(Exact):
-        memory = np.empty(100_000)
-
-        def advance(self, times, power):
-            answer = self.memory[: times.size]
-            answer[:] = super().advance(times, power)
-            times -= times[0]
-            return answer
-
-    arguments = {"power": MW, "duration": 2e-6, "predictor": NETWORK}
-    run = coupled.cosimulate(RING, Exact(NETWORK), **arguments)
-    assert run.window.size > 1
-    assert coupled.cosimulate(RING, Thrifty(NETWORK), **arguments).delta_T.identical(run.delta_T)
 
 
 def test_matrices_that_are_not_symmetric_are_refused():
