@@ -7,23 +7,26 @@ Y(s) = (Kr + s)^-1 V^T F, the residual of the reduced solution is
 
 always in the p-dimensional range of Rhat, because V spans a rational Krylov space. As V^T R = 0,
 
-    H - H_r = R^T (K + s M)^-1 R,   so for s = i w and every shift s_j >= 0 with a factor at hand
-    |H_ab - H_r,ab| <= |R_a|_j |R_b|_j / rho_j(w),     |r|_j^2 = r^H (K + s_j M)^-1 r,
-    rho_j = min over lambda >= 0 of sqrt(lambda^2 + w^2)/(lambda + s_j) = w / sqrt(w^2 + s_j^2),   and 1 for s_j = 0,
+    H - H_r = R^T (K + s M)^-1 R,   so for s = i w and any two shifts s_j, s_l > 0 with a factor at hand, equal or not,
+    |H_ab - H_r,ab| <= sqrt(|R_a|_j |R_a|_l |R_b|_j |R_b|_l) / rho_jl(w),     |r|_j^2 = r^H (K + s_j M)^-1 r,
+    rho_jl = min over lambda >= 0 of sqrt(lambda^2 + w^2)/sqrt((lambda + s_j)(lambda + s_l)),
+    rho_jl^-2 = (1 + c + sqrt((1 - c)^2 + (s_j + s_l)^2/w^2))/2,   c = s_j s_l/w^2   (1 + s_j^2/w^2 for j = l),
 
-which needs no eigenvalue of the full system: p solves with each factor give it at all frequencies.
+by Cauchy and Schwarz over the modes of the full system, none of which is needed: p solves with each factor give it at
+all frequencies. Between two shifts both together bound best, elsewhere one alone.
 
 Between samples. For one port |Phi|^2 = prod_j (w^2 + s_j^2)/(w^2 + theta_j^2) over the shifts used and the k Ritz
-values: the logarithm of the bound has a second derivative above -k in ln w, so over an interval of length h it exceeds
-its larger end by at most k h^2/8. Below the first sample the bound falls with w (s = 0 is a shift), above the last
-every factor of |Phi|^2 is within 1e-6 of one. For several ports |R_a|_j^2 has the same denominator; its numerator is
-taken to curve no more than that.
+values, and 1/rho_jl is log-convex in ln w: the logarithm of the bound has a second derivative above -k in ln w, so over
+an interval of length h it exceeds its larger end by at most k h^2/8. Below the first sample the bound falls with w
+(s = 0 is a shift: |Phi|^2 falls with w^2, 1/rho_jl grows with 1/w), above the last every factor of |Phi|^2 is within
+1e-6 of one. For several ports |R_a|_j^2 has the same denominator; its numerator is taken to curve no more than that.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +37,6 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 PER_DECADE = 60
-EXHAUSTED = 1e-13  # of the ports outside the basis: round-off
 BEYOND = 1e3  # the samples reach this factor below the slowest and above the fastest rate of the reduced model
 ROUND_OFF = (
     1e-10  # of the static gain: what solves of these matrices leave (measured 1e-12..3e-11); no bound is below it
@@ -70,12 +72,6 @@ class Projection:
         """Static gain between the ports, shape (p, p), exact."""
         return self.ports.T @ (self.ports / self.rate[:, None])
 
-    @property
-    def exhausted(self) -> bool:
-        """Whether the basis holds the ports but for round-off; Phi is then lost in it (`certify_defect`)."""
-        held = self.mass_basis @ (self.vectors @ self.ports)
-        return bool(np.linalg.norm(self.remainder) <= EXHAUSTED * np.linalg.norm(held))
-
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
@@ -96,7 +92,12 @@ class Certificate:
 
 
 def certify(
-    projection: Projection, shifts: Array, solutions: Sequence[Array], *, pairs: tuple[Indices, Indices]
+    projection: Projection,
+    shifts: Array,
+    solutions: Sequence[Array],
+    *,
+    pairs: tuple[Indices, Indices],
+    per_decade: int | None = None,
 ) -> Certificate:
     """Bound the error of a projection.
 
@@ -104,21 +105,23 @@ def certify(
     ----------
     projection : Projection
     shifts : array, 1/s
-        any of those at which the space was built.
+        any of those at which the space was built, but 0.
     solutions : sequence of array, shape (n, p)
         (K + s_j M)^-1 Rhat for each of ``shifts``; fewer shifts give a looser bound.
     pairs : two arrays of int, shape (c,)
         the two ports of each channel.
+    per_decade : int
+        samples; default `PER_DECADE`.
     """
-    omega = _frequencies(projection, shifts)
+    omega = _frequencies(projection, shifts, per_decade or PER_DECADE)
     grams = [symmetric_part(projection.remainder.T @ w) for w in solutions]
     a, b = pairs
     phi = _phi(projection, float(shifts[0]), solutions[0], grams[0], omega)
+    squares = [np.maximum(np.einsum("mia,ij,mja->ma", phi.conj(), gram, phi).real, 0) for gram in grams]
+    products = [np.sqrt(square[:, a] * square[:, b]) for square in squares]  # of the two norms of each channel
     bounds = []
-    for s, gram in zip(shifts, grams, strict=True):
-        norm = np.sqrt(np.maximum(np.einsum("mia,ij,mja->ma", phi.conj(), gram, phi).real, 0))
-        rho = omega / np.hypot(omega, s) if s > 0 else np.ones_like(omega)
-        bounds.append(norm[:, a] * norm[:, b] / rho[:, None])
+    for (s, one), (t, other) in combinations_with_replacement(zip(shifts, products, strict=True), 2):
+        bounds.append(np.sqrt(one * other) / _rho(omega, s, t)[:, None])
     return _over(projection, omega, np.array(bounds), pairs)
 
 
@@ -133,12 +136,12 @@ def certify_defect(
     defect : array, shape (n, k)
         D = K V Z - M V Z diag(rate).
     static : callable
-        K^-1 times a vector; k + p of them make it dearer than `certify`, which needs none beyond those of the basis.
+        K^-1 times columns; the k + p of them make it dearer than `certify`, which needs none beyond those of the basis.
     pairs : two arrays of int, shape (c,)
     """
-    omega, p = _frequencies(projection, projection.rate[-1:]), projection.ports.shape[1]
+    omega, p = _frequencies(projection, projection.rate[-1:], PER_DECADE), projection.ports.shape[1]
     columns = np.column_stack([projection.remainder, defect])
-    gram = symmetric_part(columns.T @ np.column_stack([static(column) for column in columns.T]))
+    gram = symmetric_part(columns.T @ static(columns))
     Y = projection.ports / (projection.rate[:, None] + 1j * omega[:, None, None])
     shares = np.concatenate([np.broadcast_to(np.eye(p), (omega.size, p, p)), -Y], axis=1)
     norm = np.sqrt(np.maximum(np.einsum("mia,ij,mja->ma", shares.conj(), gram, shares).real, 0))
@@ -146,10 +149,10 @@ def certify_defect(
     return _over(projection, omega, (norm[:, a] * norm[:, b])[None], pairs)
 
 
-def _frequencies(projection: Projection, shifts: Array) -> Array:
+def _frequencies(projection: Projection, shifts: Array, per_decade: int) -> Array:
     """Where the bound is sampled, rad/s."""
     low, high = projection.rate[0] / BEYOND, max(projection.rate[-1], *shifts) * BEYOND
-    return np.geomspace(low, high, int(np.ceil(np.log10(high / low) * PER_DECADE)))
+    return np.geomspace(low, high, int(np.ceil(np.log10(high / low) * per_decade)))
 
 
 def _over(projection: Projection, omega: Array, bounds: Array, pairs: tuple[Indices, Indices]) -> Certificate:
@@ -160,6 +163,12 @@ def _over(projection: Projection, omega: Array, bounds: Array, pairs: tuple[Indi
     between = np.maximum(each[:, 1:], each[:, :-1]).min(axis=0) * np.exp(k * step**2 / 8)
     ends = np.maximum(each[:, 0].min(axis=0), each[:, -1].min(axis=0)) * (1 + k / BEYOND**2)
     return Certificate(omega, each.min(axis=0), np.maximum(between.max(axis=0), ends))
+
+
+def _rho(omega: Array, s: float, t: float) -> Array:
+    """Least sqrt(lambda^2 + w^2)/sqrt((lambda + s)(lambda + t)) over lambda >= 0."""
+    c, d = s * t / omega**2, (s + t) / omega
+    return np.asarray(np.sqrt(2 / (1 + c + np.hypot(1 - c, d))))
 
 
 def _phi(projection: Projection, shift: float, solution: Array, gram: Array, omega: Array) -> NDArray[np.complex128]:

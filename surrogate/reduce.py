@@ -1,8 +1,8 @@
 """Certified reduction of a heat problem to a few poles by rational Krylov projection.
 
-The basis V collects (K + s_j M)^-1 R for a few real shifts s_j taken in turn, R being what the basis so far leaves of
-the heat vectors. As the system is symmetric, so is the reduction: every pole decays, every R_i of a heated part is
-positive, and as s = 0 is a shift R_th is exact. For real s >= 0 it approaches H(s) from below.
+The basis V collects (K + s_j M)^-1 R for a few real shifts, s = 0 first and the others in turn, R being what the basis
+so far leaves of the heat vectors. As the system is symmetric, so is the reduction: every pole decays, every R_i of a
+heated part is positive, and as s = 0 is a shift R_th is exact. For real s >= 0 it approaches H(s) from below.
 
 Sources: A. Ruhe, Linear Algebra Appl. 58, 391 (1984) (rational Krylov); A. C. Antoulas, Approximation of Large-Scale
 Dynamical Systems (SIAM, 2005), ch. 11. The bound is derived in `surrogate.certificate`.
@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 
 MOST = 300  # columns of the basis before a tolerance counts as out of reach
 PROMISING = 10.0  # the full certificate is worked out once one shift alone comes this near to the tolerance
+FEW = 4  # samples per decade for that
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,21 +197,21 @@ def _grow(space: Space, pairs: tuple[Indices, Indices], tolerance: float) -> tup
     while space.order < MOST:
         j, solution = space.solve_next()
         projection = space.projection
-        if projection is not None:
-            scale = tolerance * _scale(projection, pairs)
-            if projection.exhausted:
-                certificate = certify_defect(projection, space.defect, space.factors[0], pairs=pairs)
-                reached = float(np.max(certificate.top / scale)) * tolerance
-                if reached <= tolerance:
-                    return projection, certificate
-                break
-            alone = certify(projection, space.shifts[[j]], [solution], pairs=pairs)
-            if np.max(alone.top / scale) <= PROMISING:
-                solutions = [solution if i == j else space.solve(i) for i in range(space.shifts.size)]
-                certificate = certify(projection, space.shifts, solutions, pairs=pairs)
-                reached = float(np.max(certificate.top / scale)) * tolerance
-                if reached <= tolerance:
-                    return projection, certificate
+        scale = tolerance * _scale(projection, pairs)
+        if space.exhausted:
+            certificate = certify_defect(projection, space.defect, space.static, pairs=pairs)
+            reached = float(np.max(certificate.top / scale)) * tolerance
+            if reached <= tolerance:
+                return projection, certificate
+            break
+        alone = certify(projection, space.shifts[[j]], [solution], pairs=pairs, per_decade=FEW)
+        if np.max(alone.samples / scale) <= PROMISING:
+            every = range(1, space.shifts.size)
+            solutions = [solution if i == j else space.solve(i) for i in every]
+            certificate = certify(projection, space.shifts[1:], solutions, pairs=pairs)
+            reached = float(np.max(certificate.top / scale)) * tolerance
+            if reached <= tolerance:
+                return projection, certificate
         if not space.extend(solution):
             break
     raise checks.InputError(f"tolerance = {tolerance:g} is out of reach: {space.order} states leave {reached:.1e}")

@@ -64,7 +64,7 @@ class Pencil:
         self._indices, self._indptr = every % n, np.searchsorted(every, np.arange(n + 1) * n)
         self._data = np.zeros((2, every.size))
         for row, (at, data) in zip(self._data, triangles, strict=True):
-            row[np.searchsorted(every, at)] = data
+            row[slice(None) if at.size == every.size else np.searchsorted(every, at)] = data
         self._places = every
         self._shape = E.shape
         self._shared: Any = None
