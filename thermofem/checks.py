@@ -115,7 +115,12 @@ def choice(name: str, value: str, choices: Iterable[str], *, hint: str = "") -> 
 
 def symmetric(name: str, matrix: Any, *, hint: str = "") -> None:
     """Raise InputError unless a matrix, dense or sparse, is symmetric and finite but for what assembly leaves of it."""
-    if not abs(matrix - matrix.T).max() <= SYMMETRY * abs(matrix).max() < math.inf:
+    mirrored = matrix.T
+    if getattr(matrix, "format", "") in ("csr", "csc") and matrix.nnz and matrix.has_canonical_format:
+        mirrored = mirrored.asformat(matrix.format)
+        if np.array_equal(matrix.indptr, mirrored.indptr) and np.array_equal(matrix.indices, mirrored.indices):
+            matrix, mirrored = matrix.data, mirrored.data  # the same places: a third of the time of sparse arithmetic
+    if not abs(matrix - mirrored).max() <= SYMMETRY * abs(matrix).max() < math.inf:
         raise InputError(_line(f"{name} is not symmetric", "", hint))
 
 

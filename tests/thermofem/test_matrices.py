@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import skfem
+from scipy.sparse import csr_array, eye_array, triu
 
 import thermofem as th
-from thermofem import factor
+from thermofem import checks, factor
 from thermofem.factor import Pencil, factorize
 from thermofem.heat.accuracy import SATURATION, added_by_cubics, discretization_error
 from thermofem.heat.matrices import capacity, conduction, mean, properties
@@ -69,6 +70,23 @@ def test_factors_that_are_kept_stay(strip, there):
     assert np.abs(K @ static(rhs) - rhs).max() < ROUND_OFF * abs(K).max() * np.abs(static(rhs)).max()
     pencil.solve(0.0, 1.0, rhs)
     assert (before, pencil.factorizations) == (1, 3)
+
+
+@pytest.mark.parametrize("form", ["csr", "csc", "coo", "dense"])
+def test_a_matrix_is_symmetric_in_every_format_or_refused(form):
+    def stored(A):
+        return A.toarray() if form == "dense" else A.asformat(form)
+
+    numbers = np.random.default_rng(1).random((30, 30))
+    A = csr_array(np.where(numbers < 0.2, numbers, 0))
+    B = (A + A.T).tocsr()
+    other = B.copy()
+    other.data[3] += 1e-3  # in the same places
+    for symmetric in (B, 0 * B, csr_array((30, 30))):
+        checks.symmetric("A", stored(symmetric))
+    for wrong in (A, other, triu(B), B + np.nan * eye_array(30)):
+        with pytest.raises(th.InputError, match="not symmetric"):
+            checks.symmetric("A", stored(wrong))
 
 
 def test_the_enrichment_adds_what_cubic_elements_add(strip):
