@@ -50,7 +50,7 @@ def discretized(
         x, y, inside, strip = x[keep], y[keep], inside[keep], strip[keep]
     region = np.select([inside, strip, y < -box, y < 0], [3, 4, 0, 1], 2)
     names = ("substrate", "box", "cladding", "core", "heater")[: 5 if heater else 4]
-    mesh = SimpleNamespace(points=grid.p.T, triangles=grid.t.T, region=region, region_names=names)
+    mesh = SimpleNamespace(points=grid.p.T, triangles=grid.t.T, region=region, region_names=names, skfem=grid)
     k = np.array([130.0, k_oxide, k_oxide, 130.0, 25.0])[region]
     rho_c = np.array([2330 * 700.0, 2203 * 703.0, 2203 * 703.0, 2330 * 700.0, 5400 * 600.0])[region]
     held = grid.facets_satisfying(lambda p: np.isclose(p[1], -(box + 30) * UM))
