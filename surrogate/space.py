@@ -23,6 +23,7 @@ from .certificate import Projection
 Array = NDArray[np.float64]
 
 EXHAUSTED = 1e-13  # of the ports outside the basis: round-off
+FAR = 200.0  # between two shifts: beyond, the bound in their middle is three times the error (measured)
 ROOM = 32  # columns that the basis has room for at first
 
 
@@ -44,7 +45,7 @@ class Space:
         for _ in range(_static(tolerance)):
             if not self.extend(self.solve(0)) or self.exhausted:
                 break
-        self.shifts = _shifts(M, ports, self.projection, tolerance)
+        self.shifts, self.growing = _shifts(M, ports, self.projection, tolerance)
         for s in self.shifts[2:]:
             self._pencil.keep(s, 1.0)
 
@@ -83,7 +84,7 @@ class Space:
 
     def solve_next(self) -> tuple[int, Array]:
         """The solve with the next shift in turn: it extends the basis and also certifies the one so far."""
-        j = 1 + self.turn % (self.shifts.size - 1)
+        j = 1 + self.turn % self.growing
         self.turn += 1
         return j, self.solve(j)
 
@@ -129,8 +130,10 @@ def _static(tolerance: float) -> int:
     return int(np.clip(round(-np.log10(tolerance)), 2, 4))
 
 
-def _shifts(M: Any, ports: Array, projection: Projection, tolerance: float) -> Array:
+def _shifts(M: Any, ports: Array, projection: Projection, tolerance: float) -> tuple[Array, int]:
     """{0} and log-spaced rates from a multiple of the slowest rate to one of the fastest that the ports see.
+
+    Second, how many of them beside 0 the space grows with; one more only tightens the bound, where two lie far apart.
 
     The fastest comes from the initial slope of the step response, b^T M^-1 b / (b^T K^-1 b), estimated from below by
     (b^T D^-1 b)^2 / (b^T D^-1 M D^-1 b) with D the diagonal of M. The multiples are where strips, a rib, a heater and a
@@ -141,7 +144,9 @@ def _shifts(M: Any, ports: Array, projection: Projection, tolerance: float) -> A
     slope = np.einsum("ij,ij->j", ports, lumped) ** 2 / np.einsum("ij,ij->j", lumped, M @ lumped)
     slowest, fastest = projection.rate[0], float(np.max(slope / projection.gain.diagonal()))
     if tolerance >= 1e-4:
-        count, low, high = 2, 10 * max(2.0, -np.log10(tolerance)) * slowest, 2.5 * tolerance**-0.3 * fastest
+        count, low, high = 2, max(20.0, 40 * (1e-4 / tolerance) ** 0.22) * slowest, 2.5 * tolerance**-0.3 * fastest
     else:
         count, low, high = 3, 18 * slowest, 1.1 * tolerance**-0.5 * fastest
-    return np.concatenate([[0.0], np.geomspace(min(low, high / 10), high, count)])
+    low = min(low, high / 10)
+    between = [np.sqrt(low * high)] if count == 2 and high > FAR * low else []
+    return np.concatenate([[0.0], np.geomspace(low, high, count), between]), count
