@@ -24,6 +24,7 @@ from ..model import StateSpace
 Array = NDArray[np.float64]
 
 SHIFTS = 4
+ROOM = 32  # columns that a space has room for at first
 CYCLES = 5  # 20 fields a heated part: Z(f) within 2e-5 of R_th up to 3 GHz (measured on strip, rib, heated ring)
 REFUSAL = "the system is none of heat flow: E and -A must be symmetric and positive definite"
 
@@ -51,12 +52,80 @@ class Basis:
 
 
 class Space:
-    """A rational Krylov space of a heat problem: grown by rounds through its shifts, M-orthonormal.
+    """Fields that are M-orthonormal, with K projected on them and what they leave of the heat vectors B.
+
+    Parameters
+    ----------
+    K, M : sparse matrix, shape (n, n)
+        symmetric positive definite.
+    B : array, shape (n, p)
+    smallest : float
+        squared length, of columns of unit length, below which what a column adds is round-off.
+
+    Attributes
+    ----------
+    order : int
+        number of fields.
+    stiffness : array, shape (order, order)
+        V^T K V.
+    inside : array, shape (order, p)
+        V^T B.
+    remainder : array, shape (n, p)
+        B - M V V^T B.
+    """
+
+    def __init__(self, K: Any, M: Any, B: Array, smallest: float = 1e-16) -> None:
+        self.K, self.M, self.B, self.smallest = K, M, B, smallest
+        self.order, self.stiffness = 0, np.empty((0, 0))
+        self.inside, self.remainder = np.empty((0, B.shape[1])), B
+        self._V, self._MV = (np.empty((B.shape[0], ROOM), order="F") for _ in range(2))
+
+    @property
+    def V(self) -> Array:
+        """The fields, shape (n, order)."""
+        return self._V[:, : self.order]
+
+    @property
+    def MV(self) -> Array:
+        """M times the fields."""
+        return self._MV[:, : self.order]
+
+    def extend(self, W: Array) -> bool:
+        """Add what is new in the columns of W; False when the space holds them already, or everything."""
+        room = self.M.shape[0] - self.order
+        if room == 0:
+            return False
+        W = orthonormal(W, self.M, self.V, self.MV, most=room, smallest=self.smallest)
+        if W.shape[1] == 0:
+            return False
+        KW, MW = self.K @ W, self.M @ W
+        across, corner = self.V.T @ KW, W.T @ KW
+        self._append(W, MW)
+        self.stiffness = np.block([[self.stiffness, across], [across.T, symmetric_part(corner)]])
+        inside = W.T @ self.remainder
+        self.inside = np.vstack([self.inside, inside])
+        self.remainder = self.remainder - MW @ inside
+        return True
+
+    def _append(self, W: Array, MW: Array) -> None:
+        """New columns, in room made before."""
+        wanted = self.order + W.shape[1]
+        if wanted > self._V.shape[1]:
+            more = np.empty_like(self._V)
+            self._V, self._MV = (
+                np.asfortranarray(np.hstack([self._V, more])),
+                np.asfortranarray(np.hstack([self._MV, more])),
+            )
+        self._V[:, self.order : wanted], self._MV[:, self.order : wanted] = W, MW
+        self.order = wanted
+
+
+class Rounds(Space):
+    """A rational Krylov space, grown by rounds through its shifts.
 
     Parameters
     ----------
     system : StateSpace
-        E and -A symmetric positive definite.
     shifts : array, 1/s
     solvers : sequence of callable
         solve with K + s M, for each shift s.
@@ -65,39 +134,22 @@ class Space:
     def __init__(self, system: StateSpace, shifts: Array, solvers: Sequence[Solve]) -> None:
         from scipy.sparse import csr_matrix
 
-        self.M, self.K, self.B = csr_matrix(system.E), -csr_matrix(system.A), np.asarray(system.B, dtype=float)
-        self.shifts, self.solvers = shifts, solvers
-        self.V = self.MV = np.empty((system.order, 0))
-        self.stiffness = np.empty((0, 0))
-        self.sizes = [0]
-
-    @property
-    def order(self) -> int:
-        """Number of fields."""
-        return int(self.V.shape[1])
+        super().__init__(-csr_matrix(system.A), csr_matrix(system.E), np.asarray(system.B, dtype=float))
+        self.shifts, self.solvers, self.sizes = shifts, solvers, [0]
 
     def grow(self) -> None:
-        """One round through the shifts; the space stays as it is once it holds everything."""
+        """One round; the space stays as it is once it holds everything."""
         for solve in self.solvers:
-            if self.order < self.V.shape[0]:
-                rest = self.B - self.MV @ (self.V.T @ self.B)
-                self._add(np.column_stack([solve(b) for b in rest.T]))
+            if self.order < self.M.shape[0]:
+                self.extend(np.column_stack([solve(b) for b in self.remainder.T]))
         self.sizes.append(self.order)
-
-    def _add(self, W: Array) -> None:
-        room = self.V.shape[0] - self.order
-        W = orthonormal(W, self.M, self.V, self.MV, most=room, smallest=1e-16)
-        KW = self.K @ W
-        across, corner = self.V.T @ KW, W.T @ KW
-        self.V, self.MV = np.column_stack([self.V, W]), np.column_stack([self.MV, self.M @ W])
-        self.stiffness = np.block([[self.stiffness, across], [across.T, symmetric_part(corner)]])
 
     def basis(self, size: int | None = None, extra: Array | None = None) -> Basis:
         """Its first ``size`` fields (default all), and an extra one of shape (n,), in modal form."""
         size = self.order if size is None else size
         V, stiffness = self.V[:, :size], self.stiffness[:size, :size]
         if extra is not None and size < len(V):
-            w = orthonormal(extra[:, None], self.M, V, self.MV[:, :size], smallest=1e-16)
+            w = orthonormal(extra[:, None], self.M, V, self.MV[:, :size], smallest=self.smallest)
             across = V.T @ (self.K @ w)
             V = np.column_stack([V, w])
             stiffness = np.block([[stiffness, across], [across.T, w.T @ (self.K @ w)]])
@@ -124,7 +176,7 @@ def krylov(system: StateSpace, cycles: int = CYCLES) -> Basis:
     static = factorize(K)
     slow, fast = rates(system, static)
     shifts = np.append(0.0, np.geomspace(30 * slow, 300 * fast, SHIFTS - 1))
-    space = Space(system, shifts, [static, *(factorize(K + s * M) for s in shifts[1:])])
+    space = Rounds(system, shifts, [static, *(factorize(K + s * M) for s in shifts[1:])])
     for _ in range(cycles):
         space.grow()
     return space.basis()
@@ -133,21 +185,26 @@ def krylov(system: StateSpace, cycles: int = CYCLES) -> Basis:
 def rates(system: StateSpace, static: Solve) -> tuple[float, float]:
     """The slowest and the fastest rate in 1/s at which the heated parts answer: gain/content, and initial slope/gain.
 
-    The slope b^T M^-1 b is estimated from below by (b^T D^-1 b)^2 / (b^T D^-1 M D^-1 b) with D the diagonal of M.
-
     Raises
     ------
     InputError
         a static gain or a heat content that is not positive.
     """
-    B, M = np.asarray(system.B, dtype=float), system.E
+    B = np.asarray(system.B, dtype=float)
     x = np.column_stack([static(b) for b in B.T])
-    gain, content = np.einsum("ij,ij->j", B, x), np.einsum("ij,ij->j", x, M @ x)
+    gain, content = np.einsum("ij,ij->j", B, x), np.einsum("ij,ij->j", x, system.E @ x)
     if np.any(gain <= 0) or np.any(content <= 0):
         raise checks.InputError(REFUSAL)
+    return float((gain / content).min()), float((slopes(system.E, B) / gain).max())
+
+
+def slopes(M: Any, B: Array) -> Array:
+    """Initial slope b^T M^-1 b of the step response of each column b, in K/J.
+
+    From below: (b^T D^-1 b)^2 / (b^T D^-1 M D^-1 b) with D the diagonal of M.
+    """
     lumped = B / M.diagonal()[:, None]
-    slope = np.einsum("ij,ij->j", B, lumped) ** 2 / np.einsum("ij,ij->j", lumped, M @ lumped)
-    return float((gain / content).min()), float((slope / gain).max())
+    return np.asarray(np.einsum("ij,ij->j", B, lumped) ** 2 / np.einsum("ij,ij->j", lumped, M @ lumped))
 
 
 def check_heat_flow(system: StateSpace) -> None:

@@ -2,8 +2,8 @@
 
     x(t) = V z(t),    dz/dt = -rate z + V^T B P(t)          V^T M V = 1,  V^T K V = diag(rate)
 
-V is a rational Krylov space (`krylov.Space`); between the breakpoints of the waveforms P is a straight line and every z
-an exponential. Nothing is stepped, so only V can be wrong. Two more rounds through the shifts bring the heated part
+V is a rational Krylov space (`krylov.Rounds`); between the breakpoints of the waveforms P is a straight line and every
+z an exponential. Nothing is stepped, so only V can be wrong. Two more rounds through the shifts bring the heated part
 about thirty times, any other part and the field about five times nearer to the full-order answer (measured). What they
 change is thus many times what is missing, as long as the changes fall: the space grows until a change is below the
 tolerance at every wanted time, and below half of the one a round before.
@@ -28,7 +28,7 @@ from ..model import StateSpace, pole_responses
 from ..waveforms import Waveform, linear_pieces
 from .esdirk import FAR
 from .integration import check_run
-from .krylov import Basis, Space, rates
+from .krylov import Basis, Rounds, rates
 from .nonlinear import NonlinearLedger
 from .trajectory import Ledger, Trajectory
 
@@ -69,7 +69,7 @@ class Modal:
     def __init__(self, system: StateSpace, factors: Pencil | None = None) -> None:
         self.system = system
         self.factors = factors or Pencil(system.E, -system.A)
-        self._spaces: dict[float, Space] = {}
+        self._spaces: dict[float, Rounds] = {}
         self._lock = threading.Lock()
 
     def run(
@@ -128,7 +128,7 @@ class Modal:
             method="closed form",
         )
 
-    def _grown(self, rounds: int, first: float) -> tuple[Space, int]:
+    def _grown(self, rounds: int, first: float) -> tuple[Rounds, int]:
         """The space with at least ``rounds`` rounds, for times from ``first`` in s on, and its size after them."""
         with self._lock:
             low, high = self._shifts
@@ -136,7 +136,7 @@ class Modal:
                 high = max(high, min(10 ** np.ceil(np.log10(EARLIEST / first)), self._cell))
             if high not in self._spaces:
                 shifts = np.append(0.0, np.geomspace(low, high, max(2, int(np.ceil(np.log10(high / low) / SPAN)))))
-                self._spaces[high] = Space(self.system, shifts, [self.factors.keep(s, 1.0) for s in shifts])
+                self._spaces[high] = Rounds(self.system, shifts, [self.factors.keep(s, 1.0) for s in shifts])
             space = self._spaces[high]
             while len(space.sizes) <= rounds:
                 space.grow()
@@ -165,7 +165,7 @@ def _first(waves: Sequence[Waveform], wanted: Array) -> float:
     return float(later[0] - min(starts)) if later.size else np.inf
 
 
-def _moved(old: Answer, new: Answer, C: Array, space: Space) -> float:
+def _moved(old: Answer, new: Answer, C: Array, space: Rounds) -> float:
     """Largest change of an output or a kept field in the last two rounds, those elsewhere than in the heat by `OTHERS`.
 
     Relative to the largest value so far, of an output at least to `esdirk.FAR` of what the field would mean there.
