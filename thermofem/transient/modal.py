@@ -6,8 +6,7 @@ V is a rational Krylov space (`krylov.Rounds`); between the breakpoints of the w
 z an exponential. Nothing is stepped, so only V can be wrong. Two more rounds through the shifts bring the heated part
 about thirty times, any other part and the field about five times nearer to the full-order answer (measured). What they
 change is thus many times what is missing, as long as the changes fall: the space grows until a change is below the
-tolerance at every wanted time, and below half of the one a round before.
-With the constant field in V the energy balance closes to round-off: it is a test function of the heat equation then.
+tolerance at every wanted time, and below half of the one a round before. With the constant field in V the energy balance closes to round-off: it is a test function of the heat equation then.
 
 Sources: V. Druskin, L. Knizhnerman, M. Zaslavsky, SIAM J. Sci. Comput. 31, 3760 (2009) (rational Krylov spaces for
 parabolic problems); A. Ruhe, Linear Algebra Appl. 58, 391 (1984).
@@ -34,14 +33,12 @@ from .trajectory import Ledger, Trajectory
 
 Array = NDArray[np.float64]
 
-SLOWEST, FASTEST = (
-    30.0,
-    120.0,
-)  # shifts beside 0, over the rates of `krylov.rates`: fewest fields for steps from 1 ns on
-SPAN = 2.5  # decades at most between two shifts: so two do, with as few fields as three or four, and fewer factors
+SLOWEST, FASTEST = 30.0, 120.0  # shifts beside 0, over `krylov.rates`: the fewest fields for steps from 1 ns on
+SPAN = 2.5  # decades at most between two shifts: so two do for steps from 1 ns on, with as few fields as three or four
 EARLIEST = 1.5  # the last shift over the inverse of the first wanted time
 FEWEST, ROUNDS = 2, 25  # first looked at, and left to the integrator
 OTHERS = 10.0  # weight of changes elsewhere than in the heated part, where they fall slowly (measured, see the tests)
+LOUDER = 10.0  # times all power before it: behind such an edge the shifts follow the first wanted time
 STALLED = 1e-2  # of the tolerance: below it a change counts as none, however slowly the changes fall
 
 
@@ -135,7 +132,8 @@ class Modal:
             if EARLIEST / first > high:  # to a decade; nothing in the mesh is faster than its fastest cell
                 high = max(high, min(10 ** np.ceil(np.log10(EARLIEST / first)), self._cell))
             if high not in self._spaces:
-                shifts = np.append(0.0, np.geomspace(low, high, max(2, int(np.ceil(np.log10(high / low) / SPAN)))))
+                gaps = max(1, int(np.ceil(np.log10(high / low) / SPAN)))
+                shifts = np.append(0.0, np.geomspace(low, high, gaps + 1))
                 self._spaces[high] = Rounds(self.system, shifts, [self.factors.keep(s, 1.0) for s in shifts])
             space = self._spaces[high]
             while len(space.sizes) <= rounds:
@@ -155,14 +153,17 @@ class Modal:
 
 
 def _first(waves: Sequence[Waveform], wanted: Array) -> float:
-    """Time in s from the first power to the first wanted time after it."""
-    starts = []
-    for wave in waves:
-        edges, after, before = linear_pieces(wave, 0.0, float(wanted[-1]) or 1.0)
-        on = (after != 0) | (before != 0)
-        starts.append(edges[on.argmax()] if on.any() else np.inf)
-    later = wanted[wanted > min(starts)]
-    return float(later[0] - min(starts)) if later.size else np.inf
+    """Shortest time in s from a power `LOUDER` than all before it to the next wanted time."""
+    shortest = np.inf
+    for wave in waves if wanted[-1] else ():
+        edges, after, before = linear_pieces(wave, 0.0, float(wanted[-1]))
+        power = np.maximum(np.abs(after), np.abs(before))
+        so_far = np.append(0.0, np.maximum.accumulate(power)[:-1])
+        starts = edges[:-1][power > LOUDER * so_far]
+        at = wanted.searchsorted(starts * (1 + 5e-13), side="right")  # round-off behind an edge is on it
+        following = np.append(wanted, np.inf)[at]
+        shortest = min(shortest, float((following - starts).min(initial=np.inf)))
+    return shortest
 
 
 def _moved(old: Answer, new: Answer, C: Array, space: Rounds) -> float:
