@@ -6,7 +6,8 @@ V is a rational Krylov space (`krylov.Rounds`); between the breakpoints of the w
 z an exponential. Nothing is stepped, so only V can be wrong. Two more rounds through the shifts bring the heated part
 about thirty times, any other part and the field about five times nearer to the full-order answer (measured). What they
 change is thus many times what is missing, as long as the changes fall: the space grows until a change is below the
-tolerance at every wanted time, and below half of the one a round before. With the constant field in V the energy balance closes to round-off: it is a test function of the heat equation then.
+tolerance at every wanted time, and below half of the one a round before. With the constant field in V the energy
+balance closes to round-off: it is a test function of the heat equation then.
 
 Sources: V. Druskin, L. Knizhnerman, M. Zaslavsky, SIAM J. Sci. Comput. 31, 3760 (2009) (rational Krylov spaces for
 parabolic problems); A. Ruhe, Linear Algebra Appl. 58, 391 (1984).
