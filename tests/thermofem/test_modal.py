@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 from models import coarse, coarse_fem
+from scipy.sparse import dia_matrix
 from test_transient import Cosine, three_poles
 
 import thermofem as th
@@ -192,3 +193,37 @@ def test_refusals():
     for times, rtol in (([1e-6, 0.5e-6], 1e-4), ([-1e-9, 1e-6], 1e-4), (TIMES, 1.0)):
         with pytest.raises(th.InputError, match=r"times|rtol"):
             th.solve(heat, PULSE, times, rtol=rtol)
+
+
+def poles(E, A, B, C):
+    """A small dense system of two states."""
+    return th.StateSpace(np.diag(E), np.diag(A), np.array(B)[:, None], np.array(C)[None])
+
+
+@pytest.mark.parametrize(
+    ("system", "exact"),
+    [
+        (poles([1.0, 1.0], [-1.0, -2.0], [1.0, 0.0], [1.0, 0.0]), lambda t: -np.expm1(-t)),  # one pole is never heated
+        (poles([1.0, 1.0], [-1.0, -2.0], [0.0, 0.0], [1.0, 1.0]), lambda t: 0 * t),  # nor any
+        (poles([1.0, 1.0], [1.0, 2.0], [1.0, 1.0], [1.0, 0.0]), np.expm1),  # growing
+        (poles([1.0, 1.0], [1.0, -2.0], [1.0, 1.0], [1.0, 0.0]), np.expm1),
+        (poles([1.0, -1.0], [-1.0, -2.0], [1.0, 1.0], [1.0, 0.0]), lambda t: -np.expm1(-t)),  # E not definite
+        (poles([1.0, -3.0], [-1.0, -2.0], [1.0, 1.0], [1.0, 0.0]), lambda t: -np.expm1(-t)),
+    ],
+)
+def test_what_is_hardly_heat_flow(system, exact):
+    """Poles that nothing heats, that grow, or that E does not measure: in closed form or stepped, but answered."""
+    t = np.array([0.1, 0.5])
+    assert system.response(th.Constant(1.0), t) == pytest.approx(exact(t), rel=1e-5)
+
+
+def test_matrices_of_any_sparse_format():
+    dense = three_poles()
+    diagonals = th.StateSpace(dia_matrix(dense.E), dia_matrix(dense.A), dense.B, dense.C)
+    assert diagonals.response(STEP, [1.0]) == pytest.approx(dense.response(STEP, [1.0]), rel=1e-12)
+
+
+def test_as_many_waveforms_as_inputs():
+    for waves in ([], [STEP, STEP]):
+        with pytest.raises(th.InputError, match="waveforms for the inputs"):
+            coarse_fem().response(waves, TIMES)

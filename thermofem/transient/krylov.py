@@ -93,7 +93,8 @@ class Space:
     def extend(self, W: Array) -> bool:
         """Add what is new in the columns of W; False when the space holds them already, or everything."""
         room = self.M.shape[0] - self.order
-        if room == 0:
+        W = W[:, W.any(axis=0)]  # nothing is left of heat that the space holds to the last digit
+        if room == 0 or W.shape[1] == 0:
             return False
         W = orthonormal(W, self.M, self.V, self.MV, most=room, smallest=self.smallest)
         if W.shape[1] == 0:
@@ -188,29 +189,38 @@ def rates(system: StateSpace, static: Solve) -> tuple[float, float]:
     Raises
     ------
     InputError
-        a static gain or a heat content that is not positive.
+        a static gain, a heat content or a heat capacity that is not positive.
     """
-    B = np.asarray(system.B, dtype=float)
+    from scipy.sparse import csr_matrix
+
+    B, M = np.asarray(system.B, dtype=float), csr_matrix(system.E)
     x = np.column_stack([static(b) for b in B.T])
-    gain, content = np.einsum("ij,ij->j", B, x), np.einsum("ij,ij->j", x, system.E @ x)
+    gain, content = np.einsum("ij,ij->j", B, x), np.einsum("ij,ij->j", x, M @ x)
     if np.any(gain <= 0) or np.any(content <= 0):
         raise checks.InputError(REFUSAL)
-    return float((gain / content).min()), float((slopes(system.E, B) / gain).max())
+    return float((gain / content).min()), float((slopes(M, B) / gain).max())
 
 
 def slopes(M: Any, B: Array) -> Array:
-    """Initial slope b^T M^-1 b of the step response of each column b, in K/J.
+    """Initial slope b^T M^-1 b of the step response of each column b, in K/J; InputError where M is not definite.
 
     From below: (b^T D^-1 b)^2 / (b^T D^-1 M D^-1 b) with D the diagonal of M.
     """
+    if np.any(M.diagonal() <= 0):
+        raise checks.InputError("E is not positive definite; every heat capacity must be positive")
     lumped = B / M.diagonal()[:, None]
-    return np.asarray(np.einsum("ij,ij->j", B, lumped) ** 2 / np.einsum("ij,ij->j", lumped, M @ lumped))
+    inertia = np.einsum("ij,ij->j", lumped, M @ lumped)
+    if np.any(inertia <= 0):
+        raise checks.InputError(REFUSAL)
+    return np.asarray(np.einsum("ij,ij->j", B, lumped) ** 2 / inertia)
 
 
 def check_heat_flow(system: StateSpace) -> None:
     """Raise InputError unless E and A are symmetric: the factors take one triangle for both."""
+    from scipy.sparse import csr_matrix
+
     for name, matrix in (("E", system.E), ("A", system.A)):
-        checks.symmetric(name, matrix, hint=REFUSAL)
+        checks.symmetric(name, csr_matrix(matrix), hint=REFUSAL)
 
 
 def orthonormal(W: Array, M: Any, V: Array, MV: Array, *, most: int | None = None, smallest: float) -> Array:

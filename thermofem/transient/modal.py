@@ -23,6 +23,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .. import checks
 from ..factor import Pencil
 from ..model import StateSpace, pole_responses
 from ..waveforms import Waveform, linear_pieces
@@ -83,17 +84,20 @@ class Modal:
     ) -> Trajectory | None:
         """Outputs C x at ``times`` and fields at ``snapshots``, from rest or in the periodic state.
 
-        None where a power is not straight between its breakpoints, or the answer has not settled after `ROUNDS` rounds;
-        other arguments and errors as of `integration.integrate`.
+        None where a power is not straight between its breakpoints, the system is none of heat flow, or the answer has
+        not settled after `ROUNDS` rounds; other arguments and errors as of `integration.integrate`.
         """
         waves = tuple(waves) if isinstance(waves, Sequence) else (waves,)
         times, kept = check_run(times, snapshots, rtol)
-        if not all(wave.piecewise_linear for wave in waves):
-            return None
+        if len(waves) != len(self.system.inputs) or not all(wave.piecewise_linear for wave in waves):
+            return None  # the integrator says what is wrong
         wanted = np.unique(np.concatenate([[0.0], times, kept]))
         first, answers, moved = _first(waves, wanted), list[Answer](), [np.inf]
         for rounds in range(FEWEST, ROUNDS):
-            space, size = self._grown(rounds, first)
+            try:
+                space, size = self._grown(rounds, first)
+            except checks.InputError:  # E or -A is not definite
+                return None
             basis = space.basis(size, None if ledger is None else np.ones(self.system.order))
             if basis.rate[0] <= 0:  # a mode that grows: no heat flow
                 return None
