@@ -25,6 +25,14 @@ RING = coupled.borghi2021()
 MODEL = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
 
 
+@pytest.fixture(autouse=True)
+def ctrl_c_is_heard():
+    """A shell may have started the tests with the signal ignored, as for a job in the background."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 class Kernel:
     """Stands for compiled code: hears ``signals`` Ctrl-C, then goes on to its end."""
 
@@ -58,6 +66,7 @@ def test_an_interrupted_run_is_a_keyboard_interrupt(duration):
     """In a process of its own: raised amid the hand-over of the results it was a SystemError or a crash."""
     script = f"""
 import os, signal, threading
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have had it ignored
 import coupled, thermofem as th
 model = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
 run = lambda duration: coupled.simulate(coupled.borghi2021(), model, power=6.31e-3, detuning=5e9, duration=duration)

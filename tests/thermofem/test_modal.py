@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import tracemalloc
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -99,6 +100,18 @@ def test_the_energy_balance_closes(geometry):
     stepped = th.solve(heat, PULSE, TIMES, rtol=1e-7, method="stepping").attrs
     for key in ("heat_in", "heat_stored", "heat_out"):
         assert th.solve(heat, PULSE, TIMES).attrs[key] == pytest.approx(stepped[key], rel=1e-4)
+
+
+def test_fields_are_made_once():
+    """At the end, not for every size of the space: of many of them memory is short."""
+    system, at = coarse_fem(), np.linspace(1e-9, 2e-6, 1000)
+    one = at.size * system.order * 8
+    tracemalloc.start()
+    run = Modal(system).run(system.C, PULSE, TIMES, rtol=1e-6, snapshots=at)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert run.snapshots.nbytes == one
+    assert peak < 3 * one  # itself, and the space and its factors
 
 
 def test_several_inputs_add_up():

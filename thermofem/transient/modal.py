@@ -46,12 +46,11 @@ STALLED = 1e-2  # of the tolerance: below it a change counts as none, however sl
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What one size of the space says at every wanted time: z, shape (times, k), outputs, and fields at some."""
+    """What one size of the space says at every wanted time: z, shape (times, k), and outputs."""
 
     basis: Basis
     z: Array
     outputs: Array
-    fields: Array
 
 
 class Modal:
@@ -92,6 +91,7 @@ class Modal:
         if len(waves) != len(self.system.inputs) or not all(wave.piecewise_linear for wave in waves):
             return None  # the integrator says what is wrong
         wanted = np.unique(np.concatenate([[0.0], times, kept]))
+        shown = wanted.searchsorted(kept)
         first, answers, moved = _first(waves, wanted), list[Answer](), [np.inf]
         for rounds in range(FEWEST, ROUNDS):
             try:
@@ -105,10 +105,9 @@ class Modal:
                 pole_responses(basis.rate, wave, wanted, periodic=periodic) * column
                 for wave, column in zip(waves, basis.heating.T, strict=True)
             )
-            fields = z[wanted.searchsorted(kept)] @ basis.vectors.T
-            answers.append(Answer(basis, z, z @ (C @ basis.vectors).T, fields))
+            answers = [*answers[-2:], Answer(basis, z, z @ (C @ basis.vectors).T)]
             if len(answers) > 2:
-                moved.append(_moved(answers[-3], answers[-1], C, space) / rtol)
+                moved.append(_moved(answers[0], answers[-1], C, space, shown) / rtol)
                 if moved[-1] <= min(1.0, max(moved[-2] / 2, STALLED)):
                     break
         else:
@@ -119,7 +118,7 @@ class Modal:
             times=times,
             outputs=found.outputs[wanted.searchsorted(times)],
             final=found.basis.vectors @ found.z[-1],
-            snapshots=found.fields,
+            snapshots=found.z[shown] @ found.basis.vectors.T,
             heat_in=heat[0],
             heat_stored=heat[1],
             heat_out=heat[2],
@@ -171,8 +170,8 @@ def _first(waves: Sequence[Waveform], wanted: Array) -> float:
     return shortest
 
 
-def _moved(old: Answer, new: Answer, C: Array, space: Rounds) -> float:
-    """Largest change of an output or a kept field in the last two rounds, those elsewhere than in the heat by `OTHERS`.
+def _moved(old: Answer, new: Answer, C: Array, space: Rounds, shown: NDArray[np.intp]) -> float:
+    """Largest change of an output, or of a field ``shown``, in the last two rounds; `OTHERS` is its weight but in the heat.
 
     Relative to the largest value so far, of an output at least to `esdirk.FAR` of what the field would mean there.
     """
@@ -184,9 +183,9 @@ def _moved(old: Answer, new: Answer, C: Array, space: Rounds) -> float:
     changes = (np.abs(new.outputs - old.outputs) / np.maximum(scale, tiny)).max(axis=0)
     weights = [1.0 if any(np.array_equal(row, b) for b in space.B.T) else OTHERS for row in C]
     moved = list(weights * changes)
-    for was, field in zip(old.fields, new.fields, strict=True):
-        change = (field - was) @ (space.M @ (field - was))
-        moved.append(OTHERS * np.sqrt(change / max(field @ (space.M @ field), tiny)))
+    if shown.size:  # the new space holds the old one, so z tells all
+        z, was = new.z[shown], old.z[shown] @ (old.basis.vectors.T @ (space.M @ basis.vectors))
+        moved.append(OTHERS * (np.linalg.norm(z - was, axis=1) / np.maximum(np.linalg.norm(z, axis=1), tiny)).max())
     return float(max(moved))
 
 
