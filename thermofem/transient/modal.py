@@ -171,7 +171,7 @@ def _first(waves: Sequence[Waveform], wanted: Array) -> float:
 
 
 def _moved(old: Answer, new: Answer, C: Array, space: Rounds, shown: NDArray[np.intp]) -> float:
-    """Largest change of an output, or of a field ``shown``, in the last two rounds; `OTHERS` is its weight but in the heat.
+    """Largest change of an output, or of a field ``shown``, in the last two rounds; `OTHERS` times but in the heat.
 
     Relative to the largest value so far, of an output at least to `esdirk.FAR` of what the field would mean there.
     """
