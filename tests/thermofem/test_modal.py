@@ -142,7 +142,7 @@ def test_no_gap_between_shifts_is_wider_than_said(rtol):
     """Two shifts four decades apart did not settle within 25 rounds from 10 ps on."""
     heat, times = th.assemble(th.strip_ring()), np.geomspace(1e-11, 1e-6, 6)
     data = th.solve(heat, STEP, times, read=("core", "box", "cladding"), rtol=rtol)
-    assert (data.attrs["method"], data.attrs["solves"] < 60) == ("closed form", True)
+    assert (data.attrs["method"], data.attrs["solves"] < 80) == ("closed form", True)
 
 
 @pytest.mark.parametrize("before", [1e-12, 1e-6, 1e-4])
@@ -159,6 +159,17 @@ def test_the_start_alone(wave):
     """Nothing is asked of the power beyond the last wanted time: a record may end, a train be short."""
     wave = th.SquareWave(2e-3, 1e-7, 0.5) if wave is SQUARE else wave
     assert coarse_fem().response(wave, [0.0]) == pytest.approx([0.0])
+
+
+@pytest.mark.parametrize("rtol", [1e-7, 1e-6, 1e-5, 3e-5])
+@pytest.mark.parametrize(
+    ("read", "times"), [("oxide", [1e-7]), ("core", [1.1e-6]), ("core", np.geomspace(1.05e-9, 1e-7, 40))]
+)
+def test_a_change_that_is_small_by_chance(read, times, rtol):
+    """One small change stopped 2.7 times rtol away: an error may just change its sign where pulses are short."""
+    system, wave = coarse()[1].state_space(("core",), (read,)), th.SquareWave(1e-3, 2.8e-9, 0.00885)  # on for 25 ps
+    run = Modal(coarse_fem()).run(system.C, wave, times, rtol=rtol)
+    assert worst(run.outputs[:, 0], foster(system).response(wave, times)) < rtol
 
 
 @pytest.mark.parametrize("rtol", [1e-2, 1e-3, 1e-4])

@@ -5,9 +5,10 @@
 V is a rational Krylov space (`krylov.Rounds`); between the breakpoints of the waveforms P is a straight line and every
 z an exponential. Nothing is stepped, so only V can be wrong. Two more rounds through the shifts bring the heated part
 about thirty times, any other part and the field about five times nearer to the full-order answer (measured). What they
-change is thus many times what is missing, as long as the changes fall: the space grows until a change is below the
-tolerance at every wanted time, and below half of the one a round before. With the constant field in V the energy
-balance closes to round-off: it is a test function of the heat equation then.
+change is thus many times what is missing, as long as the changes fall: the space grows until two changes in a row are
+below the tolerance at every wanted time, the second below half of the first; one alone may be an error that changes its
+sign. With the constant field in V the energy balance closes to round-off: it is a test function of the heat equation
+then.
 
 Sources: V. Druskin, L. Knizhnerman, M. Zaslavsky, SIAM J. Sci. Comput. 31, 3760 (2009) (rational Krylov spaces for
 parabolic problems); A. Ruhe, Linear Algebra Appl. 58, 391 (1984).
@@ -108,7 +109,7 @@ class Modal:
             answers = [*answers[-2:], Answer(basis, z, z @ (C @ basis.vectors).T)]
             if len(answers) > 2:
                 moved.append(_moved(answers[0], answers[-1], C, space, shown) / rtol)
-                if moved[-1] <= min(1.0, max(moved[-2] / 2, STALLED)):
+                if max(moved[-2:]) <= 1 and moved[-1] <= max(moved[-2] / 2, STALLED):
                     break
         else:
             return None
