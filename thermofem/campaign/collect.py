@@ -7,7 +7,7 @@ Dimensions and variables, DRIVE being the name of a drive
     The index holds every geometry, nan where there is no result, with ``status`` ("finished", "failed" or "waiting")
     and ``reason``. The training collection holds the finished ones and the matrix ``features`` over case and feature.
 
-Both are filled one geometry at a time; what they hold of a campaign, compressed, is all that is kept in memory.
+Both are filled one chunk of geometries at a time; what they hold, compressed, is all that is kept in memory.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def write_collections(store: Store) -> None:
 
 
 def _content(store: Store, plan: dict[str, Any], *, training: bool) -> bytes:
-    """One of the two files, geometry by geometry; in memory, as HDF5 may crash when a disk is full."""
+    """One of the two files, chunk by chunk; in memory, as HDF5 may crash when a disk is full."""
     import h5netcdf
 
     memory = io.BytesIO()
@@ -106,9 +106,9 @@ def _content(store: Store, plan: dict[str, Any], *, training: bool) -> bytes:
         else:
             _text(file, "status", status, "whether there is a result")
             _text(file, "reason", [store.reason(keys[k]) if status[k] == "failed" else "" for k in chosen], "why not")
-        for row, k in enumerate(chosen):
-            if status[k] == "finished":
-                _fill(rows, store.result(keys[k]), row)
+        for start in range(0, len(chosen), ROWS):
+            chunk = chosen[start : start + ROWS]
+            _fill(rows, [store.result(keys[k]) if status[k] == "finished" else None for k in chunk], start)
     return memory.getvalue()
 
 
@@ -195,18 +195,30 @@ def _probes(path: Path) -> list[str]:
         return str(file.attrs["read"]).split(", ")
 
 
-def _fill(variables: dict[str, Any], path: Path, row: int) -> None:
-    """Copy one result into its row."""
+def _fill(variables: dict[str, Any], paths: list[Path | None], start: int) -> None:
+    """Copy results into their rows, from ``start`` on; where there is none the row stays nan."""
+    if not any(paths):
+        return
+    values = {name: np.full((len(paths), *variable.shape[1:]), np.nan) for name, variable in variables.items()}
+    for row, path in enumerate(paths):
+        if path is not None:
+            _read(path, values, row)
+    for name, block in values.items():
+        variables[name][start : start + len(paths)] = block
+
+
+def _read(path: Path, values: dict[str, Array], row: int) -> None:
+    """One result into its row."""
     import h5py
 
     try:
         with h5py.File(path, "r") as file:
             for name in _NUMBERS:
-                variables[name][row] = np.ravel(file.attrs.get(name, np.nan))[0]
-            variables["thermal_resistance"][row] = np.ravel(file.attrs["thermal_resistances"])
-            for name in variables.keys() - {"thermal_resistance", *_NUMBERS}:
+                values[name][row] = np.ravel(file.attrs.get(name, np.nan))[0]
+            values["thermal_resistance"][row] = np.ravel(file.attrs["thermal_resistances"])
+            for name in values.keys() - {"thermal_resistance", *_NUMBERS}:
                 group = file if file.attrs["drive"] == name else file[name]
                 rise = group["delta_T"][()]
-                variables[name][row] = rise[:, None] if rise.ndim == 1 else rise
+                values[name][row] = rise[:, None] if rise.ndim == 1 else rise
     except (OSError, KeyError, ValueError) as error:
         raise InputError(f"{path} cannot be read ({error}); remove it and run the campaign again") from None
