@@ -207,6 +207,17 @@ def test_a_system_travels_to_another_process_after_a_run():
     assert pickle.loads(pickle.dumps(system)).response(STEP, TIMES) == pytest.approx(rise, rel=1e-12)
 
 
+def test_a_waveform_that_does_not_say_whether_it_is_straight_is_stepped():
+    class Bare:
+        period = None
+        __call__ = before = staticmethod(lambda t: 2e-3 * np.ones(np.shape(t)))
+        breakpoints = staticmethod(lambda start, stop: np.empty(0))
+        mean = staticmethod(lambda start, stop: 2e-3)
+
+    system = coarse_fem()
+    assert worst(system.response(Bare(), TIMES, rtol=1e-5), system.response(STEP, TIMES, rtol=1e-6)) < 1e-5
+
+
 def test_refusals():
     skew = th.StateSpace(np.eye(2), np.array([[-1.0, 0.5], [0.0, -2.0]]), np.ones((2, 1)), np.ones((1, 2)))
     with pytest.raises(th.InputError, match="symmetric"):  # the factors take one triangle for both

@@ -89,7 +89,7 @@ class Modal:
         """
         waves = tuple(waves) if isinstance(waves, Sequence) else (waves,)
         times, kept = check_run(times, snapshots, rtol)
-        if len(waves) != len(self.system.inputs) or not all(wave.piecewise_linear for wave in waves):
+        if len(waves) != len(self.system.inputs) or not all(getattr(wave, "piecewise_linear", False) for wave in waves):
             return None  # the integrator says what is wrong
         wanted = np.unique(np.concatenate([[0.0], times, kept]))
         shown = wanted.searchsorted(kept)
