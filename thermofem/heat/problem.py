@@ -134,7 +134,13 @@ class HeatProblem:
         )
 
     def modal(self, heated: str) -> Modal:
-        """Transients in closed form with ``heated`` carrying the power, kept from run to run; at small power."""
+        """Transients in closed form with ``heated`` carrying the power, at small power; one for all runs.
+
+        Raises
+        ------
+        InputError
+            a name that is no heated part.
+        """
         if heated not in self._modal:
             self._modal[heated] = Modal(self.channels(heated), self.discretization.factors)
         return self._modal[heated]

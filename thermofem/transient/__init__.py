@@ -1,4 +1,4 @@
-"""Full-order transients: the integrator, its stages for k(T) and c_p(T), and the field over windows of time."""
+"""Full-order transients: in closed form, stepped, with stages for k(T) and c_p(T), and over windows of time."""
 
 from .integration import integrate, integrate_periodic
 from .trajectory import Ledger

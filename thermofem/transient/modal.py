@@ -41,7 +41,7 @@ SPAN = 2.5  # decades at most between two shifts: so two do for steps from 1 ns 
 EARLIEST = 1.5  # the last shift over the inverse of the first wanted time
 FEWEST, ROUNDS = 2, 25  # first looked at, and left to the integrator
 OTHERS = 10.0  # weight of changes elsewhere than in the heated part, where they fall slowly (measured, see the tests)
-LOUDER = 10.0  # times all power before it: behind such an edge the shifts follow the first wanted time
+LOUDER = 10.0  # times all power before it: the heat before then hides nothing behind such an edge, so the shifts follow
 STALLED = 1e-2  # of the tolerance: below it a change counts as none, however slowly the changes fall
 
 
@@ -82,10 +82,29 @@ class Modal:
         ledger: Ledger | NonlinearLedger | None = None,
         periodic: bool = False,
     ) -> Trajectory | None:
-        """Outputs C x at ``times`` and fields at ``snapshots``, from rest or in the periodic state.
+        """Outputs C x and fields, from rest or in the periodic state.
 
-        None where a power is not straight between its breakpoints, the system is none of heat flow, or the answer has
-        not settled after `ROUNDS` rounds; other arguments and errors as of `integration.integrate`.
+        Parameters
+        ----------
+        C : array, shape (outputs, n)
+        waves : Waveform, or one for each input; W
+        times, snapshots : array, s
+            increasing, not negative; of one period where ``periodic``.
+        rtol : float
+            as of `integration.integrate`.
+        ledger : Ledger, optional
+        periodic : bool
+
+        Returns
+        -------
+        Trajectory or None
+            None where a power is not straight between its breakpoints, the system is none of heat flow, or the answer
+            has not settled after `ROUNDS` rounds.
+
+        Raises
+        ------
+        InputError
+            times not increasing or negative, rtol out of range.
         """
         waves = tuple(waves) if isinstance(waves, Sequence) else (waves,)
         times, kept = check_run(times, snapshots, rtol)
@@ -93,7 +112,7 @@ class Modal:
             return None  # the integrator says what is wrong
         wanted = np.unique(np.concatenate([[0.0], times, kept]))
         shown = wanted.searchsorted(kept)
-        first, answers, moved = _first(waves, wanted), list[Answer](), [np.inf]
+        first, answers, last = _first(waves, wanted), list[Answer](), np.inf
         for rounds in range(FEWEST, ROUNDS):
             try:
                 space, size = self._grown(rounds, first)
@@ -108,8 +127,8 @@ class Modal:
             )
             answers = [*answers[-2:], Answer(basis, z, z @ (C @ basis.vectors).T)]
             if len(answers) > 2:
-                moved.append(_moved(answers[0], answers[-1], C, space, shown) / rtol)
-                if max(moved[-2:]) <= 1 and moved[-1] <= max(moved[-2] / 2, STALLED):
+                before, last = last, _moved(answers[0], answers[-1], C, space, shown) / rtol
+                if max(before, last) <= 1 and last <= max(before / 2, STALLED):
                     break
         else:
             return None
