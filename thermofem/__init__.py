@@ -5,7 +5,19 @@ from .campaign import Campaign, open_campaign
 from .checks import InputError, MissingLibraryError
 from .dataset import load, save
 from .fields import write_fields
-from .geometry import Boundary, CrossSection, Interface, Layer, Part, Probe, disc, heated_ring, rib_ring, strip_ring
+from .geometry import (
+    Boundary,
+    CrossSection,
+    Interface,
+    Layer,
+    Part,
+    Probe,
+    disc,
+    from_gdsfactory,
+    heated_ring,
+    rib_ring,
+    strip_ring,
+)
 from .heat import Discretization, HeatProblem, assemble, discretize
 from .materials import Material, Polynomial, Power, Table, silicon_film
 from .mesh import Mesh
@@ -51,6 +63,7 @@ __all__ = [
     "dataset",
     "disc",
     "discretize",
+    "from_gdsfactory",
     "heated_ring",
     "load",
     "open_campaign",

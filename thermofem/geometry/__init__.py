@@ -1,6 +1,7 @@
 """The cross-section of a ring in (r, z): what is where, how overlaps resolve, and the file that says so."""
 
 from .cross_section import CrossSection
+from .gdsfactory_import import from_gdsfactory
 from .parts import Boundary, Interface, Layer, Part, Probe
 from .rings import disc, heated_ring, rib_ring, strip_ring
 
@@ -12,6 +13,7 @@ __all__ = [
     "Part",
     "Probe",
     "disc",
+    "from_gdsfactory",
     "heated_ring",
     "rib_ring",
     "strip_ring",

@@ -1,0 +1,96 @@
+"""Cross-sections from gdsfactory, with the real package and its generic PDK."""
+
+from __future__ import annotations
+
+import math
+import sys
+
+import pytest
+
+import thermofem as th
+
+gf = pytest.importorskip("gdsfactory", reason="gdsfactory is not installed")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def pdk():
+    from gdsfactory.gpdk import PDK
+
+    PDK.activate()
+
+
+def test_a_ring_on_the_generic_stack():
+    """Levels and widths are those printed by gdsfactory 9: 10 um Si, 3 um SiO2, 0.22 um core at 10 deg, 3 um clad."""
+    ring = th.from_gdsfactory(gf.components.ring_double(radius=8))
+    assert [(layer.name, layer.material) for layer in ring.layers] == [
+        ("substrate", "Si"),
+        ("box", "SiO2"),
+        ("clad", "SiO2"),
+    ]
+    assert [layer.thickness for layer in ring.layers] == pytest.approx([10e-6, 3e-6, 3e-6])
+    (core,) = ring.parts
+    assert (core.name, core.material, core.heated) == ("core", "Si", True)
+    assert core.outer_radius - core.inner_radius == pytest.approx(0.5e-6)  # width_to_z = 0.5: given at half height
+    assert (core.bottom, core.height) == pytest.approx((0, 0.22e-6))
+    assert math.degrees(core.sidewall_angle) == pytest.approx(80)
+
+
+def test_the_radius_is_that_of_the_circle_as_long_as_the_racetrack():
+    bend = gf.components.bend_circular(radius=8).info["length"]
+    assert bend == pytest.approx(math.pi * 4, rel=1e-3)  # gdsfactory's own length of a quarter circle, on a 1 nm grid
+    ring = th.from_gdsfactory(gf.components.ring_double(radius=8, length_x=3, length_y=1, bend="bend_circular"))
+    (core,) = ring.parts
+    middle = (core.inner_radius + core.outer_radius) / 2
+    assert 2 * math.pi * middle == pytest.approx((2 * math.pi * 8 + 2 * 3 + 2 * 1) * 1e-6, rel=1e-3)
+
+
+def test_a_heater_and_a_slab_become_parts():
+    heated = th.from_gdsfactory(gf.components.ring_double_heater(radius=10))
+    parts = {part.name: part for part in heated.parts}
+    heater = parts["heater"]
+    assert (heater.material, heater.heated) == ("TiN", True)
+    assert heater.outer_radius - heater.inner_radius == pytest.approx(2.5e-6)
+    assert (heater.bottom, heater.height) == pytest.approx((1.1e-6, 0.75e-6))
+    rib = th.from_gdsfactory(gf.components.ring_single(radius=10, cross_section="rib"))
+    assert [part.name for part in rib.parts] == ["slab90", "core"]
+    assert rib.parts[0].height == pytest.approx(90e-9)
+
+
+def test_the_result_solves(needs_mesher):
+    """Like a strip of the same size with vertical walls: a wall of 80 deg moves 4 % of the core by 20 nm."""
+    heat = th.assemble(th.from_gdsfactory(gf.components.ring_double(radius=8, bend="bend_circular")))
+    similar = th.assemble(th.strip_ring(8e-6, 500e-9, box=3e-6, cladding=2.78e-6, substrate=10e-6).opened())
+    assert heat.thermal_resistance("core") == pytest.approx(similar.thermal_resistance("core"), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("component", "options", "reason"),
+    [
+        ("straight", {"core": "cor"}, "did you mean 'core'"),
+        ("mmi1x2", {"background": ("substrate", "clad")}, "must touch"),
+        ("ring_single", {"background": ("substrate", "box", "clads")}, "did you mean 'clad'"),
+    ],
+)
+def test_bad_input_is_refused(component, options, reason):
+    with pytest.raises(th.InputError, match=reason):
+        th.from_gdsfactory(getattr(gf.components, component)(), **options)
+
+
+def test_an_unknown_material_is_named():
+    stack = gf.get_active_pdk().layer_stack.model_copy(deep=True)
+    stack.layers["core"].material = "unobtainium"
+    with pytest.raises(th.InputError, match="unobtainium"):
+        th.from_gdsfactory(gf.components.ring_single(), stack)
+    assert th.from_gdsfactory(gf.components.ring_single(), stack, materials={"unobtainium": "Si"}).parts
+
+
+@pytest.mark.parametrize("what", [None, 3, "ring"])
+def test_what_is_no_component_is_refused(what):
+    with pytest.raises(th.InputError, match="component is a"):
+        th.from_gdsfactory(what)
+
+
+def test_without_gdsfactory_the_message_says_how_to_install_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "gdsfactory", None)
+    with pytest.raises(th.MissingLibraryError, match="pip install"):
+        th.from_gdsfactory(None)

@@ -1,0 +1,161 @@
+"""Cross-sections from gdsfactory: a ring component and the layer stack of its PDK.
+
+gdsfactory gives lengths in um, and sidewall angles in degrees from the vertical. A racetrack of length L becomes a circle
+of radius L/(2 pi).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from .. import checks
+from .cross_section import CrossSection
+from .parts import Boundary, Layer, Part, ring
+
+UM = 1e-6
+THIN = 1e-4  # um; levels closer than this touch
+BACKGROUND = ("substrate", "box", "clad")
+MATERIALS = {"si": "Si", "sio2": "SiO2", "sin": "Si3N4", "tin": "TiN", "aluminum": "Al", "al": "Al", "air": "air"}
+
+
+def from_gdsfactory(
+    component: Any,
+    layer_stack: Any = None,
+    *,
+    core: str = "core",
+    background: tuple[str, ...] = BACKGROUND,
+    materials: Mapping[str, str] | None = None,
+    outer_radius: float = 60e-6,
+) -> CrossSection:
+    """Return the cross-section of a gdsfactory ring component.
+
+    The levels in ``background`` become layers. The guiding section of the component's cross-section becomes the heated
+    part "core", and its other sections (slabs, heaters) become parts named after their levels.
+
+    Parameters
+    ----------
+    component : gdsfactory.Component
+        a ring with the setting ``cross_section``, such as ``ring_single``, ``ring_double`` or ``ring_double_heater``.
+    layer_stack : gdsfactory.technology.LayerStack
+        default: that of the active PDK.
+    core : str
+        level of the guiding silicon.
+    background : tuple of str
+        levels that cover the whole chip, bottom to top; they must touch.
+    materials : mapping of str to str
+        names of materials in the stack to those of thermofem, beside `MATERIALS`.
+    outer_radius : float, m
+        where the domain ends.
+
+    Raises
+    ------
+    MissingLibraryError
+        gdsfactory cannot be imported.
+    InputError
+        a component that is no ring, a level that is missing, levels that do not touch, or an unknown material.
+    """
+    gf = _library()
+    stack = layer_stack if layer_stack is not None else gf.get_active_pdk().layer_stack
+    checks.has("layer_stack", stack, "layers", hint="a gdsfactory LayerStack is needed")
+    checks.has("component", component, "settings", hint="a gdsfactory ring component is needed, such as ring_double")
+    settings = dict(component.settings)
+    checks.choice("setting of the component", "cross_section", settings, hint="is it a ring, such as ring_double?")
+    levels, known = stack.layers, MATERIALS | {k.lower(): v for k, v in (materials or {}).items()}
+    layers = _layers([_level(levels, name) for name in background], background, known)
+    radius = _equivalent_radius(gf, settings)
+    parts: list[Part] = []
+    names = [settings[key] for key in ("cross_section", "cross_section_heater") if settings.get(key)]
+    for section in [section for name in names for section in gf.get_cross_section(name).sections]:
+        name = core if section.layer == _drawn(levels, core) else _level_drawn_on(levels, section.layer)
+        part = _part(name, core, _level(levels, name), radius, section.width, known)
+        if part.name not in [p.name for p in parts]:
+            parts.append(part)
+    parts.sort(key=lambda part: part.name == "core")  # the core overwrites the slab it stands on
+    label = str(getattr(component, "function_name", None) or component.name)
+    return CrossSection(label, outer_radius, layers, tuple(parts), bottom=Boundary("open"), outer=Boundary("open"))
+
+
+def _library() -> Any:
+    try:
+        import gdsfactory
+    except ImportError:
+        raise checks.MissingLibraryError(
+            'gdsfactory is needed to import its components; install it with pip install "thermofem[gdsfactory]"'
+        ) from None
+    return gdsfactory
+
+
+def _level(levels: Mapping[str, Any], name: str) -> Any:
+    return levels[checks.choice("level of the layer stack", name, levels)]
+
+
+def _drawn(levels: Mapping[str, Any], name: str) -> str:
+    """Name of the drawn layer of a level; a derived layer, drawn minus etched, stands for the drawn one."""
+    layer = _level(levels, name).layer
+    while hasattr(layer, "layer1"):
+        layer = layer.layer1
+    return str(layer)
+
+
+def _level_drawn_on(levels: Mapping[str, Any], layer: Any) -> str:
+    names = [name for name in levels if _drawn(levels, name) == str(layer)]
+    if not names:
+        raise checks.InputError(f"layer_stack has no level that is drawn on {layer}; known: {', '.join(levels)}")
+    return names[0]
+
+
+def _material(level: Any, name: str, known: Mapping[str, str]) -> str:
+    found = known.get(str(level.material).lower())
+    if found is None:
+        raise checks.InputError(
+            f"level {name!r} is made of {level.material!r}, which has no counterpart here; "
+            f"give it as materials={{{str(level.material)!r}: 'SiO2'}} or the name of another material"
+        )
+    return found
+
+
+def _layers(levels: list[Any], names: tuple[str, ...], known: Mapping[str, str]) -> tuple[Layer, ...]:
+    """The stack, bottom to top; the top of the layer below z = 0 is the datum."""
+    found: list[Layer] = []
+    edge = levels[0].zmin
+    for name, level in zip(names, levels, strict=True):
+        if abs(level.zmin - edge) > THIN:
+            raise checks.InputError(
+                f"level {name!r} begins at {level.zmin:g} um, but the one below ends at {edge:g} um; levels of "
+                "background must touch, bottom to top"
+            )
+        edge = level.zmin + level.thickness
+        found.append(Layer(name, _material(level, name, known), level.thickness * UM, datum=abs(edge) < THIN))
+    return tuple(found)
+
+
+def _equivalent_radius(gf: Any, settings: Mapping[str, Any]) -> float:
+    """Radius in m of the circle as long as the ring: L/(2 pi), with the length L of four bends and the straights."""
+    radius = settings.get("radius")
+    if radius is None:
+        radius = gf.get_cross_section(settings["cross_section"]).radius
+    checks.positive("radius of the component", radius, unit="um")
+    if "bend" not in settings:
+        return float(radius) * UM
+    bend = gf.get_component(settings["bend"], radius=radius, cross_section=settings["cross_section"])
+    straights = 2 * (settings.get("length_x") or 0.0) + 2 * (settings.get("length_y") or 0.0)
+    return (4 * float(bend.info["length"]) + straights) / (2 * math.pi) * UM
+
+
+def _part(name: str, core: str, level: Any, radius: float, width: float, known: Mapping[str, str]) -> Part:
+    """A ring part from a level and the width of its section, which gdsfactory gives at the height ``width_to_z``."""
+    lean = math.tan(math.radians(level.sidewall_angle or 0.0))
+    at_half = width + 2 * lean * (level.width_to_z - 0.5) * level.thickness
+    inner, outer = ring(radius, at_half * UM, of=f"{name}: ")
+    return Part(
+        "core" if name == core else name,
+        _material(level, name, known),
+        inner,
+        outer,
+        bottom=level.zmin * UM,
+        height=level.thickness * UM,
+        sidewall_angle=math.pi / 2 - math.radians(level.sidewall_angle or 0.0),
+        heated=name == core or "heater" in name.lower(),
+    )
