@@ -1,7 +1,7 @@
 """Cross-sections from gdsfactory: a ring component and the layer stack of its PDK.
 
-gdsfactory gives lengths in um, and sidewall angles in degrees from the vertical. A racetrack of length L becomes a circle
-of radius L/(2 pi).
+gdsfactory gives lengths in um, and sidewall angles in degrees from the vertical. A racetrack of length L becomes a
+circle of radius L/(2 pi).
 """
 
 from __future__ import annotations
