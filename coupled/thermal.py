@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from thermofem import checks
-from thermofem.model import Foster, StateSpace, ThermalModel, foster
+from thermofem.models import Foster, StateSpace, ThermalModel, foster
 
 LARGEST_QUADRATIC = 60  # states
 SETTLING = 10  # times what a step of heat takes to its last 5 %

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import checks
-from thermofem.model import Foster, ThermalModel
+from thermofem.models import Foster, ThermalModel
 
 from .carriers import ShockleyReadHall
 from .parameters import borghi2021 as published

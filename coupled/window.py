@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import checks
-from thermofem.model import ThermalModel
+from thermofem.models import ThermalModel
 
 from .inputs import Pieces, add, bounds, joint, pieces
 from .kernels.tableaus import Method, tableau

@@ -1,18 +1,19 @@
 """Compact thermal models: the paper's lumped equations, their training, and models as files."""
 
 from thermofem import OutsideTrainingWarning
+from thermofem.models.cauer import Cauer, cauer, foster_of, structure_function
+from thermofem.models.files import load_model, load_provenance, save_model
+from thermofem.models.lumped import BORGHI2021_HEAT_CAPACITY, newton, second_order
+from thermofem.models.network import Network, gate
 
-from .cauer import Cauer, cauer, foster_of, structure_function
 from .decay import Decay, fit_decay
 from .export import export_model
-from .export.json import load_model, load_provenance, save_model
 from .fit import Fit, fit_foster, fit_newton, fit_second_order
 from .ladder import Ladder, judge, train_all, verdict
-from .lumped import BORGHI2021_HEAT_CAPACITY, newton, second_order
 from .output_map import fit_output_map, output_map
 from .quadratic import QuadraticReduction, reduce_quadratic
 from .reduce import Reduction, reduce
-from .sindy import Network, SindyFit, fit_sindy, gate
+from .sindy import SindyFit, fit_sindy
 from .sindy_quadratic import fit_sindy_quadratic
 from .spectrum import fit_spectrum
 from .truncate import Truncation, balanced_truncation

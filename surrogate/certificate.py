@@ -31,7 +31,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofem.transient.krylov import symmetric_part
+from thermofem.algebra.krylov import symmetric_part
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

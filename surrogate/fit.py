@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from thermofem import Foster, checks
 from thermofem.dataset import Drive, drive_of
+from thermofem.models.lumped import BORGHI2021_HEAT_CAPACITY, check_heat_capacity, newton, second_order
 
-from .lumped import BORGHI2021_HEAT_CAPACITY, check_heat_capacity, newton, second_order
 from .projection import Optimum, Problem, optimum, polish
 
 if TYPE_CHECKING:

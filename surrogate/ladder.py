@@ -24,8 +24,7 @@ from thermofem import (
     solve,
     waveforms,
 )
-from thermofem.model import foster
-from thermofem.transient.nonlinear import NonlinearSystem
+from thermofem.models import NonlinearSystem, foster
 
 from .fit import fit_foster, fit_newton, fit_second_order
 from .output_map import output_map

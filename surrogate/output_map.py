@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thermofem import Foster, OutputMap, checks
+from thermofem.algebra.poles import pole_responses
 from thermofem.dataset import drive_of
-from thermofem.model import pole_responses
-from thermofem.transient.nonlinear import NonlinearSystem
+from thermofem.models import NonlinearSystem
 
 from .reduce import reduce
 

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import checks
+from thermofem.algebra.poles import pole_responses
 from thermofem.dataset import Drive
-from thermofem.model import pole_responses
 
 Array = NDArray[np.float64]
 

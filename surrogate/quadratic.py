@@ -33,10 +33,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import Quadratic
-from thermofem.factor import factorize
+from thermofem.algebra.factor import factorize
+from thermofem.algebra.krylov import symmetric_part
 from thermofem.materials.laws import Law
-from thermofem.transient.krylov import symmetric_part
-from thermofem.transient.nonlinear import Lift, NonlinearSystem
+from thermofem.models import NonlinearSystem
+from thermofem.transient.nonlinear import Lift
 
 from .output_map import check_nonlinear
 from .reduce import Reduction, reduce

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Foster, StateSpace, checks
-from thermofem.model import pole_responses
+from thermofem.algebra.poles import pole_responses
 from thermofem.waveforms import Waveform
 
 from .certificate import Certificate, Indices, Projection, certify, certify_defect

@@ -21,8 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import Quadratic, checks
+from thermofem.models.network import STATIC, gate
 
-from .sindy import STATIC, UNIT, WINDOW, SindyFit, gate, read_probes, regress
+from .sindy import UNIT, WINDOW, SindyFit, read_probes, regress
 
 if TYPE_CHECKING:
     import xarray as xr

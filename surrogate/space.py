@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import checks
-from thermofem.factor import Pencil
-from thermofem.transient import krylov
+from thermofem.algebra import krylov
+from thermofem.algebra.factor import Pencil
 
 from .certificate import Projection
 

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Foster, StateSpace, checks
-from thermofem.model import check_single
+from thermofem.models import check_single
 
 from .reduce import check_matrices, project
 

@@ -11,8 +11,8 @@ from grids import facets_where, graded, tensor_mesh
 import surrogate
 import thermofem as th
 from thermofem.heat.matrices import capacity, conduction
-from thermofem.model import foster
-from thermofem.transient.nonlinear import NonlinearSystem, lift
+from thermofem.models import NonlinearSystem, foster
+from thermofem.transient.nonlinear import lift
 
 
 @cache

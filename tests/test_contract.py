@@ -1,4 +1,4 @@
-"""Every thermal model keeps the numbered contract of thermofem.model."""
+"""Every thermal model keeps the numbered contract of thermofem.models.contract."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 from models import MODELS
 
 import thermofem as th
-from thermofem.transient.nonlinear import NonlinearSystem
+from thermofem.models import NonlinearSystem
 from thermofem.waveforms import period_times
 
 # Closed forms agree to round-off; the FEM integrates to its default rtol of 1e-5 of the largest rise.

@@ -1,6 +1,6 @@
 """Self-heating of silicon microring resonators: cross-section to training data."""
 
-from . import checks, dataset, waveforms
+from . import checks, dataset, model, waveforms
 from .campaign import Campaign, open_campaign
 from .checks import InputError, MissingLibraryError
 from .dataset import load, save
@@ -21,8 +21,7 @@ from .geometry import (
 from .heat import Discretization, HeatProblem, assemble, discretize
 from .materials import Material, Polynomial, Power, Table, silicon_film
 from .mesh import Mesh
-from .model import Foster, StateSpace, ThermalModel
-from .nonlinear_models import OutputMap, OutsideTrainingWarning, Quadratic
+from .models import Foster, OutputMap, OutsideTrainingWarning, Quadratic, StateSpace, ThermalModel
 from .solve import solve, solve_periodic
 from .tables import read_csv
 from .version import __version__ as __version__
@@ -66,6 +65,7 @@ __all__ = [
     "from_gdsfactory",
     "heated_ring",
     "load",
+    "model",
     "open_campaign",
     "read_csv",
     "rib_ring",

@@ -12,7 +12,7 @@ from . import quantity
 
 if TYPE_CHECKING:
     from .geometry.cross_section import CrossSection
-    from .model import ThermalModel
+    from .models import ThermalModel
 
 WIDTH, HEIGHT = 300, 120  # of a picture, in pixels
 # colour-blind safe (Okabe and Ito), by material

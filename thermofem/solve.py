@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from . import checks, dataset
 from .heat.problem import HeatProblem
-from .model import StateSpace
+from .models import StateSpace
 from .transient.integration import integrate, integrate_periodic
 from .transient.trajectory import Trajectory
 from .waveforms import Waveform, period_times

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermofem.model import ThermalModel
+from thermofem.models import ThermalModel
 
 from ..arguments import check_axis, check_ring
 from ..resonator import RingResonator

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import checks
-from thermofem.model import ThermalModel
+from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring
 from ..resonator import RingResonator

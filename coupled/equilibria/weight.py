@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from thermofem import checks
-from thermofem.model import ThermalModel
+from thermofem.models import ThermalModel
 
 from ..arguments import check_ring
 from ..resonator import RingResonator

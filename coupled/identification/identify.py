@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import checks
-from thermofem.model import Foster, ThermalModel
+from thermofem.models import Foster, ThermalModel
 
 from ..arguments import check_ring
 from ..progress import bar

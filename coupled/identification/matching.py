@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import checks
-from thermofem.model import Foster
+from thermofem.models import Foster
 
 from ..arguments import check_detuning, check_power
 from ..resonator import RingResonator

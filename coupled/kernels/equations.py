@@ -31,7 +31,7 @@ from .compiling import compiled, forget_if_older, inlined
 from .kinds import flow, lift, read, spread
 
 if TYPE_CHECKING:
-    from thermofem.model import Foster
+    from thermofem.models import Foster
 
     from ..resonator import RingResonator
     from .kinds import Network, Quadratic

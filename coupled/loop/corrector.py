@@ -23,11 +23,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import HeatProblem, checks
-from thermofem.model import Foster, StateSpace, foster
+from thermofem.algebra.krylov import CYCLES, krylov
+from thermofem.models import Foster, NonlinearSystem, StateSpace, foster
 from thermofem.solve import mesh_hash
 from thermofem.transient.deflation import Field, State
-from thermofem.transient.krylov import CYCLES, krylov
-from thermofem.transient.nonlinear import NonlinearSystem
 from thermofem.waveforms import Waveform, to_json
 
 Array = NDArray[np.float64]

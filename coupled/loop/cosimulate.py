@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Foster, HeatProblem, StateSpace, checks
-from thermofem.model import ThermalModel
-from thermofem.transient.nonlinear import NonlinearSystem
+from thermofem.models import NonlinearSystem, ThermalModel
 from thermofem.waveforms import Waveform
 
 from ..arguments import check_run, detuning_in_time, power_in_time

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from thermofem import checks
 from thermofem.cubic import Cubic
-from thermofem.model import ThermalModel
+from thermofem.models import ThermalModel
 
 from ..resonator import RingResonator
 from ..states import State

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import checks
-from thermofem.model import ThermalModel
+from thermofem.models import ThermalModel
 
 from ..arguments import check_duration
 from ..equilibria.steady import provenance

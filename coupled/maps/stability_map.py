@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import checks
-from thermofem.model import ThermalModel
+from thermofem.models import ThermalModel
 
 from ..equilibria.steady import Internal, absorbable, internal, provenance
 from ..resonator import RingResonator

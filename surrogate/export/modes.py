@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import Foster, OutputMap, StateSpace, checks
-
-from ..sindy import Network
+from thermofem.models import Network
 
 Array = NDArray[np.float64]
 

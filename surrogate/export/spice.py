@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from thermofem import Foster
 from thermofem.dataset import write_whole
+from thermofem.models.cauer import cauer
 
-from ..cauer import cauer
 from .circuit import Network, network
 from .header import comment, identifiers
 

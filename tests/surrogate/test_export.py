@@ -33,7 +33,7 @@ def two_parts() -> th.StateSpace:
 
 
 def heat_and_read(model: th.StateSpace, heated: str, read: str) -> th.Foster:
-    from thermofem.model import foster
+    from thermofem.models import foster
 
     return foster(model.channel(heated, read))
 

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from scipy.special import j1
 
 import thermofem as th
-from thermofem.factor import factorize
+from thermofem.algebra.factor import factorize
 from thermofem.heat import HeatProblem
 from thermofem.heat.matrices import Surfaces, build, surface_terms
 from thermofem.transient import integrate

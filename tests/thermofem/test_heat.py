@@ -11,7 +11,7 @@ import skfem
 from grids import facets_where, graded, tensor_mesh
 
 import thermofem as th
-from thermofem.factor import factorize
+from thermofem.algebra.factor import factorize
 from thermofem.materials import Material
 from thermofem.transient import integrate
 

@@ -9,7 +9,7 @@ import pytest
 from grids import facets_where, tensor_mesh
 
 import thermofem as th
-from thermofem.factor import factorize
+from thermofem.algebra.factor import factorize
 from thermofem.heat.interface import contacts, split
 from thermofem.heat.matrices import Surfaces, build
 from thermofem.heat.shell import shell_integral

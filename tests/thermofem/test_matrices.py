@@ -8,8 +8,9 @@ import skfem
 from scipy.sparse import csr_array, eye_array, triu
 
 import thermofem as th
-from thermofem import checks, factor
-from thermofem.factor import Pencil, factorize
+from thermofem import checks
+from thermofem.algebra import factor
+from thermofem.algebra.factor import Pencil, factorize
 from thermofem.heat.accuracy import SATURATION, added_by_cubics, discretization_error
 from thermofem.heat.matrices import capacity, conduction, mean, properties
 

@@ -13,7 +13,7 @@ from scipy.sparse import dia_matrix
 from test_transient import Cosine, three_poles
 
 import thermofem as th
-from thermofem.model import foster
+from thermofem.models import foster
 from thermofem.transient import integrate, modal
 from thermofem.transient.modal import Modal
 

@@ -13,8 +13,9 @@ from models import coarse_warm_fem, warm_fem
 
 import thermofem as th
 from thermofem.materials import Power
+from thermofem.models import NonlinearSystem
 from thermofem.transient import integrate, integrate_periodic, newton_stages
-from thermofem.transient.nonlinear import NonlinearSystem, lift, rows
+from thermofem.transient.nonlinear import lift, rows
 
 T0 = 300.0
 

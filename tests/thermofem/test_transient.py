@@ -12,7 +12,7 @@ from models import coarse_fem
 
 import thermofem as th
 import thermofem.transient.integration
-from thermofem.model import foster
+from thermofem.models import foster
 from thermofem.transient.esdirk import EMBEDDED, GAMMA, STAGE_TIMES, STAGES, WEIGHTS, Stepper
 from thermofem.transient.integration import _march, _Plan, _Record, integrate, integrate_periodic
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import coupled
 import thermofem as th
-from thermofem.model import pole_responses
+from thermofem.algebra.poles import pole_responses
 from thermofem.waveforms import from_json, linear_pieces, period_times, to_json
 
 SAW = th.Sampled([0, 1e-6, 1e-6, 3e-6], [0, 2e-3, 1e-3, 0], repeat=True)

@@ -13,7 +13,7 @@ from .files import DEFAULT_RING, RING, check_outputs, ring_of, say_ring, working
 from .kinds import expect
 
 if TYPE_CHECKING:
-    from ..model import ThermalModel
+    from ..models import ThermalModel
     from ..waveforms import Waveform
 
 

@@ -15,7 +15,7 @@ from .kinds import expect
 if TYPE_CHECKING:
     from coupled import RingResonator
 
-    from ..model import ThermalModel
+    from ..models import ThermalModel
 
 Model = Annotated[Path, typer.Argument(help="Thermal model (JSON).")]
 Ring = Annotated[str, typer.Option(help=RING)]

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-    from ..model import ThermalModel
+    from ..models import ThermalModel
 
 Out = Annotated[Path, typer.Option("--output", "-o", help="File to write.")]
 Figure = Annotated[Path | None, typer.Option(help="Also draw into this image.")]

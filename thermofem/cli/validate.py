@@ -14,7 +14,7 @@ import surrogate
 from .. import checks
 from ..geometry import CrossSection
 from ..heat import HeatProblem, assemble
-from ..transient.nonlinear import NonlinearSystem
+from ..models import NonlinearSystem
 
 if TYPE_CHECKING:
     import xarray as xr

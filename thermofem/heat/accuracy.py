@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..factor import factorize
+from ..algebra.factor import factorize
 from .matrices import Surfaces, capacity, conduction, properties, surface_terms, volume
 from .shell import shell_integral
 

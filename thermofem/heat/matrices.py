@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..factor import Pencil
-from ..model import StateSpace
+from ..algebra.factor import Pencil
+from ..models import StateSpace
 from ..transient.trajectory import Ledger
 
 if TYPE_CHECKING:

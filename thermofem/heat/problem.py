@@ -19,9 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
 from ..materials.laws import Law, is_constant
-from ..model import StateSpace
+from ..models import NonlinearSystem, StateSpace
 from ..transient.modal import Modal
-from ..transient.nonlinear import Lift, NonlinearLedger, NonlinearSystem, lift, rows
+from ..transient.nonlinear import Lift, NonlinearLedger, lift, rows
 from ..transient.trajectory import Ledger
 from .accuracy import ESTIMATES, Enrichment, warn_of_domain
 from .interface import contacts, split

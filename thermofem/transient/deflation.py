@@ -23,15 +23,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
-from ..factor import Pencil
-from ..model import StateSpace
+from ..algebra.factor import Pencil
+from ..algebra.krylov import Basis
+from ..algebra.system import LinearSystem
 from ..waveforms import Constant, Waveform
 from .esdirk import EMBEDDED, GAMMA, STAGE_TIMES, STAGES, WEIGHTS, Stepper
 from .fast_part import FastPart, Piece
 from .integration import between, hermite
-from .krylov import Basis
 from .newton_stages import GUESS, NewtonStepper
-from .nonlinear import NonlinearLedger, NonlinearSystem
+from .nonlinear import NonlinearEquations, NonlinearLedger
 from .trajectory import Ledger
 
 Array = NDArray[np.float64]
@@ -74,7 +74,7 @@ class Field:
 
     Parameters
     ----------
-    system : StateSpace or NonlinearSystem
+    system : LinearSystem or NonlinearEquations
     basis : Basis
         from `krylov.krylov`; it decides the work and nothing else.
     tolerance : float, K
@@ -89,7 +89,7 @@ class Field:
 
     def __init__(
         self,
-        system: StateSpace | NonlinearSystem,
+        system: LinearSystem | NonlinearEquations,
         basis: Basis,
         *,
         tolerance: float,
@@ -98,10 +98,10 @@ class Field:
         factors: Pencil | None = None,
     ) -> None:
         self.tolerance, self.basis, self.ledger = tolerance, basis, ledger
-        linear = system.linear if isinstance(system, NonlinearSystem) else system
+        linear = system.linear if isinstance(system, NonlinearEquations) else system
         self.linear, quiet = linear, [Constant(0.0)] * len(linear.inputs)
         self.newton = None
-        if isinstance(system, NonlinearSystem):
+        if isinstance(system, NonlinearEquations):
             self.newton = NewtonStepper(system, quiet, tolerance, factors)
         self.stepper = s = self.newton or Stepper(linear, quiet, factors)
         V = basis.vectors

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import checks
-from ..factor import Pencil
-from ..model import StateSpace
+from ..algebra.factor import Pencil
+from ..algebra.system import LinearSystem
 from ..waveforms import Waveform
 
 Array = NDArray[np.float64]
@@ -69,7 +69,9 @@ class Stepper:
     ``factors``: those of E and -A where the caller keeps them.
     """
 
-    def __init__(self, system: StateSpace, waves: Waveform | Sequence[Waveform], factors: Pencil | None = None) -> None:
+    def __init__(
+        self, system: LinearSystem, waves: Waveform | Sequence[Waveform], factors: Pencil | None = None
+    ) -> None:
         from scipy.sparse import csr_matrix
 
         self.waves = tuple(waves) if isinstance(waves, Sequence) else (waves,)

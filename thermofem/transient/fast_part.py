@@ -17,9 +17,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..algebra.krylov import Basis
 from ..waveforms import Waveform
 from .esdirk import STAGE_TIMES
-from .krylov import Basis
 
 Array = NDArray[np.float64]
 

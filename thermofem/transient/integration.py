@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
-from ..factor import Pencil
-from ..model import StateSpace
+from ..algebra.factor import Pencil
+from ..algebra.system import LinearSystem
 from ..waveforms import Waveform, period_times
 from .esdirk import EMBEDDED, WEIGHTS, Stepper
 from .newton_stages import NewtonStepper
-from .nonlinear import NonlinearLedger, NonlinearSystem
+from .nonlinear import NonlinearEquations, NonlinearLedger
 from .trajectory import Ledger, Trajectory
 
 Array = NDArray[np.float64]
@@ -37,7 +37,7 @@ FINEST = 40  # rungs below the length of a piece before a run is given up
 
 
 def integrate(
-    system: StateSpace | NonlinearSystem,
+    system: LinearSystem | NonlinearEquations,
     waves: Waveform | Sequence[Waveform],
     times: ArrayLike,
     *,
@@ -52,7 +52,7 @@ def integrate(
 
     Parameters
     ----------
-    system : StateSpace or NonlinearSystem
+    system : LinearSystem or NonlinearEquations
     waves : Waveform, or one for each input
     times : array, s
         increasing, not negative.
@@ -99,7 +99,7 @@ def check_run(times: ArrayLike, snapshots: ArrayLike, rtol: float) -> tuple[Arra
 
 
 def integrate_periodic(
-    system: StateSpace | NonlinearSystem,
+    system: LinearSystem | NonlinearEquations,
     wave: Waveform,
     samples: int,
     *,
@@ -149,9 +149,9 @@ def integrate_periodic(
 
 
 def _stepper(
-    system: StateSpace | NonlinearSystem, waves: Waveform | Sequence[Waveform], rtol: float, factors: Pencil | None
+    system: LinearSystem | NonlinearEquations, waves: Waveform | Sequence[Waveform], rtol: float, factors: Pencil | None
 ) -> Stepper:
-    if isinstance(system, NonlinearSystem):
+    if isinstance(system, NonlinearEquations):
         return NewtonStepper(system, waves, SAFETY * rtol, factors)
     return Stepper(system, waves, factors)
 

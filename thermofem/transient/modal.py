@@ -25,12 +25,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
-from ..factor import Pencil
-from ..model import StateSpace, pole_responses
+from ..algebra.factor import Pencil
+from ..algebra.krylov import Basis, Rounds, rates
+from ..algebra.poles import pole_responses
+from ..algebra.system import LinearSystem
 from ..waveforms import Waveform, linear_pieces
 from .esdirk import FAR
 from .integration import check_run
-from .krylov import Basis, Rounds, rates
 from .nonlinear import NonlinearLedger
 from .trajectory import Ledger, Trajectory
 
@@ -59,13 +60,13 @@ class Modal:
 
     Parameters
     ----------
-    system : StateSpace
+    system : LinearSystem
         E and -A symmetric positive definite; of its outputs nothing is kept.
     factors : Pencil
         of E and -A, where the caller keeps them.
     """
 
-    def __init__(self, system: StateSpace, factors: Pencil | None = None) -> None:
+    def __init__(self, system: LinearSystem, factors: Pencil | None = None) -> None:
         self.system = system
         self.factors = factors or Pencil(system.E, -system.A)
         self._spaces: dict[float, Rounds] = {}

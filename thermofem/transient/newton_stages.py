@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..factor import Pencil, Solve
+from ..algebra.factor import Pencil, Solve
 from ..waveforms import Waveform
 from .esdirk import GAMMA, STAGE_TIMES, STAGES, Stepper
-from .nonlinear import Lift, NonlinearSystem, factorize_general
+from .nonlinear import Lift, NonlinearEquations, factorize_general
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ class NewtonStepper(Stepper):
 
     def __init__(
         self,
-        system: NonlinearSystem,
+        system: NonlinearEquations,
         waves: Waveform | Sequence[Waveform],
         tolerance: float,
         factors: Pencil | None = None,

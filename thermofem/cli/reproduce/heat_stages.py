@@ -16,9 +16,8 @@ from ...geometry import CrossSection, strip_ring
 from ...geometry.parts import Part
 from ...geometry.rings import disc
 from ...heat import HeatProblem, assemble
-from ...model import StateSpace, foster
+from ...models import NonlinearSystem, StateSpace, foster
 from ...solve import solve, solve_periodic
-from ...transient.nonlinear import NonlinearSystem
 from ...waveforms import Pulse, SquareWave
 from .settings import CENTRE, HEATING, watts
 from .stages import Job

@@ -10,7 +10,7 @@ import numpy as np
 import coupled
 from coupled.parameters import borghi2021 as paper
 
-from ...model import Foster
+from ...models import Foster
 from .pulsing_stages import describe, label, newton_of
 from .settings import CENTRE, watts
 from .stages import Job

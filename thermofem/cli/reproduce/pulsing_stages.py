@@ -12,7 +12,7 @@ import coupled
 import surrogate
 from coupled.parameters import borghi2021 as paper
 
-from ...model import Foster, ThermalModel
+from ...models import Foster, ThermalModel
 from ...solve import solve_periodic
 from ...waveforms import Sampled
 from .heat_stages import elements_of

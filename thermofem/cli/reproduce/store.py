@@ -28,7 +28,7 @@ from ... import checks, dataset
 if TYPE_CHECKING:
     import xarray as xr
 
-    from ...model import ThermalModel
+    from ...models import ThermalModel
 
 FORMAT = 1
 WORDS = ("claims", "page", "plan", "run", "sections")  # modules that compute nothing

@@ -11,7 +11,7 @@ from coupled.parameters import borghi2021 as paper
 from surrogate.ladder import shells
 
 from ...dataset import build
-from ...model import Foster, StateSpace
+from ...models import Foster, StateSpace
 from ...waveforms import Constant, Pulse, SquareWave
 from .heat_stages import PULSE, elements_of
 from .settings import HEATING

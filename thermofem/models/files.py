@@ -19,10 +19,14 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import Foster, OutputMap, Quadratic, StateSpace, ThermalModel, checks
-from thermofem.dataset import write_whole
-
-from ..sindy import Network, gate
+from .. import checks
+from ..dataset import write_whole
+from .contract import ThermalModel
+from .foster import Foster
+from .network import Network, gate
+from .output_map import OutputMap
+from .quadratic import Quadratic
+from .state_space import StateSpace
 
 FORMAT = "thermofem thermal model"
 SCHEMA = 1

@@ -1,7 +1,4 @@
-"""Compact thermal models that are not linear: a static output map, and a quadratic system.
-
-Both keep the contract of `thermofem.model` and add ``steady_rise(power)``, the static rise in K at constant power.
-"""
+"""A quadratic thermal model: k(T) and c_p(T) in a small basis, and a polynomial SINDy network."""
 
 from __future__ import annotations
 
@@ -13,94 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import checks, waveforms
-from .model import AtSmallPower, Foster, StateSpace
+from .. import checks, waveforms
+from .contract import check_rise, warn_beyond
+from .state_space import StateSpace
 
 Array = NDArray[np.float64]
 
 RTOL = 1e-8  # of LSODA per step; 1e-6 of the largest rise accumulates over 50 us at most (measured)
-BEYOND = 1.2  # a rise this far above the training's largest draws a warning
 PASSES = 40  # of the period map
 _TINY = np.finfo(float).tiny
-
-
-class OutsideTrainingWarning(UserWarning):
-    """A model is asked for rises that its training did not reach."""
-
-
-def warn_beyond(rise: Array, trained: float | None) -> Array:
-    """``rise`` itself; OutsideTrainingWarning where it goes far above what the training reached (None: not known)."""
-    if trained is not None and np.max(rise, initial=0.0) > BEYOND * trained:
-        text = f"the model is asked for a rise of {rise.max():.3g} K; its training reached {trained:.3g} K"
-        warnings.warn(text, OutsideTrainingWarning, stacklevel=3)
-    return rise
-
-
-@dataclass(frozen=True, eq=False)
-class OutputMap(AtSmallPower):
-    """Linear dynamics with a static map of the output, the Kirchhoff transformation in one number.
-
-        dT = z + coefficient z^2,      z = rise of the linear model
-
-    With k(T) the Kirchhoff variable obeys a nearly linear heat equation and the temperature is a function of it. As
-    stable as the linear model, whatever the coefficient.
-
-    Parameters
-    ----------
-    linear : Foster
-        the model at small power.
-    coefficient : float, 1/K
-        positive where the conductivity falls with temperature.
-    largest_rise : float, K, optional
-        that the coefficient was fitted to; beyond it responses warn.
-
-    Raises
-    ------
-    InputError
-        a coefficient that is not finite or larger than 0.1 /K; a response beyond the top of the map, where
-        1 + 2 coefficient z = 0.
-
-    >>> OutputMap(Foster(R=[7800.0], tau=[1e-6]), -4e-4).steady_rise(20e-3).round(1)
-    np.float64(146.3)
-    """
-
-    linear: Foster
-    coefficient: float
-    largest_rise: float | None = None
-
-    def __post_init__(self) -> None:
-        hint = "it is in 1/K, of the order of -4e-4 for silicon in oxide"
-        object.__setattr__(self, "coefficient", checks.between("coefficient", self.coefficient, -0.1, 0.1, hint=hint))
-        _check_rise(self.largest_rise)
-
-    def _repr_html_(self) -> str:
-        """What a notebook shows."""
-        from .display import model_card
-
-        return model_card(self)
-
-    def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
-        """Rise in K from rest, in closed form."""
-        return warn_beyond(self.of(self.linear.response(wave, times)), self.largest_rise)
-
-    def periodic_response(self, wave: waveforms.Waveform, samples: int) -> Array:
-        """One period of the periodic state in K, in closed form."""
-        return warn_beyond(self.of(self.linear.periodic_response(wave, samples)), self.largest_rise)
-
-    def steady_rise(self, power: ArrayLike) -> Array:
-        """Static rise in K at constant power in W, shape of ``power``."""
-        return self.of(self.thermal_resistance * np.asarray(power, dtype=float))
-
-    def of(self, z: ArrayLike) -> Array:
-        """dT in K of a linear rise z in K."""
-        z = np.asarray(z, dtype=float)
-        if np.any(1 + 2 * self.coefficient * z <= 0):
-            top = -0.5 / self.coefficient
-            raise checks.InputError(
-                f"a linear rise of {z.flat[np.argmax(np.abs(z))]:.4g} K lies beyond the top of the output map at "
-                f"{top:.4g} K; the power is far beyond what the coefficient describes"
-            )
-        return z + self.coefficient * z * z
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,11 +76,11 @@ class Quadratic:
         for name in ("inputs", "outputs"):
             if len(getattr(self, name)) != 1:
                 raise checks.InputError(f"{name} = {getattr(self, name)}; a Quadratic has one of each")
-        _check_rise(self.largest_rise)
+        check_rise(self.largest_rise)
 
     def _repr_html_(self) -> str:
         """What a notebook shows."""
-        from .display import model_card
+        from ..display import model_card
 
         return model_card(self)
 
@@ -304,8 +222,3 @@ class Quadratic:
         if not np.all(np.isfinite(track)):
             raise checks.InputError("the quadratic model runs away: the power is far beyond the range it describes")
         return np.asarray(track)
-
-
-def _check_rise(value: float | None) -> None:
-    if value is not None:
-        checks.positive("largest_rise", value, unit="K")

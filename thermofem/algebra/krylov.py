@@ -11,17 +11,18 @@ Source: A. Ruhe, Linear Algebra Appl. 58, 391 (1984).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .. import checks
-from ..factor import Solve, factorize
-from ..model import StateSpace
+from .factor import Solve, factorize
+from .system import LinearSystem
 
 Array = NDArray[np.float64]
+System = TypeVar("System", bound=Any)  # a dataclass that is a LinearSystem
 
 SHIFTS = 4  # 0, and three from 30 times the slowest to 300 times the fastest of `rates`
 ROOM = 32  # columns that a space has room for at first
@@ -45,10 +46,10 @@ class Basis:
     vectors: Array
     heating: Array
 
-    def reduced(self, system: StateSpace) -> StateSpace:
+    def reduced(self, system: System) -> System:
         """The reduced model with the inputs and outputs of ``system``."""
-        names = {"inputs": system.inputs, "outputs": system.outputs}
-        return StateSpace(np.eye(self.rate.size), -np.diag(self.rate), self.heating, system.C @ self.vectors, **names)
+        E, A = np.eye(self.rate.size), -np.diag(self.rate)
+        return replace(system, E=E, A=A, B=self.heating, C=system.C @ self.vectors)
 
 
 class Space:
@@ -126,13 +127,13 @@ class Rounds(Space):
 
     Parameters
     ----------
-    system : StateSpace
+    system : LinearSystem
     shifts : array, 1/s
     solvers : sequence of callable
         solve with K + s M, for each shift s.
     """
 
-    def __init__(self, system: StateSpace, shifts: Array, solvers: Sequence[Solve]) -> None:
+    def __init__(self, system: LinearSystem, shifts: Array, solvers: Sequence[Solve]) -> None:
         from scipy.sparse import csr_matrix
 
         super().__init__(-csr_matrix(system.A), csr_matrix(system.E), np.asarray(system.B, dtype=float))
@@ -159,7 +160,7 @@ class Rounds(Space):
         return Basis(rate, V, V.T @ self.B)
 
 
-def krylov(system: StateSpace, cycles: int = CYCLES) -> Basis:
+def krylov(system: LinearSystem, cycles: int = CYCLES) -> Basis:
     """Return the basis of ``cycles`` rounds through four shifts, for all inputs at once; empty for 0 rounds.
 
     Raises
@@ -183,7 +184,7 @@ def krylov(system: StateSpace, cycles: int = CYCLES) -> Basis:
     return space.basis()
 
 
-def rates(system: StateSpace, static: Solve) -> tuple[float, float]:
+def rates(system: LinearSystem, static: Solve) -> tuple[float, float]:
     """The slowest and the fastest rate in 1/s at which the heated parts answer: gain/content, and initial slope/gain.
 
     Raises
@@ -215,7 +216,7 @@ def slopes(M: Any, B: Array) -> Array:
     return np.asarray(np.einsum("ij,ij->j", B, lumped) ** 2 / inertia)
 
 
-def check_heat_flow(system: StateSpace) -> None:
+def check_heat_flow(system: LinearSystem) -> None:
     """Raise InputError unless E and A are symmetric: the factors take one triangle for both."""
     from scipy.sparse import csr_matrix
 

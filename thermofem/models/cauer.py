@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermofem import Foster, checks
+from .. import checks
+from .foster import Foster
 
 if TYPE_CHECKING:
     import xarray as xr

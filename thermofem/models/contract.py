@@ -1,0 +1,116 @@
+"""A thermal model is data: absorbed power in (W), mode-averaged temperature rise out (K).
+
+Contract of a `ThermalModel` (whatever satisfies it drives the optics, trains, is validated and drawn):
+
+1. ``model.inputs`` and ``model.outputs`` name the heated parts and the read ones.
+2. ``model.thermal_resistance`` is the static gain R_th in K/W (at small power, where the model is not linear).
+3. ``model.step_response(times)`` is the rise per watt after a step at t = 0, in K/W, shape of ``times``.
+4. ``model.impedance(frequency)`` is the complex thermal impedance Z(f) in K/W, shape of ``frequency`` in Hz.
+5. ``model.response(wave, times)`` is the rise in K under ``wave`` switched on at t = 0 from rest, shape of ``times``.
+6. ``model.periodic_response(wave, samples)`` is one period of the periodic state in K, at
+   `waveforms.period_times(wave, samples)`.
+
+Adding a model: write a function that returns one of these kinds, and add it to the list in tests/models.py.
+"""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .. import checks, waveforms
+
+Array = NDArray[np.float64]
+
+BEYOND = 1.2  # a rise this far above the training's largest draws a warning
+
+
+class ThermalModel(Protocol):
+    """Power in, temperature rise out; the numbered contract stands in the module's docstring."""
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the heated parts."""
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the read parts."""
+
+    @property
+    def thermal_resistance(self) -> float:
+        """Static gain R_th in K/W."""
+
+    def step_response(self, times: ArrayLike) -> Array:
+        """Rise in K/W after a unit step."""
+
+    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+        """Z(f) in K/W."""
+
+    def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
+        """Rise in K from rest."""
+
+    def periodic_response(self, wave: waveforms.Waveform, samples: int) -> Array:
+        """One period of the periodic state in K."""
+
+
+class AtSmallPower:
+    """What a model that is not linear shares with ``linear``, the one it is at small power."""
+
+    linear: Any
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the heated parts."""
+        return self.linear.inputs
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the read parts."""
+        return self.linear.outputs
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return self.linear.order
+
+    @property
+    def thermal_resistance(self) -> float:
+        """Static gain at small power in K/W."""
+        return self.linear.thermal_resistance
+
+    def step_response(self, times: ArrayLike) -> Array:
+        """Rise in K/W after a step of small power."""
+        return self.linear.step_response(times)
+
+    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+        """Z(f) at small power in K/W."""
+        return self.linear.impedance(frequency)
+
+
+def check_single(system: Any) -> None:
+    """Raise InputError unless the system has one input and one output."""
+    if (len(system.inputs), len(system.outputs)) != (1, 1):
+        raise checks.InputError(
+            f"inputs {system.inputs} and outputs {system.outputs}: pick one of each with .channel(heated, read)"
+        )
+
+
+class OutsideTrainingWarning(UserWarning):
+    """A model is asked for rises that its training did not reach."""
+
+
+def warn_beyond(rise: Array, trained: float | None) -> Array:
+    """``rise`` itself; OutsideTrainingWarning where it goes far above what the training reached (None: not known)."""
+    if trained is not None and np.max(rise, initial=0.0) > BEYOND * trained:
+        text = f"the model is asked for a rise of {rise.max():.3g} K; its training reached {trained:.3g} K"
+        warnings.warn(text, OutsideTrainingWarning, stacklevel=3)
+    return rise
+
+
+def check_rise(value: float | None) -> None:
+    """Raise InputError unless ``value`` is a rise in K or None."""
+    if value is not None:
+        checks.positive("largest_rise", value, unit="K")

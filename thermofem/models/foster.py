@@ -1,0 +1,98 @@
+"""A Foster network: the canonical small form of every linear thermal model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .. import checks, waveforms
+from ..algebra.poles import pole_responses
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Foster:
+    """Foster network: thermal resistances R_i in series, each with its own time constant.
+
+        Z(s) = sum_i R_i / (1 + s tau_i),    dx_i/dt = (R_i P - x_i) / tau_i,    dT = sum_i x_i
+
+    The canonical small form of every linear thermal model. A negative R_i is allowed (a fit may give one) but then the
+    network is not passive, which ``passive`` tells.
+
+    Parameters
+    ----------
+    R : array, shape (n,), K/W
+    tau : array, shape (n,), s
+        kept in increasing order, each with its R.
+
+    Raises
+    ------
+    InputError
+        a time constant that is not positive, lengths that differ, or numbers that are not finite.
+
+    >>> Foster(R=[2000.0, 5000.0], tau=[50e-9, 1e-6]).thermal_resistance
+    7000.0
+    """
+
+    R: ArrayLike
+    tau: ArrayLike
+    inputs: tuple[str, ...] = ("core",)
+    outputs: tuple[str, ...] = ("core",)
+
+    def __post_init__(self) -> None:
+        R, tau = checks.array("R", self.R), checks.array("tau", self.tau)
+        if R.size != tau.size:
+            raise checks.InputError(f"R has {R.size} entries and tau {tau.size}; each pole needs one of both")
+        if np.any(tau <= 0):
+            raise checks.InputError(f"tau = {tau.min():g} s must be positive; a negative one grows without bound")
+        order = np.argsort(tau)
+        object.__setattr__(self, "R", R[order])
+        object.__setattr__(self, "tau", tau[order])
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        from ..display import model_card
+
+        return model_card(self)
+
+    @property
+    def order(self) -> int:
+        """Number of poles."""
+        return int(np.size(self.R))
+
+    @property
+    def passive(self) -> bool:
+        """Whether every R_i >= 0, so that no waveform can draw heat from nothing."""
+        return bool(np.all(np.asarray(self.R) >= 0))
+
+    @property
+    def thermal_resistance(self) -> float:
+        """R_th = sum_i R_i in K/W."""
+        return float(np.sum(self.R))
+
+    def step_response(self, times: ArrayLike) -> Array:
+        """sum_i R_i (1 - exp(-t/tau_i)) in K/W; zero before t = 0."""
+        t = np.maximum(checks.numbers("times", times), 0)[..., None]
+        return -np.expm1(-t / self.tau) @ np.asarray(self.R)
+
+    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+        """sum_i R_i / (1 + 2 pi i f tau_i) in K/W."""
+        f = checks.numbers("frequency", frequency)[..., None]
+        return np.asarray((np.asarray(self.R) / (1 + 2j * np.pi * f * np.asarray(self.tau))).sum(axis=-1))
+
+    @property
+    def gain(self) -> Array:
+        """R_i / tau_i in K/J: the initial slope that each pole adds per watt."""
+        return np.asarray(self.R) / np.asarray(self.tau)
+
+    def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
+        """Rise in K under a piecewise-linear waveform from rest at t = 0, in closed form."""
+        return (pole_responses(1 / np.asarray(self.tau), wave, times) @ self.gain).reshape(np.shape(times))
+
+    def periodic_response(self, wave: waveforms.Waveform, samples: int) -> Array:
+        """One period of the periodic state in K, in closed form."""
+        times = waveforms.period_times(wave, samples)
+        return pole_responses(1 / np.asarray(self.tau), wave, times, periodic=True) @ self.gain

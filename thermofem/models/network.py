@@ -1,0 +1,103 @@
+"""A linear network that SINDy identified, and the gate that it passes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .. import checks
+from ..waveforms import Waveform
+from .contract import warn_beyond
+from .foster import Foster
+
+Array = NDArray[np.float64]
+
+STATIC = 1e-3  # largest error of the static gain that passes
+
+
+@dataclass(frozen=True, eq=False)
+class Network:
+    """An identified linear network: a `ThermalModel` that knows how far its training went.
+
+    Attributes
+    ----------
+    A : array, shape (n, n), 1/s
+    b : array, shape (n,), K/J
+    names : tuple of str
+        states; the first is read.
+    poles : Foster
+        the same network, diagonalised.
+    largest_rise : float, K
+        of the training.
+    """
+
+    A: Array
+    b: Array
+    names: tuple[str, ...]
+    poles: Foster
+    largest_rise: float
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The heated part."""
+        return self.poles.inputs
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """The read part."""
+        return self.poles.outputs
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return self.poles.order
+
+    @property
+    def thermal_resistance(self) -> float:
+        """R_th in K/W."""
+        return self.poles.thermal_resistance
+
+    def step_response(self, times: ArrayLike) -> Array:
+        """Rise in K/W after a unit step."""
+        return self.poles.step_response(times)
+
+    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+        """Z(f) in K/W."""
+        return self.poles.impedance(frequency)
+
+    def response(self, wave: Waveform, times: ArrayLike) -> Array:
+        """Rise in K from rest; warns beyond the training."""
+        return warn_beyond(self.poles.response(wave, times), self.largest_rise)
+
+    def periodic_response(self, wave: Waveform, samples: int) -> Array:
+        """One period of the periodic state in K; warns beyond the training."""
+        return warn_beyond(self.poles.periodic_response(wave, samples), self.largest_rise)
+
+
+def gate(A: ArrayLike, b: ArrayLike, static: float, *, name: str = "core") -> Foster:
+    """Pass a network dT/dt = A T + b P, read at its first state, as a Foster network, or refuse it.
+
+    Raises
+    ------
+    InputError
+        complex or growing poles, a negative residue, or a static gain off by more than 1e-3.
+    """
+    A, b = checks.numbers("A", A), checks.array("b", b)
+    checks.positive("static", static, unit="K/W")
+    if A.shape != (b.size, b.size):
+        raise checks.InputError(f"A has shape {A.shape}; ({b.size}, {b.size}) goes with b")
+    rate, modes = np.linalg.eig(A)
+    tau = np.divide(-1.0, rate.real, where=rate.real != 0, out=np.full(rate.size, np.inf))
+    said = "the identified network is refused: "
+    if np.any(np.abs(rate.imag) > 1e-9 * np.abs(rate)):
+        raise checks.InputError(said + f"it oscillates (a pole at {rate[np.argmax(np.abs(rate.imag))]:.3g} 1/s)")
+    if np.any(rate.real >= 0):
+        raise checks.InputError(said + f"it is not stable (a pole grows at {rate.real.max():.3g} 1/s)")
+    R = np.real(modes[0] * np.linalg.solve(modes, b)) * tau
+    if np.any(R < 0):
+        raise checks.InputError(said + f"it is not passive (R = {R.min():.3g} K/W at tau = {tau[np.argmin(R)]:.3g} s)")
+    if abs(R.sum() - static) > STATIC * static:
+        raise checks.InputError(said + f"its static gain is {R.sum():.5g} K/W, not {static:.5g}")
+    return Foster(R=R, tau=tau, inputs=(name,), outputs=(name,))

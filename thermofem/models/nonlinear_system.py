@@ -1,0 +1,77 @@
+"""The FEM with k(T) and c_p(T) as a thermal model; its equations are those of `thermofem.transient.nonlinear`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .. import checks, waveforms
+from ..transient.integration import integrate, integrate_periodic
+from ..transient.nonlinear import NonlinearEquations, factorize_general
+from .contract import AtSmallPower, check_single
+from .state_space import StateSpace
+
+Array = NDArray[np.float64]
+
+NEWTON_STEPS = 60
+
+
+@dataclass(frozen=True, eq=False)
+class NonlinearSystem(AtSmallPower, NonlinearEquations):
+    """A thermal model with k(T) and c_p(T); keeps the contract of `thermofem.models.contract`.
+
+    Attributes
+    ----------
+    linear : StateSpace
+        the same at small power, around the ambient temperature.
+    flow, content : Lift
+        F(x) in W and H(x) in J.
+    """
+
+    linear: StateSpace
+
+    def response(self, wave: waveforms.Waveform, times: ArrayLike, *, rtol: float = 1e-5) -> Array:
+        """Rise in K from rest, by error-controlled integration (`transient.integrate`)."""
+        check_single(self.linear)
+        return integrate(self, wave, times, rtol=rtol).outputs[:, 0].reshape(np.shape(times))
+
+    def periodic_response(self, wave: waveforms.Waveform, samples: int, *, rtol: float = 1e-5) -> Array:
+        """One period of the periodic state in K (`transient.integrate_periodic`)."""
+        check_single(self.linear)
+        return integrate_periodic(self, wave, samples, rtol=rtol).outputs[:, 0]
+
+    def steady_state(self, power: float | Sequence[float]) -> Array:
+        """Rise in K of all unknowns at constant power in W (one for each input): Newton's method on F(x) = B P.
+
+        Raises
+        ------
+        InputError
+            no steady state is found, as where the conductivity falls so fast that the heat cannot leave.
+        """
+        heat = self.linear.B @ np.broadcast_to(np.atleast_1d(np.asarray(power, dtype=float)), len(self.inputs))
+        x = np.zeros(self.order)
+        last = np.inf
+        for _ in range(NEWTON_STEPS):
+            try:
+                change = factorize_general(self.flow.jacobian(x))(heat - self.flow(x))
+            except RuntimeError:  # SuperLU: the Jacobian is singular, as where k(T) has gone to nothing
+                break
+            size = float(np.abs(change).max())
+            if not np.isfinite(size):
+                break
+            lowest = 0.5 * self.flow.ambient  # a step that would cool far below ambient is cut short
+            x = x + change * min(1.0, lowest / max(size, lowest) if change.min() < -lowest else 1.0)
+            if size <= 1e-12 * np.abs(x).max() or (size <= 1e-9 * np.abs(x).max() and size >= last / 2):
+                return x
+            last = size
+        raise checks.InputError(
+            f"power = {power} W: no steady state is found in {NEWTON_STEPS} iterations; does the conductivity fall so "
+            "fast with temperature that the heat cannot leave?"
+        )
+
+    def steady_rise(self, power: float | Sequence[float]) -> Array:
+        """Rise of every output at constant power in W, in K, shape (outputs,)."""
+        return np.asarray(self.linear.C @ self.steady_state(power))

@@ -1,0 +1,81 @@
+"""A linear thermal model with a static map of its output."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .. import checks, waveforms
+from .contract import AtSmallPower, check_rise, warn_beyond
+from .foster import Foster
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class OutputMap(AtSmallPower):
+    """Linear dynamics with a static map of the output, the Kirchhoff transformation in one number.
+
+        dT = z + coefficient z^2,      z = rise of the linear model
+
+    With k(T) the Kirchhoff variable obeys a nearly linear heat equation and the temperature is a function of it. As
+    stable as the linear model, whatever the coefficient.
+
+    Parameters
+    ----------
+    linear : Foster
+        the model at small power.
+    coefficient : float, 1/K
+        positive where the conductivity falls with temperature.
+    largest_rise : float, K, optional
+        that the coefficient was fitted to; beyond it responses warn.
+
+    Raises
+    ------
+    InputError
+        a coefficient that is not finite or larger than 0.1 /K; a response beyond the top of the map, where
+        1 + 2 coefficient z = 0.
+
+    >>> OutputMap(Foster(R=[7800.0], tau=[1e-6]), -4e-4).steady_rise(20e-3).round(1)
+    np.float64(146.3)
+    """
+
+    linear: Foster
+    coefficient: float
+    largest_rise: float | None = None
+
+    def __post_init__(self) -> None:
+        hint = "it is in 1/K, of the order of -4e-4 for silicon in oxide"
+        object.__setattr__(self, "coefficient", checks.between("coefficient", self.coefficient, -0.1, 0.1, hint=hint))
+        check_rise(self.largest_rise)
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        from ..display import model_card
+
+        return model_card(self)
+
+    def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
+        """Rise in K from rest, in closed form."""
+        return warn_beyond(self.of(self.linear.response(wave, times)), self.largest_rise)
+
+    def periodic_response(self, wave: waveforms.Waveform, samples: int) -> Array:
+        """One period of the periodic state in K, in closed form."""
+        return warn_beyond(self.of(self.linear.periodic_response(wave, samples)), self.largest_rise)
+
+    def steady_rise(self, power: ArrayLike) -> Array:
+        """Static rise in K at constant power in W, shape of ``power``."""
+        return self.of(self.thermal_resistance * np.asarray(power, dtype=float))
+
+    def of(self, z: ArrayLike) -> Array:
+        """dT in K of a linear rise z in K."""
+        z = np.asarray(z, dtype=float)
+        if np.any(1 + 2 * self.coefficient * z <= 0):
+            top = -0.5 / self.coefficient
+            raise checks.InputError(
+                f"a linear rise of {z.flat[np.argmax(np.abs(z))]:.4g} K lies beyond the top of the output map at "
+                f"{top:.4g} K; the power is far beyond what the coefficient describes"
+            )
+        return z + self.coefficient * z * z

@@ -1,0 +1,167 @@
+"""A linear thermal model as matrices: the FEM itself, or a reduction of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .. import checks, waveforms
+from ..algebra.factor import factorize
+from ..algebra.krylov import check_heat_flow
+from ..transient.integration import integrate, integrate_periodic
+from ..transient.modal import Modal
+from .contract import check_single
+from .foster import Foster
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_matrix
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class StateSpace:
+    """Linear thermal model E dx/dt = A x + B P, dT = C x: sparse for the FEM, small for a reduction.
+
+    ``E`` and ``-A`` are symmetric positive definite for every heat problem, and where input and output are the same
+    part ``C = B^T``; the system is then passive and equal to a Foster network with as many poles as states.
+
+    Parameters
+    ----------
+    E, A : sparse matrix or array, shape (n, n); J/K and W/K
+    B : array, shape (n, inputs)
+    C : array, shape (outputs, n)
+    inputs, outputs : tuple of str
+    """
+
+    E: Any
+    A: Any
+    B: Array
+    C: Array
+    inputs: tuple[str, ...] = ("core",)
+    outputs: tuple[str, ...] = ("core",)
+
+    def __post_init__(self) -> None:
+        for name in ("E", "A", "B", "C"):
+            matrix = getattr(self, name)
+            checks.has(name, matrix, "shape", "dtype", hint="an array or a sparse matrix is needed")
+            if 0 in matrix.shape or not np.isfinite(matrix.sum()):
+                raise checks.InputError(f"{name} of shape {matrix.shape} is empty or holds what is not finite")
+        n = self.A.shape[0]
+        shapes = {"E": (n, n), "A": (n, n), "B": (n, len(self.inputs)), "C": (len(self.outputs), n)}
+        for name, shape in shapes.items():
+            if getattr(self, name).shape != shape:
+                raise checks.InputError(f"{name} has shape {getattr(self, name).shape}; {shape} is needed")
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        from ..display import model_card
+
+        return model_card(self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields alone: what is kept between runs stays in this process."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return int(self.A.shape[0])
+
+    def channel(self, heated: str | None = None, read: str | None = None) -> StateSpace:
+        """The same system with one input and one output (default: the first of each)."""
+        i = self.inputs.index(checks.choice("heated", heated or self.inputs[0], self.inputs))
+        j = self.outputs.index(checks.choice("read", read or self.outputs[0], self.outputs))
+        return StateSpace(
+            self.E, self.A, self.B[:, [i]], self.C[[j]], inputs=(self.inputs[i],), outputs=(self.outputs[j],)
+        )
+
+    @cached_property
+    def gain(self) -> Array:
+        """Static gain -C A^-1 B in K/W, shape (outputs, inputs)."""
+        solve = factorize(-self._sparse("A"))
+        return np.asarray(self.C @ np.column_stack([solve(column) for column in self.B.T]))
+
+    @property
+    def thermal_resistance(self) -> float:
+        """R_th of the only channel in K/W; InputError when there are several (take ``gain`` or ``channel``)."""
+        check_single(self)
+        return float(self.gain[0, 0])
+
+    @cached_property
+    def _modal(self) -> Modal:
+        """Transients in closed form; InputError where E or A is not symmetric."""
+        check_heat_flow(self)
+        return Modal(self)
+
+    def step_response(self, times: ArrayLike, *, rtol: float = 1e-5) -> Array:
+        """Rise in K/W after a unit step, see `response`."""
+        milliwatt = 1e-3
+        return self.response(waveforms.Constant(milliwatt), times, rtol=rtol) / milliwatt
+
+    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+        """C (i w E - A)^-1 B in K/W, one complex factorization a frequency."""
+        from scipy.sparse.linalg import splu
+
+        check_single(self)
+        E, A = self._sparse("E"), self._sparse("A")
+        f = np.atleast_1d(checks.numbers("frequency", frequency))
+        z = [
+            (self.C[0] @ splu((2j * np.pi * w) * E - A, permc_spec="MMD_AT_PLUS_A").solve(self.B[:, 0] + 0j)) for w in f
+        ]
+        return np.asarray(z, dtype=complex).reshape(np.shape(frequency))
+
+    def response(self, wave: waveforms.Waveform, times: ArrayLike, *, rtol: float = 1e-5) -> Array:
+        """Rise in K from rest: in closed form (`transient.modal`) where the power is straight, else stepped.
+
+        ``rtol`` is as of `transient.integrate`.
+        """
+        check_single(self)
+        run = self._modal.run(self.C, wave, times, rtol=rtol) or integrate(self, wave, times, rtol=rtol)
+        return run.outputs[:, 0].reshape(np.shape(times))
+
+    def periodic_response(self, wave: waveforms.Waveform, samples: int, *, rtol: float = 1e-5) -> Array:
+        """One period of the periodic state in K, at `waveforms.period_times`, as `response`."""
+        check_single(self)
+        times = waveforms.period_times(wave, samples)
+        run = self._modal.run(self.C, wave, times, rtol=rtol, periodic=True)
+        return (run or integrate_periodic(self, wave, samples, rtol=rtol)).outputs[:, 0]
+
+    def _sparse(self, name: str) -> csc_matrix:
+        from scipy.sparse import csc_matrix
+
+        return csc_matrix(getattr(self, name))
+
+
+def foster(system: StateSpace) -> Foster:
+    """Diagonalise a small symmetric StateSpace: A v = -lambda E v, R_i = (C v_i)(v_i B)/lambda_i.
+
+    Raises
+    ------
+    InputError
+        more than 2000 states (reduce the FEM first), several channels, matrices that are not symmetric, E not positive
+        definite, or a pole that does not decay.
+    """
+    from scipy.linalg import LinAlgError, eigh
+    from scipy.sparse import issparse
+
+    if system.order > 2000:
+        raise checks.InputError(f"a system of {system.order} states is too large to diagonalise; reduce it first")
+    check_single(system)
+    E, A = (m.toarray() if issparse(m) else np.asarray(m) for m in (system.E, system.A))
+    for name, matrix in (("E", E), ("A", A)):  # eigh reads one triangle
+        checks.symmetric(name, matrix, hint="only a symmetric system is a Foster network")
+    try:
+        rate, modes = eigh(-A, E)
+    except LinAlgError:
+        raise checks.InputError("E is not positive definite; every heat capacity must be positive") from None
+    if rate[0] <= 0:
+        raise checks.InputError(
+            f"the slowest pole has rate {rate[0]:g} 1/s; every one must decay (is a boundary held?)"
+        )
+    R = (system.C[0] @ modes) * (modes.T @ system.B[:, 0]) / rate
+    return Foster(R=R, tau=1 / rate, inputs=system.inputs, outputs=system.outputs)
