@@ -57,8 +57,9 @@ WORDS: dict[str, dict[str, str]] = {
     },
     "[[probe]]": {
         "name": "**required**",
-        "part": "**required**; the shell surrounds it",
-        "shell": "**required**; thickness of the shell",
+        "part": "**required**; the shell lies around it, or the copy is one of it",
+        "shell": "thickness of the shell; either this or `distance`",
+        "distance": "from the axis to the centre of a copy of the part: what a neighbouring ring reads",
     },
     "[boundary]": {
         "bottom": "`isothermal` (default), `insulated`, `open` or `{ convection = ... }`",

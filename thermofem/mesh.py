@@ -180,7 +180,7 @@ def write_references(folder: str | Path) -> str:
 
 
 def content_hash(geometry: CrossSection, accuracy: float) -> str:
-    """Twelve hexadecimal digits of what determines the mesh: outlines, their names, what is heated, sizes, mesher.
+    """Twelve hexadecimal digits of what determines the mesh: outlines, names, what is heated, copies, sizes, mesher.
 
     Materials, boundary conditions and the geometry's name do not enter.
     """
@@ -189,7 +189,8 @@ def content_hash(geometry: CrossSection, accuracy: float) -> str:
         (face.owner, role.get(face.owner, "layer"), [np.rint(ring / GRID).astype(int).tolist() for ring in face.rings])
         for face in geometry.subdivision.faces
     ]
-    text = repr((VERSION, f"{accuracy:.6e}", faces))
+    copies = sorted(probe.distance for probe in geometry.probes if probe.distance is not None)
+    text = repr((VERSION, f"{accuracy:.6e}", faces, *([copies] if copies else [])))
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 

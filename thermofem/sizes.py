@@ -7,6 +7,10 @@ With d the distance to the outlines of the heated parts and d_c that to one of t
 The heat flux is singular where conductivities meet at a corner, and so h_c decides the accuracy. Outlines and corners
 of other parts and of voids count in the same way with h and h_c multiplied by 1 + d/(0.3 um): what is far from the heat
 sees a smoother field. Corners on an insulated surface have the stronger singularity, and 0.15 h_c.
+
+Copies of parts off the axis are read far from the heat, where mostly the last term bounds the sizes. With them it is
+multiplied by f = slope(accuracy)/slope(1e-3), about the fourth root of the accuracy, as the error of a smooth field
+needs; and at a distance e from a copy's centre line, L away from the heated parts there, size <= f L/4 + slope e.
 """
 
 from __future__ import annotations
@@ -87,12 +91,18 @@ def size_function(geometry: CrossSection, at: Sizes) -> Callable[[float, float],
         groups.setdefault(corner_size, []).append((r, z))
     grouped = list(groups.items())
     slope, h, sqrt = at.slope, at.h, math.sqrt
+    copies = _copies(geometry)
+    far = min(1.0, at.slope / sizes(1e-3).slope) if copies else 1.0
+    edge = max(part.outer_radius for part in geometry.parts if part.heated)
 
     def size(r: float, z: float) -> float:
         d = _distance(heated, r, z)
-        smallest = min(h + slope * d, max(LARGEST, d / 10))
+        smallest = min(h + slope * d, far * max(LARGEST, d / 10))
         if other:
             smallest = min(smallest, h * (1 + d / REACH) + slope * _distance(other, r, z))
+        for inner, outer, middle in copies:
+            x = min(max(r, inner), outer)
+            smallest = min(smallest, far * (x - edge) / 4 + slope * math.hypot(r - x, z - middle))
         for corner_size, points in grouped:
             if corner_size < smallest:
                 square = min([(r - x) * (r - x) + (z - y) * (z - y) for x, y in points])
@@ -100,6 +110,13 @@ def size_function(geometry: CrossSection, at: Sizes) -> Callable[[float, float],
         return smallest
 
     return size
+
+
+def _copies(geometry: CrossSection) -> list[Corner]:
+    """Inner and outer radius and middle height in m of every copy off the axis."""
+    parts = {part.name: part for part in geometry.parts}
+    copies = [(probe.distance, parts[probe.part]) for probe in geometry.probes if probe.distance is not None]
+    return [(d - part.outer_radius, d + part.outer_radius, part.bottom + part.height / 2) for d, part in copies]
 
 
 def _outline(geometry: CrossSection, *, heated: bool) -> list[Segment]:

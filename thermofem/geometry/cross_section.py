@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from .. import checks, toml_file
 from ..materials.library import VOID, Material, find
 from . import toml_schema
+from .neighbours import check_copies
 from .parts import INSULATED, ISOTHERMAL, OPEN, Boundary, Interface, Layer, Part, Probe, length
 from .regions import Subdivision, check_held, check_places, subdivide
 
@@ -40,7 +41,7 @@ class CrossSection:
         overrides of, and additions to, `materials.LIBRARY`.
     ambient : float, K
     probes : tuple of Probe
-        shells that can be read beside the layers and parts.
+        shells around parts, and copies of parts beside the axis, that can be read beside the layers and parts.
 
     Raises
     ------
@@ -67,6 +68,7 @@ class CrossSection:
         checks.between("ambient", self.ambient, 1, 3000, unit="K")
         self._check_names()
         check_places(self)
+        check_copies(self)
         if not any(part.heated for part in self.parts):
             raise checks.InputError(f"{self.name!r}: no part is heated; mark one with heated = true")
         if not (self.bottom.holds or self.top.holds or self.outer.holds):

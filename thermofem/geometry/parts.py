@@ -153,24 +153,44 @@ class Interface:
 
 @dataclass(frozen=True)
 class Probe:
-    """A shell to be read: everything within ``shell`` of a part that is not the part itself, voids left out.
+    """Something to be read beside layers and parts: a shell around a part, or a copy of a part beside the axis.
+
+    A shell is everything within ``shell`` of the part that is not the part itself, voids left out. A copy stands for a
+    neighbouring ring, which reads the same axisymmetric field off its axis; give either ``shell`` or ``distance``.
 
     Parameters
     ----------
     name : str
     part : str
-        the part around which the shell lies.
+        the part around which the shell lies, or which is copied.
     shell : float, m
-        its thickness.
+        thickness of the shell.
+    distance : float, m
+        from the axis to the centre of the copy.
+
+    Raises
+    ------
+    InputError
+        neither or both of ``shell`` and ``distance``, or a length that cannot be.
+
+    >>> Probe(name="neighbour", part="core", distance=20e-6).distance
+    2e-05
     """
 
     name: str
     part: str
-    shell: float
+    shell: float | None = None
+    distance: float | None = None
 
     def __post_init__(self) -> None:
         _check_name("probe", self.name)
-        length(f"probe {self.name!r}: shell", self.shell, typical=0.3e-6)
+        if (self.shell is None) == (self.distance is None):
+            both = "not both" if self.shell is not None else "it has neither"
+            raise checks.InputError(f"probe {self.name!r}: give shell, or distance for a copy off the axis; {both}")
+        if self.shell is not None:
+            length(f"probe {self.name!r}: shell", self.shell, typical=0.3e-6)
+        if self.distance is not None:
+            length(f"probe {self.name!r}: distance", self.distance, typical=20e-6)
 
 
 def ring(radius: float, width: float, *, of: str = "") -> tuple[float, float]:

@@ -45,7 +45,7 @@ _PART = {
     "heated": _FLAG,
 }
 _INTERFACE = {"part": _TEXT, "resistance": "m^2*K/W"}
-_PROBE = {"name": _TEXT, "part": _TEXT, "shell": "m"}
+_PROBE = {"name": _TEXT, "part": _TEXT, "shell": "m", "distance": "m"}
 _BOUNDARY = {"bottom": _ANY, "top": _ANY, "outer": _ANY}
 _CONVECTION = {"convection": "W/m^2/K"}
 _MATERIAL = {"conductivity": _ANY, "density": "kg/m^3", "specific_heat": _ANY, "source": _TEXT}
@@ -127,7 +127,7 @@ def _interface(table: dict[str, Any], k: int) -> Interface:
 
 
 def _probe(table: dict[str, Any], k: int) -> Probe:
-    return Probe(**_read(table, _PROBE, _where("probe", table, k), required=("name", "part", "shell")))
+    return Probe(**_read(table, _PROBE, _where("probe", table, k), required=("name", "part")))
 
 
 def _boundary(table: dict[str, Any], side: str, default: Boundary) -> Boundary:
@@ -178,7 +178,8 @@ def write_text(geometry: CrossSection) -> str:
         lines += [f"resistance = {_quantity(interface.resistance, 'm^2*K/W')}"]
     for probe in geometry.probes:
         lines += ["", "[[probe]]", f"name = {_quoted(probe.name)}", f"part = {_quoted(probe.part)}"]
-        lines += [f"shell = {_quantity(probe.shell, 'm')}"]
+        sizes = {"shell": probe.shell, "distance": probe.distance}
+        lines += [f"{key} = {_quantity(value, 'm')}" for key, value in sizes.items() if value is not None]
     lines += ["", "[boundary]"]
     for side in ("bottom", "top", "outer"):
         boundary: Boundary = getattr(geometry, side)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ..algebra.factor import factorize
 from .matrices import Surfaces, capacity, conduction, properties, surface_terms, volume
-from .shell import shell_integral
+from .probes import probe_integral
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
@@ -77,13 +77,13 @@ class Enrichment:
         return cls(basis, places, quadratics, *(matrix[places][:, places] for matrix in (E, K)))
 
     def mean(self, heat: HeatProblem, name: str) -> Array:
-        """Functional of the volume mean over a region or a probe's shell."""
+        """Functional of the volume mean over a region or what a probe reads."""
         mesh = heat.mesh
         if name in mesh.region_names:
             integral = volume(self.basis, mesh.region == mesh.region_names.index(name))
         else:
             probe = next(probe for probe in heat.geometry.probes if probe.name == name)
-            integral = shell_integral(heat.geometry, mesh, self.basis, probe)
+            integral = probe_integral(heat.geometry, mesh, self.basis, probe)
         return np.asarray(integral[self.places] / integral[self.quadratics].sum())
 
 

@@ -26,7 +26,7 @@ from ..transient.trajectory import Ledger
 from .accuracy import ESTIMATES, Enrichment, warn_of_domain
 from .interface import contacts, split
 from .matrices import Discretization, Surfaces, build, capacity, conduction, discretize, properties
-from .shell import shell_mean
+from .probes import probe_mean
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
@@ -87,6 +87,15 @@ class HeatProblem:
     def readable(self) -> tuple[str, ...]:
         """Names of everything that can be read: regions and probes."""
         return (*self.regions, *(probe.name for probe in self.geometry.probes))
+
+    @property
+    def judged(self) -> tuple[tuple[str, str], ...]:
+        """The channels (heated, read) whose mesh error decides about the mesh.
+
+        Every heated part with itself, and with every copy off the axis, which lies where meshes are coarse.
+        """
+        copies = [probe.name for probe in self.geometry.probes if probe.distance is not None]
+        return tuple((part, read) for part in self.heated for read in (part, *copies))
 
     @property
     def unknowns(self) -> int:
@@ -272,8 +281,8 @@ def assemble(geometry: CrossSection, accuracy: float = 1e-3) -> HeatProblem:
     geometry : CrossSection
     accuracy : float
         wanted relative error of R_th and of the step response from 1 ns on; it picks the mesh sizes. Where the
-        estimated error (`HeatProblem.mesh_error`) of a heated part is larger, the mesh is made again, finer. The meshes
-        of the reference strip are committed; any other is made by gmsh.
+        estimated error (`HeatProblem.mesh_error`) of a heated part, or of a copy of a part off the axis, is larger,
+        the mesh is made again, finer. The meshes of the reference strip are committed; any other is made by gmsh.
 
     Raises
     ------
@@ -296,7 +305,7 @@ def assemble(geometry: CrossSection, accuracy: float = 1e-3) -> HeatProblem:
     finer = accuracy
     for _ in range(REFINEMENTS):
         heat = _on_mesh(geometry, split(mesh_for(geometry, finer), resistance), resistance, accuracy)
-        error = max(heat.mesh_error(part) for part in heat.heated)
+        error = max(heat.mesh_error(*channel) for channel in heat.judged)
         if error <= accuracy or finer <= FINEST:
             break
         finer = max(FINEST, finer * accuracy / error / 2)
@@ -306,8 +315,8 @@ def assemble(geometry: CrossSection, accuracy: float = 1e-3) -> HeatProblem:
 def _on_mesh(geometry: CrossSection, mesh: Mesh, resistance: dict[str, float], accuracy: float) -> HeatProblem:
     conductivity, heat_capacity = properties(geometry, mesh)
     discretization = build(mesh, conductivity, heat_capacity, _surfaces(geometry, mesh, resistance))
-    shells = {probe.name: shell_mean(geometry, mesh, discretization.basis, probe) for probe in geometry.probes}
-    discretization = replace(discretization, means={**discretization.means, **shells})
+    probes = {probe.name: probe_mean(geometry, mesh, discretization.basis, probe) for probe in geometry.probes}
+    discretization = replace(discretization, means={**discretization.means, **probes})
     return HeatProblem(geometry, mesh, discretization, accuracy)
 
 

@@ -21,8 +21,8 @@ Array = NDArray[np.float64]
 FINENESS = 24  # small triangles along each edge of a triangle that the shell's edge cuts
 
 
-def shell_mean(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe) -> Array:
-    """Functional of the volume mean over a shell; its entries sum to one.
+def shell_integral(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe) -> Array:
+    """Integral of 2 pi r times each basis function over a shell; the sum of the entries is its volume in m^3.
 
     Triangles well inside are integrated exactly, those near the edge by `FINENESS`^2 small triangles each, which count
     by the share that lies inside.
@@ -32,12 +32,7 @@ def shell_mean(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe) -> 
     InputError
         the part is not meshed: nothing of it is left.
     """
-    integral = shell_integral(geometry, mesh, basis, probe)
-    return integral / integral.sum()
-
-
-def shell_integral(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe) -> Array:
-    """Integral of 2 pi r times each basis function over a shell; the sum of the entries is its volume in m^3."""
+    thickness = float(probe.shell or 0)
     edges = [face.edges() for face in geometry.subdivision.faces if face.owner == probe.part]
     if not edges:
         raise checks.InputError(f"probe {probe.name!r}: nothing of part {probe.part!r} is left to lie around")
@@ -47,12 +42,12 @@ def shell_integral(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe)
     far = distance(corners, outline)
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).max(axis=1)
     outside = mesh.region != mesh.region_names.index(probe.part)
-    inside = outside & (far.max(axis=1) + longest / 2 <= probe.shell)
-    cut = outside & ~inside & (far.min(axis=1) - longest <= probe.shell)
+    inside = outside & (far.max(axis=1) + longest / 2 <= thickness)
+    cut = outside & ~inside & (far.min(axis=1) - longest <= thickness)
     total = volume(basis, inside)
     local, cells = _centroids(FINENESS), np.flatnonzero(cut)
     r, z = np.einsum("qk,ckx->xcq", np.column_stack([1 - local.sum(axis=1), local]), corners[cells])
-    depth = (probe.shell - distance(np.stack([r, z], axis=-1), outline)) / (longest[cells, None] / FINENESS)
+    depth = (thickness - distance(np.stack([r, z], axis=-1), outline)) / (longest[cells, None] / FINENESS)
     weight = 2 * np.pi * r * np.clip(0.5 + depth, 0, 1) * _areas(corners[cells])[:, None] / len(local)
     for k in range(basis.Nbfun):
         shape = basis.elem.lbasis(local.T, k)[0]
