@@ -60,9 +60,9 @@ def test_the_estimate_is_near_the_true_error_and_that_keeps_the_promise(case, ne
 
 def test_a_mesh_that_misses_the_accuracy_is_made_again(needs_mesher, monkeypatch):
     """With sizes for 1e-2 in place of those for 1e-3, the estimate says so and the promise is kept all the same."""
-    from thermofem import mesh
+    from thermofem.mesh import generate
 
-    monkeypatch.setattr(mesh, "sizes", lambda accuracy: sizes(10 * accuracy))
+    monkeypatch.setattr(generate, "sizes", lambda accuracy: sizes(10 * accuracy))
     geometry = th.strip_ring(width=460e-9)
     heat = th.assemble(geometry, 1e-3)
     assert heat.mesh_error() < 1e-3

@@ -143,7 +143,7 @@ def test_the_hash_covers_what_determines_the_mesh_and_nothing_else():
 def test_a_mesh_in_the_installed_package_is_found_first(tmp_path, monkeypatch):
     package = tmp_path / "thermofem"
     (package / "meshes").mkdir(parents=True)
-    monkeypatch.setattr(mesh, "__file__", str(package / "mesh.py"))
+    monkeypatch.setattr(mesh.committed, "__file__", str(package / "mesh" / "committed.py"))
     assert mesh.find_committed(strip_ring(), 1e-3) is None
     wanted = package / "meshes" / f"strip-{mesh.content_hash(strip_ring(), 1e-3)}.msh"
     wanted.write_bytes(b"")
@@ -333,7 +333,7 @@ except MissingLibraryError as error:
 )
 def test_without_gmsh_the_error_names_what_brings_it_and_committed_meshes_work(failure, words, tmp_path):
     (tmp_path / "gmsh.py").write_text(f"raise {failure}\n")  # stands before the real one
-    checkout = str(Path(mesh.__file__).resolve().parents[1])
+    checkout = str(Path(mesh.__file__).resolve().parents[2])
     done = subprocess.run(
         [sys.executable, "-c", WITHOUT_GMSH],
         env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), checkout])},
@@ -353,13 +353,13 @@ def test_every_missing_library_is_named_at_once(monkeypatch):
     def absent(name):
         raise OSError("libGL.so.1: cannot open shared object file: No such file or directory")
 
-    monkeypatch.setattr(mesh.importlib, "import_module", absent)
-    monkeypatch.setattr(mesh, "_loads", lambda library: library not in ("libGL.so.1", "libgomp.so.1"))
+    monkeypatch.setattr(mesh.library.importlib, "import_module", absent)
+    monkeypatch.setattr(mesh.library, "_loads", lambda library: library not in ("libGL.so.1", "libgomp.so.1"))
     assert "apt-get install libgl1 libgomp1)" in mesh.gmsh_problem()
 
 
 def test_a_missing_mesher_is_an_import_error(monkeypatch):
-    monkeypatch.setattr(mesh, "gmsh_problem", lambda: "gone")
+    monkeypatch.setattr(mesh.generate, "gmsh_problem", lambda: "gone")
     with pytest.raises(MissingLibraryError, match="gone"):
         mesh.make(strip_ring(), 1e-3)
 
@@ -369,7 +369,7 @@ def test_importing_is_light():
         "import sys, thermofem.mesh, thermofem.geometry, thermofem.quantity\n"
         "print({'gmsh', 'pygmsh', 'meshio', 'shapely', 'pint'} & sys.modules.keys())"
     )
-    environment = {**os.environ, "PYTHONPATH": str(Path(mesh.__file__).resolve().parents[1])}
+    environment = {**os.environ, "PYTHONPATH": str(Path(mesh.__file__).resolve().parents[2])}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
 

@@ -1,0 +1,128 @@
+"""Triangle meshes of a cross-section, made by gmsh through pygmsh."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import InputError, MissingLibraryError
+from ..sizes import size_function, sizes
+from .library import gmsh_problem
+from .triangles import Mesh
+
+if TYPE_CHECKING:
+    from ..geometry.cross_section import CrossSection
+    from ..geometry.regions import Face
+
+OPTIONS = {"General.Terminal": 0, "General.NumThreads": 1, "Mesh.LcIntegrationPrecision": 1e-2}
+MICRON = 1e-6  # gmsh has absolute tolerances of 1e-8: it is given micrometres
+
+_GMSH = threading.Lock()  # gmsh has one global state
+
+
+def make(geometry: CrossSection, accuracy: float) -> Mesh:
+    """Mesh a geometry with gmsh (deterministic; works in any thread).
+
+    Raises
+    ------
+    InputError, MissingLibraryError
+        as `mesh_for`.
+    """
+    problem = gmsh_problem()
+    if problem:
+        raise MissingLibraryError(problem)
+    import gmsh
+    import pygmsh
+
+    size = size_function(geometry, sizes(accuracy))
+    faces = geometry.subdivision.faces
+    with _GMSH, _pipe_signal():
+        ours = not gmsh.isInitialized()
+        if ours:  # not by pygmsh's context manager: it installs a signal handler, which only the main thread may do
+            gmsh.initialize(readConfigFiles=False, interruptible=False)
+        try:
+            points, triangles, region, names = _triangulate(gmsh, pygmsh.geo.Geometry(), faces, size)
+        except Exception as error:  # gmsh raises plain Exception
+            raise InputError(f"gmsh cannot mesh {geometry.name!r}: {error}") from None
+        finally:
+            if ours:
+                gmsh.finalize()
+    mesh = Mesh(points, triangles, region, names)
+    meshed = mesh.volumes()
+    for name, volume in geometry.volumes().items():
+        if abs(meshed[name] - volume) > 1e-9 * volume:
+            raise InputError(f"gmsh cannot mesh {geometry.name!r}: it leaves a gap in {name!r}; simplify its outline")
+    return mesh
+
+
+def _triangulate(
+    gmsh: Any, builder: Any, faces: Sequence[Face], size: Callable[[float, float], float]
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64], tuple[str, ...]]:
+    """Points (m), triangles, region and region names of the faces, sharing points and lines."""
+    before = gmsh.model.getCurrent()  # the caller's, where gmsh was running already
+    gmsh.model.add("thermofem")
+    try:
+        surfaces = _surfaces(builder, faces)
+        builder.set_mesh_size_callback(lambda dim, tag, r, z, _, size_given: size(r * MICRON, z * MICRON) / MICRON)
+        for option, value in OPTIONS.items():
+            gmsh.option.setNumber(option, value)
+        builder.synchronize()
+        gmsh.model.mesh.generate(2)
+        tags, coordinates, _ = gmsh.model.mesh.getNodes()
+        cells = [gmsh.model.mesh.getElementsByType(2, surface._id)[1].reshape(-1, 3) for surface in surfaces]
+    finally:
+        gmsh.model.mesh.removeSizeCallback()
+        gmsh.model.remove()
+        gmsh.model.setCurrent(before)
+    names = tuple(dict.fromkeys(face.owner for face in faces))
+    region = np.repeat([names.index(face.owner) for face in faces], [len(cell) for cell in cells])
+    order = np.argsort(tags)
+    used, triangles = np.unique(np.concatenate(cells), return_inverse=True)
+    points = coordinates.reshape(-1, 3)[order[np.searchsorted(tags, used, sorter=order)], :2] * MICRON
+    return points, triangles.reshape(-1, 3).astype(np.int64), region.astype(np.int64), names
+
+
+def _surfaces(builder: Any, faces: Sequence[Face]) -> list[Any]:
+    """A pygmsh surface for every face; neighbours share their points and lines."""
+    points: dict[tuple[float, float], Any] = {}
+    lines: dict[tuple[Any, Any], Any] = {}
+
+    def line(start: tuple[float, float], stop: tuple[float, float]) -> Any:
+        for corner in (start, stop):
+            if corner not in points:
+                points[corner] = builder.add_point([corner[0] / MICRON, corner[1] / MICRON, 0.0])
+        if (stop, start) in lines:
+            return -lines[stop, start]
+        if (start, stop) not in lines:
+            lines[start, stop] = builder.add_line(points[start], points[stop])
+        return lines[start, stop]
+
+    def loop(ring: NDArray[np.float64]) -> Any:
+        corners = [(float(r), float(z)) for r, z in ring]
+        return builder.add_curve_loop([line(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)])
+
+    return [builder.add_plane_surface(loop(face.rings[0]), [loop(hole) for hole in face.rings[1:]]) for face in faces]
+
+
+@contextlib.contextmanager
+def _pipe_signal() -> Iterator[None]:
+    """Keep what SIGPIPE does: gmsh sets it back to killing the process, at the next write to a pipe nobody reads."""
+    number = getattr(signal, "SIGPIPE", None)
+    if number is None:  # Windows
+        yield
+        return
+    get, put = ctypes.pythonapi.PyOS_getsig, ctypes.pythonapi.PyOS_setsig  # unlike signal.signal, in any thread
+    get.argtypes, get.restype = [ctypes.c_int], ctypes.c_void_p
+    put.argtypes, put.restype = [ctypes.c_int, ctypes.c_void_p], ctypes.c_void_p
+    before = get(number)
+    try:
+        yield
+    finally:
+        put(number, before)
