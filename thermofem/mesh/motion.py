@@ -23,8 +23,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import InputError
 from ..algebra.factor import factorize
+from ..checks import InputError
 from .triangles import Mesh
 
 if TYPE_CHECKING:
