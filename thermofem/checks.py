@@ -12,10 +12,52 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 SYMMETRY = 1e-9  # of the largest entry, in which round-off may leave a matrix asymmetric
+MESSAGE = 1200  # characters of an error message
+VALUE = 80  # characters of a value in an error message
+
+
+def one_line(text: str, *, most: int = MESSAGE) -> str:
+    """Text as one line that every terminal and file can hold: breaks and control characters become escapes.
+
+    >>> one_line("a\\nb\\x1b[31m")
+    'a\\\\nb\\\\x1b[31m'
+    """
+    line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text[: most + 1])
+    return line if len(line) <= most else f"{line[: most - 3]}..."
+
+
+def shown(value: Any, *, most: int = VALUE) -> str:
+    """``repr`` of any value, in one line and not longer than ``most`` characters.
+
+    >>> shown(10**5000)
+    'an int that is too long to print'
+    """
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError, MemoryError):  # an integer of more digits than Python prints, deep nesting
+        name = type(value).__name__
+        return f"a{'n' if name[0] in 'aeio' else ''} {name} that is too long to print"
+    return one_line(text, most=most)
 
 
 class InputError(ValueError):
-    """What the caller gave cannot be used; the message names the argument, the value, the rule and a hint."""
+    """What the caller gave cannot be used; the message names the argument, the value, the rule and a hint.
+
+    The message is one line of at most `MESSAGE` characters, whatever the value holds.
+
+    Attributes
+    ----------
+    rule, hint : str
+        the two halves of the message.
+    """
+
+    def __init__(self, rule: str, hint: str = "") -> None:
+        self.rule, self.hint = one_line(str(rule)), one_line(str(hint))
+        super().__init__(f"{self.rule}; {self.hint}" if hint else self.rule)
+
+    def __reduce__(self) -> tuple[type, tuple[str, str]]:
+        """Made again in another process from both halves."""
+        return type(self), (self.rule, self.hint)
 
 
 class MissingLibraryError(ImportError):
@@ -28,10 +70,12 @@ def finite(name: str, value: Any, *, unit: str = "", hint: str = "") -> float:
         if isinstance(value, str | bytes):  # "1e-3" would be checked as a number and kept as text
             raise TypeError
         number = float(value)
+    except OverflowError:
+        raise InputError(_rule(f"{name} = {shown(value)} is larger than any number here", unit), hint) from None
     except (TypeError, ValueError):
-        raise InputError(_line(f"{name} = {value!r} is not a number", unit, hint)) from None
+        raise InputError(_rule(f"{name} = {shown(value)} is not a number", unit), hint) from None
     if not math.isfinite(number):
-        raise InputError(_line(f"{name} = {number} is not finite", unit, hint))
+        raise InputError(_rule(f"{name} = {number} is not finite", unit), hint)
     return number
 
 
@@ -39,9 +83,9 @@ def positive(name: str, value: Any, *, unit: str = "", at_most: float = math.inf
     """Return ``value`` as a float, or raise InputError unless 0 < value <= at_most."""
     number = finite(name, value, unit=unit, hint=hint)
     if number <= 0:
-        raise InputError(_line(f"{name} = {number:g} must be positive", unit, hint))
+        raise InputError(_rule(f"{name} = {number:g} must be positive", unit), hint)
     if number > at_most:
-        raise InputError(_line(f"{name} = {number:g} is larger than {at_most:g}", unit, hint))
+        raise InputError(_rule(f"{name} = {number:g} is larger than {at_most:g}", unit), hint)
     return number
 
 
@@ -49,38 +93,44 @@ def between(name: str, value: Any, low: float, high: float, *, unit: str = "", h
     """Return ``value`` as a float, or raise InputError unless low <= value <= high."""
     number = finite(name, value, unit=unit, hint=hint)
     if not low <= number <= high:
-        raise InputError(_line(f"{name} = {number:g} must lie between {low:g} and {high:g}", unit, hint))
+        raise InputError(_rule(f"{name} = {number:g} must lie between {low:g} and {high:g}", unit), hint)
     return number
 
 
 def array(name: str, value: ArrayLike, *, increasing: bool = False, hint: str = "") -> NDArray[np.float64]:
     """Return ``value`` as a 1-D float array, or raise InputError if it is empty, not finite or not increasing."""
     try:
-        result = np.atleast_1d(np.asarray(value, dtype=float))
-    except (TypeError, ValueError):
-        raise InputError(_line(f"{name} is not an array of numbers", "", hint)) from None
+        result = np.atleast_1d(_floats(value))
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{name} is not an array of numbers", hint) from None
     if result.ndim != 1 or result.size == 0:
-        raise InputError(_line(f"{name} has shape {result.shape}; one non-empty dimension is needed", "", hint))
+        raise InputError(f"{name} has shape {result.shape}; one non-empty dimension is needed", hint)
     bad = np.flatnonzero(~np.isfinite(result))
     if bad.size:
-        raise InputError(_line(f"{name}[{bad[0]}] = {result[bad[0]]} is not finite", "", hint))
+        raise InputError(f"{name}[{bad[0]}] = {result[bad[0]]} is not finite", hint)
     if increasing and np.any(np.diff(result) < 0):
         at = int(np.argmax(np.diff(result) < 0)) + 1
-        raise InputError(
-            _line(f"{name}[{at}] = {result[at]:g} is before {name}[{at - 1}]; times must increase", "", hint)
-        )
+        raise InputError(f"{name}[{at}] = {result[at]:g} is before {name}[{at - 1}]; times must increase", hint)
     return result
 
 
 def numbers(name: str, value: ArrayLike, *, hint: str = "") -> NDArray[np.float64]:
     """Return ``value`` as a float array of its own shape, or raise InputError where one of them is not finite."""
     try:
-        result = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(_line(f"{name} is not an array of numbers", "", hint)) from None
+        result = _floats(value)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{name} is not an array of numbers", hint) from None
     if not np.all(np.isfinite(result)):
-        raise InputError(_line(f"{name} holds {result[~np.isfinite(result)][0]}, which is not finite", "", hint))
+        raise InputError(f"{name} holds {result[~np.isfinite(result)][0]}, which is not finite", hint)
     return result
+
+
+def _floats(value: ArrayLike) -> NDArray[np.float64]:
+    """A float array; TypeError for text, which NumPy would read as numbers."""
+    found = np.asarray(value)
+    if found.dtype.kind in "USmM":
+        raise TypeError
+    return np.asarray(found, dtype=float)
 
 
 def has(name: str, value: Any, *attributes: str, hint: str) -> None:
@@ -92,15 +142,18 @@ def has(name: str, value: Any, *attributes: str, hint: str) -> None:
 def path(name: str, value: Any) -> Path:
     """Return ``value`` as a Path, or raise InputError: it is no name of a file or folder."""
     try:
-        return Path(value)
+        found = Path(value)
     except TypeError:
-        raise InputError(f"{name} = {value!r} is no name of a file; give a text or a pathlib.Path") from None
+        raise InputError(f"{name} = {shown(value)} is no name of a file; give a text or a pathlib.Path") from None
+    if "\0" in str(found):
+        raise InputError(f"{name} = {shown(value)} is no name of a file; it holds a NUL character")
+    return found
 
 
 def progress(value: Any) -> None:
     """Raise InputError unless what is to show the progress is a function, or nothing."""
     if value is not None and not callable(value):
-        raise InputError(f"progress = {value!r} must be a function; it is called with the time in s")
+        raise InputError(f"progress = {shown(value)} must be a function; it is called with the time in s")
 
 
 def choice(name: str, value: str, choices: Iterable[str], *, hint: str = "") -> str:
@@ -108,9 +161,9 @@ def choice(name: str, value: str, choices: Iterable[str], *, hint: str = "") -> 
     known = sorted(choices)
     if value in known:
         return value
-    near = difflib.get_close_matches(str(value), known, n=1, cutoff=0.5)
+    near = difflib.get_close_matches(shown(value).strip("'"), known, n=1, cutoff=0.5)
     guess = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
-    raise InputError(_line(f"{name} = {value!r} is unknown; {guess}", "", hint))
+    raise InputError(f"{name} = {shown(value)} is unknown; {guess}", hint)
 
 
 def symmetric(name: str, matrix: Any, *, hint: str = "") -> None:
@@ -121,9 +174,8 @@ def symmetric(name: str, matrix: Any, *, hint: str = "") -> None:
         if np.array_equal(matrix.indptr, mirrored.indptr) and np.array_equal(matrix.indices, mirrored.indices):
             matrix, mirrored = matrix.data, mirrored.data  # the same places: a third of the time of sparse arithmetic
     if not abs(matrix - mirrored).max() <= SYMMETRY * abs(matrix).max() < math.inf:
-        raise InputError(_line(f"{name} is not symmetric", "", hint))
+        raise InputError(f"{name} is not symmetric", hint)
 
 
-def _line(rule: str, unit: str, hint: str) -> str:
-    text = rule + (f" (in {unit})" if unit else "")
-    return f"{text}; {hint}" if hint else text
+def _rule(rule: str, unit: str) -> str:
+    return rule + (f" (in {unit})" if unit else "")

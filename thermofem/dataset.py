@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import checks, waveforms
+from . import checks, netcdf, waveforms
 from .quantity import FIELDS
 from .version import __version__
 
@@ -140,6 +140,7 @@ def drive_of(data: xr.Dataset) -> Drive:
     for name in ("time", "delta_T"):
         if name not in getattr(data, "variables", {}):
             raise checks.InputError(f"data has no variable {name!r}; a training Dataset holds time, power and delta_T")
+    data = netcdf.in_si(data)
     times = checks.array("data.time", data["time"].values, increasing=True)
     if data["delta_T"].ndim != 1:
         raise checks.InputError("data.delta_T has several probes; pick one with data.sel(probe='core')")
@@ -204,22 +205,21 @@ def save(data: xr.Dataset, path: str | Path) -> Path:
 
 
 def load(path: str | Path) -> xr.Dataset:
-    """Read a Dataset written by `save`, into memory.
+    """Read a Dataset written by `save`, into memory; time, power and the other known variables come in SI.
 
     Raises
     ------
     InputError
-        no such file, not netCDF, or written by a newer schema.
+        no such file, not netCDF, or written by a newer schema; values that lie in other files or that the file cannot
+        hold; a unit of a known variable that is unknown or of another dimension.
     """
     import xarray as xr
 
-    path = checks.path("path", path)
-    if not path.is_file():
-        raise checks.InputError(f"{path} {'is a folder or a device' if path.exists() else 'does not exist'}")
+    path = netcdf.checked_path(path)
     damage, hook = "", sys.unraisablehook
     sys.unraisablehook = lambda unraisable: None  # h5netcdf closes a damaged file that it has half opened, and fails
     try:
-        with xr.open_dataset(path, engine="h5netcdf") as opened:
+        with xr.open_dataset(path, engine="h5netcdf", decode_times=False, decode_timedelta=False) as opened:
             data = opened.load()
     except (OSError, ValueError, KeyError, RuntimeError, TypeError) as error:  # whatever a damaged file trips
         damage = (str(error) or type(error).__name__).splitlines()[0]
@@ -234,7 +234,10 @@ def load(path: str | Path) -> xr.Dataset:
         raise checks.InputError(
             f"{path} has schema {data.attrs['schema']}; this version reads up to {SCHEMA}, update thermofem"
         )
-    return data
+    try:
+        return netcdf.in_si(data)
+    except checks.InputError as error:
+        raise checks.InputError(f"{path}: {error}") from None
 
 
 def check_target(path: str | Path) -> Path:

@@ -13,9 +13,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .checks import InputError
+from . import units
+from .checks import InputError, shown
 
-_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$", re.DOTALL)
+# digits of ASCII only, none grouped by "_": Python's float() takes more
+_DIGITS = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+_NUMBER = re.compile(rf"\s*({_DIGITS})\s*(.*?)\s*$", re.DOTALL)
+_BARE = re.compile(_DIGITS)
+LONGEST = 400  # characters of a number or a quantity: 309 digits are the largest float
 
 # unit in SI: what it measures, an example a person would write, the prefixed forms used for writing
 _KINDS: dict[str, tuple[str, str, tuple[tuple[float, str], ...]]] = {
@@ -46,6 +51,9 @@ _KINDS: dict[str, tuple[str, str, tuple[tuple[float, str], ...]]] = {
     "m^2*K/W": ("a thermal boundary resistance", "1e-8 m^2*K/W", ()),
     "": ("a plain number", "0.33", ()),
 }
+
+
+SI = frozenset(_KINDS)  # the units that values are read in
 
 
 class Field(NamedTuple):
@@ -110,17 +118,67 @@ def parse(text: Any, unit: str, *, name: str = "value") -> float:
     (4.5e-07, 0.0063096, -10000000000.0)
     """
     if isinstance(text, bool) or not isinstance(text, str | int | float):
-        raise InputError(f"{name} = {text!r} is not a quantity; {_wanted(unit)}")
-    match = _NUMBER.match(str(text))
+        raise InputError(f"{name} = {shown(text)} is not a quantity", _wanted(unit))
+    what = f"{name} = {shown(text)}"
+    try:
+        written = str(text)
+    except ValueError:  # an integer of thousands of digits
+        raise InputError(f"{what} is not finite", _wanted(unit)) from None
+    if len(written) > LONGEST:
+        raise InputError(f"{what} has {len(written)} characters, more than {LONGEST}", _wanted(unit))
+    match = _NUMBER.match(written)
     if match is None:
-        raise InputError(f"{name} = {text!r} does not begin with a number; {_wanted(unit)}")
-    number, given = float(match[1]), match[2]
+        raise InputError(f"{what} does not begin with a number", _wanted(unit))
+    number, given = match[1], match[2]
     if not given and unit:
-        raise InputError(f"{name} = {text!r} has no unit; {_wanted(unit)}")
-    value = _convert(number, given, unit, f"{name} = {text!r}") if math.isfinite(number) else math.inf
+        raise InputError(f"{what} has no unit", _wanted(unit))
+    value = _convert(number, given, unit, what) if math.isfinite(float(number)) else math.inf
     if not math.isfinite(value):
-        raise InputError(f"{name} = {text!r} is not finite; {_wanted(unit)}")
+        raise InputError(f"{what} is not finite", _wanted(unit))
     return value
+
+
+def positive(text: Any, unit: str, *, name: str = "value") -> float:
+    """`parse`, and InputError unless the quantity is larger than zero."""
+    value = parse(text, unit, name=name)
+    if value <= 0:
+        raise InputError(f"{name} = {shown(text)} must be larger than zero", _wanted(unit))
+    return value
+
+
+def not_negative(text: Any, unit: str, *, name: str = "value") -> float:
+    """`parse`, and InputError where the quantity is below zero."""
+    value = parse(text, unit, name=name)
+    if value < 0:
+        raise InputError(f"{name} = {shown(text)} must not be negative", _wanted(unit))
+    return value
+
+
+def number(text: str) -> float:
+    """A plain number written in ASCII digits, or nan for "nan"; ValueError for anything else.
+
+    Python's ``float`` also takes "1_0" and the digits of other scripts, which no table of numbers holds.
+
+    >>> number("-1.5e3")
+    -1500.0
+    """
+    if len(text) <= LONGEST and _BARE.fullmatch(text):
+        return float(text)
+    if text.strip("+-").lower() in ("nan", "inf", "infinity"):
+        return math.nan
+    raise ValueError(shown(text))
+
+
+def line(unit: str, si: str, *, name: str) -> tuple[float, float]:
+    """Offset and factor that turn numbers in ``unit`` into SI; InputError where the scale is not straight (dBm).
+
+    >>> line("us", "s", name="time")
+    (0.0, 1e-06)
+    """
+    at = [parse(f"{k} {unit}", si, name=name) for k in (0, 1, 2)]
+    if abs(at[2] - 2 * at[1] + at[0]) > 1e-9 * abs(at[1]):
+        raise InputError(f"{name}: the unit {shown(unit)} is no straight scale; write the numbers in {si}")
+    return at[0], at[1] - at[0]
 
 
 def write(value: float, unit: str) -> str:
@@ -136,9 +194,36 @@ def write(value: float, unit: str) -> str:
     return f"{number} {prefixed}".strip()
 
 
-@lru_cache(maxsize=4096)  # a campaign writes the same few hundred numbers again and again
-def _convert(number: float, given: str, unit: str, what: str) -> float:
-    """``number`` of unit ``given`` in ``unit``."""
+def _convert(digits: str, given: str, unit: str, what: str) -> float:
+    """The number ``digits`` of unit ``given`` in ``unit``; the digits are kept where the unit is a power of ten."""
+    try:
+        if given in ("dBm", "degC", "°C") and units.scale(unit) == units.scale("W" if given == "dBm" else "K"):
+            return _shifted(float(digits), given)
+        here, there = units.scale(given), units.scale(unit)
+    except units.UnitError as error:
+        raise InputError(f"{what}: {shown(given)} is not a unit ({error})", _wanted(unit)) from None
+    if here is None or there is None:
+        return _by_pint(float(digits), units.plain(given), unit, what)
+    if here.dimensions != there.dimensions:
+        raise InputError(f"{what} has the wrong dimension", _wanted(unit))
+    mantissa, _, exponent = digits.lower().partition("e")
+    shift = int(exponent or 0) + here.exponent - there.exponent
+    return float(f"{mantissa}e{shift}") * (1.0 if here.factor == there.factor else here.factor / there.factor)
+
+
+def _shifted(value: float, given: str) -> float:
+    """Watts of dBm, or kelvin of degrees Celsius."""
+    if given != "dBm":
+        return value + 273.15
+    try:
+        return float(1e-3 * 10 ** (value / 10))
+    except OverflowError:
+        return math.inf
+
+
+@lru_cache(maxsize=4096)
+def _by_pint(number: float, given: str, unit: str, what: str) -> float:
+    """``number`` of a unit that is none of the everyday ones."""
     import pint
 
     registry = _registry()
@@ -147,18 +232,23 @@ def _convert(number: float, given: str, unit: str, what: str) -> float:
         fits = _dimensions(given) == _dimensions(unit)
     except pint.errors.UndefinedUnitError as error:
         unknown = error.unit_names if isinstance(error.unit_names, str) else ", ".join(error.unit_names)
-        raise InputError(f"{what}: the unit {unknown!r} is unknown; {_wanted(unit)}") from None
+        near = units.nearest(unknown, [*(prefixed for _, prefixed in _KINDS[unit][2]), unit, *_MORE.get(unit, ())])
+        guess = f", did you mean {near!r}?" if near else ""
+        raise InputError(f"{what}: the unit {unknown!r} is unknown{guess}", _wanted(unit)) from None
     except Exception:  # pint's parser raises whatever its tokeniser meets, AssertionError included
-        raise InputError(f"{what}: {given!r} is not a unit; {_wanted(unit)}") from None
+        raise InputError(f"{what}: {shown(given)} is not a unit", _wanted(unit)) from None
     if not fits:
-        raise InputError(f"{what} has the wrong dimension; {_wanted(unit)}")
-    with np.errstate(over="ignore"):  # 1e9 dBm: the caller says that it is not finite
+        raise InputError(f"{what} has the wrong dimension", _wanted(unit))
+    with np.errstate(over="ignore"):
         value = float(quantity.to(registry.parse_units(unit)).magnitude)
     ratio = abs(value / number) if number else 0.0
     decades = math.log10(ratio) if 0 < ratio < math.inf else 0.0
     if round(decades) and abs(decades - round(decades)) < 1e-12:  # a decimal prefix costs one rounding: undo it
         return float(f"{value:.15g}")
     return value
+
+
+_MORE = {"W": ("dBm", "nW"), "m": ("cm",), "s": ("ps", "fs"), "K": ("mK", "degC"), "rad": ("mrad",), "J": ("nJ",)}
 
 
 @cache

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from . import checks, dataset, quantity
+from . import checks, dataset, files, quantity
 from .checks import InputError
 from .waveforms import Constant, Sampled, Waveform
 
@@ -33,6 +33,7 @@ log = logging.getLogger("thermofem")
 _ROLES = {"time": "s", "power": "W", "temperature": "K"}
 _UNIT = re.compile(r"\s*[(\[]([^()\[\]]*)[)\]]")
 _EXAMPLES = {"time": "us", "power": "mW", "temperature": "K"}
+LARGEST = 1_000_000_000  # bytes of a table
 STEEP = 0.5  # of the range of the power: a change by more within `EDGE_ROWS` intervals is an edge
 FLANK = 0.1  # of the range, in one interval: less is noise beside an edge
 EDGE_ROWS = 3
@@ -121,10 +122,8 @@ def read_csv(
         an empty cell, or a time before its predecessor (the line is named); an absolute temperature without ambient, or
         an ambient that is far from it.
     """
-    path, given = checks.path("path", path), dict(units or {})
-    for role in given:
-        checks.choice("units: key", role, _ROLES)
-    content = _content(path)
+    path, given = checks.path("path", path), _given(units)
+    content = files.read_bytes(path, "table", most=LARGEST)
     try:
         table = parse(content.decode("utf-8-sig", errors="replace"))
         t = _numbers(table, "time", time, given)
@@ -172,13 +171,14 @@ def parse(text: str) -> Table:
     return Table(names, units, np.array(rows), np.array(at))
 
 
-def _content(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(f"table {str(path)!r} does not exist") from None
-    except OSError as error:
-        raise InputError(f"table {str(path)!r} cannot be read: {error.strerror}") from None
+def _given(units: Mapping[str, str] | None) -> dict[str, str]:
+    """The units that the caller states, by role."""
+    checks.has("units", units or {}, "items", hint='a mapping is needed, such as {"time": "us"}')
+    for role, unit in (units or {}).items():
+        checks.choice("units: key", role, _ROLES)
+        if not isinstance(unit, str):
+            raise InputError(f'units["{role}"] = {checks.shown(unit)} must be text, such as "{_EXAMPLES[role]}"')
+    return dict(units or {})
 
 
 def _divider(lines: list[str]) -> str:
@@ -193,7 +193,10 @@ def _divider(lines: list[str]) -> str:
 def _cells(line: str, divider: str) -> list[str]:
     """Cells of a line, unquoted; in a header with spaces, two of them or a closing bracket end a cell."""
     if divider != " ":
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=divider, skipinitialspace=True), [])]
+        try:
+            return [cell.strip() for cell in next(csv.reader([line], delimiter=divider, skipinitialspace=True), [])]
+        except csv.Error as error:  # a cell of more than 131072 characters
+            raise InputError(f"a line of {len(line)} characters is no row of a table ({error})") from None
     line = line.strip()
     cells = line.split()
     return cells if _floats(cells, divider) is not None else re.split(r"\s{2,}|\t", line)
@@ -204,7 +207,7 @@ def _floats(cells: list[str], divider: str) -> list[float] | None:
     if divider in (";", "\t"):
         cells = [cell.replace(",", ".") for cell in cells]
     try:
-        values = [float(cell) if cell and cell != "--" else np.nan for cell in cells]
+        values = [quantity.number(cell) if cell and cell != "--" else np.nan for cell in cells]
     except ValueError:
         return None
     return values if len(values) > 1 and any(cells) else None
@@ -258,17 +261,17 @@ def _line(role: str, name: str, unit: str) -> tuple[float, float]:
     if not unit:
         raise InputError(f'column {name!r} states no unit; give units = {{"{role}": ...}}, e.g. "{_EXAMPLES[role]}"')
     unit = unit.replace("°C", "degC").replace("µ", "u").replace("μ", "u")
-    split = re.match(r"\s*((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)$", unit)
+    split = re.match(r"\s*((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)$", unit, re.ASCII)
     scale, bare = (float(split[1]), split[2]) if split else (1.0, unit)
     checks.positive(f"{role}: factor of the unit {unit!r}", scale)
-    at = [quantity.parse(f"{number!r} {bare}", si, name=f"{role}: unit of {name!r}") for number in (0.0, 1.0, 2.0)]
-    if abs(at[2] - 2 * at[1] + at[0]) > 1e-9 * abs(at[1]):
-        raise InputError(f"{role}: the unit {bare!r} of {name!r} is no straight scale; write the column in {si}")
-    return at[0], scale * (at[1] - at[0])
+    offset, factor = quantity.line(bare, si, name=f"{role}: unit of {name!r}")
+    return offset, scale * factor
 
 
 def _scalar(name: str, value: str | float | None, unit: str) -> float | None:
-    return None if value is None else quantity.parse(value, unit, name=name) if isinstance(value, str) else float(value)
+    if value is None:
+        return None
+    return quantity.parse(value, unit, name=name) if isinstance(value, str) else checks.finite(name, value, unit=unit)
 
 
 def _clock(table: Table, times: Array, start: float | None) -> tuple[Array, int]:

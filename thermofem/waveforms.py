@@ -23,7 +23,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import checks
+from . import checks, trees
 from .switched import POWER_HINT, TIME_HINT, Chirp, Telegraph, inside, seconds
 
 Array = NDArray[np.float64]
@@ -361,8 +361,8 @@ def to_json(wave: Waveform) -> str:
 def from_json(text: str) -> Any:
     """Rebuild a waveform from `to_json`; InputError when the text is not one."""
     try:
-        fields = json.loads(text)
+        fields = trees.from_json(text)
         kind = KINDS[checks.choice("waveform kind", fields.pop("kind"), KINDS)]
         return kind(**fields)
-    except (json.JSONDecodeError, KeyError, TypeError, AttributeError) as error:
-        raise checks.InputError(f"waveform {text[:60]!r} cannot be read: {error}") from None
+    except (KeyError, TypeError, AttributeError) as error:
+        raise checks.InputError(f"waveform {checks.shown(text)} cannot be read: {error}") from None

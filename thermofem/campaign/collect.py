@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import checks, dataset, waveforms
+from .. import checks, dataset, netcdf, waveforms
 from ..checks import InputError
 from .store import Store, write_file
 
@@ -65,13 +65,14 @@ def open_campaign(directory: str | Path) -> xr.Dataset:
     path = store.directory / INDEX
     if path.is_file():
         try:
-            index = xr.open_dataset(path, engine="h5netcdf")
+            netcdf.check(path)
+            index = xr.open_dataset(path, engine="h5netcdf", decode_times=False, decode_timedelta=False)
             if index["key"].values.tolist() == keys and index["status"].values.tolist() == store.status(keys):
                 return index
             index.close()
         except (OSError, ValueError, KeyError):
             pass  # damaged: made anew below
-    return xr.open_dataset(io.BytesIO(_content(store, plan, training=False)), engine="h5netcdf")
+    return xr.open_dataset(io.BytesIO(_content(store, plan, training=False, verify=True)), engine="h5netcdf")
 
 
 def write_collections(store: Store) -> None:
@@ -87,7 +88,7 @@ def write_collections(store: Store) -> None:
     write_file(store.directory / TRAINING, _content(store, plan, training=True))
 
 
-def _content(store: Store, plan: dict[str, Any], *, training: bool) -> bytes:
+def _content(store: Store, plan: dict[str, Any], *, training: bool, verify: bool = False) -> bytes:
     """One of the two files, chunk by chunk; in memory, as HDF5 may crash when a disk is full."""
     import h5netcdf
 
@@ -95,6 +96,10 @@ def _content(store: Store, plan: dict[str, Any], *, training: bool) -> bytes:
 
     keys = [case[0] for case in plan["cases"]]
     status = store.status(keys)
+    if verify:  # nothing else has looked at the results of a killed run
+        hashes = store.hashes()
+        bad = [s == "finished" and not store.finished(key, hashes) for key, s in zip(keys, status, strict=True)]
+        status = ["waiting" if damaged else s for s, damaged in zip(status, bad, strict=True)]
     chosen = [k for k in range(len(keys)) if status[k] == "finished" or not training]
     values = [plan["cases"][k][1:] for k in chosen]
     with h5netcdf.File(memory, "w") as file:

@@ -176,10 +176,11 @@ class _Loop:
     deaths: dict[str, int] = field(default_factory=dict)
 
     def sort(self, cases: list[Case], retry_failed: bool) -> deque[Case]:
-        """The geometries that need work; finished files are opened, so that a damaged one is made again."""
+        """The geometries that need work; a result whose hash is another one is made again."""
         waiting: deque[Case] = deque()
+        hashes = self.store.hashes()
         for case, status in zip(cases, self.store.status([case.key for case in cases]), strict=True):
-            if status == "finished" and self.store.finished(case.key):
+            if status == "finished" and self.store.finished(case.key, hashes):
                 self.summary = replace(self.summary, reused=self.summary.reused + 1)
             elif status == "failed" and not retry_failed:
                 self.summary = replace(self.summary, failed=self.summary.failed + 1)

@@ -1,8 +1,9 @@
 """The folder of a campaign: what is finished, what failed and why, and the list of its geometries.
 
     plan.json             the geometries and their hashes, what is varied, the drives
-    results/<hash>.nc     one geometry each
-    failures/<hash>.json  why one has no result
+    results/<key>.nc      one geometry each
+    results.sha256        a line for each result: hash of its content, and its key; a result without it is not believed
+    failures/<key>.json   why one has no result
     index.nc              all of them as one Dataset; training.nc: the finished ones, ready for machine learning
 
 Only the process that runs the campaign writes here, and every file appears under its name when it is complete.
@@ -18,9 +19,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .. import waveforms
+from .. import files, waveforms
 from ..checks import InputError
 from ..dataset import make_folder, write_whole
+from .plan_file import check_plan
 
 if TYPE_CHECKING:
     from .plan import Campaign, Case
@@ -71,13 +73,8 @@ class Store:
         """
         for folder in (self.directory, self.results, self.failures):
             make_folder(folder)
+        handle = files.open_locked(self.directory / ".lock", f"folder {self.directory}")
         try:
-            handle = os.open(self.directory / ".lock", os.O_RDWR | os.O_CREAT, 0o666)
-        except OSError as error:
-            raise InputError(f"folder {self.directory} cannot be written: {error.strerror}") from None
-        try:
-            if not _lock(handle):
-                raise InputError(f"folder {self.directory} is in use by another run; wait for it, or take another one")
             for folder in (self.directory, self.results, self.failures):
                 for stray in (*folder.glob(".*-*.nc"), *folder.glob(".*-*.json")):
                     stray.unlink(missing_ok=True)
@@ -85,13 +82,24 @@ class Store:
         finally:
             os.close(handle)  # a killed process gives its lock back, too
 
-    def finished(self, key: str) -> bool:
-        """Whether the result of one geometry is there and whole."""
-        import h5py
+    @property
+    def ledger(self) -> Path:
+        """File with the hash of every result."""
+        return self.directory / "results.sha256"
 
+    def hashes(self) -> dict[str, str]:
+        """Hash of each result by key, as it was written; what is damaged is left out, the last line of a key counts."""
         try:
-            with h5py.File(self.result(key), "r") as file:
-                return file.attrs.get("campaign_case") == key
+            lines = self.ledger.read_text(encoding="ascii", errors="replace").splitlines()
+        except OSError:
+            return {}
+        pairs = (line.split() for line in lines)
+        return {pair[1]: pair[0] for pair in pairs if len(pair) == 2}
+
+    def finished(self, key: str, hashes: dict[str, str]) -> bool:
+        """Whether the result of one geometry is there and is byte for byte the one written; ``hashes`` of `hashes`."""
+        try:
+            return key in hashes and files.digest(self.result(key)) == hashes[key]
         except OSError:
             return False
 
@@ -103,6 +111,14 @@ class Store:
 
     def write_result(self, key: str, content: bytes) -> None:
         """Store the netCDF file of one geometry; InputError when that is not possible."""
+        with contextlib.ExitStack() as stack:
+            try:  # first the hash: a kill in between leaves a hash without a result, which is computed again
+                file = stack.enter_context(self.ledger.open("a", encoding="ascii"))
+                file.write(f"\n{files.digest(content)} {key}\n")
+                file.flush()
+                os.fsync(file.fileno())
+            except OSError as error:
+                raise InputError(f"{self.ledger} cannot be written: {error.strerror}") from None
         write_file(self.result(key), content)
         self.failure(key).unlink(missing_ok=True)
 
@@ -113,8 +129,8 @@ class Store:
     def reason(self, key: str) -> str:
         """Why one geometry has no result; empty where there is no such file."""
         try:
-            return str(json.loads(self.failure(key).read_text())["reason"])
-        except (OSError, ValueError, KeyError):
+            return str(files.read_json(self.failure(key), "reason")["reason"])
+        except (InputError, KeyError, TypeError):
             return ""
 
     def write_plan(self, campaign: Campaign, cases: list[Case]) -> None:
@@ -133,11 +149,11 @@ class Store:
 
     def read_plan(self) -> dict[str, Any]:
         """What `write_plan` stored; InputError where the folder holds no campaign."""
+        if not self.plan.exists():
+            raise InputError(f"{self.directory} holds no campaign; thermofem campaign makes one")
         try:
-            return dict(json.loads(self.plan.read_text()))
-        except FileNotFoundError:
-            raise InputError(f"{self.directory} holds no campaign; thermofem campaign makes one") from None
-        except (OSError, ValueError) as error:
+            return check_plan(files.read_json(self.plan, "plan"))
+        except InputError as error:
             raise InputError(f"{self.plan} cannot be read: {error}") from None
 
 
@@ -151,16 +167,3 @@ def write_file(path: Path, content: bytes) -> None:
             os.fsync(file.fileno())
 
     write_whole(path, write)
-
-
-def _lock(handle: int) -> bool:
-    """Whether the lock could be taken; systems without file locks trust their user."""
-    try:
-        import fcntl
-    except ImportError:
-        return True
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True

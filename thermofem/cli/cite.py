@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
+from .. import trees
 from ..checks import InputError
 from ..version import __version__
 from .kinds import expect
@@ -119,8 +119,8 @@ def _materials(provenance: dict[str, Any]) -> dict[str, str]:
     """Source of every material: recorded in data, looked up in the geometry for models."""
     if provenance.get("materials"):
         try:
-            return {str(name): str(source) for name, source in json.loads(provenance["materials"]).items()}
-        except (ValueError, TypeError, AttributeError):
+            return {str(name): str(source) for name, source in trees.from_json(provenance["materials"]).items()}
+        except (InputError, TypeError, AttributeError):
             raise InputError("the file's record of its materials is damaged; is it one of thermofem's?") from None
     if not provenance.get("geometry"):
         return {}

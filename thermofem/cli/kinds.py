@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
-import tomllib
 from pathlib import Path
 
+from .. import files, trees
 from ..checks import InputError
 
 # kind -> what it is, and what takes it
@@ -39,17 +38,18 @@ def expect(path: Path | None, *wanted: str) -> None:
 
 def kind_of(path: Path) -> str | None:
     """One of `KINDS`, or None for what is none of them, cannot be read or is damaged."""
+    if not path.is_file():
+        return None
     try:
-        content = path.read_bytes()
-        if content.startswith(b"\x89HDF\r\n"):
-            return "data"
-        text = content.decode("utf-8")
+        with path.open("rb") as file:
+            if file.read(6) == b"\x89HDF\r\n":
+                return "data"
         if path.suffix.lower() == ".toml":
-            return _of_toml(set(tomllib.loads(text)))
+            return _of_toml(set(trees.from_toml(files.read_text(path, "TOML"))))
         if path.suffix.lower() == ".json":
-            loaded = json.loads(text)
+            loaded = files.read_json(path, "JSON")
             return "model" if isinstance(loaded, dict) and "format" in loaded else None
-    except (OSError, ValueError, RecursionError):  # UnicodeDecodeError and both parsers' errors are ValueErrors
+    except (OSError, InputError):
         return None
     return "table" if path.suffix.lower() in (".csv", ".txt", ".dat") else None
 

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ... import checks, dataset
+from ... import checks, dataset, files
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -65,18 +65,18 @@ class Store:
         import surrogate
 
         try:
-            content = json.loads(self.manifest(stage).read_text(encoding="utf-8"))
+            content = files.read_json(self.manifest(stage), "manifest")
             if (content["format"], content["key"]) != (FORMAT, key):
                 return None
-            if content["numbers_hash"] != _hash(content["numbers"]):
+            if content["numbers_hash"] != files.digest_tree(content["numbers"]):
                 return None
-            files = {name: self.folder / name for name in content["files"]}
-            if any(_digest(path) != content["files"][name] for name, path in files.items()):
+            paths = {name: self.folder / name for name in content["files"]}
+            if any(files.digest(path) != content["files"][name] for name, path in paths.items()):
                 return None
-            names = {name: name.removeprefix(f"{stage}.") for name in files}
-            data = {names[n].removesuffix(".nc"): dataset.load(p) for n, p in files.items() if n.endswith(".nc")}
+            names = {name: name.removeprefix(f"{stage}.") for name in paths}
+            data = {names[n].removesuffix(".nc"): dataset.load(p) for n, p in paths.items() if n.endswith(".nc")}
             models = {
-                names[n].removesuffix(".json"): surrogate.load_model(p) for n, p in files.items() if n.endswith(".json")
+                names[n].removesuffix(".json"): surrogate.load_model(p) for n, p in paths.items() if n.endswith(".json")
             }
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return None
@@ -98,8 +98,8 @@ class Store:
             "stage": stage,
             "key": key,
             "cpu_seconds": seconds,
-            "files": {path.name: _digest(path) for path in written},
-            "numbers_hash": _hash(numbers),
+            "files": {path.name: files.digest(path) for path in written},
+            "numbers_hash": files.digest_tree(numbers),
             "numbers": numbers,
         }
         text = json.dumps(content, indent=1, allow_nan=False) + "\n"
@@ -114,7 +114,7 @@ def slug(name: str) -> str:
 
 def key_of(stage: str, settings: Mapping[str, Any], inputs: Iterable[str]) -> str:
     """Hash of everything that decides a stage's result."""
-    return _hash([FORMAT, stage, _plain(dict(settings)), list(inputs), _code()])
+    return files.digest_tree([FORMAT, stage, _plain(dict(settings)), list(inputs), _code()])
 
 
 @functools.cache
@@ -130,16 +130,6 @@ def _code() -> str:
     for path in counted:
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest() + json.dumps([platform.python_version(), *(version(name) for name in LIBRARIES)])
-
-
-def _hash(content: Any) -> str:
-    """Hash of what JSON can hold."""
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
-
-
-def _digest(path: Path) -> str:
-    """Hash of a file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:32]
 
 
 def _plain(value: Any) -> Any:

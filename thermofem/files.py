@@ -1,0 +1,94 @@
+"""Files of any origin: text and bytes of bounded size, hashes that say whether a file is still the one written, locks.
+
+`digest` is the one hash of the project's stores: the folder of a campaign and that of a reproduction keep it beside
+each result and believe no result without it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from . import checks, trees
+from .checks import InputError
+
+LARGEST_TEXT = 400_000_000  # bytes
+
+
+def read_bytes(path: str | Path, kind: str, *, most: int = LARGEST_TEXT) -> bytes:
+    """Content of a file of a kind such as "geometry"; InputError where there is none, or more than ``most`` bytes."""
+    path = checks.path("path", path)
+    try:
+        with path.open("rb") as file:
+            content = file.read(most + 1)  # a device has no end
+    except FileNotFoundError:
+        raise InputError(f"{kind} file {str(path)!r} does not exist") from None
+    except OSError as error:
+        raise InputError(f"{kind} file {str(path)!r} cannot be read: {error.strerror}") from None
+    if len(content) > most:
+        raise InputError(f"{kind} file {str(path)!r} has more than {most} bytes")
+    return content
+
+
+def read_text(path: str | Path, kind: str, *, most: int = LARGEST_TEXT) -> str:
+    """Text of a UTF-8 file; raises as `read_bytes`."""
+    try:
+        return read_bytes(path, kind, most=most).decode("utf-8")
+    except UnicodeDecodeError:
+        raise InputError(f"{kind} file {str(path)!r} cannot be read: it is not UTF-8 text") from None
+
+
+def read_json(path: str | Path, kind: str) -> Any:
+    """Tree of a JSON file (`trees.from_json`); the error begins with the file."""
+    text = read_text(path, kind)
+    try:
+        return trees.from_json(text)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def digest(content: bytes | Path) -> str:
+    """Hash of bytes, or of the content of a file: 32 hexadecimal digits of SHA-256."""
+    return hashlib.sha256(content.read_bytes() if isinstance(content, Path) else content).hexdigest()[:32]
+
+
+def digest_tree(tree: Any) -> str:
+    """Hash of what JSON can hold, whatever the order of its keys."""
+    return digest(json.dumps(tree, sort_keys=True).encode())
+
+
+def lock(handle: int) -> bool:
+    """Whether an open file could be locked for this process; systems without file locks trust their user.
+
+    The lock ends with the handle, also when the process is killed.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        return True
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True
+
+
+def open_locked(path: Path, what: str) -> int:
+    """Open a file for this process alone, making it where it does not exist; returns the handle.
+
+    Raises
+    ------
+    InputError
+        it cannot be opened, or another run uses it.
+    """
+    try:
+        handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+    except OSError as error:
+        raise InputError(f"{what} cannot be written: {error.strerror}") from None
+    if not lock(handle):
+        os.close(handle)
+        raise InputError(f"{what} is in use by another run; wait for it, or take another one")
+    return handle

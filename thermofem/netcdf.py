@@ -1,0 +1,146 @@
+"""netCDF files of any origin: their layout is looked at before anything of them is loaded.
+
+A file may declare more values than it holds, or bytes that lie in other files. `check` refuses both; `in_si` converts
+the variables that `quantity.FIELDS` names from the units that the file states.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import checks, quantity
+from .checks import InputError, shown
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MOST_OBJECTS = 20_000  # variables, groups and dimension scales of one file
+DEPTH = 8  # of groups
+PACKED = 1100  # values a byte of a file can stand for: deflate reaches 1032 to 1
+ROOM = 64_000_000  # bytes that any file may declare
+LARGEST = 16_000_000_000  # bytes that no file may declare
+_PREFIXES = ("time_", "power_", "delta_T_")  # of a campaign: DRIVE follows
+
+
+def check(path: Path) -> None:
+    """InputError unless every value of the file lies in it, and they are no more than it can hold.
+
+    Raises
+    ------
+    InputError
+        external or virtual storage, links to other files, too many variables or values; no HDF5 file.
+    """
+    import h5py
+
+    size = path.stat().st_size
+    try:
+        with h5py.File(path, "r") as file:
+            declared = _declared(file)
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"cannot be read as netCDF ({error or type(error).__name__}); is it complete?") from None
+    if declared > min(LARGEST, ROOM + PACKED * size):
+        raise InputError(
+            f"cannot be read: its {size} bytes declare {float(declared):.2g} bytes of values, more than fit"
+        )
+
+
+def _declared(file: Any) -> int:
+    """Bytes of all values; InputError for what lies elsewhere."""
+    import h5py
+
+    groups, seen, total, depth = [file], 0, 0, 0
+    while groups:
+        below = []
+        for group in groups:
+            for name in group:
+                link = group.get(name, getlink=True)
+                if isinstance(link, h5py.ExternalLink):
+                    raise InputError(f"cannot be read: {shown(name)} is a link to another file")
+                if isinstance(link, h5py.SoftLink):
+                    raise InputError(f"cannot be read: {shown(name)} is a soft link; netCDF has none")
+                item = group[name]
+                seen += 1
+                if isinstance(item, h5py.Group):
+                    below.append(item)
+                elif isinstance(item, h5py.Dataset):
+                    total += _values(name, item)
+        if seen > MOST_OBJECTS or depth > DEPTH:
+            raise InputError(
+                f"cannot be read: it holds more than {MOST_OBJECTS} variables, or groups more than {DEPTH} deep"
+            )
+        groups, depth = below, depth + 1
+    return total
+
+
+def _values(name: str, item: Any) -> int:
+    """Bytes of one variable; none for a dimension without coordinates, which is never loaded."""
+    if item.external:
+        raise InputError(
+            f"cannot be read: the values of {shown(name)} lie in another file ({shown(item.external[0][0])})"
+        )
+    if item.is_virtual:
+        raise InputError(f"cannot be read: the values of {shown(name)} are views of other files")
+    if "This is a netCDF dimension but not a netCDF variable" in str(item.attrs.get("NAME", b"")):
+        return 0  # never loaded
+    return int(np.prod(item.shape, dtype=object) if item.shape else 1) * max(1, item.dtype.itemsize)
+
+
+def in_si(data: xr.Dataset) -> xr.Dataset:
+    """The Dataset with every known variable in the unit of `quantity.FIELDS`; no unit counts as that unit.
+
+    Raises
+    ------
+    InputError
+        a unit that is no text, unknown, or of another dimension.
+    """
+    changed = {}
+    for name, variable in data.variables.items():
+        field = _field(str(name))
+        given = variable.attrs.get("units")
+        if field is None or given is None or (isinstance(given, str) and given == field.unit):
+            continue
+        if not isinstance(given, str):
+            raise InputError(f"variable {name!r} has the unit {shown(given)}, which is no text")
+        if given in ("", "1") or variable.dtype.kind not in "fiu":
+            if given in ("", "1") and field.unit not in ("", "1"):
+                raise InputError(f"variable {name!r} states the unit {given!r}; {field.unit} is needed")
+            continue
+        offset, factor = _line(given, field, str(name))
+        attributes = {**variable.attrs, "units": field.unit}
+        changed[name] = (variable.dims, offset + factor * np.asarray(variable.values, dtype=float), attributes)
+    return data.assign(changed) if changed else data
+
+
+def _line(given: str, field: quantity.Field, name: str) -> tuple[float, float]:
+    """Offset and factor of a unit; a rise in degrees Celsius has no offset."""
+    unit = "" if field.unit == "1" else field.unit
+    if unit not in quantity.SI:  # no unit that a person writes
+        raise InputError(f"variable {name!r} is in {shown(given)}; {field.unit} is needed")
+    offset, factor = quantity.line(given, unit, name=f"unit of variable {name!r}")
+    return (0.0 if "rise" in field.long_name else offset), factor
+
+
+def _field(name: str) -> quantity.Field | None:
+    """What a variable is, by its name."""
+    known = quantity.FIELDS.get(name)
+    if known is None:
+        prefix = next((p for p in _PREFIXES if name.startswith(p) and len(name) > len(p)), None)
+        known = quantity.FIELDS[prefix[:-1]] if prefix else None
+    return known
+
+
+def checked_path(path: str | Path) -> Path:
+    """The path of a file whose layout is sound; InputError, beginning with the path, where it is not."""
+    path = checks.path("path", path)
+    if not path.is_file():
+        raise InputError(f"{path} {'is a folder or a device' if path.exists() else 'does not exist'}")
+    try:
+        check(path)
+    except InputError as error:
+        raise InputError(f"{path} {error}") from None
+    return path
