@@ -16,7 +16,7 @@ MOST = 10_000  # names in one list
 _NAME = re.compile(r"\w[\w .+-]*")
 RULE = f"take letters, digits, spaces and _ . + -, at most {LONGEST}"
 
-__all__ = ["LONGEST", "RULE", "ascii_lines", "check_name", "check_names", "one_line"]
+__all__ = ["LONGEST", "RULE", "ascii_lines", "check_name", "check_names", "lines_of", "one_line"]
 
 
 def check_name(what: str, name: Any) -> str:
@@ -38,20 +38,22 @@ def check_name(what: str, name: Any) -> str:
 def check_names(what: str, names: Any) -> tuple[str, ...]:
     """Return a list of names as a tuple, each checked by `check_name`."""
     if not isinstance(names, list | tuple) or not 0 < len(names) <= MOST:
-        raise InputError(f"{what} = {shown(names)} must be a list of 1 to {MOST} names")
+        raise InputError(f"{what} = {shown(names)} must be a list of names, 1 to {MOST}")
     return tuple(check_name(what, name) for name in names)
 
 
-def ascii_lines(text: str, *, most: int = 400) -> list[str]:
-    """Text of any origin as lines of printable ASCII without a trailing backslash, fit for a comment.
+def lines_of(text: str, *, most: int = 4000) -> list[str]:
+    """Text of any origin as printable lines, none with a trailing backslash, which some readers take for "goes on".
 
     Every character at which some program ends a line splits it; other control characters are written as escapes.
 
-    >>> ascii_lines("a\\r.include b\\x00")
+    >>> lines_of("a\\r.include b\\x00")
     ['a', '.include b\\\\x00']
     """
-    lines = []
-    for piece in str(text).splitlines() or [""]:
-        line = one_line(piece, most=most).encode("ascii", "backslashreplace").decode()
-        lines.append(f"{line} ." if line.endswith("\\") else line)
-    return lines
+    lines = [one_line(piece, most=most) for piece in str(text).splitlines() or [""]]
+    return [f"{line} ." if line.endswith("\\") else line for line in lines]
+
+
+def ascii_lines(text: str, *, most: int = 4000) -> list[str]:
+    """`lines_of` in ASCII, fit for a comment in any program's file."""
+    return [line.encode("ascii", "backslashreplace").decode() for line in lines_of(text, most=most)]

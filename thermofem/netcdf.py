@@ -70,9 +70,7 @@ def _declared(file: Any) -> int:
                 elif isinstance(item, h5py.Dataset):
                     total += _values(name, item)
         if seen > MOST_OBJECTS or depth > DEPTH:
-            raise InputError(
-                f"cannot be read: it holds more than {MOST_OBJECTS} variables, or groups more than {DEPTH} deep"
-            )
+            raise InputError(f"cannot be read: more than {MOST_OBJECTS} variables or {DEPTH} groups deep")
         groups, depth = below, depth + 1
     return total
 
@@ -80,9 +78,7 @@ def _declared(file: Any) -> int:
 def _values(name: str, item: Any) -> int:
     """Bytes of one variable; none for a dimension without coordinates, which is never loaded."""
     if item.external:
-        raise InputError(
-            f"cannot be read: the values of {shown(name)} lie in another file ({shown(item.external[0][0])})"
-        )
+        raise InputError(f"cannot be read: the values of {shown(name)} lie in another file")
     if item.is_virtual:
         raise InputError(f"cannot be read: the values of {shown(name)} are views of other files")
     if "This is a netCDF dimension but not a netCDF variable" in str(item.attrs.get("NAME", b"")):

@@ -135,7 +135,8 @@ def write(model: Any, path: Path, header: list[str], *, fmi: int = 2) -> Path:
         done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder)
         built = Path(folder) / f"{name}.fmu"
         if done.returncode or not built.is_file():
-            raise checks.InputError(f"{library} cannot build {path.name}: {done.stderr.strip()[-300:]}")
+            lines = done.stderr.strip().splitlines() or ["no message"]
+            raise checks.InputError(f"{library} cannot build {path.name}: {lines[-1][-300:]}")
         return write_whole(path, lambda p: shutil.copyfile(built, p))
 
 

@@ -10,10 +10,11 @@ import numpy as np
 
 import thermofem
 from thermofem import ThermalModel
+from thermofem.names import ascii_lines, lines_of
 
 
 def header(model: ThermalModel, provenance: Mapping[str, Any]) -> list[str]:
-    """Lines of text: kind of model and size, heated and read parts, error, units, geometry."""
+    """Printable lines: kind of model and size, heated and read parts, error, units, geometry."""
     name, order = type(model).__name__, getattr(model, "order", None)
     lines = [
         f"Thermal model of thermofem {thermofem.__version__}: {name}" + (f" with {order} poles" if order else ""),
@@ -23,8 +24,10 @@ def header(model: ThermalModel, provenance: Mapping[str, Any]) -> list[str]:
     ]
     geometry = provenance.get("geometry")
     if not geometry:
-        return [*lines, "geometry: not recorded"]
-    return [*lines, "geometry:", *(f"    {line}" for line in str(geometry).splitlines() if line.strip())]
+        lines.append("geometry: not recorded")
+    else:
+        lines += ["geometry:", *(f"    {line}" for line in str(geometry).splitlines() if line.strip())]
+    return [piece for line in lines for piece in lines_of(line)]
 
 
 def _gain(model: Any) -> str:
@@ -36,19 +39,21 @@ def _gain(model: Any) -> str:
 
 def _error(provenance: Mapping[str, Any]) -> str:
     """The proven bound of a reduction, the misfit of a fit, or that nothing is known."""
-    if "error_bound" in provenance:
+    bound, residual = provenance.get("error_bound"), provenance.get("residual_K")
+    if isinstance(bound, (int, float)):
         mesh = provenance.get("mesh_accuracy")
         of = f" of mesh accuracy {mesh:g}" if isinstance(mesh, (int, float)) else ""
-        return f"below {provenance['error_bound']:.1e} of the thermal resistance at every frequency, from the FEM{of}"
-    if "residual_K" in provenance:
-        drives = ", ".join(map(str, provenance.get("training", ()))) or "its training data"
-        return f"misfit {provenance['residual_K']:.3g} K rms over {drives}"
+        return f"below {bound:.1e} of the thermal resistance at every frequency, from the FEM{of}"
+    if isinstance(residual, (int, float)):
+        training = provenance.get("training", ())
+        drives = ", ".join(map(str, training)) if isinstance(training, (list, tuple)) else str(training)
+        return f"misfit {residual:.3g} K rms over {drives or 'its training data'}"
     return "not recorded"
 
 
 def comment(lines: Iterable[str], mark: str) -> str:
-    """The lines as comments in plain ASCII, which every simulator reads."""
-    return "".join(f"{mark} {line}".rstrip() + "\n" for line in lines).encode("ascii", "backslashreplace").decode()
+    """The lines as comments in plain ASCII, which every simulator reads; a line with breaks becomes several."""
+    return "".join(f"{mark} {piece}".rstrip() + "\n" for line in lines for piece in ascii_lines(line))
 
 
 def identifiers(names: Iterable[str], *, taken: Iterable[str] = ()) -> list[str]:

@@ -155,7 +155,7 @@ def test_the_compiled_output_map_has_the_slope_of_the_model(tmp_path):
 
 
 def test_part_names_that_a_simulator_reserves_are_changed(tmp_path):
-    model = th.Foster(R=[-1.0, 3e3], tau=[1e-9, 1e-6], inputs=("input",), outputs=("3rd ring/x",))
+    model = th.Foster(R=[-1.0, 3e3], tau=[1e-9, 1e-6], inputs=("input",), outputs=("3rd ring+x",))
     text = surrogate.export_model(model, tmp_path / "a module.va", to="verilog-a").read_text()
     assert "module a_module(input_1, n_3rd_ring_x, ambient);" in text
 

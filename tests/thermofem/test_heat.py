@@ -190,7 +190,7 @@ def test_nafems_t3_transient_with_a_moving_end_temperature(validated):
         B=-(d.mass @ lift)[d.free][:, None],
         C=probe(d, 0.05, 0.08),
         inputs=("hot end",),
-        outputs=("x = 0.08 m",),
+        outputs=("x 0.08 m",),
     )
     w = integrate(moving, CosineRate(), [32.0], rtol=1e-6).outputs[0, 0]
     # 4e-6 with these 80 quadratic elements, 28e-6 with 40 (order 3); backward Euler at 1 s would give 36.109

@@ -113,10 +113,9 @@ class Store:
         """Store the netCDF file of one geometry; InputError when that is not possible."""
         with contextlib.ExitStack() as stack:
             try:  # first the hash: a kill in between leaves a hash without a result, which is computed again
+                # (not synced to the disk: a power cut may lose the line, and the result is then computed again, too)
                 file = stack.enter_context(self.ledger.open("a", encoding="ascii"))
                 file.write(f"\n{files.digest(content)} {key}\n")
-                file.flush()
-                os.fsync(file.fileno())
             except OSError as error:
                 raise InputError(f"{self.ledger} cannot be written: {error.strerror}") from None
         write_file(self.result(key), content)

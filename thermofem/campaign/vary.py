@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,9 +10,9 @@ import numpy as np
 
 from .. import checks, quantity, waveforms
 from ..checks import InputError
+from ..names import check_name
 
 LARGEST = 1_000_000  # geometries of one campaign
-_NAME = re.compile(r"\w[\w .+-]*")
 _INDEX = "case key status reason probe thermal_resistance unknowns discretization_error domain_error feature features"
 _TAKEN = tuple(_INDEX.split())
 
@@ -50,8 +49,7 @@ class Variation:
     logarithmic: bool = False
 
     def __post_init__(self) -> None:
-        if not _NAME.fullmatch(self.name):
-            raise InputError(f"vary: name = {self.name!r} is not usable; take letters, digits, spaces and _ . + -")
+        check_name("vary:", self.name)
         if self.name in _TAKEN:
             raise InputError(f"vary: name = {self.name!r} is taken by the index; choose another one")
         if not self.paths:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -12,11 +11,11 @@ from numpy.typing import NDArray
 
 from .. import checks
 from ..materials.library import VOID
+from ..names import check_name
 
 VERTICAL = math.pi / 2
 THINNEST = 1e-10  # m; less than an atom is no continuum, and surely a slip
 _LONGEST = 0.1  # m; nothing on a chip is longer
-_REGION_NAME = re.compile(r"\w[\w .+-]*")
 
 
 @dataclass(frozen=True)
@@ -37,7 +36,7 @@ class Layer:
     datum: bool = False
 
     def __post_init__(self) -> None:
-        _check_name("layer", self.name)
+        check_name("layer", self.name)
         if self.material == VOID:
             raise checks.InputError(f"layer {self.name!r} is void; leave it out, or cut it with a void part")
         length(f"layer {self.name!r}: thickness", self.thickness, typical=2e-6)
@@ -72,7 +71,7 @@ class Part:
 
     def __post_init__(self) -> None:
         of = f"part {self.name!r}: "
-        _check_name("part", self.name)
+        check_name("part", self.name)
         checks.between(
             f"{of}inner_radius", self.inner_radius, 0, _LONGEST, unit="m", hint=slip(self.inner_radius, 5e-6)
         )
@@ -183,7 +182,7 @@ class Probe:
     distance: float | None = None
 
     def __post_init__(self) -> None:
-        _check_name("probe", self.name)
+        check_name("probe", self.name)
         if (self.shell is None) == (self.distance is None):
             both = "not both" if self.shell is not None else "it has neither"
             raise checks.InputError(f"probe {self.name!r}: give shell, or distance for a copy off the axis; {both}")
@@ -223,8 +222,3 @@ def slip(value: float, typical: float, at_most: float = _LONGEST) -> str:
     meant = value * min((1e-3, 1e-6, 1e-9), key=lambda factor: abs(math.log(abs(value) * factor / typical)))
     power = 3 * math.floor(math.log10(abs(meant)) / 3)
     return f"{hint} (did you mean {meant / 10**power:g}e{power}?)"
-
-
-def _check_name(kind: str, name: str) -> None:
-    if not (isinstance(name, str) and _REGION_NAME.fullmatch(name)):
-        raise checks.InputError(f"{kind} name = {name!r} is not usable; take letters, digits, spaces and _ . + -")

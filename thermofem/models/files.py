@@ -19,8 +19,10 @@ from typing import Any
 
 import numpy as np
 
-from .. import checks
+from .. import checks, trees
 from ..dataset import write_whole
+from ..files import read_bytes
+from ..names import check_names
 from .contract import ThermalModel
 from .foster import Foster
 from .network import Network, gate
@@ -79,7 +81,8 @@ def save_model(model: ThermalModel, path: str | Path, *, provenance: Mapping[str
     }
     try:
         text = json.dumps(content, indent=2, allow_nan=False, default=_plain)
-    except (TypeError, ValueError) as error:
+        trees.from_json(text)  # what is written can be read
+    except (TypeError, ValueError, RecursionError) as error:
         raise checks.InputError(f"provenance cannot be written as JSON: {error}") from None
     return write_whole(path, lambda p: p.write_text(text + "\n", encoding="utf-8"))
 
@@ -114,14 +117,15 @@ def load_provenance(path: str | Path) -> dict[str, Any]:
 def _content(path: str | Path) -> dict[str, Any]:
     """The JSON object of a model file, its format and version checked."""
     path = checks.path("path", path)
+    if not path.exists():
+        raise checks.InputError(f"{path} does not exist")
+    raw = read_bytes(path, "model")
     try:
-        content = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
-    except FileNotFoundError:
-        raise checks.InputError(f"{path} does not exist") from None
-    except OSError as error:
-        raise checks.InputError(f"{path} cannot be read: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:  # JSON and UTF-8 errors are ValueErrors
-        raise checks.InputError(f"{path} is not JSON ({error}); is it complete?") from None
+        content = trees.from_json(raw.decode("utf-8"))
+    except UnicodeDecodeError:
+        raise checks.InputError(f"{path} is not JSON (it is not UTF-8 text); is it complete?") from None
+    except checks.InputError as error:
+        raise checks.InputError(f"{path} is not JSON that can be read ({error}); is it complete?") from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise checks.InputError(f'{path} is not a thermal model; its "format" must be "{FORMAT}"')
     schema = content.get("schema")
@@ -130,10 +134,6 @@ def _content(path: str | Path) -> dict[str, Any]:
     if schema > SCHEMA:
         raise checks.InputError(f"{path} has schema {schema}; this version reads up to {SCHEMA}, update thermofem")
     return content
-
-
-def _refuse_constant(name: str) -> float:
-    raise ValueError(f"it holds {name}")
 
 
 def _plain(value: Any) -> Any:
@@ -294,10 +294,7 @@ def _dense(matrix: Any) -> Any:
 
 
 def _names(content: Mapping[str, Any], which: str) -> tuple[str, ...]:
-    names = content[which]
-    if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
-        raise checks.InputError(f"{which} = {names!r} must be a list of names")
-    return tuple(names)
+    return check_names(which, content[which])
 
 
 KINDS: dict[str, Kind] = {

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import checks, waveforms
 from ..algebra.poles import pole_responses
+from ..names import check_names
 
 Array = NDArray[np.float64]
 
@@ -48,6 +49,8 @@ class Foster:
             raise checks.InputError(f"R has {R.size} entries and tau {tau.size}; each pole needs one of both")
         if np.any(tau <= 0):
             raise checks.InputError(f"tau = {tau.min():g} s must be positive; a negative one grows without bound")
+        for name in ("inputs", "outputs"):
+            object.__setattr__(self, name, check_names(name, getattr(self, name)))
         order = np.argsort(tau)
         object.__setattr__(self, "R", R[order])
         object.__setattr__(self, "tau", tau[order])

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks, waveforms
+from ..names import check_names
 from .contract import check_rise, warn_beyond
 from .state_space import StateSpace
 
@@ -59,14 +60,9 @@ class Quadratic:
     def __post_init__(self) -> None:
         n = checks.array("B", self.B).size
         for name, shape in {"A": (n, n), "H": (n, n, n), "G": (n, n), "B": (n,), "C": (n,)}.items():
-            try:
-                value = np.array(getattr(self, name), dtype=float)
-            except (TypeError, ValueError):
-                raise checks.InputError(f"{name} is not an array of numbers") from None
+            value = np.array(checks.numbers(name, getattr(self, name)))
             if value.shape != shape or n == 0:
                 raise checks.InputError(f"{name} has shape {value.shape}; {shape} is needed")
-            if not np.all(np.isfinite(value)):
-                raise checks.InputError(f"{name} holds a number that is not finite")
             object.__setattr__(self, name, value)
         if not np.allclose(self.H, self.H.transpose(0, 2, 1), rtol=1e-9, atol=1e-12 * float(np.abs(self.H).max())):
             raise checks.InputError("H must be symmetric in its last two indices; average it with its transpose")
@@ -74,6 +70,7 @@ class Quadratic:
         if fastest >= 0:
             raise checks.InputError(f"A is not stable: a pole grows at {fastest:.3g} 1/s")
         for name in ("inputs", "outputs"):
+            object.__setattr__(self, name, check_names(name, getattr(self, name)))
             if len(getattr(self, name)) != 1:
                 raise checks.InputError(f"{name} = {getattr(self, name)}; a Quadratic has one of each")
         check_rise(self.largest_rise)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from .. import checks, waveforms
 from ..algebra.factor import factorize
 from ..algebra.krylov import check_heat_flow
+from ..names import check_names
 from ..transient.integration import integrate, integrate_periodic
 from ..transient.modal import Modal
 from .contract import check_single
@@ -51,6 +52,8 @@ class StateSpace:
             checks.has(name, matrix, "shape", "dtype", hint="an array or a sparse matrix is needed")
             if 0 in matrix.shape or not np.isfinite(matrix.sum()):
                 raise checks.InputError(f"{name} of shape {matrix.shape} is empty or holds what is not finite")
+        for name in ("inputs", "outputs"):
+            object.__setattr__(self, name, check_names(name, getattr(self, name)))
         n = self.A.shape[0]
         shapes = {"E": (n, n), "A": (n, n), "B": (n, len(self.inputs)), "C": (len(self.outputs), n)}
         for name, shape in shapes.items():
