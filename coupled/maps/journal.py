@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from thermofem import checks
+from thermofem import checks, files, trees
+
+VERSION = 2  # of the lines: [row, cells, hash]
 
 
 class Journal:
     """One JSON line that says what the map is, then one for each row that is done, in the order in which they ended.
 
-    A line counts once its end has been written: what a kill leaves of a line is cut off, and its row computed again.
+    Each row carries a hash, so that a damaged one is refused. A line counts once its end has been written: what a kill
+    leaves of a line is cut off, and its row computed again.
 
     Parameters
     ----------
@@ -22,14 +26,14 @@ class Journal:
         nothing is kept without one.
     identity : dict
         what the rows depend on, as JSON; a file with another identity is refused.
-
     valid : function of row and cells
         whether a row that was read can be one of this map.
 
     Raises
     ------
     InputError
-        the file is of another map, or of something else, which is left as it was; or it cannot be read or written.
+        the file is of another map, or of something else, which is left as it was; or it cannot be read or written;
+        another run is using it.
     """
 
     def __init__(
@@ -38,47 +42,71 @@ class Journal:
         identity: dict[str, Any],
         valid: Callable[[int, list[Any]], bool] = lambda row, cells: True,
     ) -> None:
-        self.valid = valid
         self.path = checks.path("file", path) if path is not None else None
         self.rows: dict[int, list[Any]] = {}
+        self._handle: int | None = None
         if self.path is None:
             return
-        head = json.dumps(identity, sort_keys=True)
+        head = json.dumps({"journal": VERSION, **identity}, sort_keys=True)
+        if self.path.exists() and not self.path.is_file():
+            raise checks.InputError(f"{self.path} cannot be read: it is no file; give another file name")
+        self._handle = files.open_locked(self.path, str(self.path))
         try:
-            content = self.path.read_bytes() if self.path.exists() else b""
-        except OSError as error:
-            raise checks.InputError(f"{self.path} cannot be read: {error.strerror}; give another file name") from None
+            self._read(head, valid)
+        except BaseException:
+            self.close()
+            raise
+
+    def _read(self, head: str, valid: Callable[[int, list[Any]], bool]) -> None:
+        """Take over the rows of the file, and cut off what a kill left of a line."""
+        content = files.read_bytes(self.path or "", "map")
         whole = content[: content.rfind(b"\n") + 1]
         lines = whole.decode(errors="replace").splitlines()
         if not lines and not head.encode().startswith(content):  # somebody else's file without a line's end
             raise checks.InputError(f"{self.path} is no map that can go on; give another file name")
         try:
-            found = dict(json.loads(lines[0])) if lines else identity
-            self.rows = dict(self._row(*json.loads(line)) for line in lines[1:])
-        except (ValueError, TypeError) as error:
-            raise checks.InputError(f"{self.path} is no map that can go on; give another file name") from error
-        if json.dumps(found, sort_keys=True) != head:
-            other = sorted(k for k in {*found, *identity} if found.get(k) != identity.get(k))
+            found = trees.from_json(lines[0] if lines else head)
+            rows = [trees.from_json(line) for line in lines[1:]]
+        except checks.InputError as error:
+            raise checks.InputError(f"{self.path} is no map that can go on ({error}); give another file name") from None
+        wanted = json.loads(head)
+        if found != wanted:
+            known = found if isinstance(found, dict) else {}
+            other = sorted(k for k in {*known, *wanted} if known.get(k) != wanted.get(k))
             raise checks.InputError(
                 f"{self.path} holds rows of another map (different: {', '.join(other)}); give another file name"
             )
-        bad = [k for k, cells in self.rows.items() if not self.valid(k, cells)]
-        if bad:
-            raise checks.InputError(f"{self.path}: row {bad[0]} is none of this map; give another file name")
-        if len(whole) < len(content):
-            with open(self.path, "r+b") as file:
-                file.truncate(len(whole))
+        for row in rows:
+            if not (isinstance(row, list) and len(row) == 3 and row[2] == files.digest_tree(row[:2])[:16]):
+                raise checks.InputError(
+                    f"{self.path}: a row is damaged, its hash is another one; give another file name"
+                )
+            cells = _revived(row[1])
+            if isinstance(row[0], bool) or not isinstance(row[0], int) or not valid(row[0], cells):
+                raise checks.InputError(f"{self.path}: row {row[0]} is none of this map; give another file name")
+            self.rows[row[0]] = cells
+        if len(whole) < len(content) and self._handle is not None:
+            os.truncate(self._handle, len(whole))
         if not lines:
             self._append(head)
 
-    @staticmethod
-    def _row(k: int, cells: list[Any]) -> tuple[int, list[Any]]:
-        return int(k), list(cells)
+    def close(self) -> None:
+        """Give the file back; a killed process gives it back, too."""
+        if self._handle is not None:
+            os.close(self._handle)
+            self._handle = None
+
+    def __enter__(self) -> Journal:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def add(self, row: int, cells: list[Any]) -> None:
         """Keep one row."""
         self.rows[row] = cells
-        self._append(json.dumps([row, cells]))
+        kept = [row, _frozen(cells)]
+        self._append(json.dumps([*kept, files.digest_tree(kept)[:16]], allow_nan=False))
 
     def _append(self, line: str) -> None:
         """Write one line and see it on the disk."""
@@ -93,3 +121,17 @@ class Journal:
             raise checks.InputError(
                 f"{self.path} cannot be written: {error.strerror}; what it holds so far is kept"
             ) from None
+
+
+def _frozen(value: Any) -> Any:
+    """What JSON holds: null for a number that is not there."""
+    if isinstance(value, list | tuple):
+        return [_frozen(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _revived(value: Any) -> Any:
+    """nan where `_frozen` wrote null."""
+    if isinstance(value, list):
+        return [_revived(item) for item in value]
+    return math.nan if value is None else value

@@ -128,7 +128,7 @@ def pulsing_map(
         attrs["follow"] = str(order)
     journal = Journal(file, _identity(attrs, grid, small), partial(_fits, grid))
     left = [k for k in range(len(grid.rows)) if k not in journal.rows]
-    with _pool(executor) as pool, bar("map", len(grid.rows), progress) as advance:
+    with _pool(executor) as pool, bar("map", len(grid.rows), progress) as advance, journal:
         for _ in journal.rows:
             advance()
         watches = new_watch(len(grid.rows))
@@ -203,10 +203,18 @@ def _identity(attrs: dict[str, Any], grid: Grid, model: Any) -> dict[str, Any]:
 
 def _fits(grid: Grid, row: int, cells: list[Any]) -> bool:
     """Whether a row of a file can be one of this map."""
-    known = {FAILED, *Regime}
-    return 0 <= row < len(grid.rows) and [
-        [type(value) for value in cell] for cell in cells if isinstance(cell, list) and cell and cell[0] in known
-    ] == [[str, float, float, float, str]] * len(grid.rows[row])
+    if not (0 <= row < len(grid.rows) and isinstance(cells, list) and len(cells) == len(grid.rows[row])):
+        return False
+    return all(isinstance(cell, list) and len(cell) == len(_Cell._fields) and _possible(_Cell(*cell)) for cell in cells)
+
+
+def _possible(cell: _Cell) -> bool:
+    """Whether a cell holds numbers that a run can have: a period above 0, a duty from 0 to 1, a swing from 0 on."""
+    if [type(value) for value in cell] != [str, float, float, float, str] or cell.regime not in {FAILED, *Regime}:
+        return False
+    ranges = ((cell.period, 0.0, np.inf), (cell.duty, 0.0, 1.0), (cell.swing, 0.0, np.inf))
+    known = all(np.isnan(value) or low <= value <= high for value, low, high in ranges)
+    return known and cell.period != 0 and (cell.regime != Regime.SELF_PULSING or np.isfinite(cell.period))
 
 
 def _row(
