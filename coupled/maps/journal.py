@@ -79,7 +79,7 @@ class Journal:
         for row in rows:
             if not (isinstance(row, list) and len(row) == 3 and row[2] == files.digest_tree(row[:2])[:16]):
                 raise checks.InputError(
-                    f"{self.path}: a row is damaged, its hash is another one; give another file name"
+                    f"{self.path}: a row is damaged (its hash differs); give another file name"
                 )
             cells = _revived(row[1])
             if isinstance(row[0], bool) or not isinstance(row[0], int) or not valid(row[0], cells):
