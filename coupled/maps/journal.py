@@ -78,9 +78,7 @@ class Journal:
             )
         for row in rows:
             if not (isinstance(row, list) and len(row) == 3 and row[2] == files.digest_tree(row[:2])[:16]):
-                raise checks.InputError(
-                    f"{self.path}: a row is damaged (its hash differs); give another file name"
-                )
+                raise checks.InputError(f"{self.path}: a damaged row (its hash differs); give another file name")
             cells = _revived(row[1])
             if isinstance(row[0], bool) or not isinstance(row[0], int) or not valid(row[0], cells):
                 raise checks.InputError(f"{self.path}: row {row[0]} is none of this map; give another file name")
