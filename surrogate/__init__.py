@@ -6,6 +6,7 @@ from thermofem.models.files import load_model, load_provenance, save_model
 from thermofem.models.lumped import BORGHI2021_HEAT_CAPACITY, newton, second_order
 from thermofem.models.network import Network, gate
 
+from .array import ArrayReduction, reduce_array
 from .decay import Decay, fit_decay
 from .export import export_model
 from .fit import Fit, fit_foster, fit_newton, fit_second_order
@@ -21,6 +22,7 @@ from .validate import compare, held_out_drives, period_error, square_waves, vali
 
 __all__ = [
     "BORGHI2021_HEAT_CAPACITY",
+    "ArrayReduction",
     "Cauer",
     "Decay",
     "Fit",
@@ -53,6 +55,7 @@ __all__ = [
     "output_map",
     "period_error",
     "reduce",
+    "reduce_array",
     "reduce_quadratic",
     "save_model",
     "second_order",

@@ -36,6 +36,7 @@ __all__ = ["Discretization", "HeatProblem", "Surfaces", "assemble", "discretize"
 
 Array = NDArray[np.float64]
 
+FAINT = 1e-2  # of R_th: what a copy off the axis feels less of is not worth a finer mesh
 REFINEMENTS = 3  # meshes tried until the estimated error is below the accuracy
 FINEST = 1e-5  # accuracy with the finest mesh there is
 
@@ -305,11 +306,20 @@ def assemble(geometry: CrossSection, accuracy: float = 1e-3) -> HeatProblem:
     finer = accuracy
     for _ in range(REFINEMENTS):
         heat = _on_mesh(geometry, split(mesh_for(geometry, finer), resistance), resistance, accuracy)
-        error = max(heat.mesh_error(*channel) for channel in heat.judged)
+        error = max(_weighed_error(heat, *channel) for channel in heat.judged)
         if error <= accuracy or finer <= FINEST:
             break
         finer = max(FINEST, finer * accuracy / error / 2)
     return heat
+
+
+def _weighed_error(heat: HeatProblem, heated: str, read: str) -> float:
+    """The mesh error of a channel, relative to its gain plus `FAINT` R_th where another ring is read."""
+    error = heat.mesh_error(heated, read)
+    if heated == read:
+        return error
+    gain = abs(heat.thermal_resistance(heated, read))
+    return error * gain / (gain + FAINT * heat.thermal_resistance(heated))
 
 
 def _on_mesh(geometry: CrossSection, mesh: Mesh, resistance: dict[str, float], accuracy: float) -> HeatProblem:

@@ -1,0 +1,154 @@
+"""Thermal models of several rings: against the FEM at frequencies, the exact layered stack, passivity, refusals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from off_axis_exact import Stack
+from scipy.sparse.linalg import splu
+
+import surrogate
+import thermofem as th
+from surrogate.array_certificate import FLOOR
+
+PITCH = 20e-6
+SQUARE = [(0.0, 0.0), (PITCH, 0.0), (PITCH, PITCH), (0.0, PITCH), (3 * PITCH, 0.0)]
+
+
+@pytest.fixture(scope="module")
+def ring() -> th.HeatProblem:
+    return th.assemble(th.strip_ring(outer_radius=200e-6))
+
+
+@pytest.fixture(scope="module")
+def array(ring) -> surrogate.ArrayReduction:
+    return surrogate.reduce_array(ring, SQUARE)
+
+
+def impedance(model: th.StateSpace, omega: float) -> np.ndarray:
+    """C (i w E - A)^-1 B, dense."""
+    return model.C @ np.linalg.solve(1j * omega * model.E - model.A, model.B + 0j)
+
+
+def test_every_channel_is_certified_against_the_fem(ring, array):
+    """At 25 frequencies, by a complex factorization of the FEM with a copy at each distance."""
+    distances = np.linalg.norm(np.subtract(SQUARE[0], SQUARE), axis=1)[1:]
+    copies = tuple(th.Probe(f"copy {k}", "core", distance=d) for k, d in enumerate(distances))
+    # the array's own mesh: its copies are the same but for order, which does not enter
+    every = sorted({round(float(np.linalg.norm(np.subtract(a, b))), 12) for a in SQUARE for b in SQUARE} - {0.0})
+    probes = tuple(th.Probe(f"mesh {k}", "core", distance=d) for k, d in enumerate(every))
+    heat = th.assemble(replace(ring.geometry, probes=(*probes, *copies)))
+    system = heat.channels(read=("core", *(copy.name for copy in copies)))
+    own = heat.thermal_resistance()
+    for omega in np.geomspace(1e3, 1e10, 25):
+        field = splu((1j * omega * system.E - system.A).tocsc()).solve(system.B[:, 0] + 0j)
+        exact, ours = system.C @ field, impedance(array.model, omega)[:, 0]
+        scale = np.abs(system.gain[:, 0]) + FLOOR * own
+        # the two meshes are made from different lists of distances: 2e-6 of R_th between them is measured
+        assert np.all(np.abs(ours - exact) <= array.channel_bounds[:, 0] * scale + 5e-6 * own)
+    assert array.error_bound <= array.tolerance == 1e-4
+
+
+def test_static_crosstalk_is_that_of_the_exact_layered_stack():
+    """With the oxide's properties in the cores; the mesh was asked for 1e-3 of every pair plus a hundredth of R_th."""
+    strip = th.strip_ring(outer_radius=200e-6)
+    heat = th.assemble(replace(strip, parts=(replace(strip.parts[0], material="SiO2"),)))
+    array = surrogate.reduce_array(heat, SQUARE)
+    for j, place in enumerate(SQUARE[1:], 1):
+        exact = Stack().impedance(float(np.hypot(*place)))
+        assert array.crosstalk[0, j] == pytest.approx(exact, rel=1e-3, abs=1e-3 * FLOOR * array.crosstalk[0, 0])
+
+
+def test_the_model_is_symmetric_and_passive(array):
+    """Brute force: Re H(i w) has no negative eigenvalue at any of 200 frequencies."""
+    assert array.passive
+    assert array.model.inputs == array.model.outputs == tuple(f"ring {k}" for k in range(1, 6))
+    for omega in np.geomspace(1, 1e13, 200):
+        H = impedance(array.model, omega)
+        assert np.abs(H - H.T).max() <= 1e-12 * np.abs(H).max()  # round-off of the solve
+        assert np.linalg.eigvalsh(H.real)[0] >= -1e-12 * np.abs(H).max()
+
+
+def test_far_pairs_have_fewer_poles_and_come_later(array):
+    assert array.poles[0, 4] < array.poles[0, 1] < array.poles[0, 0]
+    assert array.half_times[0, 0] < array.half_times[0, 1] < array.half_times[0, 4]
+    # 11.2 us at 20 um on 30 um of silicon under 4.22 um of oxide, by the FEM's own transient (test_off_axis)
+    assert array.half_times[0, 1] == pytest.approx(11.24e-6, rel=1e-2, abs=0)
+
+
+def test_a_channel_as_a_network_steps_like_the_model(array):
+    times = np.geomspace(1e-9, 1e-3, 40)
+    channel = array.model.channel("ring 2", "ring 5")
+    # the closed form of the model's step is asked for 1e-5
+    expected = channel.step_response(times)
+    assert array.channel(1, 4).step_response(times) == pytest.approx(expected, rel=0, abs=1e-4 * expected[-1])
+
+
+def test_one_ring_alone_is_the_reduction_of_that_ring(ring):
+    alone, rom = surrogate.reduce_array(ring, [(0, 0)]), surrogate.reduce(ring.system)
+    frequency = np.geomspace(1e3, 1e9, 20)
+    ours, other = (model.impedance(frequency) for model in (alone.channel(0, 0), rom.model))
+    assert np.abs(ours - other).max() <= 2e-4 * rom.model.thermal_resistance  # each within 1e-4 of the FEM
+
+
+def test_heaters_are_inputs_and_reach_their_neighbours():
+    heat = th.assemble(replace(th.heated_ring(), outer_radius=120e-6))
+    bank = surrogate.reduce_array(heat, [(0, 0), (25e-6, 0)], heaters=("heater",))
+    assert bank.model.inputs == ("ring 1", "ring 2", "heater 1", "heater 2")
+    assert bank.crosstalk[0, 2] == pytest.approx(
+        heat.thermal_resistance("heater", "core"), rel=2e-3, abs=0
+    )  # two meshes
+    assert bank.crosstalk[0, 3] == pytest.approx(bank.crosstalk[1, 2], rel=1e-6, abs=0)  # reciprocity of two heaters
+    assert 0 < bank.crosstalk[0, 3] < 0.2 * bank.crosstalk[0, 2]
+
+
+def test_the_model_is_kept_as_json(array, tmp_path):
+    surrogate.save_model(array.model, tmp_path / "array.json")
+    back = surrogate.load_model(tmp_path / "array.json")
+    assert back.inputs == array.model.inputs
+    assert np.array_equal(back.C, array.model.C)
+
+
+@pytest.mark.parametrize(
+    ("positions", "words"),
+    [
+        ([(0, 0), (10e-6, 0)], r"positions\[0\] and positions\[1\] are 1e-05 m apart.*overlap below"),
+        ([(0, 0), (20, 0)], "outer_radius must be at least 20"),
+        ([(0, 0), (0, 0)], "are 0 m apart"),
+        ([0, 1, 2], r"positions has shape \(3,\); \(N, 2\) is needed"),
+        ([(0, 0), (np.nan, 0)], "positions holds nan"),
+    ],
+)
+def test_places_that_cannot_be_are_refused(ring, positions, words):
+    with pytest.raises(th.InputError, match=words):
+        surrogate.reduce_array(ring, positions)
+
+
+def test_a_stack_that_is_cut_is_refused():
+    cut = th.Part("undercut", "void", 4e-6, 12e-6, bottom=-12e-6, height=10e-6)
+    strip = th.strip_ring()
+    heat = th.assemble(replace(strip, parts=(*strip.parts, cut)), 1e-2)
+    with pytest.raises(th.InputError, match="the void 'undercut' makes the stack laterally not uniform"):
+        surrogate.reduce_array(heat, [(0, 0), (30e-6, 0)])
+
+
+def test_other_things_are_no_heat_problem(ring):
+    with pytest.raises(th.InputError, match="heat is a StateSpace"):
+        surrogate.reduce_array(ring.system, SQUARE)
+    with pytest.raises(th.InputError, match="heaters = 'core' is unknown"):
+        surrogate.reduce_array(ring, SQUARE, heaters=("core",))
+
+
+def test_pictures_hold_the_numbers(array):
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from surrogate.plot_array import plot_crosstalk, plot_time_scales
+
+    matrix = plot_crosstalk(array)
+    assert np.array_equal(matrix.images[0].get_array(), array.crosstalk / 1e3)
+    steps = plot_time_scales(array)
+    assert steps.get_xlabel() == "time (µs)"
+    halves = [line.get_xdata()[0] for line in steps.lines if line.get_marker() == "o"]
+    assert halves[0] == pytest.approx(array.half_times[0, 0] * 1e6)
+    mpl.pyplot.close("all")
