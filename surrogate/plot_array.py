@@ -37,7 +37,7 @@ def plot_time_scales(array: ArrayReduction, ax: Axes | None = None) -> Axes:
     """Step of every pair against time (us), relative to its own end; dots where half of it is reached."""
     ax = plt.subplots(layout="constrained")[1] if ax is None else ax
     between = np.linalg.norm(array.positions[:, None] - array.positions, axis=-1)
-    distances, first = np.unique(np.round(between, 12), return_index=True)
+    first = np.unique(np.round(between, 12), return_index=True)[1]
     times = np.geomspace(1e-8, 1e-3, 200)
     for k, index in enumerate(first[:: max(1, first.size // 8)]):
         i, j = np.unravel_index(index, between.shape)
