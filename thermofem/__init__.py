@@ -19,6 +19,7 @@ from .geometry import (
     strip_ring,
 )
 from .heat import Discretization, HeatProblem, assemble, discretize
+from .heat.derivatives import derivatives
 from .materials import Material, Polynomial, Power, Table, silicon_film
 from .mesh import Mesh
 from .models import Foster, OutputMap, OutsideTrainingWarning, Quadratic, StateSpace, ThermalModel
@@ -60,6 +61,7 @@ __all__ = [
     "assemble",
     "checks",
     "dataset",
+    "derivatives",
     "disc",
     "discretize",
     "from_gdsfactory",

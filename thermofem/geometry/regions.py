@@ -115,23 +115,23 @@ def subdivide(geometry: CrossSection) -> Subdivision:
     import shapely
     from shapely.geometry.polygon import orient
 
-    outlines = _outlines(geometry)
-    shapes = {name: shapely.Polygon(np.rint(outline / GRID)) for name, outline in outlines.items()}
+    found = outlines(geometry)
+    shapes = {name: shapely.Polygon(np.rint(outline / GRID)) for name, outline in found.items()}
     faces = [
         (owner, orient(shapely.normalize(polygon)))
         for polygon in shapely.polygonize(_visible_edges(geometry, shapes)).geoms
         if (owner := _owner(geometry, shapes, polygon)) is not None
     ]
-    order = list(outlines)
+    order = list(found)
     faces.sort(key=lambda face: (order.index(face[0]), face[1].bounds))
-    exact = {round(x / GRID): float(x) for outline in outlines.values() for x in outline.ravel()}
+    exact = {round(x / GRID): float(x) for outline in found.values() for x in outline.ravel()}
     cut = tuple(_face(owner, polygon, exact) for owner, polygon in faces)
     for face in cut:
-        _check_thickness(face, outlines)
+        _check_thickness(face, found)
     return Subdivision(cut, _sides(geometry, faces, exact))
 
 
-def _outlines(geometry: CrossSection) -> dict[str, Array]:
+def outlines(geometry: CrossSection) -> dict[str, Array]:
     """Corners of every layer and part in m."""
     z, r = geometry.layer_edges, geometry.outer_radius
     boxes = {
@@ -183,7 +183,7 @@ def _face(owner: str, polygon: Any, exact: dict[int, float]) -> Face:
     return Face(owner, (restored(polygon.exterior), *(restored(hole) for hole in polygon.interiors)))
 
 
-def _check_thickness(face: Face, outlines: dict[str, Array]) -> None:
+def _check_thickness(face: Face, known: dict[str, Array]) -> None:
     """Raise InputError where a corner of the face comes too near to an edge that does not end there."""
     edges = face.edges()
     corners = edges[:, 0]
@@ -192,7 +192,7 @@ def _check_thickness(face: Face, outlines: dict[str, Array]) -> None:
         gap = distance(others, edge[None])
         if gap.min(initial=np.inf) < THINNEST:
             r, z = others[gap.argmin()]
-            near = [name for name in outlines if distance(others[gap.argmin()], _closed(outlines[name])) < THINNEST]
+            near = [name for name in known if distance(others[gap.argmin()], _closed(known[name])) < THINNEST]
             raise checks.InputError(
                 f"{face.owner!r} has a sliver of {gap.min():.2g} m near r = {r:g} m, z = {z:g} m, thinner than an "
                 f"atom; make the outlines of {' and '.join(map(repr, near))} agree there"

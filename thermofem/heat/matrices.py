@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache, cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -201,23 +201,21 @@ def element_conduction(basis: Any, conductivity: ArrayLike) -> Array:
 
         K = 2 pi sum_mni (J^-1 diag(k_r, k_z) J^-T)_mn |det J| r_i S_mni,   S_mni = int l_i d_m u d_n u^T
     """
-    _, _, stiff = _reference(basis)
-    J, r = _maps(basis)
+    J, r = maps(basis.mesh.p, basis.mesh.t)
     det = J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]
     inverse = np.array([[J[1, 1], -J[0, 1]], [-J[1, 0], J[0, 0]]]) / det
     k = np.broadcast_to(np.asarray(conductivity, dtype=float), (2, basis.nelems))
     metric = 2 * np.pi * np.abs(det) * np.einsum("mde,de,nde->mne", inverse, k, inverse)
     weights = (metric[:, :, None] * r).reshape(-1, basis.nelems)
-    return (weights.T @ stiff).reshape(basis.nelems, basis.Nbfun, basis.Nbfun)
+    return (weights.T @ reference(basis).stiffness).reshape(basis.nelems, basis.Nbfun, basis.Nbfun)
 
 
 def element_capacity(basis: Any, heat_capacity: ArrayLike) -> Array:
     """M of every triangle, shape (triangles, b, b): 2 pi rho c_p |det J| sum_i r_i int l_i u u^T."""
-    _, mass, _ = _reference(basis)
-    J, r = _maps(basis)
+    J, r = maps(basis.mesh.p, basis.mesh.t)
     det = J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]
     weights = 2 * np.pi * np.abs(det) * np.broadcast_to(np.asarray(heat_capacity, dtype=float), basis.nelems) * r
-    return (weights.T @ mass).reshape(basis.nelems, basis.Nbfun, basis.Nbfun)
+    return (weights.T @ reference(basis).mass).reshape(basis.nelems, basis.Nbfun, basis.Nbfun)
 
 
 def assembled(basis: Any, elements: Array) -> Any:
@@ -229,20 +227,41 @@ def assembled(basis: Any, elements: Array) -> Any:
     return csr_matrix((elements.ravel(), (rows, columns)), shape=(basis.N, basis.N))
 
 
-def _maps(basis: Any) -> tuple[Array, Array]:
-    """Jacobians d(r, z)/d(reference), shape (2, 2, triangles), and radii of the corners, shape (3, triangles)."""
-    corners = basis.mesh.p[:, basis.mesh.t]
+def maps(points: Array, triangles: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Jacobians d(r, z)/d(reference), shape (2, 2, triangles), and radii of the corners, shape (3, triangles).
+
+    ``points``, shape (2, n), and ``triangles``, shape (3, m), as scikit-fem holds them.
+    """
+    corners = points[:, triangles]
     return np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=1), corners[0]
 
 
-def _reference(basis: Any) -> tuple[Array, Array, Array]:
+class Reference(NamedTuple):
+    """Integrals on the reference triangle, with l_i linear and u the b functions of the element.
+
+    Attributes
+    ----------
+    load : array, shape (3, b)
+        of l_i u.
+    mass : array, shape (3, b b)
+        of l_i u u^T.
+    stiffness : array, shape (2 2 3, b b)
+        of l_i d_m u d_n u^T.
+    """
+
+    load: Array
+    mass: Array
+    stiffness: Array
+
+
+def reference(basis: Any) -> Reference:
+    """Integrals of the element of a basis."""
     kind: Any = type(basis.elem)
     return _integrals(kind)
 
 
 @cache
-def _integrals(element: Any) -> tuple[Array, Array, Array]:
-    """Integrals on the reference triangle of l_i times u, u u^T and d_m u d_n u^T: (3, b), (3, b b), (2 2 3, b b)."""
+def _integrals(element: Any) -> Reference:
     from skfem.quadrature import get_quadrature
 
     elem = element()
@@ -251,7 +270,7 @@ def _integrals(element: Any) -> tuple[Array, Array, Array]:
     corner = np.array([1 - X[0] - X[1], X[0], X[1]])
     mass = np.einsum("iq,aq,bq,q->iab", corner, u, u, W)
     stiff = np.einsum("iq,amq,bnq,q->mniab", corner, du, du, W)
-    return np.einsum("iq,aq,q->ia", corner, u, W), mass.reshape(3, -1), stiff.reshape(12, -1)
+    return Reference(np.einsum("iq,aq,q->ia", corner, u, W), mass.reshape(3, -1), stiff.reshape(12, -1))
 
 
 def mean(basis: Any, inside: NDArray[np.bool_]) -> Array:
@@ -262,9 +281,9 @@ def mean(basis: Any, inside: NDArray[np.bool_]) -> Array:
 
 def volume(basis: Any, inside: NDArray[np.bool_]) -> Array:
     """Integral of 2 pi r times each basis function over the triangles ``inside``, in m^3."""
-    J, r = _maps(basis)
+    J, r = maps(basis.mesh.p, basis.mesh.t)
     weights = 2 * np.pi * np.abs(J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0])[inside] * r[:, inside]
-    shares = weights.T @ _reference(basis)[0]
+    shares = weights.T @ reference(basis).load
     return np.asarray(np.bincount(basis.element_dofs.T[inside].ravel(), shares.ravel(), minlength=basis.N), dtype=float)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,6 +22,49 @@ Array = NDArray[np.float64]
 FINENESS = 24  # small triangles along each edge of a triangle that the shell's edge cuts
 
 
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """How a shell cuts the triangles of a mesh.
+
+    Attributes
+    ----------
+    outline : array, shape (edges, 2 ends, 2), m
+        of the part.
+    thickness : float, m
+    inside : array of bool, shape (triangles,)
+        wholly in the shell.
+    cells : array of int
+        triangles near its edge.
+    local : array, shape (small triangles, 2)
+        centroids of the small triangles in each of them.
+    longest : array, shape (triangles,), m
+        edge of each triangle.
+    """
+
+    outline: Array
+    thickness: float
+    inside: NDArray[np.bool_]
+    cells: NDArray[np.intp]
+    local: Array
+    longest: Array
+
+
+def cut_shell(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe) -> Cut:
+    """Find the triangles inside a shell and those that its edge cuts; InputError where the part is not meshed."""
+    edges = [face.edges() for face in geometry.subdivision.faces if face.owner == probe.part]
+    if not edges:
+        raise checks.InputError(f"probe {probe.name!r}: nothing of part {probe.part!r} is left to lie around")
+    outline = np.concatenate(edges)
+    corners = _corners(basis)
+    far = distance(corners, outline)
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).max(axis=1)
+    thickness = float(probe.shell or 0)
+    outside = mesh.region != mesh.region_names.index(probe.part)
+    inside = outside & (far.max(axis=1) + longest / 2 <= thickness)
+    cells = np.flatnonzero(outside & ~inside & (far.min(axis=1) - longest <= thickness))
+    return Cut(outline, thickness, inside, cells, _centroids(FINENESS), longest)
+
+
 def shell_integral(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe) -> Array:
     """Integral of 2 pi r times each basis function over a shell; the sum of the entries is its volume in m^3.
 
@@ -32,27 +76,23 @@ def shell_integral(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe)
     InputError
         the part is not meshed: nothing of it is left.
     """
-    thickness = float(probe.shell or 0)
-    edges = [face.edges() for face in geometry.subdivision.faces if face.owner == probe.part]
-    if not edges:
-        raise checks.InputError(f"probe {probe.name!r}: nothing of part {probe.part!r} is left to lie around")
-    outline = np.concatenate(edges)
-    grid = basis.mesh  # it may have another order of the corners than ours
-    corners = np.moveaxis(grid.p[:, grid.t], (0, 1, 2), (2, 1, 0))
-    far = distance(corners, outline)
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).max(axis=1)
-    outside = mesh.region != mesh.region_names.index(probe.part)
-    inside = outside & (far.max(axis=1) + longest / 2 <= thickness)
-    cut = outside & ~inside & (far.min(axis=1) - longest <= thickness)
-    total = volume(basis, inside)
-    local, cells = _centroids(FINENESS), np.flatnonzero(cut)
-    r, z = np.einsum("qk,ckx->xcq", np.column_stack([1 - local.sum(axis=1), local]), corners[cells])
-    depth = (thickness - distance(np.stack([r, z], axis=-1), outline)) / (longest[cells, None] / FINENESS)
-    weight = 2 * np.pi * r * np.clip(0.5 + depth, 0, 1) * _areas(corners[cells])[:, None] / len(local)
+    cut = cut_shell(geometry, mesh, basis, probe)
+    total = volume(basis, cut.inside)
+    local, cells, corners = cut.local, cut.cells, _corners(basis)[cut.cells]
+    r, z = np.einsum("qk,ckx->xcq", np.column_stack([1 - local.sum(axis=1), local]), corners)
+    far = distance(np.stack([r, z], axis=-1), cut.outline)
+    depth = (cut.thickness - far) / (cut.longest[cells, None] / FINENESS)
+    weight = 2 * np.pi * r * np.clip(0.5 + depth, 0, 1) * _areas(corners)[:, None] / len(local)
     for k in range(basis.Nbfun):
         shape = basis.elem.lbasis(local.T, k)[0]
         total += np.bincount(basis.element_dofs[k, cells], weight @ shape, minlength=basis.N)
     return total
+
+
+def _corners(basis: Any) -> Array:
+    """Corners of all triangles, shape (triangles, 3, 2), in the order of the basis, which may not be ours."""
+    grid = basis.mesh
+    return np.moveaxis(grid.p[:, grid.t], (0, 1, 2), (2, 1, 0))
 
 
 def _centroids(n: int) -> Array:

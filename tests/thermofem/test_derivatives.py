@@ -1,0 +1,292 @@
+"""Derivatives of the FEM: against complex steps, against differences of moved meshes and of converged ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import skfem
+from skfem.quadrature import get_quadrature
+
+import thermofem as th
+from thermofem.campaign.paths import place, write_table
+from thermofem.geometry.change import change
+from thermofem.heat.motion import vertex_velocities
+from thermofem.heat.problem import _on_mesh
+
+STRIP = th.assemble(th.strip_ring())
+TIMES = np.array([1e-9, 1e-7, 1e-5, 1e-3])
+
+OPEN_STACK = """
+name = "everything at once"
+outer_radius = "30 um"
+ambient = "320 K"
+[[layer]]
+name = "substrate"
+material = "Si"
+thickness = "12 um"
+[[layer]]
+name = "box"
+material = "SiO2"
+thickness = "2 um"
+datum = true
+[[layer]]
+name = "cladding"
+material = "polymer"
+thickness = "2.5 um"
+[[part]]
+name = "core"
+material = "Si"
+radius = "6 um"
+width = "500 nm"
+bottom = "300 nm"
+height = "250 nm"
+sidewall_angle = "80 deg"
+heated = true
+[[part]]
+name = "trench"
+material = "void"
+inner_radius = "9 um"
+outer_radius = "10 um"
+bottom = "1 um"
+height = "700 nm"
+[[interface]]
+part = "core"
+resistance = "2e-8 m^2*K/W"
+[[probe]]
+name = "near"
+part = "core"
+shell = "400 nm"
+[boundary]
+bottom = "open"
+outer = "open"
+top = { convection = "2e4 W/m^2/K" }
+[material.polymer]
+conductivity = { r = "0.9 W/m/K", z = "0.4 W/m/K", exponent = 0.4, reference = "300 K" }
+density = "1200 kg/m^3"
+specific_heat = "1400 J/kg/K"
+"""
+PATHS = {
+    "part.core.radius": "m",
+    "part.core.width": "m",
+    "part.core.bottom": "m",
+    "part.core.height": "m",
+    "part.core.sidewall_angle": "rad",
+    "part.trench.inner_radius": "m",
+    "part.trench.height": "m",
+    "layer.box.thickness": "m",
+    "layer.cladding.thickness": "m",
+    "layer.substrate.thickness": "m",
+    "outer_radius": "m",
+    "material.SiO2.conductivity": "W/m/K",
+    "material.polymer.conductivity.r": "W/m/K",
+    "material.polymer.conductivity.z": "W/m/K",
+    "material.polymer.conductivity.exponent": "",
+    "material.polymer.density": "kg/m^3",
+    "material.Si.specific_heat": "J/kg/K",
+    "interface.core.resistance": "m^2*K/W",
+    "boundary.top.convection": "W/m^2/K",
+    "probe.near.shell": "m",
+    "ambient": "K",
+}
+
+
+def varied(text: str, path: str, unit: str, value: float) -> th.CrossSection:
+    """The geometry with one value set as a campaign sets it."""
+    import tomllib
+
+    table = tomllib.loads(text)
+    place(table, path, value if not unit else f"{value!r} {unit}")
+    return th.CrossSection.from_toml_text(write_table(table))
+
+
+def moved(heat: th.HeatProblem, geometry: th.CrossSection, velocity: np.ndarray, step: float) -> th.HeatProblem:
+    """The problem of another geometry on the mesh whose vertices have moved."""
+    mesh = replace(heat.mesh, points=heat.mesh.points + step * velocity)
+    return _on_mesh(geometry, mesh, {i.part: i.resistance for i in geometry.interfaces}, heat.accuracy)
+
+
+@pytest.fixture(scope="module")
+def everything() -> th.HeatProblem:
+    return th.assemble(th.CrossSection.from_toml_text(OPEN_STACK), accuracy=1e-2)
+
+
+@pytest.mark.parametrize(("path", "unit"), PATHS.items())
+def test_every_path_agrees_with_a_difference_on_the_moved_mesh(everything, path, unit):
+    heat = everything
+    what = change(heat.geometry, path)
+    roles = ("core", "near")
+    velocity = vertex_velocities(heat.geometry, heat.mesh, [what], roles=roles)[0]
+    f = np.array([1e5, 1e8])
+    scale = heat.thermal_resistance("core", "near") / abs(what.value)
+
+    def difference(read: str, share: float) -> tuple[float, np.ndarray]:
+        step = share * abs(what.value)
+        pair = [moved(heat, varied(OPEN_STACK, path, unit, what.value + x), velocity, x) for x in (step, -step)]
+        systems = [one.channels("core", read) for one in pair]
+        values = [one.thermal_resistance for one in systems], [one.impedance(f) for one in systems]
+        return tuple(np.subtract(*each) / (2 * step) for each in values)
+
+    ours = th.derivatives(heat, path, frequencies=f, times=[1e-7])
+    static, impedance = difference("core", 1e-4)
+    # a central difference errs by step^2 f'''/6, 1e-8 times some tens near thin layers, and by round-off, 1e-12/1e-4
+    assert ours.thermal_resistance.item() == pytest.approx(static, rel=1e-6, abs=3e-8 * scale)
+    np.testing.assert_allclose(ours.impedance.values[0], impedance, rtol=1e-6, atol=3e-8 * scale)
+    # the edge of a shell passes over small triangles: only small steps are smooth, and round-off is 1e-11 over 1e-6
+    shell = th.derivatives(heat, path, read="near").thermal_resistance.item()
+    assert shell == pytest.approx(difference("near", 1e-6)[0], rel=1e-6, abs=5e-5 * scale)
+    assert ours.value.item() == pytest.approx(what.value)
+
+
+def matrices(mesh, points, k, c):
+    """K, M and the core's mean with quadratic elements for complex positions; straight quadrature, nothing of ours."""
+    basis = skfem.Basis(mesh.skfem, skfem.ElementTriP2(), intorder=5)
+    t = basis.mesh.t
+    X, W = get_quadrature(skfem.refdom.RefTri, 6)
+    x = points.T[:, t]
+    J = np.stack([x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]], axis=1)
+    det = J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]
+    size = det * np.sign(det.real)
+    inverse = np.array([[J[1, 1], -J[0, 1]], [-J[1, 0], J[0, 0]]]) / det
+    u, du = map(np.array, zip(*(basis.elem.lbasis(X, i) for i in range(6)), strict=True))
+    corner = np.array([1 - X[0] - X[1], X[0], X[1]])
+    weight = 2 * np.pi * np.einsum("ie,iq->eq", x[0], corner) * W * size[:, None]
+    grad = np.einsum("amq,mde->aedq", du, inverse)
+    local_K = np.einsum("aedq,bedq,eq,e->eab", grad, grad, weight, k)
+    local_M = np.einsum("aq,bq,eq,e->eab", u, u, weight, c)
+    core = mesh.region == mesh.region_names.index("core")
+    n = basis.N
+    K, M, mean = np.zeros((n, n), complex), np.zeros((n, n), complex), np.zeros(n, complex)
+    dofs = basis.element_dofs.T
+    np.add.at(K, (dofs[:, :, None], dofs[:, None, :]), local_K)
+    np.add.at(M, (dofs[:, :, None], dofs[:, None, :]), local_M)
+    np.add.at(mean, dofs[core], np.einsum("aq,eq->ea", u, weight[core]))
+    return K, M, mean / weight[core].sum()
+
+
+@pytest.mark.parametrize("path", ["part.core.radius", "part.core.height", "layer.box.thickness"])
+def test_complex_steps_on_one_mesh(path):
+    heat = th.assemble(th.strip_ring(outer_radius=20e-6, substrate=5e-6), accuracy=5e-2)
+    velocity = vertex_velocities(heat.geometry, heat.mesh, [change(heat.geometry, path)], roles=("core",))[0]
+    materials = [heat.geometry.material_of(name) for name in heat.mesh.region_names]
+    k = np.array([m.conductivity for m in materials])[heat.mesh.region]
+    c = np.array([m.heat_capacity for m in materials])[heat.mesh.region]
+    free, h = heat.discretization.free, 1e-30
+    K, M, mean = matrices(heat.mesh, heat.mesh.points + 1j * h * velocity, k, c)
+    K, M, mean = K[np.ix_(free, free)], M[np.ix_(free, free)], mean[free]
+    f = np.array([1e6, 1e9])
+    ours = th.derivatives(heat, path, frequencies=f, times=TIMES)
+    by_step = (mean @ np.linalg.solve(K, mean)).imag / h
+    assert ours.thermal_resistance.item() == pytest.approx(by_step, rel=1e-10)
+    # Z(f) has an imaginary unit of its own: K and M are split into value and slope, and the product rule gives dZ
+    for frequency, value in zip(f, ours.impedance.values[0], strict=True):
+        A, dA = (x(K) + 2j * np.pi * frequency * x(M) for x in (np.real, lambda y: y.imag / h))
+        x = np.linalg.solve(A, mean.real)
+        expected = 2 * (mean.imag / h) @ x - x @ dA @ x
+        assert value == pytest.approx(expected, rel=1e-8, abs=1e-9 * abs(by_step))  # settled over all frequencies
+    # the step response by a complex eigenvalue problem: exp(-t M^-1 K) of the perturbed matrices
+    rate, right = np.linalg.eig(np.linalg.solve(M.real, K.real))
+    rate, right = rate.real, right.real
+    left = np.linalg.inv(right)
+    slope = left @ np.linalg.solve(M.real, (K.imag - M.imag @ np.linalg.solve(M.real, K.real)) / h) @ right
+    start = left @ np.linalg.solve(M.real, mean.real)
+    of_start = left @ np.linalg.solve(M.real, (mean.imag - M.imag @ np.linalg.solve(M.real, mean.real)) / h)
+    read, of_read = mean.real @ right, (mean.imag / h) @ right
+    s = np.abs(rate[:, None] - rate)
+    for t, value in zip(TIMES, ours.step_response.values[0], strict=True):
+        phi = -np.expm1(-rate * t) / rate
+        with np.errstate(divide="ignore", invalid="ignore"):
+            divided = (phi[:, None] - phi) / (rate[:, None] - rate)
+        same = (t * np.exp(-rate * t) - phi) / rate
+        divided = np.where(s < 1e-9 * rate, same, divided)
+        expected = of_read @ (phi * start) + read @ (phi * of_start) + read @ (divided * slope) @ start
+        assert value == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "path"),
+    [("radius", "part.core.radius"), ("width", "part.core.width"), ("box", "layer.box.thickness")],
+)
+def test_converged_meshes_have_these_slopes(name, path):
+    base = {"radius": 7.955e-6, "width": 450e-9, "box": 2e-6}[name]
+    ours = th.derivatives(th.assemble(th.strip_ring(), accuracy=1e-4), path).thermal_resistance.item()
+
+    def slope(share: float) -> float:
+        pair = [th.assemble(th.strip_ring(**{name: base * (1 + sign * share)}), accuracy=3e-5) for sign in (1, -1)]
+        return (pair[0].thermal_resistance() - pair[1].thermal_resistance()) / (2 * share * base)
+
+    # Richardson removes the square of the step of 6 %; 3e-5 of R_th over 12 % of the parameter leaves a few 1e-4
+    assert ours == pytest.approx((4 * slope(0.03) - slope(0.06)) / 3, rel=1e-3)
+
+
+def test_conductivities_scale_the_resistance():
+    # R_th is homogeneous of degree -1 in all conductivities together: Euler's theorem
+    d = th.derivatives(STRIP, ["material.Si.conductivity", "material.SiO2.conductivity"])
+    assert (d.thermal_resistance * d.value).sum().item() == pytest.approx(-STRIP.thermal_resistance(), rel=1e-11)
+
+
+def test_lengths_scale_the_resistance():
+    # R_th is homogeneous of degree -1 in all lengths together; the meshed value moves by its error, below 1e-3, besides
+    lengths = ["radius", "width", "height"]
+    paths = [f"part.core.{x}" for x in lengths] + [f"layer.{x}.thickness" for x in ("box", "cladding", "substrate")]
+    d = th.derivatives(STRIP, [*paths, "outer_radius"])
+    assert (d.thermal_resistance * d.value).sum().item() == pytest.approx(-STRIP.thermal_resistance(), rel=1e-3)
+
+
+def test_the_step_response_ends_at_the_resistance_and_times_scale():
+    d = th.derivatives(STRIP, ["material.Si.density", "material.SiO2.density", "layer.box.thickness"], times=[1.0])
+    last, tiny = d.step_response.values[:, 0], 1e-8 * STRIP.thermal_resistance()
+    np.testing.assert_allclose(last, d.thermal_resistance, rtol=1e-8, atol=tiny)
+    t = 1e-7  # the step depends on t over all heat capacities: sum of c d/dc = -t d/dt
+    d = th.derivatives(STRIP, ["material.Si.density", "material.SiO2.density"], times=[t])
+    rise = STRIP.system.step_response([t * 0.999, t * 1.001], rtol=1e-9)
+    assert (d.step_response[:, 0] * d.value).sum().item() == pytest.approx(-(rise[1] - rise[0]) / 0.002, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("path", "message"),
+    [
+        ("part.core.colour", "did you mean|known"),
+        ("part.ridge.width", "is unknown"),
+        ("layer.box.material", "has no derivative"),
+        ("interface.core.resistance", "no interface"),
+        ("boundary.top.convection", "top is insulated"),
+        ("material.air.conductivity", "no layer or part is made of it"),
+        ("width", "leads nowhere"),
+        ([], "empty"),
+        (["part.core.width", "part.core.width"], "twice"),
+        ([("part.core.width", "material.Si.density")], "different units"),
+    ],
+)
+def test_a_path_without_a_derivative_is_refused(path, message):
+    with pytest.raises(th.InputError, match=message):
+        th.derivatives(STRIP, path)
+
+
+def test_a_motion_that_opens_a_gap_is_refused_and_joint_motion_is_not():
+    heat = th.assemble(th.heated_ring())
+    with pytest.raises(th.InputError, match="'cladding' and 'heater' lie on each other"):
+        th.derivatives(heat, "layer.cladding.thickness", read="heater")
+    joint = ("layer.cladding.thickness", "part.heater.bottom")
+    d = th.derivatives(heat, [joint], read="heater")
+    assert d.parameter.item() == "layer.cladding.thickness + part.heater.bottom"
+    pair = [th.assemble(th.heated_ring(cladding=2e-6 + x), accuracy=1e-4) for x in (5e-8, -5e-8)]
+    slope = np.subtract(*[one.thermal_resistance("core", "heater") for one in pair]) / 1e-7
+    assert d.thermal_resistance.item() == pytest.approx(slope, rel=2e-2)  # 1e-3 of R_th over 5 % of the length
+
+
+def test_reach_is_where_the_mesh_tangles():
+    d = th.derivatives(STRIP, "part.core.width")
+    velocity = vertex_velocities(
+        STRIP.geometry, STRIP.mesh, [change(STRIP.geometry, "part.core.width")], roles=("core",)
+    )[0]
+
+    def smallest(step: float) -> float:
+        p = (STRIP.mesh.points + step * velocity)[STRIP.mesh.triangles]
+        (x, y), (s, t) = (p[:, 1] - p[:, 0]).T, (p[:, 2] - p[:, 0]).T
+        return float((x * t - s * y).min())
+
+    reach = d.reach.item()
+    assert min(smallest(0.999 * reach), smallest(-0.999 * reach)) > 0
+    assert min(smallest(1.001 * reach), smallest(-1.001 * reach)) < 0

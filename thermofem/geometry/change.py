@@ -1,0 +1,278 @@
+"""What one parameter of a geometry changes: the derivative of outlines, materials and surfaces per unit of it.
+
+A path names the parameter as in a campaign: "part.core.radius", "layer.box.thickness", "material.SiO2.conductivity".
+Several paths may form one parameter; they then change together, each by the same amount.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import checks
+from ..checks import InputError
+from ..materials.laws import Law, Power
+from .regions import outlines
+
+if TYPE_CHECKING:
+    from ..materials.library import Material
+    from .cross_section import CrossSection
+    from .parts import Part
+
+Array = NDArray[np.float64]
+
+_HINT = 'write it as "part.core.width", "layer.box.thickness", "material.SiO2.conductivity" or "outer_radius"'
+_PART = ("radius", "width", "inner_radius", "outer_radius", "bottom", "height", "sidewall_angle")
+_MATERIAL = ("conductivity", "density", "specific_heat")
+_STEP = 1e-3  # K; of the central difference of a law of temperature, whose error is 1e-9 of its curvature
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """Derivatives with respect to one parameter.
+
+    Attributes
+    ----------
+    name : str
+        of the parameter.
+    value : float
+        of the parameter, SI (of its first path).
+    unit : str
+    outlines : dict from layer or part to array, shape (4, 2)
+        velocity of its corners, in m per unit.
+    conductivity, heat_capacity : dict from material to float or pair of floats
+        of (k_r, k_z) in W/(m K) and of rho c_p in J/(m^3 K) at the ambient temperature, per unit.
+    contact, convection, shell : dict from part, side or probe to float
+        of the contact resistance, the coefficient and the thickness, per unit.
+    """
+
+    name: str
+    value: float
+    unit: str
+    outlines: dict[str, Array] = field(default_factory=dict)
+    conductivity: dict[str, tuple[float, float]] = field(default_factory=dict)
+    heat_capacity: dict[str, float] = field(default_factory=dict)
+    contact: dict[str, float] = field(default_factory=dict)
+    convection: dict[str, float] = field(default_factory=dict)
+    shell: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def moves(self) -> bool:
+        """Whether any outline moves."""
+        return any(np.any(velocity) for velocity in self.outlines.values())
+
+
+def change(geometry: CrossSection, parameter: str | Sequence[str]) -> Change:
+    """What a parameter changes.
+
+    Parameters
+    ----------
+    geometry : CrossSection
+    parameter : str, or several paths that change together by the same amount
+
+    Raises
+    ------
+    InputError
+        a path that leads nowhere, or to what has no derivative.
+    """
+    paths = (parameter,) if isinstance(parameter, str) else tuple(parameter)
+    if not paths or not all(isinstance(path, str) for path in paths):
+        raise InputError(f"parameter {parameter!r} is no path; {_HINT}")
+    single = [_change(geometry, path) for path in paths]
+    units = sorted({one.unit for one in single})
+    if len(units) > 1:
+        raise InputError(f"parameter {' + '.join(paths)}: the paths have different units ({', '.join(units)})")
+    moved: dict[str, Array] = {}
+    for one in single:
+        for name, velocity in one.outlines.items():
+            moved[name] = moved.get(name, 0.0) + velocity
+    pairs: dict[str, tuple[float, float]] = {}
+    for one in single:
+        for name, (k_r, k_z) in one.conductivity.items():
+            before = pairs.get(name, (0.0, 0.0))
+            pairs[name] = before[0] + k_r, before[1] + k_z
+    return Change(
+        name=" + ".join(paths),
+        value=single[0].value,
+        unit=units[0],
+        outlines=moved,
+        conductivity=pairs,
+        heat_capacity=_sum([one.heat_capacity for one in single]),
+        contact=_sum([one.contact for one in single]),
+        convection=_sum([one.convection for one in single]),
+        shell=_sum([one.shell for one in single]),
+    )
+
+
+def _sum(each: Sequence[dict[str, float]]) -> dict[str, float]:
+    total: dict[str, float] = {}
+    for one in each:
+        for name, value in one.items():
+            total[name] = total.get(name, 0.0) + value
+    return total
+
+
+def _change(geometry: CrossSection, path: str) -> Change:
+    kind, *middle = path.split(".")
+    if path == "outer_radius":
+        return Change(path, geometry.outer_radius, "m", dict(_wider(geometry)))
+    if path == "ambient":
+        return _ambient(geometry)
+    if kind == "material" and len(middle) >= 2:
+        return _material(geometry, path, middle)
+    readers = {
+        "part": _part,
+        "layer": _layer,
+        "interface": _interface,
+        "probe": _probe,
+        "boundary": _boundary,
+    }
+    if kind not in readers or len(middle) < 2:
+        raise InputError(f"path {path!r} leads nowhere; {_HINT}")
+    return readers[kind](geometry, path, ".".join(middle[:-1]), middle[-1])
+
+
+def _wider(geometry: CrossSection) -> list[tuple[str, Array]]:
+    """The right corners of every layer move with outer_radius."""
+    right = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 0.0), (0.0, 0.0)])
+    return [(layer.name, right) for layer in geometry.layers]
+
+
+def _part(geometry: CrossSection, path: str, name: str, key: str) -> Change:
+    parts = {part.name: part for part in geometry.parts}
+    part = parts[checks.choice(f"path {path!r}: part", name, parts)]
+    checks.choice(f"path {path!r}: key", key, _PART, hint="a material has no derivative")
+    if not part.inner_radius and key in ("radius", "width", "inner_radius"):
+        raise InputError(f"path {path!r}: part {name!r} is a disc; take part.{name}.outer_radius")
+    if part.name not in outlines(geometry):
+        raise InputError(f"path {path!r}: part {name!r} has height 0 and is not there; nothing moves")
+    values = {
+        "radius": (part.inner_radius + part.outer_radius) / 2,
+        "width": part.outer_radius - part.inner_radius,
+    }
+    value = values[key] if key in values else float(getattr(part, key))
+    unit = "rad" if key == "sidewall_angle" else "m"
+    return Change(path, value, unit, {name: _corners(part, key)})
+
+
+def _corners(part: Part, key: str) -> Array:
+    """Velocity of the corners of a part, in the order of `Part.outline`; shape (4, 2)."""
+    inner = {"radius": 1.0, "width": -0.5, "inner_radius": 1.0}.get(key, 0.0)
+    outer = {"radius": 1.0, "width": 0.5, "outer_radius": 1.0}.get(key, 0.0)
+    foot, top = {"bottom": (1.0, 1.0), "height": (0.0, 1.0)}.get(key, (0.0, 0.0))
+    lean = 0.0
+    if key == "height":  # the lean is height/(2 tan(angle))
+        lean = math.cos(part.sidewall_angle) / math.sin(part.sidewall_angle) / 2
+    elif key == "sidewall_angle":
+        lean = -part.height / 2 / math.sin(part.sidewall_angle) ** 2
+    inner_lean = lean if part.inner_radius else 0.0
+    return np.array([(inner - inner_lean, foot), (outer + lean, foot), (outer - lean, top), (inner + inner_lean, top)])
+
+
+def _layer(geometry: CrossSection, path: str, name: str, key: str) -> Change:
+    names = [layer.name for layer in geometry.layers]
+    moved = names.index(checks.choice(f"path {path!r}: layer", name, names))
+    checks.choice(f"path {path!r}: key", key, ("thickness",), hint="a material has no derivative")
+    datum = next(k for k, layer in enumerate(geometry.layers) if layer.datum)
+    edges = np.arange(len(names) + 1)
+    speed = np.where(edges <= moved, -1.0, 0.0) if moved <= datum else np.where(edges > moved, 1.0, 0.0)
+    boxes = {
+        layer: np.array([(0.0, speed[k]), (0.0, speed[k]), (0.0, speed[k + 1]), (0.0, speed[k + 1])])
+        for k, layer in enumerate(names)
+    }
+    return Change(path, geometry.layers[moved].thickness, "m", boxes)
+
+
+def _interface(geometry: CrossSection, path: str, name: str, key: str) -> Change:
+    known = {interface.part: interface for interface in geometry.interfaces}
+    if not known:
+        raise InputError(f"path {path!r}: the geometry has no interface; add an [[interface]] table")
+    interface = known[checks.choice(f"path {path!r}: interface", name, known)]
+    checks.choice(f"path {path!r}: key", key, ("resistance",))
+    return Change(path, interface.resistance, "m^2*K/W", contact={name: 1.0})
+
+
+def _probe(geometry: CrossSection, path: str, name: str, key: str) -> Change:
+    known = {probe.name: probe for probe in geometry.probes}
+    if not known:
+        raise InputError(f"path {path!r}: the geometry has no probe; add a [[probe]] table")
+    probe = known[checks.choice(f"path {path!r}: probe", name, known)]
+    checks.choice(f"path {path!r}: key", key, ("shell",))
+    if not probe.shell:
+        raise InputError(f"path {path!r}: probe {name!r} has no shell")
+    return Change(path, probe.shell, "m", shell={name: 1.0})
+
+
+def _boundary(geometry: CrossSection, path: str, side: str, key: str) -> Change:
+    checks.choice(f"path {path!r}: side", side, ("bottom", "top", "outer"))
+    checks.choice(f"path {path!r}: key", key, ("convection",))
+    boundary = getattr(geometry, side)
+    if boundary.kind != "convection":
+        raise InputError(f"path {path!r}: {side} is {boundary.kind}; give it a convection first")
+    return Change(path, boundary.coefficient, "W/m^2/K", convection={side: 1.0})
+
+
+def _material(geometry: CrossSection, path: str, middle: Sequence[str]) -> Change:
+    """material.NAME.property, or material.NAME.property.key for a key of its law."""
+    used = {region: geometry.material_of(region) for region in geometry.region_names}
+    names = {material.name: material for material in used.values()}
+    split = 2 if len(middle) > 2 and middle[-2] in ("conductivity", "specific_heat") else 1
+    name, keys = ".".join(middle[:-split]), middle[-split:]
+    hint = "no layer or part is made of it" if name not in names else ""
+    material = names[checks.choice(f"path {path!r}: material", name, names, hint=hint)]
+    checks.choice(f"path {path!r}: property", keys[0], _MATERIAL)
+    kind, key = keys[0], keys[1] if len(keys) > 1 else "value"
+    T0 = geometry.ambient
+    if kind == "density":
+        share = material.specific_heat * float(material.specific_heat_law.factor(T0))
+        return Change(path, material.density, "kg/m^3", heat_capacity={name: share})
+    law: Law = getattr(material, f"{kind}_law")
+    value, unit, factor, of_law = _law(path, material, law, kind, key, T0)
+    if kind == "specific_heat":
+        scale = material.density * (factor + material.specific_heat * of_law)
+        return Change(path, value, unit, heat_capacity={name: scale})
+    k_r = material.conductivity
+    k_z = k_r if material.conductivity_z is None else material.conductivity_z
+    along_r = 0.0 if key == "z" else factor
+    along_z = factor if key == "z" or material.conductivity_z is None else 0.0
+    return Change(path, value, unit, conductivity={name: (along_r + k_r * of_law, along_z + k_z * of_law)})
+
+
+def _law(path: str, material: Material, law: Law, kind: str, key: str, T0: float) -> tuple[float, str, float, float]:
+    """Value and unit; d(value f)/d(key) = first + value * second, with f the law at the ambient temperature."""
+    f = float(law.factor(T0))
+    unit = {"conductivity": "W/m/K", "specific_heat": "J/kg/K"}[kind]
+    if key in ("value", "r"):
+        return float(getattr(material, kind)), unit, f, 0.0
+    if key == "z" and kind == "conductivity":
+        if material.conductivity_z is None:
+            raise InputError(f"path {path!r}: {material.name!r} conducts alike along r and z; give it a z first")
+        return material.conductivity_z, unit, f, 0.0
+    if key in ("exponent", "reference") and isinstance(law, Power):
+        if key == "exponent":
+            return law.exponent, "", 0.0, f * math.log(T0 / law.reference)
+        return law.reference, "K", 0.0, -law.exponent * f / law.reference
+    raise InputError(f"path {path!r} has no derivative; value, r, z and, of a power law, exponent and reference have")
+
+
+def _ambient(geometry: CrossSection) -> Change:
+    """Conductivities and heat capacities that depend on temperature change with the ambient one."""
+    T0 = geometry.ambient
+
+    def slope(law: Law) -> float:
+        if isinstance(law, Power):
+            return law.exponent * float(law.factor(T0)) / T0
+        return float(law.factor(T0 + _STEP) - law.factor(T0 - _STEP)) / (2 * _STEP)
+
+    conductivity, capacity = {}, {}
+    for region in geometry.region_names:
+        m = geometry.material_of(region)
+        k_z = m.conductivity if m.conductivity_z is None else m.conductivity_z
+        of_k, of_c = slope(m.conductivity_law), slope(m.specific_heat_law)
+        conductivity[m.name], capacity[m.name] = (m.conductivity * of_k, k_z * of_k), m.heat_capacity * of_c
+    return Change("ambient", T0, "K", conductivity=conductivity, heat_capacity=capacity)
