@@ -12,8 +12,8 @@ from skfem.quadrature import get_quadrature
 import thermofem as th
 from thermofem.campaign.paths import place, write_table
 from thermofem.geometry.change import change
-from thermofem.heat.motion import vertex_velocities
 from thermofem.heat.problem import _on_mesh
+from thermofem.heat.velocity import vertex_velocities
 
 STRIP = th.assemble(th.strip_ring())
 TIMES = np.array([1e-9, 1e-7, 1e-5, 1e-3])

@@ -4,7 +4,7 @@ Heat and reading use the same functionals, so no adjoint solve is needed: with x
 
     dZ(s)/dp = 2 (dc/dp) . x - x^T (dK/dp + s dM/dp) x
 
-The vertices of the mesh move with the outlines (`thermofem.heat.motion`), and the derivative is exact for that mesh.
+The vertices of the mesh move with the outlines (`thermofem.mesh.motion`), and the derivative is exact for that mesh.
 The fields x(s) come from a rational Krylov space that is grown until the derivatives no longer change.
 """
 
@@ -19,14 +19,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
 from ..geometry.change import Change, change
-from .motion import vertex_velocities
 from .projected import ModalDerivative
 from .tangent import Tangent, tangent
+from .velocity import vertex_velocities
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from ..transient.krylov import Rounds
+    from ..algebra.krylov import Rounds
     from .problem import HeatProblem
 
 Array = NDArray[np.float64]
@@ -183,7 +183,7 @@ class _Answer:
 
 def _space(heat: HeatProblem, heated: str, read: str, t: Array | None, f: Array | None) -> Rounds:
     """A Krylov space with shifts over all that is asked for."""
-    from ..transient.krylov import Rounds, rates
+    from ..algebra.krylov import Rounds, rates
 
     names = (heated,) if heated == read else (heated, read)
     factors = heat.discretization.factors

@@ -89,7 +89,7 @@ def _probe(heat: HeatProblem, change: Change, moved: Array, name: str) -> Array:
         return shell_tangent(heat, change, moved, name)
     if change.moves:
         raise InputError(
-            f"{change.name}: the mean over {name!r}, a copy off the axis, has derivatives with respect to materials and "
-            "surfaces only, not to lengths"
+            f"{change.name}: the mean over {name!r}, a copy off the axis, has no derivative with respect to lengths, "
+            "only to materials and surfaces"
         )
     return np.zeros_like(heat.discretization.means[name])

@@ -82,7 +82,7 @@ class Line:
         return (self.start + self.stop) / 2
 
 
-class Motion:
+class CornerMotion:
     """The motion of a geometry's corners.
 
     Parameters
