@@ -4,7 +4,7 @@ PYTHON ?= python3
 export OMP_NUM_THREADS ?= 1
 BIN := .venv/bin
 
-.PHONY: demo test check lint types validation docs wheel bench fuzz clean
+.PHONY: demo test check lint types validation docs wheel gdsfactory bench fuzz clean
 
 demo: .venv/installed
 	$(BIN)/thermofem reproduce -o out
@@ -39,6 +39,15 @@ wheel: .venv/installed-dev
 	out/fresh/bin/python -m pip install --quiet --disable-pip-version-check out/dist/thermofem-*.whl
 	cd out/fresh && env -u PYTHONPATH bin/thermofem reproduce --quick -o demo
 
+# the import from gdsfactory, in an environment of its own: gdsfactory pins an older typer
+gdsfactory: .venv-gdsfactory/installed
+	.venv-gdsfactory/bin/python -m pytest -q tests/thermofem/test_gdsfactory.py
+
+.venv-gdsfactory/installed: pyproject.toml
+	$(PYTHON) -m venv .venv-gdsfactory
+	.venv-gdsfactory/bin/python -m pip install --quiet --disable-pip-version-check --editable ".[gdsfactory]" pytest pytest-xdist hypothesis
+	touch $@
+
 # an hour; MINUTES=5 for less
 MINUTES ?= 60
 fuzz: .venv/installed-dev
@@ -56,7 +65,7 @@ bench: .venv-bench/installed
 	touch $@
 
 clean:
-	rm -rf .venv .venv-bench out .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv .venv-bench .venv-gdsfactory out .pytest_cache .mypy_cache .ruff_cache
 
 .venv/bin/python:
 	$(PYTHON) -m venv .venv

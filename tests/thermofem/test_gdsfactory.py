@@ -9,7 +9,7 @@ import pytest
 
 import thermofem as th
 
-gf = pytest.importorskip("gdsfactory", reason="gdsfactory is not installed")
+gf = pytest.importorskip("gdsfactory", reason="gdsfactory is not installed here; `make gdsfactory` runs these tests")
 
 
 @pytest.fixture(scope="module", autouse=True)
