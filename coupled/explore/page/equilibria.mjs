@@ -1,0 +1,345 @@
+// Fixed points of ring and heat, and their stability: coupled/equilibria/balance.py and spectrum.py.
+//
+// At one power the fixed points lie on one smooth curve, the tilted resonance, with the parameter s:
+//   D = gamma sinh s,   U gamma(U)^2 = drive^2/cosh^2 s,   detuning(s) = shift(U) - gamma sinh s
+// Cut at its turning points, every piece holds a detuning at most once.
+
+import { absorbedPower, dispersion } from "./ring.mjs";
+import { eigenvalues } from "./eigen.mjs";
+import { jacobian } from "./rosenbrock.mjs";
+
+const SPACING = 0.02;
+const CLOSE = 4e-16;
+const pair = new Float64Array(2);
+
+/** Everything at a fixed point of energy U that does not depend on the laser, and its derivatives by U. */
+export function balance(U, sys) {
+  const k = sys.tau0 * sys.g * U * U;
+  const p = 1 - sys.a * k;
+  const root = Math.sqrt(p * p + 4 * sys.b * k);
+  const N = p > 0 ? (2 * k) / (p + root) : (root - p) / (2 * sys.b);
+  const NSlope = (2 * sys.tau0 * sys.g * U * (1 + sys.a * N)) / root;
+  const gamma = sys.loss + sys.fca * N + sys.tpa * U;
+  const gammaSlope = sys.fca * NSlope + sys.tpa;
+  const z = sys.R * absorbedPower(U, N, sys);
+  const lift = 1 + 2 * sys.curvature * z;
+  const dT = z + sys.curvature * z * z;
+  const dTSlope = sys.R * lift * 2 * (sys.absorbed + sys.fca * (N + NSlope * U) + 2 * sys.tpa * U);
+  dispersion(N, sys.fcd, pair);
+  const shift = -sys.shift * dT - pair[0] - sys.kerr * U;
+  const shiftSlope = -sys.shift * dTSlope - pair[1] * NSlope - sys.kerr;
+  return { N, NSlope, dT, z, lift, shift, shiftSlope, gamma, gammaSlope, S: pair[0], SSlope: pair[1] };
+}
+
+/** U with U gamma(U)^2 = drive^2/cosh^2 s: Newton in log U, kept within a bracket. */
+export function energy(s, drive, sys) {
+  const target = 2 * (Math.log(drive) - Math.log(Math.cosh(s)));
+  let high = target - 2 * Math.log(sys.loss);
+  let low = target - 2 * Math.log(balance(Math.exp(high), sys).gamma);
+  let x = high;
+  for (let i = 0; i < 200; i++) {
+    const at = balance(Math.exp(x), sys);
+    const f = x + 2 * Math.log(at.gamma) - target;
+    if (f >= 0) high = x;
+    if (f <= 0) low = x;
+    const before = x;
+    x -= f / (1 + (2 * Math.exp(x) * at.gammaSlope) / at.gamma);
+    if (!(low <= x && x <= high)) x = 0.5 * (low + high);
+    if (Math.abs(x - before) < 1e-15 * (1 + Math.abs(x))) break;
+  }
+  return Math.exp(x);
+}
+
+/** U, D, detuning and d(detuning)/ds of the tilted resonance at s. */
+export function tilted(s, drive, sys) {
+  const U = energy(s, drive, sys);
+  const at = balance(U, sys);
+  const sinh = Math.sinh(s);
+  const D = at.gamma * sinh;
+  const USlope = (-2 * U * Math.tanh(s)) / (1 + (2 * U * at.gammaSlope) / at.gamma);
+  const slope = (at.shiftSlope - at.gammaSlope * sinh) * USlope - at.gamma * Math.cosh(s);
+  return { U, D, detuning: at.shift - D, slope, N: at.N, dT: at.dT };
+}
+
+/** An s beyond which, on either side, the tilted resonance is farther off than the detuning (rad/ns). */
+export function reach(detuning, drive, sys) {
+  const U = energy(0, drive, sys);
+  const top = balance(U, sys);
+  const largest = Math.abs(sys.shift * top.dT) + Math.abs(top.S) + Math.abs(sys.kerr * U);
+  return Math.asinh((Math.abs(detuning) + largest) / sys.loss + 1);
+}
+
+function slopeZero(left, right, drive, sys) {
+  const sign = tilted(left, drive, sys).slope > 0;
+  while (right - left > CLOSE * (1 + Math.abs(left))) {
+    const middle = 0.5 * (left + right);
+    if (middle <= left || middle >= right) break;
+    if (tilted(middle, drive, sys).slope > 0 === sign) left = middle;
+    else right = middle;
+  }
+  return 0.5 * (left + right);
+}
+
+function flattest(left, right, drive, sys) {
+  const golden = 0.6180339887498949;
+  const at = (s) => tilted(s, drive, sys).slope;
+  const sign = at(left) > 0;
+  let a = right - golden * (right - left);
+  let b = left + golden * (right - left);
+  let fa = at(a);
+  let fb = at(b);
+  for (let i = 0; i < 40; i++) {
+    if (fa > 0 !== sign) return a;
+    if (fb > 0 !== sign) return b;
+    if (Math.abs(fa) < Math.abs(fb)) {
+      [right, b, fb] = [b, a, fa];
+      a = right - golden * (right - left);
+      fa = at(a);
+    } else {
+      [left, a, fa] = [a, b, fb];
+      b = left + golden * (right - left);
+      fb = at(b);
+    }
+  }
+  return 0.5 * (left + right);
+}
+
+/** -end, every s between where detuning(s) turns, and end, in increasing order. */
+export function turningPoints(end, drive, sys) {
+  const n = Math.ceil((2 * end) / SPACING) + 1;
+  const s = Float64Array.from({ length: n }, (_, k) => (k === n - 1 ? end : -end + (2 * end * k) / (n - 1)));
+  const slope = s.map((x) => tilted(x, drive, sys).slope);
+  const out = [-end];
+  for (let k = 0; k < n - 1; k++) {
+    const here = slope[k] > 0;
+    if (here !== slope[k + 1] > 0) out.push(slopeZero(s[k], s[k + 1], drive, sys));
+    else if (
+      k > 0 &&
+      slope[k - 1] > 0 === here &&
+      Math.abs(slope[k]) < Math.abs(slope[k - 1]) &&
+      Math.abs(slope[k]) <= Math.abs(slope[k + 1])
+    ) {
+      const flat = flattest(s[k - 1], s[k + 1], drive, sys);
+      if (tilted(flat, drive, sys).slope > 0 !== here) {
+        out.push(slopeZero(s[k - 1], flat, drive, sys), slopeZero(flat, s[k + 1], drive, sys));
+      }
+    }
+  }
+  out.push(end);
+  return out;
+}
+
+function crossing(left, right, detuning, drive, sys) {
+  const falling = tilted(left, drive, sys).detuning > detuning;
+  let s = 0.5 * (left + right);
+  let at = null;
+  for (let i = 0; i < 200; i++) {
+    at = tilted(s, drive, sys);
+    const f = at.detuning - detuning;
+    if (f > 0 === falling) left = s;
+    else right = s;
+    const before = s;
+    s = at.slope !== 0 ? s - f / at.slope : left;
+    if (!(left < s && s < right)) s = 0.5 * (left + right);
+    if (f === 0 || Math.abs(s - before) <= CLOSE * (1 + Math.abs(s))) break;
+  }
+  return at;
+}
+
+/** Every fixed point { U, D } at a detuning (rad/ns), in the order of s; pieces by turningPoints. */
+export function fixedPoints(detuning, drive, sys, pieces) {
+  const out = [];
+  let above = tilted(pieces[0], drive, sys).detuning > detuning;
+  for (let k = 0; k + 1 < pieces.length; k++) {
+    const after = tilted(pieces[k + 1], drive, sys).detuning > detuning;
+    if (above !== after) out.push(crossing(pieces[k], pieces[k + 1], detuning, drive, sys));
+    above = after;
+  }
+  return out;
+}
+
+/** The state at a fixed point, turned so that the field is real. */
+export function stateAt(U, sys) {
+  const at = balance(U, sys);
+  const heat = absorbedPower(U, at.N, sys);
+  const y = new Float64Array(3 + sys.gain.length);
+  y[0] = Math.sqrt(U);
+  y[2] = at.N;
+  for (let i = 0; i < sys.gain.length; i++) y[3 + i] = (sys.gain[i] / sys.rate[i]) * heat;
+  return y;
+}
+
+/** All eigenvalues at the fixed point (U, D), in 1/ns, by a dense factorization. */
+export function spectrumAt(U, D, sys) {
+  const y = stateAt(U, sys);
+  return eigenvalues(jacobian(sys, balance(U, sys).shift - D, y), y.length);
+}
+
+/** Coefficients of the secular equation E(lambda) at the energy U (spectrum.py). */
+export function secular(U, sys) {
+  const at = balance(U, sys);
+  const N = at.N;
+  const saturation = 1 + sys.a * N;
+  const rho = (1 + sys.b * N * (2 + sys.a * N)) / (sys.tau0 * saturation * saturation);
+  const made = 4 * sys.g * U * U;
+  return {
+    gamma: at.gamma,
+    gamma2: at.gamma + 2 * sys.tpa * U,
+    rho,
+    alpha: sys.fca * made,
+    beta: at.SSlope * made,
+    heat: at.lift * 4 * sys.shift * (sys.absorbed + sys.fca * N + 2 * sys.tpa * U) * U,
+    cross: at.lift * 2 * sys.shift * sys.fca * U * made,
+    kerr: 2 * sys.kerr * U,
+  };
+}
+
+/**
+ * Move the eigenvalues of a neighbour (re, im) to those at (U, D) by Aberth's iteration; returns whether they can be
+ * trusted, checked by their sum, which is the trace.
+ */
+export function follow(re, im, U, D, sys) {
+  const m = re.length;
+  const c = secular(U, sys);
+  for (let k = 0; k < m; k++) {
+    const f = 1e-4 + 1e-5 * k;
+    const x = re[k];
+    re[k] = x * (1 + f) - im[k] * f;
+    im[k] = im[k] * (1 + f) + x * f;
+  }
+  let largest = 1;
+  for (let sweep = 0; sweep < 60; sweep++) {
+    const before = largest;
+    largest = 0;
+    for (let k = 0; k < m; k++) {
+      newtonStep(re[k], im[k], c, D, sys);
+      let sr = 0;
+      let si = 0;
+      const x = re[k];
+      const y = im[k];
+      for (let j = 0; j < m; j++) {
+        if (j === k) continue;
+        const dr = x - re[j];
+        const di = y - im[j];
+        const square = dr * dr + di * di;
+        if (square > 0) {
+          const f = 1 / square;
+          sr += dr * f;
+          si -= di * f;
+        }
+      }
+      const pr = pair[0];
+      const pi = pair[1];
+      const qr = 1 - (pr * sr - pi * si);
+      const qi = -(pr * si + pi * sr);
+      const q = qr * qr + qi * qi;
+      const stepR = q > 0 ? (pr * qr + pi * qi) / q : 0;
+      const stepI = q > 0 ? (pi * qr - pr * qi) / q : 0;
+      re[k] = x - stepR;
+      im[k] = y - stepI;
+      const size = Math.sqrt((stepR * stepR + stepI * stepI) / (re[k] * re[k] + im[k] * im[k]));
+      if (!(size <= largest)) largest = size;
+    }
+    if (largest < 1e-13 || (largest < 1e-7 && largest > 0.5 * before)) break;
+  }
+  let sumR = 0;
+  let sumI = 0;
+  for (let k = 0; k < m; k++) {
+    sumR += re[k];
+    sumI += im[k];
+  }
+  let trace = -(c.gamma + c.gamma2 + c.rho);
+  for (let i = 0; i < sys.rate.length; i++) trace -= sys.rate[i];
+  return largest < 1e-7 && Math.hypot(sumR - trace, sumI) < 1e-7 * Math.abs(trace);
+}
+
+/** p/p' of the characteristic polynomial at x + iy, written to `pair`. */
+function newtonStep(x, y, c, D, sys) {
+  const { gain, rate } = sys;
+  let Gr = 0, Gi = 0, Hr = 0, Hi = 0, Lr = 0, Li = 0; // prettier-ignore
+  for (let i = 0; i < rate.length; i++) {
+    const a = x + rate[i];
+    const square = a * a + y * y;
+    if (square === 0) {
+      pair[0] = pair[1] = 0;
+      return;
+    }
+    const vr = a / square;
+    const vi = -y / square;
+    const g = gain[i];
+    Gr += g * vr;
+    Gi += g * vi;
+    Hr -= g * (vr * vr - vi * vi);
+    Hi -= 2 * g * vr * vi;
+    Lr += vr;
+    Li += vi;
+  }
+  const ur = x + c.gamma;
+  const vr = x + c.gamma2;
+  const wr = x + c.rho;
+  const sr = c.heat * wr + c.cross;
+  const si = c.heat * y;
+  const vwr = vr * wr - y * y + c.alpha; // v w + alpha
+  const vwi = (vr + wr) * y;
+  const gsr = Gr * sr - Gi * si;
+  const gsi = Gr * si + Gi * sr;
+  const Er = ur * vwr - y * vwi + D * D * wr - D * (c.beta + c.kerr * wr + gsr);
+  const Ei = ur * vwi + y * vwr + D * D * y - D * (c.kerr * y + gsi);
+  const dr = vwr + (ur * (vr + wr) - 2 * y * y) + D * D - D * (c.kerr + Hr * sr - Hi * si + c.heat * Gr);
+  const di = vwi + (y * (vr + wr) + 2 * ur * y) - D * (Hr * si + Hi * sr + c.heat * Gi);
+  const nr = dr + Lr * Er - Li * Ei;
+  const ni = di + Lr * Ei + Li * Er;
+  const square = nr * nr + ni * ni;
+  pair[0] = square > 0 ? (Er * nr + Ei * ni) / square : 0;
+  pair[1] = square > 0 ? (Ei * nr - Er * ni) / square : 0;
+}
+
+/** The kind of a fixed point from its eigenvalues: largest real part, angular frequency, and the regime in words. */
+export function kindOf({ re, im }) {
+  let first = 0;
+  let growing = 0;
+  for (let k = 0; k < re.length; k++) {
+    if (re[k] > re[first]) first = k;
+    if (re[k] > 0) growing++;
+  }
+  const omega = Math.abs(im[first]) > 1e-6 * Math.hypot(re[first], im[first]) ? Math.abs(im[first]) : 0;
+  let regime = "unstable node";
+  if (growing === 0) regime = "stable";
+  else if (growing % 2) regime = "saddle";
+  else if (omega) regime = "unstable focus";
+  return { growth: re[first], omega, regime };
+}
+
+/** Every fixed point of one laser setting by increasing energy, with N, dT and kind; detuning in rad/ns. */
+export function steadyStates(drive, detuning, sys) {
+  const pieces = turningPoints(reach(detuning, drive, sys), drive, sys);
+  return fixedPoints(detuning, drive, sys, pieces)
+    .sort((p, q) => p.U - q.U)
+    .map((p) => ({ U: p.U, D: p.D, N: p.N, dT: p.dT, ...kindOf(spectrumAt(p.U, p.D, sys)) }));
+}
+
+/** Numbers of fixed and of stable points at one power over the detunings (rad/ns): { fixed, stable, growth }. */
+export function survey(detunings, drive, sys) {
+  const m = 3 + sys.gain.length;
+  const farthest = detunings.reduce((most, x) => Math.max(most, Math.abs(x)), 0);
+  const pieces = turningPoints(reach(farthest, drive, sys), drive, sys);
+  const near = pieces.map(() => null);
+  const fixed = new Int8Array(detunings.length);
+  const stable = new Int8Array(detunings.length);
+  const growth = new Float64Array(detunings.length);
+  detunings.forEach((detuning, j) => {
+    growth[j] = Infinity;
+    const points = fixedPoints(detuning, drive, sys, pieces);
+    fixed[j] = points.length;
+    points.forEach(({ U, D }, k) => {
+      const branch = points.length > 1 || D > 0 ? k : pieces.length - 1;
+      let z = near[branch];
+      if (!z || !follow(z.re, z.im, U, D, sys)) z = near[branch] = spectrumAt(U, D, sys);
+      let first = -Infinity;
+      for (let i = 0; i < m; i++) if (z.re[i] > first) first = z.re[i];
+      if (first < 0) stable[j]++;
+      if (first < growth[j]) growth[j] = first;
+    });
+  });
+  return { fixed, stable, growth };
+}

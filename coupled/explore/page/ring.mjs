@@ -1,0 +1,139 @@
+// The ring in internal units (ns, fJ, uW, K, 1e23/m^3), as coupled/kernels/equations.py has it.
+//
+//   da/dt = (i D - gamma) a + i drive,   D = -thermal_shift dT - S(N) - kerr U - detuning
+//   gamma = loss + fca N + tpa U,        dN/dt = -N (1 + b N)/(tau0 (1 + a N)) + g U^2
+//   P_abs = 2 (absorbed + fca N + tpa U) U
+
+export const NS = 1e-9;
+export const FJ = 1e-15;
+export const UW = 1e-6;
+export const DENSITY = 1e23;
+export const EPSILON = 1e15 / DENSITY;
+const C = 299792458.0;
+const HBAR = 6.62607015e-34 / (2 * Math.PI);
+
+/** Rates that follow from the fields of a RingResonator, SI; a rate that was set by hand comes first. */
+export function derivedRates(ring) {
+  const omega = 2 * Math.PI * ring.frequency;
+  const given = Object.fromEntries(ring.rates);
+  const n2 = ring.refractive_index ** 2;
+  const twoPhoton = (C ** 2 * ring.tpa_coefficient) / (2 * n2);
+  const computed = {
+    thermal_shift: (omega / ring.refractive_index) * ring.thermo_optic,
+    eta_fca: (C * ring.fca_cross_section) / ring.group_index,
+    eta_tpa: (ring.tpa_confinement * twoPhoton) / ring.tpa_volume,
+    g_tpa: (ring.fca_confinement * twoPhoton) / (HBAR * omega * ring.fca_volume ** 2),
+    kerr_shift: (ring.tpa_confinement * omega * C * ring.kerr_coefficient) / (n2 * ring.tpa_volume),
+  };
+  return { ...computed, ...given };
+}
+
+/** tau0 (s), a and b (m^3) of tau(N) = tau0 (1 + a N)/(1 + b N). */
+export function lifetimeTerms(carriers) {
+  if (carriers.tau !== undefined) return { tau0: carriers.tau, a: 0, b: 0 };
+  const { tau_n, tau_p, intrinsic_density, hole_density, trap_energy, thermal_energy } = carriers;
+  const n0 = intrinsic_density ** 2 / hole_density;
+  const boltzmann = Math.exp(trap_energy / thermal_energy);
+  const n1 = intrinsic_density * boltzmann;
+  const p1 = intrinsic_density / boltzmann;
+  const weighted = tau_p * (n0 + n1) + tau_n * (hole_density + p1);
+  const equilibrium = n0 + hole_density;
+  return { tau0: weighted / equilibrium, a: (tau_p + tau_n) / weighted, b: 1 / equilibrium };
+}
+
+export function dropRate(ring) {
+  return ring.drop_rate === null || ring.drop_rate === undefined ? ring.bus_rate : ring.drop_rate;
+}
+
+export function linearRate(ring) {
+  return ring.bus_rate + dropRate(ring) + ring.loss_rate + ring.scattering_rate;
+}
+
+export function loadedQ(ring) {
+  return (Math.PI * ring.frequency) / linearRate(ring);
+}
+
+export function intrinsicQ(ring) {
+  return (Math.PI * ring.frequency) / (ring.loss_rate + ring.scattering_rate);
+}
+
+/** Ring and thermal model in internal units; `model` has R (K/W), tau (s) and an optional coefficient (1/K). */
+export function systemOf(ring, model) {
+  const rates = derivedRates(ring);
+  const { tau0, a, b } = lifetimeTerms(ring.carriers);
+  const index = (2 * Math.PI * ring.frequency) / ring.refractive_index;
+  const fcd = new Float64Array(2 * ring.fcd.length);
+  ring.fcd.forEach(([c, p], k) => {
+    fcd[2 * k] = c * index * NS * DENSITY ** p;
+    fcd[2 * k + 1] = p;
+  });
+  const gain = Float64Array.from(model.R, (R, i) => (R * UW * NS) / model.tau[i]);
+  const rate = Float64Array.from(model.tau, (tau) => NS / tau);
+  return {
+    loss: linearRate(ring) * NS,
+    absorbed: ring.loss_rate * NS,
+    fca: rates.eta_fca * DENSITY * NS,
+    tpa: rates.eta_tpa * FJ * NS,
+    g: (rates.g_tpa * FJ ** 2 * NS) / DENSITY,
+    tau0: tau0 / NS,
+    a: a * DENSITY,
+    b: b * DENSITY,
+    shift: rates.thermal_shift * NS,
+    kerr: rates.kerr_shift * FJ * NS,
+    bus: ring.bus_rate * NS,
+    drop: dropRate(ring) * NS,
+    fcd,
+    gain,
+    rate,
+    curvature: model.coefficient || 0,
+    R: model.R.reduce((sum, R) => sum + R, 0) * UW,
+  };
+}
+
+/** sqrt(2 gamma_e P) in sqrt(fJ)/ns for a power in W. */
+export function driveOf(system, power) {
+  return Math.sqrt((2 * system.bus * power) / UW);
+}
+
+/** Detuning in Hz to rad/ns. */
+export function turnOf(detuning) {
+  return 2 * Math.PI * detuning * NS;
+}
+
+/** Free-carrier dispersion S(N) and its slope, written to out[0] and out[1]. */
+export function dispersion(N, fcd, out) {
+  let shift = 0;
+  let slope = 0;
+  for (let k = 0; k < fcd.length; k += 2) {
+    const c = fcd[k];
+    const p = fcd[k + 1];
+    if (p === 1) {
+      shift += c * N;
+      slope += c;
+    } else {
+      const square = N * N + EPSILON * EPSILON;
+      const factor = c * Math.exp(0.5 * (p - 1) * Math.log(square));
+      shift += factor * N;
+      slope += factor * (1 + ((p - 1) * N * N) / square);
+    }
+  }
+  out[0] = shift;
+  out[1] = slope;
+}
+
+export function absorbedPower(U, N, system) {
+  return 2 * (system.absorbed + system.fca * N + system.tpa * U) * U;
+}
+
+/** Sizes of field, carriers and temperature below which errors are absolute (coupled/window.py, floor_of). */
+export function floorOf(system, drive) {
+  const U = (drive / system.loss) ** 2;
+  const N = system.tau0 * (system.b > 0 ? system.a / system.b : 1) * system.g * U ** 2;
+  const dT = system.R * 2 * system.absorbed * U;
+  const tiny = 1e-27;
+  return [
+    1e-3 * Math.max(Math.sqrt(U), tiny),
+    1e-3 * Math.min(Math.max(N, tiny), 1),
+    1e-3 * Math.min(Math.max(dT, tiny), 10),
+  ];
+}
