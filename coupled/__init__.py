@@ -5,6 +5,7 @@ from .equilibria.boundaries import fold_curves, hopf_curves
 from .equilibria.steady import steady_states
 from .equilibria.transmission import power_for_drop, sweep, transmission
 from .equilibria.weight import van_vaerenbergh_q
+from .explore.page import explore
 from .identification.identify import Identification, identify
 from .identification.newton_traces import fit_newton_per_trace
 from .inputs import Sweep
@@ -41,6 +42,7 @@ __all__ = [
     "borghi2021",
     "carrier_decay",
     "cosimulate",
+    "explore",
     "fit_carrier_decay",
     "fit_newton_per_trace",
     "fold_curves",

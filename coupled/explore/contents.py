@@ -1,0 +1,139 @@
+"""What the page holds: rings, thermal models, presets, as JSON of plain numbers in SI."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from thermofem import checks
+from thermofem.models import Foster, OutputMap, ThermalModel
+
+from ..parameters import borghi2021 as borghi
+from ..parameters import vanvaerenbergh2012 as vanvaerenbergh
+from ..parameters.laws import NewtonParameters, SecondOrderParameters
+from ..resonator import RingResonator
+from ..thermal import compact
+
+LARGEST = 60  # poles; a trace of 20 us with that many takes a browser some 30 ms
+SERIES = 6  # models that a figure can tell apart by colour
+DBM_10 = {"power": (3.0, 10.0), "detuning": (-30.0, 30.0)}  # dBm and GHz; the maps of Borghi et al.
+WINDOWS = {"Borghi 2021": DBM_10, "Borghi 2021, lumped FCD": DBM_10, "Van Vaerenbergh 2012": {"power": (-10.0, 6.0), "detuning": (-35.0, 10.0)}}  # fmt: skip  # noqa: E501
+
+
+def model_of(name: str, model: ThermalModel) -> dict[str, Any]:
+    """Return a thermal model as the page takes it.
+
+    Raises
+    ------
+    InputError
+        a model of a kind that the page cannot run, too large, or not passive.
+    """
+    hint = "the page runs Foster networks, small linear models and OutputMap over one"
+    if hasattr(model, "H") and hasattr(model, "G"):
+        raise checks.InputError(
+            f"model {name!r} is quadratic; {hint}: give a linear reduction (surrogate.reduce) or surrogate.output_map"
+        )
+    small = compact(getattr(model, "model", model))
+    linear = getattr(small, "linear", small)
+    if not isinstance(linear, Foster) or not isinstance(small, Foster | OutputMap):
+        raise checks.InputError(f"model {name!r} is a {type(model).__name__}; {hint}; export or refit it as one")
+    if linear.order > LARGEST:
+        raise checks.InputError(
+            f"model {name!r} has {linear.order} poles, at most {LARGEST} run in the page; "
+            "reduce it first (surrogate.reduce)"
+        )
+    return {
+        "name": name,
+        "R": np.asarray(linear.R, dtype=float).tolist(),
+        "tau": np.asarray(linear.tau, dtype=float).tolist(),
+        "coefficient": float(getattr(small, "coefficient", 0.0)),
+    }
+
+
+def models_of(models: ThermalModel | Mapping[str, ThermalModel]) -> list[dict[str, Any]]:
+    """Return the models that were given, each with its name."""
+    if not isinstance(models, Mapping):
+        order = getattr(models, "order", None)
+        models = {f"{type(models).__name__}{f', {order} poles' if order else ''}": models}
+    if not 1 <= len(models) <= SERIES:
+        raise checks.InputError(f"models has {len(models)} entries; give 1 to {SERIES}, by name")
+    return [model_of(str(name), model) for name, model in models.items()]
+
+
+def ring_of(ring: RingResonator) -> dict[str, Any]:
+    """Return a ring as the page takes it: its fields in SI, and the window of its plane in dBm and GHz."""
+    if not isinstance(ring, RingResonator):
+        raise checks.InputError(f"ring is a {type(ring).__name__}; it must be a RingResonator, such as borghi2021()")
+    return asdict(ring) | {"window": WINDOWS.get(ring.name) or window_of(ring)}
+
+
+def window_of(ring: RingResonator) -> dict[str, tuple[float, float]]:
+    """Return where the plane of an unknown ring is likely to be of interest, in dBm and GHz.
+
+    From the power P1 at which its heat, at 8 K/mW, moves the resonance by half a width, to twenty times that;
+    from two and a half widths below the cold resonance to one above.
+    """
+    width = ring.linear_rate / math.pi
+    share = 4 * ring.bus_rate * max(ring.loss_rate, 1e-3 * ring.linear_rate) / ring.linear_rate**2
+    moved = max(abs(ring.thermal_shift), 1.0) * 8e3 * share  # rad/s per W
+    first = 10 * math.log10(ring.linear_rate / moved / 1e-3)
+    first = min(max(round(first), -38), 8)
+    span = max(float(f"{width / 1e9:.2g}"), 0.1)
+    return {"power": (first, first + 13.0), "detuning": (-2.5 * span, span)}
+
+
+def paper_models() -> list[dict[str, Any]]:
+    """Return the thermal laws of the papers, which belong to the presets."""
+    laws = {
+        "second order, FEM-trained (Borghi 2021)": _second_order(borghi.SECOND_ORDER_FEM),
+        "second order, experiment (Borghi 2021)": _second_order(borghi.SECOND_ORDER_EXPERIMENT),
+        "Newton's law, 275 ns (Borghi 2021)": _newton(borghi.NEWTON_MAPS),
+        "Newton's law, 65 ns (Van Vaerenbergh 2012)": _newton(vanvaerenbergh.NEWTON),
+    }
+    return [model_of(name, law) | {"hidden": True} for name, law in laws.items()]
+
+
+def _newton(law: NewtonParameters) -> Foster:
+    return Foster(R=[law.tau_th / law.heat_capacity], tau=[law.tau_th])
+
+
+def _second_order(law: SecondOrderParameters) -> Foster:
+    """Two poles of Eq. 3: c_f = (eta/tau_f - kappa)/(1/tau_f - 1/tau_s), c_s = (kappa - eta/tau_s)/(same)."""
+    fast, slow = 1 / law.tau_f, 1 / law.tau_s
+    c_f = (law.eta * fast - law.kappa) / (fast - slow)
+    c_s = (law.kappa - law.eta * slow) / (fast - slow)
+    return Foster(R=[c_f * law.tau_f / law.heat_capacity, c_s * law.tau_s / law.heat_capacity], tau=[law.tau_f, law.tau_s])  # fmt: skip  # noqa: E501
+
+
+def presets(rings: list[dict[str, Any]], models: list[dict[str, Any]], start: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the points worth seeing first: of the given ring, and of two papers."""
+
+    def at(ring: str, model: str) -> dict[str, int]:
+        return {
+            "ring": next(k for k, r in enumerate(rings) if r["name"] == ring),
+            "model": next(k for k, m in enumerate(models) if m["name"].startswith(model)),
+        }
+
+    own = {"ring": 0, "model": start["model"]}
+    paper = at("Borghi 2021", "second order, experiment")
+    lumped = at("Borghi 2021, lumped FCD", "Newton's law, 275 ns")
+    small = at("Van Vaerenbergh 2012", "Newton's law, 65 ns")
+    cold = {"view": "cold"}
+    rows: Iterable[tuple[str, dict[str, Any], str]] = [
+        ("This ring, as the file was written", own | start, ""),
+        ("Borghi 2021: self-pulsing at 8 dBm, 0 GHz", paper | {"power": 8.0, "detuning": 0.0},
+         "Second-order heat as trained on measured traces: a fast and a slow time constant."),
+        ("Borghi 2021: short pulses at 10 dBm, 20 GHz", paper | {"power": 10.0, "detuning": 20.0},
+         "On the blue side the pulses are rare and short."),
+        ("Borghi 2021: bistable at 7 dBm, -28 GHz", paper | {"power": 7.0, "detuning": -28.0} | cold,
+         "Three fixed points: one stable, a saddle, an unstable focus. From cold the ring stays on the first."),
+        ("Borghi 2021: Newton's law at 7 dBm, -10 GHz", lumped | {"power": 7.0, "detuning": -10.0},
+         "One time constant: the swing is three times that of the second-order law, and the duty far too small."),
+        ("Van Vaerenbergh 2012: pulsing all-pass ring", small | {"power": -2.2, "detuning": -15.0},
+         "Critically coupled, Q = 62 000, lifetime 5.3 ns: pulses of tens of nanoseconds."),
+    ]  # fmt: skip
+    return [{"name": name, "state": start | state, "text": text} for name, state, text in rows]

@@ -1,0 +1,205 @@
+"""Write the page: one HTML file with its script, its style, the ring and the thermal models."""
+
+from __future__ import annotations
+
+import html
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from string import Template
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thermofem import checks
+from thermofem.dataset import write_whole
+from thermofem.models import ThermalModel
+from thermofem.version import __version__
+
+from ..arguments import check_detuning, check_power
+from ..parameters.borghi2021 import borghi2021
+from ..parameters.vanvaerenbergh2012 import vanvaerenbergh2012
+from ..resonator import RingResonator
+from . import bundle, contents
+from .section import section_of
+
+if TYPE_CHECKING:
+    from thermofem import HeatProblem
+
+FIELDS = {
+    "laser": {"power": ("Power in the bus", "dBm"), "detuning": ("Detuning", "GHz")},
+    "ring": {"loadedQ": ("Loaded Q", ""), "intrinsicQ": ("Intrinsic Q", ""), "lifetime": ("Carrier lifetime", "ns")},
+    "time": {"duration": ("Run from cold", "µs")},
+}
+FIGURES = {"plane": "plane", "traces": "traces", "phase": "phase-portrait", "transmission": "transmission", "step": "step", "spectrum": "spectrum", "error": "error", "section": "section"}  # fmt: skip  # noqa: E501
+STEP_TIMES = np.geomspace(1e-9, 1e-4, 26)  # s, at which the FEM's own step response is drawn
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page that computes a ring; in a notebook it shows itself.
+
+    Attributes
+    ----------
+    html : str
+        the whole file.
+    path : Path, optional
+        where it was written.
+    """
+
+    html: str
+    path: Path | None = None
+
+    def __repr__(self) -> str:
+        where = f"written to {self.path}" if self.path else "not written"
+        return f"Page({len(self.html) / 1e3:.0f} kB, {where})"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the page in a frame."""
+        text = html.escape(self.html, quote=True)
+        return f'<iframe srcdoc="{text}" style="width:100%;height:900px;border:0" title="ring"></iframe>'
+
+
+def explore(
+    ring: RingResonator,
+    models: ThermalModel | Mapping[str, ThermalModel],
+    path: str | Path | None = None,
+    *,
+    power: float = 10**0.8 * 1e-3,
+    detuning: float = 0.0,
+    heat: HeatProblem | None = None,
+    reference: str | None = None,
+) -> Page:
+    """Write one HTML file that computes the dynamics of a ring in the browser, without a network or a server.
+
+    The page integrates the equations of `simulate` by the same method, with the same coefficients and step control; it
+    finds fixed points, their stability, Hopf and fold curves as `steady_states`, `stability_map`, `hopf_curves` and
+    `fold_curves` do, and settled cycles by Newton's method on the return map.
+
+    Parameters
+    ----------
+    ring : RingResonator
+    models : ThermalModel, or mapping from names to 1 to 6 of them
+        Foster networks, small linear models, an OutputMap over one, or reductions; the first one is shown first.
+    path : str or Path, optional
+        the file to write; without it the page is only returned.
+    power, detuning : float, W and Hz
+        where the laser stands when the page opens.
+    heat : HeatProblem, optional
+        draws the FEM's own step response, and with a `surrogate.Reduction` among the models the cross-section.
+    reference : str, optional
+        name of the model that judges the others' period errors; by default the first reduction.
+
+    Returns
+    -------
+    Page
+        with the text of the file; a notebook shows it.
+
+    Raises
+    ------
+    InputError
+        a ring, a model, a power or a detuning that the page cannot take, or a file that cannot be written.
+
+    Tested in Chromium and Node against `simulate`, `steady_states`, `hopf_curves` and settled cycles on a hundred
+    random rings and models: within 1e-6.
+
+    >>> import coupled, thermofem as th
+    >>> model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
+    >>> coupled.explore(coupled.borghi2021(), {"second order": model}).html.startswith("<!doctype html>")
+    True
+    """
+    check_power(power)
+    check_detuning(detuning)
+    given = models if isinstance(models, Mapping) else {"model": models}
+    own = contents.models_of(models)
+    names = [model["name"] for model in own]
+    reduction = next((name for name, model in zip(names, given.values(), strict=True) if hasattr(model, "basis")), None)
+    if reference is not None:
+        checks.choice("reference", reference, names)
+    judge = reference or reduction
+    start = {
+        "ring": 0, "model": 0, "power": round(10 * math.log10(power / 1e-3), 6), "detuning": round(detuning / 1e9, 9),
+        "loadedQ": None, "intrinsicQ": None, "lifetime": None, "duration": 20, "view": "cycle",
+    }  # fmt: skip
+    rings = [contents.ring_of(ring)]
+    known = [rings[0]["name"]]
+    for other in (borghi2021(), borghi2021().with_lumped_fcd(), vanvaerenbergh2012()):
+        if other.name not in known:
+            rings.append(contents.ring_of(other))
+    everything = own + contents.paper_models()
+    found = dict(zip(names, given.values(), strict=True)).get(reduction) if reduction else None
+    data = {
+        "title": ring.name,
+        "rings": rings,
+        "models": everything,
+        "judge": names.index(judge) if judge else None,
+        "start": start,
+        "presets": contents.presets(rings, everything, start),
+        "tableaus": bundle.tableaus(),
+        "reference": _step(heat) if heat is not None else None,
+        "section": section_of(heat, found) if heat is not None and found is not None else None,
+        "cycles": _has_limit_cycle(),
+    }
+    text = _filled(data)
+    written = None
+    if path is not None:
+        written = write_whole(path, lambda target: target.write_text(text, encoding="utf-8"))
+    return Page(text, written)
+
+
+def _has_limit_cycle() -> bool:
+    """Whether this version has coupled.limit_cycle, which a copied script then calls."""
+    import coupled
+
+    return hasattr(coupled, "limit_cycle")
+
+
+def _step(heat: HeatProblem) -> dict[str, Any]:
+    """The FEM's own step response in K/W."""
+    from thermofem import Constant, solve
+
+    found = solve(heat, Constant(1e-3), times=STEP_TIMES, rtol=1e-4)
+    return {"name": f"FEM, {heat.unknowns} unknowns", "times": STEP_TIMES.tolist(), "rise": (found.delta_T.values.ravel() / 1e-3).tolist()}  # fmt: skip  # noqa: E501
+
+
+def _filled(data: dict[str, Any]) -> str:
+    """The template with everything in its place; no text from outside can end a script or open a tag."""
+    safe = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    section = data["section"]
+    parts = {
+        "generator": f"thermofem {html.escape(__version__)}",
+        "title": html.escape(str(data["title"])),
+        "style": bundle.text_of("page/page.css"),
+        **{name: "\n".join(_field(key, *words) for key, words in group.items()) for name, group in FIELDS.items()},
+        **{f"save_{name}": _save(target, name == "traces") for name, target in FIGURES.items()},
+        "modes": str(len(section["modes"]) if section else 0),
+        "footer": f"Written by thermofem {html.escape(__version__)}. The equations are those of coupled.simulate; "
+        "ticks by d3-scale (ISC licence, Mike Bostock). This file needs no network.",
+        "data": safe,
+        "library": bundle.text_of(bundle.LIBRARY),
+        "code": bundle.script(),
+    }
+    return Template(bundle.text_of("page/page.html")).substitute(parts)
+
+
+def _field(name: str, label: str, unit: str) -> str:
+    """A number with its unit and a slider."""
+    return (
+        f'<div class="field"><div class="row"><label for="{name}">{label}</label><span class="value">'
+        f'<input type="number" id="{name}" step="any" aria-describedby="{name}-problem">'
+        f'<span class="unit">{unit}</span></span></div><input type="range" id="{name}-slider">'
+        f'<p class="problem" id="{name}-problem" role="alert"></p></div>'
+    )
+
+
+def _save(target: str, csv: bool) -> str:
+    """The buttons that save one figure."""
+    kinds = ("svg", "png", "csv") if csv else ("svg", "png")
+    buttons = "".join(
+        f'<button type="button" data-save="{target} {kind}" aria-label="Save {target} as {kind.upper()}">'
+        f"{kind.upper()}</button>"
+        for kind in kinds
+    )
+    return f'<div class="save">{buttons}</div>'

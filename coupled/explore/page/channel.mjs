@@ -1,0 +1,87 @@
+// Where answers are computed: a worker for each channel, newest request first; without workers, the page itself.
+
+import { engineOf } from "./engine.mjs";
+
+/** Answer one request; `report` is called for every part, `stale` says whether a newer request has come. */
+async function answer(engine, request, report, stale) {
+  const result = engine[request.kind](request);
+  if (result === undefined || typeof result[Symbol.iterator] !== "function" || Array.isArray(result)) {
+    report(result, true);
+    return;
+  }
+  for (const part of result) {
+    if (part) report(part, false);
+    await new Promise((resume) => setTimeout(resume));
+    if (stale()) return;
+  }
+  report(null, true);
+}
+
+/** What runs in a worker. */
+export function serve(scope) {
+  let engine = null;
+  let newest = 0;
+  scope.onmessage = async ({ data }) => {
+    if (data.tableaus) {
+      engine = engineOf(data.tableaus);
+      return;
+    }
+    newest = data.id;
+    const report = (part, last) => scope.postMessage({ id: data.id, part, last });
+    try {
+      await answer(engine, data.request, report, () => newest !== data.id);
+    } catch (error) {
+      scope.postMessage({ id: data.id, error: String(error.message || error), last: true });
+    }
+  };
+}
+
+/**
+ * A channel: ask(request) runs the newest request that was asked; what comes meanwhile waits, and only the last of it.
+ * `preempt` says that a newer request ends one that runs (its parts are given up between two of them).
+ */
+export function channel(code, tableaus, receive, { preempt = false } = {}) {
+  let busy = false;
+  let waiting = null;
+  let id = 0;
+  let current = null;
+  const finished = () => {
+    busy = false;
+    if (waiting) {
+      const next = waiting;
+      waiting = null;
+      ask(next);
+    }
+  };
+  const arrived = ({ id: of, part, last, error }) => {
+    if (of !== id) return;
+    if (error) receive({ error }, current);
+    else if (part !== null) receive(part, current);
+    if (last) finished();
+  };
+  let post;
+  try {
+    const url = URL.createObjectURL(new Blob([code], { type: "text/javascript" }));
+    const worker = new Worker(url);
+    worker.onmessage = ({ data }) => arrived(data);
+    worker.onerror = () => arrived({ id, error: "the worker stopped", last: true });
+    worker.postMessage({ tableaus });
+    post = (message) => worker.postMessage(message);
+  } catch {
+    const engine = engineOf(tableaus);
+    channel.local = true;
+    post = (message) =>
+      setTimeout(() => answer(engine, message.request, (part, last) => arrived({ id: message.id, part, last }), () => message.id !== id).catch((error) => arrived({ id: message.id, error: String(error.message), last: true })));
+  }
+  function ask(request) {
+    if (busy && !preempt) {
+      waiting = request;
+      return;
+    }
+    busy = true;
+    id += 1;
+    current = request;
+    post({ id, request });
+  }
+  return ask;
+}

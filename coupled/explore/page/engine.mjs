@@ -1,0 +1,114 @@
+// Answers what the page asks, in a worker or beside it: numbers in, numbers out.
+
+import { cold, integrate, methodOf } from "./rosenbrock.mjs";
+import { FJ, NS, UW, absorbedPower, driveOf, systemOf, turnOf } from "./ring.mjs";
+import { classify, columns, limitCycle, settling } from "./cycle.mjs";
+import { foldCurves, hopfCurves } from "./curves.mjs";
+import { follow, kindOf, reach, spectrumAt, steadyStates, survey, tilted } from "./equilibria.mjs";
+
+/** What a request needs of its setting: ring, model, power (W), detuning (Hz). */
+function setting({ ring, model, power, detuning }) {
+  const system = systemOf(ring, model);
+  return { system, drive: driveOf(system, power), turn: turnOf(detuning) };
+}
+
+export function engineOf(tableaus) {
+  const rodas4 = methodOf(tableaus.rodas4);
+  const rodas5p = methodOf(tableaus.rodas5p);
+  return {
+    trace: (request) => trace(request, rodas4, rodas5p),
+    light: (request) => ({ states: states(request), points: transmission(request) }),
+    plane: (request) => plane(request),
+  };
+}
+
+/** A trace from cold, what it does, and where it is wanted the settled cycle. */
+function trace(request, rodas4, rodas5p) {
+  const { system, drive, turn } = setting(request);
+  const { duration, rtol, settled } = request;
+  const run = integrate(system, drive, turn, cold(system), duration / NS, { method: rodas4, rtol });
+  const all = columns(run.rows, 0, run.count);
+  const found = classify(all, rtol);
+  const out = { ended: run.ended, steps: run.accepted, rows: run.rows.slice(0, 5 * run.count), pulsing: found, cycle: null };
+  if (settled && found.regime === "self-pulsing") {
+    out.cycle = settle(system, drive, turn, run.y, found, request.quick, rodas4, rodas5p);
+  }
+  return out;
+}
+
+/** The settled cycle that a pulsing trace tends to, or null; unequal pulses in a pattern are one cycle. */
+function settle(system, drive, turn, y, found, quick, rodas4, rodas5p) {
+  const rough = { method: rodas4, rtol: 1e-5 };
+  const fine = quick ? { method: rodas4, rtol: 1e-6 } : { method: rodas5p, rtol: 1e-8 };
+  const options = { rough, fine, period: found.period, pattern: found.pattern };
+  let near = y;
+  for (let tries = 0; tries < 3; tries++) {
+    const cycle = limitCycle(system, drive, turn, near, found.level, options);
+    if (cycle) {
+      const slowest = settling(cycle.multipliers);
+      return { ...cycle, slowest, stable: slowest < 1 };
+    }
+    near = integrate(system, drive, turn, near, 20 * found.period, rough).y;
+  }
+  return null;
+}
+
+/** Every fixed point at one laser setting, SI. */
+function states(request) {
+  const { system, drive, turn } = setting(request);
+  return steadyStates(drive, turn, system).map((p) => ({
+    energy: p.U * FJ,
+    carriers: p.N * 1e23,
+    delta_T: p.dT,
+    drop: 2 * system.drop * p.U * UW,
+    absorbed: absorbedPower(p.U, p.N, system) * UW,
+    growth_rate: p.growth / NS,
+    frequency: p.omega / (2 * Math.PI * NS),
+    regime: p.regime,
+  }));
+}
+
+/** Regimes over powers (W) and detunings (Hz): coarse at once, then fine; then the curves. A generator of parts. */
+function* plane(request) {
+  const { system } = setting(request);
+  const { powers, detunings, sizes } = request;
+  for (const [n, m] of sizes) {
+    const P = Array.from({ length: n }, (_, i) => powers[0] * (powers[1] / powers[0]) ** ((i + 0.5) / n));
+    const nu = Array.from({ length: m }, (_, j) => detunings[0] + ((j + 0.5) / m) * (detunings[1] - detunings[0]));
+    const turns = nu.map(turnOf);
+    const stable = new Int8Array(n * m);
+    for (let i = 0; i < n; i++) {
+      stable.set(survey(turns, driveOf(system, P[i]), system).stable, i * m);
+      if (i % 4 === 3) yield null;
+    }
+    yield { kind: "map", n, m, stable };
+    if (n === sizes[0][0]) {
+      const window = [powers, detunings.map(turnOf)];
+      const inHertz = (line) => line.map((p) => ({ power: p.power, detuning: p.detuning / turnOf(1), leading: p.leading }));
+      const folds = foldCurves(system, ...window).map(inHertz);
+      yield null;
+      yield { kind: "curves", folds, hopf: hopfCurves(system, ...window).map(inHertz) };
+    }
+  }
+}
+
+/** The tilted resonance at one power between two detunings (Hz): detuning, drop (W), regime along it. */
+function transmission(request) {
+  const { system, drive } = setting(request);
+  const [first, last] = request.detunings.map(turnOf);
+  const end = reach(Math.max(Math.abs(first), Math.abs(last)), drive, system);
+  const points = [];
+  const n = 400;
+  let z = null;
+  for (let k = 0; k <= n; k++) {
+    const s = -end + (2 * end * k) / n;
+    const p = tilted(s, drive, system);
+    if (p.detuning < first - 1 || p.detuning > last + 1) {
+      z = null;
+      continue;
+    }
+    if (!z || !follow(z.re, z.im, p.U, p.D, system)) z = spectrumAt(p.U, p.D, system);
+    points.push({ detuning: p.detuning / turnOf(1), drop: 2 * system.drop * p.U * UW, energy: p.U * FJ, regime: kindOf(z).regime });
+  }
+  return points;
+}

@@ -1,0 +1,92 @@
+// Heat alone: step response, periodic state and period error of Foster networks, and the field of its modes.
+
+/** Rise in K/W after a unit step, at times in s. */
+export function stepResponse(model, times) {
+  return Float64Array.from(times, (t) => model.R.reduce((sum, R, i) => sum - R * Math.expm1(-t / model.tau[i]), 0));
+}
+
+/** Swing in K of the periodic state under a square wave of `power` W: largest minus smallest rise. */
+export function swing(model, period, power, duty) {
+  let sum = 0;
+  for (let i = 0; i < model.R.length; i++) {
+    const on = (-duty * period) / model.tau[i];
+    const off = (-(1 - duty) * period) / model.tau[i];
+    sum -= (model.R[i] * Math.expm1(on) * Math.expm1(off)) / Math.expm1(on + off);
+  }
+  return power * sum;
+}
+
+/** The period at which the model has a swing; 0 or Infinity where none has. */
+export function periodOf(model, target, near, power, duty) {
+  const excess = (x) => swing(model, Math.exp(x), power, duty) - target;
+  let low = Math.log(near);
+  let high = low;
+  const farthest = Math.log(1e4);
+  let step = Math.log(1.5);
+  if (excess(low) > 0) {
+    while (excess(low) > 0) {
+      [low, high, step] = [low - step, low, 1.5 * step];
+      if (low < Math.log(near) - farthest) return 0;
+    }
+  } else {
+    while (excess(high) < 0) {
+      [low, high, step] = [high, high + step, 1.5 * step];
+      if (high > Math.log(near) + farthest) return Infinity;
+    }
+  }
+  for (let k = 0; k < 60 && high > low; k++) {
+    const middle = (low + high) / 2;
+    if (excess(middle) > 0) high = middle;
+    else low = middle;
+  }
+  return Math.exp((low + high) / 2);
+}
+
+/** (T - T_model)/T at periods T in s: T_model is where the model has the swing of the reference. */
+export function periodError(model, reference, periods, power, duty) {
+  return Float64Array.from(periods, (T) => (T - periodOf(model, swing(reference, T, power, duty), T, power, duty)) / T);
+}
+
+/**
+ * Periodic state of poles under a power that is given at times of one period and linear between them.
+ * Returns the states x_i (K) at the first time, and a function that gives them at any time of the period.
+ */
+export function periodicStates(model, times, powers) {
+  const n = model.R.length;
+  const advance = (x, h, before, after, out) => {
+    for (let i = 0; i < n; i++) {
+      const z = h / model.tau[i];
+      const decay = Math.exp(-z);
+      const rise = z > 1e-8 ? -Math.expm1(-z) / z : 1; // mean of exp over the interval
+      // x' = (R P - x)/tau with P linear: exact
+      out[i] = decay * x[i] + model.R[i] * (after * (1 - rise) + before * (rise - decay));
+    }
+    return out;
+  };
+  const last = times.length - 1;
+  const period = times[last] - times[0];
+  let x = new Float64Array(n);
+  for (let k = 0; k < last; k++) advance(x, times[k + 1] - times[k], powers[k], powers[k + 1], x);
+  const start = x.map((v, i) => v / -Math.expm1(-period / model.tau[i]));
+  const at = (time) => {
+    x = Float64Array.from(start);
+    for (let k = 0; k < last && times[k] < time; k++) {
+      const stop = Math.min(times[k + 1], time);
+      const share = (stop - times[k]) / (times[k + 1] - times[k]);
+      advance(x, stop - times[k], powers[k], powers[k] + share * (powers[k + 1] - powers[k]), x);
+    }
+    return x;
+  };
+  return { start, at };
+}
+
+/** A field of 8-bit modes: sum_i x_i scale_i mode_i, as a Float32Array over the grid. */
+export function fieldOf(section, states) {
+  const out = new Float32Array(section.width * section.height);
+  states.forEach((x, i) => {
+    const f = x * section.scale[i];
+    const mode = section.modes[i];
+    for (let k = 0; k < out.length; k++) out[k] += f * mode[k];
+  });
+  return out;
+}

@@ -1,0 +1,93 @@
+// The state of the page: what its fields hold, the link that restores it, and the ring that follows from it.
+
+import { dropRate, intrinsicQ, lifetimeTerms, loadedQ } from "./ring.mjs";
+
+/** Fields with a slider: name, unit, range and step; values are in the unit. Those of the ring are null while untouched. */
+export const FIELDS = {
+  power: { label: "Power in the bus", unit: "dBm", low: -40, high: 27, step: 0.05 },
+  detuning: { label: "Detuning, laser minus cold resonance", unit: "GHz", low: -2000, high: 2000, step: 0.1 },
+  loadedQ: { label: "Loaded quality factor", unit: "", low: 500, high: 5e6, log: true },
+  intrinsicQ: { label: "Intrinsic quality factor", unit: "", low: 1000, high: 5e7, log: true },
+  lifetime: { label: "Carrier lifetime at low density", unit: "ns", low: 0.01, high: 1000, log: true },
+  duration: { label: "Run from cold", unit: "µs", low: 0.5, high: 200, log: true },
+};
+const RING_FIELDS = ["loadedQ", "intrinsicQ", "lifetime"];
+export const VIEWS = ["cycle", "last", "cold"];
+
+/** The value of a field of the ring as the ring itself has it, in the unit of the field. */
+export function ownValue(name, ring) {
+  if (name === "loadedQ") return loadedQ(ring);
+  if (name === "intrinsicQ") return intrinsicQ(ring);
+  return lifetimeTerms(ring.carriers).tau0 * 1e9;
+}
+
+export function valueOf(name, state, data) {
+  const value = state[name];
+  return value === null ? ownValue(name, data.rings[state.ring]) : value;
+}
+
+/** The ring with the fields that were moved, every number in SI; one that was not moved keeps its own digits. */
+export function ringOf(state, data) {
+  const base = data.rings[state.ring];
+  let ring = { ...base };
+  if (state.loadedQ !== null || state.intrinsicQ !== null) {
+    const whole = (Math.PI * base.frequency) / valueOf("loadedQ", state, data);
+    const own = (Math.PI * base.frequency) / valueOf("intrinsicQ", state, data);
+    const outside = base.bus_rate + dropRate(base);
+    const inside = base.loss_rate + base.scattering_rate;
+    ring = {
+      ...ring,
+      bus_rate: ((whole - own) * base.bus_rate) / outside,
+      drop_rate: base.drop_rate === null ? null : ((whole - own) * base.drop_rate) / outside,
+      loss_rate: inside > 0 ? (own * base.loss_rate) / inside : own,
+      scattering_rate: inside > 0 ? (own * base.scattering_rate) / inside : 0,
+    };
+  }
+  if (state.lifetime !== null) {
+    const factor = (state.lifetime * 1e-9) / lifetimeTerms(base.carriers).tau0;
+    const c = base.carriers;
+    ring.carriers = c.tau !== undefined ? { tau: state.lifetime * 1e-9 } : { ...c, tau_n: c.tau_n * factor, tau_p: c.tau_p * factor };
+  }
+  return ring;
+}
+
+/** Power in W of a level in dBm. */
+export function watts(dBm) {
+  return 1e-3 * 10 ** (dBm / 10);
+}
+
+/** Why a value cannot be taken, in words, or "" where it can. */
+export function objection(name, value, state, data) {
+  const { unit, low, high } = FIELDS[name];
+  if (!Number.isFinite(value)) return "This is not a number.";
+  if (value < low || value > high) return `Give a value from ${low} to ${high} ${unit}.`.replace(" .", ".");
+  const loaded = name === "loadedQ" ? value : valueOf("loadedQ", state, data);
+  const own = name === "intrinsicQ" ? value : valueOf("intrinsicQ", state, data);
+  if ((name === "loadedQ" || name === "intrinsicQ") && loaded >= 0.999 * own) return "The loaded quality factor must lie below the intrinsic one: coupling adds loss.";
+  return "";
+}
+
+/** The text after # in a link: every field that matters, numbers with all their digits. */
+export function hashOf(state) {
+  const parts = [];
+  for (const [name, value] of Object.entries(state)) if (value !== null) parts.push(`${name}=${encodeURIComponent(value)}`);
+  return parts.join("&");
+}
+
+/** A state from the text of a link; what is unknown or out of range is left as it is in `fallback`. */
+export function stateOf(hash, fallback, data) {
+  const state = { ...fallback };
+  const given = new URLSearchParams(hash.replace(/^#/, ""));
+  const within = (name, length) => {
+    const value = Number(given.get(name));
+    if (given.has(name) && Number.isInteger(value) && value >= 0 && value < length) state[name] = value;
+  };
+  within("ring", data.rings.length);
+  within("model", data.models.length);
+  if (given.has("ring")) for (const name of RING_FIELDS) state[name] = null;
+  if (VIEWS.includes(given.get("view"))) state.view = given.get("view");
+  for (const name of ["intrinsicQ", "loadedQ", "power", "detuning", "lifetime", "duration"]) {
+    if (given.has(name) && given.get(name) !== "" && objection(name, Number(given.get(name)), state, data) === "") state[name] = Number(given.get(name));
+  }
+  return state;
+}
