@@ -29,7 +29,7 @@ def section_of(heat: HeatProblem, reduction: Any) -> dict[str, Any]:
         of its first heated part; its basis holds one field for each pole.
     """
     R, tau = (np.asarray(getattr(reduction.model, name), dtype=float) for name in ("R", "tau"))
-    kept = np.flatnonzero(R > SMALL * R.sum())
+    kept = np.flatnonzero(SMALL * R.sum() < R)
     kept = np.sort(kept[np.argsort(-R[kept])][:MODES])
     r, z = _window(heat)
     fields = heat.field(np.asarray(reduction.basis).T[kept])
@@ -46,8 +46,16 @@ def section_of(heat: HeatProblem, reduction: Any) -> dict[str, Any]:
         "R": R[kept].tolist(),
         "tau": tau[kept].tolist(),
         "scale": scale.tolist(),
-        "modes": [base64.b64encode(np.rint(m / s).astype(np.int8).tobytes()).decode() for m, s in zip(modes, scale, strict=True)],  # fmt: skip  # noqa: E501
+        "modes": [
+            base64.b64encode(np.rint(m / s).astype(np.int8).tobytes()).decode()
+            for m, s in zip(modes, scale, strict=True)
+        ],
     }
+
+
+def _packed(values: Array) -> str:
+    """Numbers between -127 and 127 as 8 bits each, in base64."""
+    return base64.b64encode(np.rint(values).astype(np.int8).tobytes()).decode()
 
 
 def _window(heat: HeatProblem) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -72,6 +80,4 @@ def _on_grid(points: Array, fields: Array, grid: Array) -> Array:
 
 def _outlines(heat: HeatProblem) -> list[list[list[float]]]:
     """The outlines of all regions, in m."""
-    return [
-        [[float(r), float(z)] for r, z in ring] for face in heat.geometry.subdivision.faces for ring in face.rings
-    ]
+    return [[[float(r), float(z)] for r, z in ring] for face in heat.geometry.subdivision.faces for ring in face.rings]

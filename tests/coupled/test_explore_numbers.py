@@ -192,7 +192,7 @@ def settled(js, ring, model, power, detuning):
         const rough = {{ method: rodas4, rtol: 1e-5 }}, fine = {{ method: rodas5p, rtol: 1e-9 }};
         const c = p.limitCycle(system, drive, turn, run.y, found.level,
             {{ rough, fine, period: found.period, pattern: found.pattern, exact: true }});
-        return c && {{ period: c.period, y: Array.from(c.y), duty: c.duty, swing: c.swing,
+        return c && {{ period: c.period, pattern: found.pattern, y: Array.from(c.y), duty: c.duty, swing: c.swing,
             multipliers: Array.from(c.multipliers.re, (re, k) => [re, c.multipliers.im[k]]) }}; }}""",
         argument(ring, model, power, detuning),
     )
@@ -208,22 +208,29 @@ def test_settled_cycle_of_slow_heat(js):
 
 
 def test_cycles_return_in_python(js):
-    """Python's integrator, started on the page's cycle, is back there after the page's period."""
+    """Python's integrator, started on the page's cycle, comes back to its heat after the page's period.
+
+    Both integrate at rtol 1e-9 or below; the time of return is compared on the section of the page's own method.
+    """
     pulsing = 0
     for seed in range(CASES):
         ring, model, power, detuning = ring_and_model(seed)
         if pulsing == 12:
             break
         cycle = settled(js, ring, model, power, detuning)
-        if cycle is None:
+        if cycle is None or cycle["pattern"] > 1:
             continue
         pulsing += 1
         y = np.array(cycle["y"])
         start = coupled.State(complex(y[0], y[1]) * np.sqrt(1e-15), y[2] * 1e23, y[3:])
-        run = coupled.simulate(ring, model, power=power, detuning=detuning, duration=cycle["period"] * 1e-9, rtol=1e-10, initial=start)  # fmt: skip  # noqa: E501
-        end, begin = run.attrs["final_state"], start.as_array()
-        for part in (slice(0, 2), slice(2, 3), slice(3, None)):
-            size = np.linalg.norm(begin[part])
-            assert np.linalg.norm(end[part] - begin[part]) < SAME * size
-        assert float(np.ptp(run.delta_T.values)) == pytest.approx(cycle["swing"], rel=1e-4)
+        light = {"power": power, "detuning": detuning, "rtol": 1e-10}
+        first = 0.4 * cycle["period"] * 1e-9  # away from the section, so that the return is the first event
+        begun = coupled.simulate(ring, model, duration=first, initial=start, **light)
+        back = coupled.Event("carriers", start.carriers)
+        run = coupled.simulate(ring, model, duration=2 * first, initial=begun, event=back, **light)
+        while not len(run.attrs["crossings"]):
+            first += 0.8 * cycle["period"] * 1e-9
+            run = coupled.simulate(ring, model, duration=0.8 * cycle["period"] * 1e-9, initial=run, event=back, **light)
+        assert first + run.attrs["crossings"][0] == pytest.approx(cycle["period"] * 1e-9, rel=SAME)
+        assert np.abs(run.attrs["final_state"][3:] - y[3:]).max() < SAME * y[3:].sum()
     assert pulsing >= 5

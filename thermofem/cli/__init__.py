@@ -16,6 +16,7 @@ from ..checks import InputError, MissingLibraryError
 from . import maps, models
 from .cite import cite
 from .cosimulate import cosimulate
+from .explore import explore
 from .export import export
 
 app = typer.Typer(
@@ -132,6 +133,7 @@ app.command(rich_help_panel=LIGHT)(models.simulate)
 app.command("map", rich_help_panel=LIGHT)(maps.map_)
 app.command(rich_help_panel=LIGHT)(maps.stability)
 app.command(rich_help_panel=LIGHT)(cosimulate)
+app.command(rich_help_panel=LIGHT)(explore)
 app.command(rich_help_panel=RESULTS)(export)
 app.command(rich_help_panel=RESULTS)(cite)
 

@@ -201,8 +201,11 @@ function around(system, drive, detuning, start, level, pattern, longest, options
   return { y, t, steps };
 }
 
-/** The derivative of the flow along the given steps, column by column, row-major. */
-function monodromy(system, drive, detuning, start, steps, method) {
+/**
+ * The derivative of the flow along the given steps, column by column, row-major. One-sided differences are off by some
+ * 1e-5, which Newton's method does not mind; `central` ones by some 1e-7, for multipliers.
+ */
+function monodromy(system, drive, detuning, start, steps, method, central = false) {
   const m = start.length;
   const base = replay(system, drive, detuning, start, steps, method);
   const M = new Float64Array(m * m);
@@ -210,11 +213,16 @@ function monodromy(system, drive, detuning, start, steps, method) {
   let heat = 0;
   for (let i = 3; i < m; i++) heat += Math.abs(start[i]);
   for (let j = 0; j < m; j++) {
-    const delta = 3e-8 * (j < 2 ? field : j === 2 ? start[2] : heat);
-    const moved = Float64Array.from(start);
-    moved[j] += delta;
-    const end = replay(system, drive, detuning, moved, steps, method);
-    for (let i = 0; i < m; i++) M[i * m + j] = (end[i] - base[i]) / delta;
+    const delta = (central ? 1e-5 : 1e-6) * (j < 2 ? field : j === 2 ? start[2] : heat);
+    const shifted = (by) => {
+      const moved = Float64Array.from(start);
+      moved[j] += by;
+      return replay(system, drive, detuning, moved, steps, method);
+    };
+    const after = shifted(delta);
+    const before = central ? shifted(-delta) : base;
+    const width = central ? 2 * delta : delta;
+    for (let i = 0; i < m; i++) M[i * m + j] = (after[i] - before[i]) / width;
   }
   return { M, end: base };
 }
@@ -286,7 +294,7 @@ export function limitCycle(system, drive, detuning, near, level, options) {
   if (!(size < 1e-6)) return null;
   if (exact || !jet) {
     const along = around(system, drive, detuning, y, level, pattern, longest, exact ? fine : rough);
-    jet = monodromy(system, drive, detuning, y, along.steps, (exact ? fine : rough).method);
+    jet = monodromy(system, drive, detuning, y, along.steps, (exact ? fine : rough).method, exact);
   }
   const run = integrate(system, drive, detuning, y, at.t, { ...fine, first: 0.1 / system.loss });
   const c = columns(run.rows, 0, run.count);

@@ -1,0 +1,174 @@
+"""The page in a browser: it starts, answers, needs no network, restores a link, and takes no bad number."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from browser import chromium
+
+import coupled
+import thermofem as th
+
+MODELS = {
+    "slow heat": th.Foster(R=[600, 1500, 2000, 2200, 1500], tau=[20e-9, 100e-9, 400e-9, 2e-6, 12e-6]),
+    "<b>&two</b> \"poles\"": th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6]),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "ring.html"
+    coupled.explore(coupled.borghi2021(), MODELS, path)
+    return path
+
+
+@pytest.fixture
+def page(browser, file):
+    """The page at a wide window, settled; fails on console errors and on any request that leaves the file."""
+    context = browser.new_context(viewport={"width": 1300, "height": 900}, bypass_csp=True)
+    page = context.new_page()
+    problems = []
+    page.on("console", lambda message: problems.append(message.text) if message.type in ("error", "warning") else None)
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.on("request", lambda request: problems.append(request.url) if not request.url.startswith(("file:", "blob:", "data:")) else None)  # fmt: skip  # noqa: E501
+    page.goto(file.as_uri())
+    settled(page)
+    yield page
+    assert problems == []
+    context.close()
+
+
+def settled(page):
+    """Wait until the exact answer stands."""
+    page.wait_for_function("ringPage.shown.trace && ringPage.shown.trace.request.quick === false", timeout=60_000)
+
+
+def test_it_starts_with_the_settled_cycle(page):
+    """654.4757927 ns is this model's own period at 8 dBm on resonance (a 300 us trace at rtol 1e-8)."""
+    text = page.inner_text("#summary")
+    assert "Self-pulsing, settled cycle: period 654.48 ns" in text
+    assert page.evaluate("ringPage.shown.trace.cycle.period") == pytest.approx(654.4757930, rel=1e-6)
+
+
+def test_names_are_text(page):
+    assert page.evaluate("document.querySelectorAll('#page b').length") == 0
+    assert '<b>&two</b> "poles"' in page.evaluate("Array.from(document.querySelectorAll('#model option'), o => o.text)")
+
+
+def test_a_number_out_of_range_is_marked_and_not_taken(page):
+    before = page.evaluate("ringPage.state().power")
+    page.fill("#power", "400")
+    assert page.get_attribute("#power", "aria-invalid") == "true"
+    assert "from -40 to 27 dBm" in page.inner_text("#power-problem")
+    assert page.evaluate("ringPage.state().power") == before
+    page.fill("#power", "7")
+    assert page.get_attribute("#power", "aria-invalid") == "false"
+    assert page.evaluate("ringPage.state().power") == 7
+    page.fill("#loadedQ", "500000")
+    assert "below the intrinsic one" in page.inner_text("#loadedQ-problem")
+
+
+def test_the_laser_is_dragged_on_the_plane(page):
+    box = page.locator("#plane svg").bounding_box()
+    page.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 0.3 * box["height"])
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.75 * box["width"], box["y"] + 0.6 * box["height"], steps=5)
+    page.mouse.up()
+    state = page.evaluate("ringPage.state()")
+    assert 5 < state["detuning"] < 25
+    assert 3 < state["power"] < 7
+
+
+def test_the_laser_is_moved_with_the_keyboard(page):
+    page.focus("#plane")
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("ArrowUp")
+    state = page.evaluate("ringPage.state()")
+    assert (state["detuning"], state["power"]) == pytest.approx((0.6, 8.07))
+
+
+def test_a_link_restores_the_view(page, browser, file):
+    page.fill("#power", "6.125")
+    page.fill("#lifetime", "21.5")
+    page.check("input[value=last]")
+    settled(page)
+    page.click("#link")
+    link = page.input_value("#copied-text")
+    other = browser.new_page(bypass_csp=True)
+    other.goto(link)
+    settled(other)
+    assert other.evaluate("ringPage.state()") == page.evaluate("ringPage.state()")
+    assert other.inner_text("#summary") == page.inner_text("#summary")
+    other.close()
+
+
+def test_the_copied_script_gives_the_same_numbers(page, capsys):
+    """Period, duty and swing of the last cycle of the same run, to the digits that the page prints."""
+    page.fill("#loadedQ", "7000")
+    page.fill("#lifetime", "30")
+    page.check("input[value=last]")
+    settled(page)
+    page.click("#python")
+    script = page.input_value("#copied-text")
+    exec(compile(script, "copied", "exec"), {})
+    printed = capsys.readouterr().out
+    period = float(re.search(r"period ([\d.]+) ns", printed)[1])
+    assert period == pytest.approx(page.evaluate("ringPage.shown.trace.pulsing.period"), rel=1e-6)
+
+
+def test_no_response_needs_a_worker(browser, file):
+    """Without workers the page says so and computes by itself."""
+    page = browser.new_page(bypass_csp=True)
+    page.add_init_script("delete window.Worker")
+    page.goto(file.as_uri())
+    settled(page)
+    assert page.is_visible("#local")
+    assert "period 654.48 ns" in page.inner_text("#summary")
+    page.close()
+
+
+def test_a_file_cut_short_says_so(browser, file, tmp_path):
+    short = tmp_path / "short.html"
+    text = file.read_text(encoding="utf-8")
+    short.write_text(text[: int(0.9 * len(text))], encoding="utf-8")
+    page = browser.new_page()
+    page.goto(short.as_uri())
+    page.wait_for_timeout(3000)
+    assert page.is_visible("#notice")
+    assert "cut short" in page.inner_text("#notice")
+    page.close()
+
+
+@pytest.mark.parametrize("width", [390, 1300])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_nothing_is_wider_than_the_window(browser, file, width, scheme):
+    page = browser.new_page(viewport={"width": width, "height": 800}, color_scheme=scheme, bypass_csp=True)
+    page.goto(file.as_uri())
+    settled(page)
+    assert page.evaluate("document.documentElement.scrollWidth - window.innerWidth") <= 0
+    page.close()
+
+
+def test_refused_models_say_what_to_do():
+    ring = coupled.borghi2021()
+    with pytest.raises(th.InputError, match="70 poles, at most 60"):
+        coupled.explore(ring, th.Foster(R=np.ones(70), tau=np.geomspace(1e-9, 1e-5, 70)))
+    quadratic = th.Quadratic(-np.eye(2) * 1e6, np.zeros((2, 2, 2)), np.zeros((2, 2)), np.ones(2), np.ones(2))
+    with pytest.raises(th.InputError, match="is quadratic; the page runs"):
+        coupled.explore(ring, quadratic)
+    with pytest.raises(th.InputError, match="give 1 to 6"):
+        coupled.explore(ring, {})
+
+
+def test_the_file_is_small_and_needs_nothing_else():
+    text = coupled.explore(coupled.borghi2021(), MODELS).html
+    assert len(text.encode()) < 2_000_000
+    assert not re.search(r"""(src|href)=["'](https?:)?//""", text)

@@ -1,0 +1,99 @@
+"""``thermofem explore``: one HTML file that computes a ring in the browser."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..checks import InputError
+from .files import DEFAULT_RING, RING, check_outputs, ring_of, say_ring, working
+from .kinds import expect, kind_of
+
+if TYPE_CHECKING:
+    from ..heat import HeatProblem
+    from ..models import ThermalModel
+
+SAMPLES, TRAINED, DUTY = 301, 1e-6, 1 / 3  # of the square wave that Newton's law and the second order are trained on
+POLES = 5  # of the trained Foster network
+
+
+def explore(
+    inputs: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[MODEL.json... | GEOMETRY.toml]", help="What heats; default: the reference strip."),
+    ] = None,
+    ring: Annotated[str, typer.Option(help=RING)] = DEFAULT_RING,
+    power: Annotated[str, typer.Option(help="Power in the bus waveguide when the page opens.")] = "8 dBm",
+    detuning: Annotated[str, typer.Option(help="Laser minus cold resonance when the page opens.")] = "0 GHz",
+    accuracy: Annotated[float, typer.Option(help="Wanted relative error of a geometry's mesh.")] = 1e-3,
+    output: Annotated[Path, typer.Option("--output", "-o", help="File to write (HTML).")] = Path("ring.html"),
+) -> None:
+    """Write a page that computes a ring: move the laser in a browser and see it pulse. One file, offline.
+
+    A geometry is reduced, and Newton's law, the second-order equation and a Foster network are trained on it.
+    """
+    import coupled
+
+    from .. import quantity
+
+    given = list(inputs or [])
+    check_outputs([output], inputs=[*given, Path(ring)])
+    if output.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"--output = {output} must end in .html, so that a browser opens it")
+    for path in given:
+        expect(path, "model", "geometry")
+    at_power = quantity.parse(power, "W", name="--power")
+    at_detuning = quantity.parse(detuning, "Hz", name="--detuning")
+    resonator = ring_of(ring)
+    say_ring(resonator, ring)
+    models, heat = _models(given, accuracy)
+    with working("writing the page"):
+        page = coupled.explore(resonator, models, output, power=at_power, detuning=at_detuning, heat=heat)
+    print(f"wrote {output} ({len(page.html) / 1e3:.0f} kB); open it in a browser")
+
+
+def _models(given: list[Path], accuracy: float) -> tuple[dict[str, ThermalModel], HeatProblem | None]:
+    """The models of the page by name, and the heat problem behind them where a geometry is given."""
+    import surrogate
+
+    if given and all(kind_of(path) != "geometry" for path in given):
+        names = [path.stem for path in given]
+        if len(set(names)) < len(names):
+            raise InputError(f"the model files {', '.join(map(str, given))} share a name; rename one")
+        return {name: surrogate.load_model(path) for name, path in zip(names, given, strict=True)}, None
+    if len(given) > 1:
+        raise InputError("explore takes one geometry alone, or models alone")
+    return models_of_geometry(given[0] if given else None, accuracy)
+
+
+def models_of_geometry(path: Path | None, accuracy: float = 1e-3) -> tuple[dict[str, Any], HeatProblem]:
+    """The certified reduction of a geometry, and the usual models trained on it; all from one reduction."""
+    import numpy as np
+
+    import surrogate
+
+    from .. import dataset, waveforms
+    from ..geometry import CrossSection, strip_ring
+    from ..heat import assemble
+
+    section = CrossSection.from_toml(path) if path else strip_ring()
+    with working("meshing, assembling, reducing and training"):
+        heat = assemble(section, accuracy)
+        rom = surrogate.reduce(heat.channels(heat.heated[0]), tolerance=1e-4)
+        exact: Any = rom.model
+        square, step = waveforms.SquareWave(2e-3, TRAINED, DUTY), waveforms.Constant(2e-3)
+        periodic = dataset.build(
+            waveforms.period_times(square, SAMPLES), exact.periodic_response(square, SAMPLES), square, periodic=True
+        )
+        times = np.geomspace(1e-9, 50 * float(np.max(exact.tau)), 121)
+        known = {"thermal_resistance": exact.thermal_resistance}
+        rise = dataset.build(times, exact.response(step, times), step, attributes=known)
+        models = {
+            f"certified reduction, {rom.order} poles": rom,
+            f"Foster, {POLES} poles": surrogate.fit_foster(rise, POLES).model,
+            "second order": surrogate.fit_second_order(periodic).model,
+            "Newton's law": surrogate.fit_newton(periodic).model,
+        }
+    return models, heat
