@@ -1,6 +1,7 @@
 """Optics, free carriers and heat of a silicon ring together: time traces and self-pulsing."""
 
 from .carriers import ShockleyReadHall
+from .cycles.limit_cycle import limit_cycle
 from .equilibria.boundaries import fold_curves, hopf_curves
 from .equilibria.steady import steady_states
 from .equilibria.transmission import power_for_drop, sweep, transmission
@@ -48,6 +49,7 @@ __all__ = [
     "fold_curves",
     "hopf_curves",
     "identify",
+    "limit_cycle",
     "overlap",
     "power_for_drop",
     "pulsing",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiling import inlined
+from .compiling import compiled, inlined
 from .equations import Array
 
 Row3 = tuple[float, float, float]
@@ -58,3 +58,34 @@ def solve(m: Array, order: NDArray[np.int64], x: Array) -> None:
         for j in range(i + 1, n):
             x[i] -= m[i, j] * x[j]
         x[i] /= m[i, i]
+
+
+@compiled
+def eliminate(m: Array) -> None:
+    """Overwrite the right-hand sides in the last columns of ``m`` by the solutions of the system in its first ones.
+
+    Rows are exchanged where a pivot is small; every inner loop runs along a row, which is what vectorises.
+    """
+    n, wide = m.shape
+    for j in range(n):
+        pivot = j
+        for i in range(j + 1, n):
+            if abs(m[i, j]) > abs(m[pivot, j]):
+                pivot = i
+        if pivot != j:
+            for k in range(j, wide):
+                m[j, k], m[pivot, k] = m[pivot, k], m[j, k]
+        scale = 1.0 / m[j, j]
+        for i in range(j + 1, n):
+            factor = m[i, j] * scale
+            if factor != 0.0:
+                for k in range(j + 1, wide):
+                    m[i, k] -= factor * m[j, k]
+    for i in range(n - 1, -1, -1):
+        for j in range(i + 1, n):
+            factor = m[i, j]
+            for k in range(n, wide):
+                m[i, k] -= factor * m[j, k]
+        scale = 1.0 / m[i, i]
+        for k in range(n, wide):
+            m[i, k] *= scale

@@ -1,0 +1,1 @@
+"""Settled cycles of a ring: solved for, followed, and differentiated."""

@@ -1,0 +1,63 @@
+"""What may be given as a guess of a cycle: another cycle, the end of a run, or a state."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem.checks import InputError
+
+from ..states import State, starting_point
+from .orbit import Orbit, Problem, settle, shoot
+from .scheme import scheme
+from .start import Settled, settled
+
+Array = NDArray[np.float64]
+
+
+def from_guess(p: Problem, guess: Any) -> Settled:
+    """Return the cycle near a guess; InputError where there is none."""
+    if isinstance(guess, State):
+        return settled(p, starting_point(guess, p.units.size - 3).as_array() / p.units, "the guess")
+    attrs = getattr(guess, "attrs", {})
+    if "final_state" in attrs:
+        return settled(p, starting_point(guess, p.units.size - 3).as_array() / p.units, "the run given as guess")
+    if "mesh" in attrs and "states" in getattr(guess, "variables", {}):
+        trial, pulses = trial_of(p, guess), int(attrs["pulses"])
+        found = near(p, trial, pulses)
+        if found is None:
+            raise InputError(
+                f"no cycle at power = {p.power:g} W, detuning = {p.detuning:g} Hz near the one given as guess, of "
+                f"{attrs['period']:g} s: Newton's method leads to none; take a smaller step, or no guess"
+            )
+        return found
+    raise InputError(
+        f"guess is a {type(guess).__name__}; it must be a cycle of coupled.limit_cycle, a run of coupled.simulate or a "
+        "coupled.State"
+    )
+
+
+def near(p: Problem, trial: Orbit, pulses: int) -> Settled | None:
+    """The cycle near a trial orbit: on its mesh, or else along traces from its beginning."""
+    found = settle(p, trial) or shoot(p, trial.start, trial.T, pulses)
+    if found is None or np.ptp(found.Y[:, :, 2]) <= 1e-5 * found.Y[:, :, 2].max():
+        return None
+    return Settled(found, pulses)
+
+
+def trial_of(p: Problem, cycle: Any) -> Orbit:
+    """Another cycle as a trial orbit; heat of another model is at its own periodic state under the power absorbed."""
+    states = np.asarray(cycle["states"].values, dtype=float)
+    tau = np.asarray(cycle.attrs["mesh"], dtype=float)
+    own, m = states.shape[1], p.units.size
+    values = np.zeros((states.shape[0], m))
+    values[:, : min(own, m)] = states[:, : min(own, m)] / p.units[: min(own, m)]
+    s, T = scheme().c.size, float(cycle.attrs["period"]) * 1e9
+    start, Y = values[0].copy(), np.ascontiguousarray(values[1:].reshape(tau.size - 1, s, m))
+    if own != m:
+        from ..kernels import orbits
+
+        orbits.relax(start, Y, tau, T, p.at, scheme())
+    return Orbit(start, Y, tau, T, np.empty((0, 0)), np.inf)

@@ -1,0 +1,136 @@
+"""From a state of the ring to the cycle that it settles on: a transient as short as will do, then Newton's method.
+
+A transient that has a few pulses starts Newton's method. What comes out counts if the ring can settle on it: it is
+stable, and where a stable fixed point could win in the end it is as large as the pulses of the transient. Else the
+transient goes on, up to twice as long every time, until it rests or pulses as the cycle does.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem.checks import InputError
+
+from ..pulsing import crossings
+from .orbit import Orbit, Problem, run, shoot
+
+Array = NDArray[np.float64]
+
+FIRST, LONGEST = 4e3, 2e6  # ns
+SLOWEST = 30  # of the slowest heat, what a transient may take where that is longer
+REST = 1e-3  # relative distance from a stable fixed point that is none, and range of the carriers
+AGREE = 0.2  # relative difference of two amplitudes that are taken for the same
+FLAT = 1e-5  # relative range of the carriers below which an orbit is a fixed point
+MOST_PULSES = 4
+
+
+class Settled(NamedTuple):
+    """A cycle and how many pulses it has."""
+
+    orbit: Orbit
+    pulses: int
+
+
+def settled(p: Problem, y: Array, begin: str = "a cold ring") -> Settled:
+    """Return the cycle on which a ring settles from the state ``y``.
+
+    Raises
+    ------
+    InputError
+        it comes to rest, or does not repeat itself within the longest transient.
+    """
+    passed, duration, said = 0.0, FIRST, "no pulse"
+    rest: Array | None = None  # stable fixed points, rows (U, N, dT), once they are needed
+    while passed < max(LONGEST, SLOWEST * _slowest(p)):
+        rows, y, _ = run(p, y, duration)
+        passed += duration
+        t, N = rows[:, 0], rows[:, 3]
+        late = N[t >= duration / 2]
+        low, high = float(late.min()), float(late.max())
+        level = (low + high) / 2
+        ups = crossings(t, N, level) if t.size >= 4 else np.empty(0)
+        ups = ups[ups >= duration / 4]
+        if ups.size >= 3 and high - low > FLAT * high:
+            found, said = _close(p, y, float(np.diff(ups)[-1]), level)
+            if found is not None:
+                rest = _stable_points(p) if rest is None else rest
+                if rest.size == 0 or abs(_range(found.orbit) - (high - low)) <= AGREE * (high - low):
+                    return found
+                said = "the pulses still change"
+        if high - low <= REST * high:
+            rest = _stable_points(p) if rest is None else rest
+            last = np.array([rows[-1, 1] ** 2 + rows[-1, 2] ** 2, rows[-1, 3], rows[-1, 4]])
+            for point in rest:
+                if np.all(np.abs(last - point) <= REST * point):
+                    raise InputError(
+                        f"no limit cycle at power = {p.power:g} W, detuning = {p.detuning:g} Hz: within "
+                        f"{passed / 1e3:.3g} us {begin} comes to rest at a stable fixed point, {point[0]:.4g} fJ and "
+                        f"{point[2]:.4g} K; give guess= a cycle nearby where one may lie beside it"
+                    )
+        duration = min(2 * duration, 1e5)
+    raise InputError(
+        f"no settled cycle at power = {p.power:g} W, detuning = {p.detuning:g} Hz: {passed / 1e3:.4g} us from {begin} "
+        f"do not lead to one ({said}); give guess= a cycle nearby"
+    )
+
+
+def _close(p: Problem, y: Array, T: float, level: float) -> tuple[Settled | None, str]:
+    """The stable cycle near a trace that pulses every ``T`` ns through ``level``, of one pulse or a few; or why not."""
+    _, y, met = run(p, y, 4 * T, level)
+    if not met:
+        return None, "the pulses end"
+    pulses, said = 1, ""
+    while pulses <= MOST_PULSES:
+        orbit = shoot(p, y, T, pulses)
+        if orbit is None:
+            return None, said or "the pulses do not repeat"
+        if _range(orbit) <= FLAT * orbit.Y[:, :, 2].max():
+            return None, "the pulses die away"
+        others = nontrivial(orbit)
+        if np.abs(others).max() < 1:
+            return Settled(orbit, pulses), ""
+        worst = others[np.argmax(np.abs(others))]
+        if worst.real > -1 or abs(worst.imag) > 0:
+            return None, "the cycle there is unstable"
+        said = f"a cycle of {pulses} has doubled, with a multiplier of {worst.real:.3g}"
+        for _ in range(20):  # pulses that differ more make a better start
+            _, y, met = run(p, y + 0.0, 4 * T, level)
+            if not met:
+                return None, said
+        pulses *= 2
+    return None, said
+
+
+def nontrivial(orbit: Orbit) -> NDArray[np.complex128]:
+    """The multipliers but the one of the orbit's own direction."""
+    every = orbit.multipliers
+    return np.delete(every, int(np.argmin(np.abs(every - 1))))
+
+
+def _range(orbit: Orbit) -> float:
+    return float(np.ptp(orbit.Y[:, :, 2]))
+
+
+def _slowest(p: Problem) -> float:
+    """The slowest time constant of heat in ns."""
+    heat = p.at.thermal
+    rates = -np.linalg.eigvals(heat.A).real if hasattr(heat, "A") else heat.poles[1]
+    return float(1 / rates.min())
+
+
+def _stable_points(p: Problem) -> Array:
+    """The stable fixed points, rows (U, N, dT) in internal units."""
+    from ..equilibria import balance, spectrum
+    from ..equilibria.steady import absorbable, internal, kind_of
+
+    at = internal(p.ring, p.model, absorbable(p.ring, p.power))
+    rest = (p.at.drive, at.rates, at.fcd, at.static)
+    U, D = balance.fixed_points(
+        p.at.detuning, *rest, balance.turning_points(balance.reach(p.at.detuning, *rest), *rest)
+    )
+    N, _, dT, *_ = balance.balances(np.ascontiguousarray(U), at.rates, at.fcd, at.static)
+    stable = [kind_of(spectrum.dense(u, d, *at[1:]))[2] == "stable" for u, d in zip(U, D, strict=True)]
+    return np.stack([U, N, dT], axis=1)[stable]

@@ -1,0 +1,151 @@
+"""Settled cycles against runs of 400 us, a finite-difference return map, and every kind of heat."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from models import quadratic
+
+import coupled
+import surrogate
+import thermofem as th
+from coupled.cycles.orbit import problem, run
+from coupled.kernels import collocation
+from coupled.thermal import compact
+
+RING = coupled.borghi2021()
+POWER = 10**0.8 * 1e-3  # 8 dBm
+FIVE = th.Foster(R=[600, 1500, 2000, 2200, 1500], tau=[20e-9, 100e-9, 400e-9, 2e-6, 12e-6])
+SECOND = surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1200e-9, eta=0.31, heat_capacity=7.63e-12)
+
+
+@pytest.mark.parametrize(
+    ("model", "period", "multipliers"),
+    # Rodas5P, naive differences of the return map, and for the first a 300 us trace at rtol 1e-8: 654.4757930 ns.
+    [(FIVE, 654.4757927e-9, [0.93309, 0.58708, 0.02523]), (SECOND, 686.0023274e-9, [-0.0096])],
+)
+def test_periods_and_multipliers_of_an_independent_program(model, period, multipliers):
+    cycle = coupled.limit_cycle(RING, model, power=POWER)
+    assert cycle.attrs["period"] == pytest.approx(period, rel=1e-9)
+    found = cycle["multipliers"].values
+    assert np.iscomplexobj(found)
+    assert np.abs(found - 1).min() < 1e-8  # the trivial one; round-off through 60 intervals
+    rest = np.delete(found, np.argmin(np.abs(found - 1)))
+    np.testing.assert_allclose(rest[: len(multipliers)].real, multipliers, atol=1e-5 if len(multipliers) > 1 else 5e-5)
+    assert cycle.attrs["stability"] == "stable"
+
+
+def test_a_long_run_ends_on_the_cycle():
+    cycle = coupled.limit_cycle(RING, FIVE, power=POWER)
+    found = coupled.pulsing(coupled.simulate(RING, FIVE, power=POWER, duration=150e-6, rtol=1e-8))
+    # .93^230 = 1e-7 of a first deviation of 10 %, at rtol 1e-8 periods err by less than 1e-8
+    assert found.period == pytest.approx(cycle.attrs["period"], rel=3e-8)
+    assert found.duty == pytest.approx(cycle.attrs["duty"], abs=5e-5)  # what `pulsing` states
+    assert found.swing == pytest.approx(cycle.attrs["swing"], rel=6e-5)
+    assert found.extinction == pytest.approx(cycle.attrs["extinction"], rel=1e-4)
+
+
+def test_the_last_cycle_of_a_cold_start_is_another_one():
+    settled = coupled.limit_cycle(RING, FIVE, power=POWER).attrs["period"]
+    found = coupled.pulsing(coupled.simulate(RING, FIVE, power=POWER, duration=30e-6)).period
+    assert found == pytest.approx(649.61e-9, rel=1e-4)
+    assert abs(found / settled - 1) > 5e-3
+
+
+@pytest.mark.parametrize("kind", ["output map", "quadratic"])
+def test_multipliers_are_those_of_a_finite_difference_return_map(kind):
+    model = th.OutputMap(FIVE, 2e-3) if kind == "output map" else quadratic()
+    cycle = coupled.limit_cycle(RING, model, power=POWER)
+    p = problem(RING, compact(model), POWER, 0.0)
+    y, T = cycle["states"].values[0] / p.units, cycle.attrs["period"] * 1e9
+    columns = []
+    for i in range(y.size):
+        h = 1e-4 * max(abs(y[i]), 1e-2)
+        ends = [_after(p, y + s * h * np.eye(y.size)[i], T) for s in (1, -1)]
+        columns.append((ends[0] - ends[1]) / (2 * h))
+    want = np.linalg.eigvals(np.array(columns).T)
+    want = want[np.argsort(-np.abs(want))]
+    # Central differences of runs at rtol 1e-10: truncation 1e-8 of the third derivative, round-off 1e-10/1e-4.
+    np.testing.assert_allclose(cycle["multipliers"].values[:3], want[:3], atol=1e-5)
+
+
+def _after(p, y, T):
+    """The state a period later, at rtol 1e-10."""
+    from coupled import window
+    from coupled.kernels import rosenbrock
+    from coupled.kernels.interrupts import new_watch
+    from coupled.kernels.tableaus import Method, tableau
+
+    laser = window.constant_laser(0.0, T * 1e-9, p.at.drive, p.at.detuning)
+    return rosenbrock.integrate(
+        y, laser, p.at.rates, p.at.fcd, p.at.thermal, tableau(Method.RODAS5P), 1e-10, p.floor, np.empty(0), 1, 0.0,
+        np.zeros(3), 10**7, new_watch(),
+    )[1]  # fmt: skip
+
+
+def test_eliminating_heat_changes_nothing():
+    """The network's own pass against the one with all states as unknowns, on the same trial orbit."""
+    cycle = coupled.limit_cycle(RING, FIVE, power=POWER)
+    p = problem(RING, FIVE, POWER, 0.0)
+    states, tau = cycle["states"].values / p.units, cycle.attrs["mesh"]
+    start, Y = states[0], states[1:].reshape(tau.size - 1, 5, -1)
+    T = cycle.attrs["period"] * 1e9
+    rng = np.random.default_rng(1)
+    forcing = rng.standard_normal((*Y.shape, 2))
+    from coupled.cycles.scheme import scheme
+
+    args = (tau, T, p.at, scheme(), forcing)
+    one, _, _ = collocation.network_pass(start, Y.copy(), *args)
+    other, _, _ = collocation.full_pass(start, Y.copy(), *args)
+    np.testing.assert_allclose(one, other, atol=1e-7 * np.abs(other).max(axis=0).max(), rtol=1e-7)
+
+
+def test_every_kind_of_heat():
+    space = th.StateSpace.from_foster(FIVE) if hasattr(th.StateSpace, "from_foster") else None
+    cycle = coupled.limit_cycle(RING, th.OutputMap(FIVE, 0.0), power=POWER)
+    assert cycle.attrs["period"] == pytest.approx(654.4757927e-9, rel=1e-9)
+    if space is not None:
+        assert coupled.limit_cycle(RING, space, power=POWER).attrs["period"] == pytest.approx(654.4757927e-9, rel=1e-9)
+
+
+def test_energy_closes_over_a_period():
+    cycle = coupled.limit_cycle(RING, FIVE, power=POWER)
+    out = (cycle["weight"] * (cycle["drop"] + cycle["through"] + cycle["absorbed"])).sum()
+    assert float(out) == pytest.approx(POWER * cycle.attrs["period"], rel=1e-10)
+    heat = (cycle["weight"] * cycle["delta_T"]).sum() / cycle.attrs["period"]
+    absorbed = (cycle["weight"] * cycle["absorbed"]).sum() / cycle.attrs["period"]
+    assert float(heat) == pytest.approx(FIVE.thermal_resistance * float(absorbed), rel=1e-10)
+
+
+def test_a_cycle_is_a_guess_for_its_neighbour_and_for_another_model():
+    cycle = coupled.limit_cycle(RING, FIVE, power=POWER)
+    near = coupled.limit_cycle(RING, FIVE, power=1.02 * POWER, guess=cycle)
+    assert near.attrs["period"] == pytest.approx(
+        coupled.limit_cycle(RING, FIVE, power=1.02 * POWER).attrs["period"], rel=1e-9
+    )
+    other = coupled.limit_cycle(RING, SECOND, power=POWER, guess=cycle)
+    assert other.attrs["period"] == pytest.approx(686.0023274e-9, rel=1e-9)
+    run_ = coupled.simulate(RING, FIVE, power=POWER, duration=5e-6)
+    assert coupled.limit_cycle(RING, FIVE, power=POWER, guess=run_).attrs["period"] == pytest.approx(
+        cycle.attrs["period"], rel=1e-9
+    )
+
+
+def test_no_cycle_says_why():
+    with pytest.raises(th.InputError, match="comes to rest at a stable fixed point"):
+        coupled.limit_cycle(RING, SECOND, power=1e-3)
+    with pytest.raises(th.InputError, match="guess is a str"):
+        coupled.limit_cycle(RING, SECOND, power=POWER, guess="cold")
+    with pytest.raises(th.InputError, match="power"):
+        coupled.limit_cycle(RING, SECOND, power=8.0)
+
+
+def test_a_ring_without_a_drop_port():
+    ring = replace(RING, drop_rate=0.0, bus_rate=86e9)
+    try:
+        cycle = coupled.limit_cycle(ring, SECOND, power=POWER)
+    except th.InputError:
+        pytest.skip("this ring does not pulse there")
+    assert 0 < cycle.attrs["duty"] < 1
