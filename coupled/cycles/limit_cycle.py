@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofem.model import ThermalModel
+from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring
 from ..resonator import RingResonator
