@@ -11,7 +11,7 @@ from models import quadratic
 import coupled
 import surrogate
 import thermofem as th
-from coupled.cycles.orbit import problem, run
+from coupled.cycles.orbit import problem
 from coupled.kernels import collocation
 from coupled.thermal import compact
 
