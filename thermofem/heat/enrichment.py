@@ -3,12 +3,14 @@
     l_a l_b (l_a - l_b) on the edge a b,    l_0 l_1 l_2 inside
 
 with l the barycentric coordinates. With the quadratic functions they span the cubics, in a basis in which the two
-levels hardly couple, so that a few conjugate gradients find what the second level adds.
+levels hardly couple: solved for alone, with the quadratic part kept as it is, the cubic functions add 0.82 to 0.98 of
+the energy that they add together with it (measured on 12 random cross-sections at six shifts each).
 """
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +18,20 @@ from skfem import ElementTriP2
 from skfem.element.element_h1 import ElementH1
 from skfem.refdom import RefTri
 
+from .matrices import element_capacity, element_conduction, surface_terms, volume
+from .probes import probe_integral
+
+if TYPE_CHECKING:
+    from ..geometry.cross_section import CrossSection
+    from ..mesh import Mesh
+    from .matrices import Discretization
+
 Array = NDArray[np.float64]
 
 _EDGES = ((0, 1), (1, 2), (0, 2))
 _SLOPES = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])  # of the barycentric coordinates
+_QUADRATIC, _CUBIC = [0, 1, 2, 3, 5, 7], [4, 6, 8, 9]  # local functions of `ElementTriP2Enriched`
+ITERATIONS = 3  # of conjugate gradients; they find 0.9 to 0.999 of the energy (measured as above)
 
 
 class ElementTriP2Enriched(ElementH1):
@@ -47,6 +59,159 @@ class ElementTriP2Enriched(ElementH1):
         return p * q * (p - q), slope
 
 
-def quadratic(basis: Any) -> NDArray[np.intp]:
-    """Which functions of a basis of these elements are the quadratic ones, in the order of `ElementTriP2`."""
-    return np.concatenate([basis.nodal_dofs[0], basis.facet_dofs[0]])
+@dataclass(frozen=True, eq=False)
+class Functions:
+    """The quadratic functions of a mesh in the order of its basis, then the cubic ones: edges, triangles.
+
+    It has what `matrices` asks of a scikit-fem basis.
+    """
+
+    mesh: Any
+    elem: Any
+    element_dofs: NDArray[np.intp]
+    N: int
+    quadratic: int
+
+    @property
+    def nelems(self) -> int:
+        """Number of triangles."""
+        return int(self.element_dofs.shape[1])
+
+    @property
+    def Nbfun(self) -> int:
+        """Functions on each triangle."""
+        return 10
+
+    @classmethod
+    def of(cls, basis: Any) -> Functions:
+        """Number the cubic functions behind those of a quadratic basis."""
+        grid, count, dofs = basis.mesh, basis.N, basis.element_dofs
+        edges = count + grid.t2f.astype(np.intp)
+        inside = count + grid.facets.shape[1] + np.arange(basis.nelems)
+        rows = [*dofs[:3], dofs[3], edges[0], dofs[4], edges[1], dofs[5], edges[2], inside]
+        total = count + grid.facets.shape[1] + basis.nelems
+        return cls(grid, ElementTriP2Enriched(), np.stack(rows), total, count)
+
+
+@dataclass(frozen=True, eq=False)
+class Enrichment:
+    """The cubic functions of a mesh: their matrices with themselves and with the quadratic ones, triangle by triangle.
+
+    Attributes
+    ----------
+    functions : Functions
+    K, M : arrays, shape (triangles, 4, 10); W/K and J/K
+        rows of the cubic functions of each triangle; columns first of the quadratic, then of the cubic ones.
+    quadratic, cubic : arrays of int, shapes (triangles, 6) and (triangles, 4)
+        numbers of these functions; the cubic ones counted from 0.
+    surface : sparse, shape (cubic functions, all functions), or None
+        what convection, open sides and contacts add to K.
+    held : array of int
+        cubic functions on edges at the ambient temperature.
+    """
+
+    functions: Functions
+    K: Array
+    M: Array
+    quadratic: NDArray[np.intp]
+    cubic: NDArray[np.intp]
+    surface: Any
+    held: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, d: Discretization, conductivity: Array, heat_capacity: Array) -> Enrichment:
+        """Assemble it for k_r, k_z in W/(m K), shape (2, triangles), and rho c_p in J/(m^3 K), shape (triangles,)."""
+        functions = Functions.of(d.basis)
+        columns = [*_QUADRATIC, *_CUBIC]
+        K, M = (
+            elements[:, _CUBIC][:, :, columns]
+            for elements in (element_conduction(functions, conductivity), element_capacity(functions, heat_capacity))
+        )
+        dofs, count = functions.element_dofs.T, functions.quadratic
+        held = np.asarray(d.surfaces.held, dtype=np.intp)
+        surface = _surface(functions, d, conductivity)
+        return cls(functions, K, M, dofs[:, _QUADRATIC], dofs[:, _CUBIC] - count, surface, held)
+
+    def mean(self, geometry: CrossSection, mesh: Mesh, name: str) -> Array:
+        """Functional of the volume mean over a region or what a probe reads, for the cubic functions."""
+        functions = self.functions
+        if name in mesh.region_names:
+            integral = volume(functions, mesh.region == mesh.region_names.index(name))
+        else:
+            probe = next(probe for probe in geometry.probes if probe.name == name)
+            integral = probe_integral(geometry, mesh, functions, probe)
+        return np.asarray(integral[functions.quadratic :] / integral[: functions.quadratic].sum())
+
+    def added(self, s: float, quadratic: Array, load: Array) -> tuple[Array, Array]:
+        """What the cubic functions add to quadratic solutions, and its energy in every triangle.
+
+        Parameters
+        ----------
+        s : float, 1/s
+        quadratic : array, shape (quadratic functions, n), K/W
+            solutions of (K + s M) u = c.
+        load : array, shape (cubic functions, n)
+            c for the cubic functions.
+
+        Returns
+        -------
+        array, shape (n, n), K/W
+            c_i^T x_j of what is added.
+        array, shape (n, n, triangles), K/W
+            its share in every triangle, without what surfaces add.
+        """
+        A = self.K + s * self.M if s else self.K
+        rest = load - self._sum(A[:, :, :6] @ quadratic[self.quadratic])
+        diagonal: Any = np.bincount(self.cubic.ravel(), np.einsum("tii->ti", A[:, :, 6:]).ravel())
+        block = np.ascontiguousarray(A[:, :, 6:])
+        if self.surface is not None:
+            rest -= self.surface[:, : self.functions.quadratic] @ quadratic
+            diagonal = diagonal + self.surface.diagonal(self.functions.quadratic)
+        found = self._gradients(block, rest, np.asarray(diagonal)[:, None])
+        each = found[self.cubic]
+        shares = np.einsum("tia,tib->abt", each, block @ each)
+        total = shares.sum(axis=-1)
+        if self.surface is not None:
+            total = total + found.T @ (self.surface[:, self.functions.quadratic :] @ found)
+        return total, shares
+
+    def _gradients(self, block: Array, rest: Array, diagonal: Array) -> Array:
+        """A few conjugate gradients for each column, scaled by the diagonal."""
+        rest[self.held] = 0.0
+        found = np.zeros_like(rest)
+        step = rest / diagonal
+        direction, size = step.copy(), np.einsum("ia,ia->a", rest, step)
+        for _ in range(ITERATIONS):
+            image = self._sum(block @ direction[self.cubic])
+            if self.surface is not None:
+                image += self.surface[:, self.functions.quadratic :] @ direction
+            image[self.held] = 0.0
+            energy = np.einsum("ia,ia->a", direction, image)
+            length = np.divide(size, energy, out=np.zeros_like(size), where=energy > 0)
+            found += length * direction
+            rest = rest - length * image
+            step = rest / diagonal
+            last, size = size, np.einsum("ia,ia->a", rest, step)
+            direction = step + np.divide(size, last, out=np.zeros_like(size), where=last > 0) * direction
+        return found
+
+    def _sum(self, each: Array) -> Array:
+        """Add up what the triangles hold for each cubic function; shapes (triangles, 4, n) and (functions, n)."""
+        count = self.functions.N - self.functions.quadratic
+        places = self.cubic.ravel()
+        return np.stack(
+            [np.bincount(places, column, minlength=count) for column in each.reshape(-1, each.shape[-1]).T], 1
+        )
+
+
+def _surface(functions: Functions, d: Discretization, conductivity: Array) -> Any:
+    """Rows of the cubic functions in what surfaces add to the stiffness; None where there are none."""
+    import skfem
+
+    surfaces = d.surfaces
+    if not (surfaces.convection or surfaces.contacts or len(surfaces.open)):
+        return None
+    basis = skfem.Basis(functions.mesh, functions.elem, intorder=1)  # surfaces take a rule of their own
+    order = np.empty(functions.N, dtype=np.intp)
+    order[functions.element_dofs] = basis.element_dofs
+    return surface_terms(basis, conductivity, surfaces).tocsr()[order[functions.quadratic :]][:, order]

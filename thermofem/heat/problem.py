@@ -9,6 +9,7 @@ are the matrices at the ambient temperature T0, and `HeatProblem.model` is the n
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -19,11 +20,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
 from ..materials.laws import Law, is_constant
+from ..mesh.refine import refined
 from ..models import NonlinearSystem, StateSpace
 from ..transient.modal import Modal
 from ..transient.nonlinear import Lift, NonlinearLedger, lift, rows
 from ..transient.trajectory import Ledger
-from .accuracy import ESTIMATES, Enrichment, warn_of_domain
+from .accuracy import Estimate, MeshError
+from .adaptive import marked
+from .domain import domain_error, warn_of_domain
 from .interface import contacts, split
 from .matrices import Discretization, Surfaces, build, capacity, conduction, discretize, properties
 from .probes import probe_mean
@@ -36,9 +40,10 @@ __all__ = ["Discretization", "HeatProblem", "Surfaces", "assemble", "discretize"
 
 Array = NDArray[np.float64]
 
-FAINT = 1e-2  # of R_th: what a copy off the axis feels less of is not worth a finer mesh
-REFINEMENTS = 3  # meshes tried until the estimated error is below the accuracy
-FINEST = 1e-5  # accuracy with the finest mesh there is
+ROUNDS = 12  # meshes tried until the estimated error is below the accuracy
+LARGEST = 400_000  # unknowns; a mesh with more is not refined
+
+log = logging.getLogger("thermofem")
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,10 +98,10 @@ class HeatProblem:
     def judged(self) -> tuple[tuple[str, str], ...]:
         """The channels (heated, read) whose mesh error decides about the mesh.
 
-        Every heated part with itself, and with every copy off the axis, which lies where meshes are coarse.
+        Every heated part with itself, with the other heated parts and with every probe.
         """
-        copies = [probe.name for probe in self.geometry.probes if probe.distance is not None]
-        return tuple((part, read) for part in self.heated for read in (part, *copies))
+        probes = [probe.name for probe in self.geometry.probes]
+        return tuple((part, read) for part in self.heated for read in (*self.heated, *probes))
 
     @property
     def unknowns(self) -> int:
@@ -220,11 +225,6 @@ class HeatProblem:
         """Steady rise of all unknowns per watt in a part."""
         return {}
 
-    @cached_property
-    def enrichment(self) -> Enrichment:
-        """What cubic elements would add, see `thermofem.heat.accuracy`."""
-        return Enrichment.of(self)
-
     def steady_rise(self, power: float, heated: str | None = None, read: str | None = None) -> float:
         """Steady mean rise of ``read`` in K at a power in W in ``heated``; k(T) is taken into account.
 
@@ -241,30 +241,42 @@ class HeatProblem:
         return power * self.thermal_resistance(heated, read)
 
     @cached_property
+    def _mesh_error(self) -> MeshError:
+        return MeshError(self)
+
+    @cached_property
     def _estimated(self) -> dict[tuple[str, str, str], float]:
         return {}
 
+    def estimate(self, *channels: tuple[str, str]) -> Estimate:
+        """Estimated mesh errors of channels (heated, read) at every shift and in every triangle; default `judged`."""
+        found = self._mesh_error.estimate(channels or self.judged)
+        self._estimated.update({("mesh", *channel): float(e.max()) for channel, e in found.errors.items()})
+        return found
+
     def mesh_error(self, heated: str | None = None, read: str | None = None) -> float:
         """Relative error of R_th and of the step from 1 ns on that the mesh makes, see `thermofem.heat.accuracy`."""
-        return self._estimate("mesh", heated, read)
+        key = "mesh", *self._channel(heated, read)
+        if key not in self._estimated:
+            self.estimate(key[1:])
+        return self._estimated[key]
 
     def errors(self, heated: str | None = None, read: str | None = None) -> tuple[float, float]:
-        """`mesh_error`, and the relative change of R_th if the stack went on, see `thermofem.heat.accuracy`.
+        """`mesh_error`, and the relative change of R_th if the stack went on, see `thermofem.heat.domain`.
 
         Where the end of the domain moves R_th by more than ``accuracy`` the log says so, once for each size of domain.
         """
-        mesh, domain = self.mesh_error(heated, read), self._estimate("domain", heated, read)
+        key = "domain", *self._channel(heated, read)
+        if key not in self._estimated:
+            self._estimated[key] = domain_error(self, *key[1:])
+        mesh, domain = self.mesh_error(heated, read), self._estimated[key]
         if domain > self.accuracy:
             warn_of_domain(self.geometry, domain, self.accuracy)
         return mesh, domain
 
-    def _estimate(self, kind: str, heated: str | None, read: str | None) -> float:
+    def _channel(self, heated: str | None, read: str | None) -> tuple[str, str]:
         heated = checks.choice("heated", heated or self.heated[0], self.heated)
-        read = checks.choice("read", read or heated, self.readable)
-        key = kind, heated, read
-        if key not in self._estimated:
-            self._estimated[key] = ESTIMATES[kind](self, heated, read)
-        return self._estimated[key]
+        return heated, checks.choice("read", read or heated, self.readable)
 
     def field(self, state: ArrayLike) -> Array:
         """Temperature rise in K at every vertex of the mesh, from states of shape (..., unknowns) of the system."""
@@ -300,37 +312,51 @@ def assemble(geometry: CrossSection, accuracy: float = 1e-3) -> HeatProblem:
             f"geometry is a {type(geometry).__name__}; th.strip_ring() or th.CrossSection.from_toml(path) makes one"
         )
     accuracy = checks.finite("accuracy", accuracy)
-    resistance: dict[str, float] = {}
-    for interface in geometry.interfaces:
-        resistance[interface.part] = resistance.get(interface.part, 0.0) + interface.resistance
-    finer = accuracy
-    for _ in range(REFINEMENTS):
-        heat = _on_mesh(geometry, split(mesh_for(geometry, finer), resistance), resistance, accuracy)
-        error = max(_weighed_error(heat, *channel) for channel in heat.judged)
-        if error <= accuracy or finer <= FINEST:
+    return adapted(geometry, mesh_for(geometry, accuracy), accuracy)[0]
+
+
+def adapted(geometry: CrossSection, mesh: Mesh, accuracy: float) -> tuple[HeatProblem, Mesh]:
+    """The heat problem on a mesh that is divided until its estimated error is below the accuracy; and that mesh.
+
+    The log says so where `ROUNDS` or `LARGEST` end that before.
+    """
+    resistance = resistances(geometry)
+    for _ in range(ROUNDS):
+        heat = _on_mesh(geometry, split(mesh, resistance), resistance, accuracy)
+        estimate = heat.estimate()
+        if estimate.largest <= accuracy or heat.unknowns > LARGEST:
             break
-        finer = max(FINEST, finer * accuracy / error / 2)
-    return heat
+        last, (mesh, _) = mesh, refined(mesh, marked(estimate, accuracy))
+    else:
+        mesh = last
+    if estimate.largest > accuracy:
+        log.warning(
+            "%s: the mesh of %d unknowns leaves an estimated error of %.1e, more than accuracy = %g",
+            geometry.name,
+            heat.unknowns,
+            estimate.largest,
+            accuracy,
+        )
+    return heat, mesh
 
 
-def _weighed_error(heat: HeatProblem, heated: str, read: str) -> float:
-    """The mesh error of a channel, relative to its gain plus `FAINT` R_th where another ring is read."""
-    error = heat.mesh_error(heated, read)
-    if heated == read:
-        return error
-    gain = abs(heat.thermal_resistance(heated, read))
-    return error * gain / (gain + FAINT * heat.thermal_resistance(heated))
+def resistances(geometry: CrossSection) -> dict[str, float]:
+    """Sum of the thermal boundary resistances of each part that has one, in m^2 K/W."""
+    found: dict[str, float] = {}
+    for interface in geometry.interfaces:
+        found[interface.part] = found.get(interface.part, 0.0) + interface.resistance
+    return found
 
 
 def _on_mesh(geometry: CrossSection, mesh: Mesh, resistance: dict[str, float], accuracy: float) -> HeatProblem:
     conductivity, heat_capacity = properties(geometry, mesh)
-    discretization = build(mesh, conductivity, heat_capacity, _surfaces(geometry, mesh, resistance))
+    discretization = build(mesh, conductivity, heat_capacity, surfaces_of(geometry, mesh, resistance))
     probes = {probe.name: probe_mean(geometry, mesh, discretization.basis, probe) for probe in geometry.probes}
     discretization = replace(discretization, means={**discretization.means, **probes})
     return HeatProblem(geometry, mesh, discretization, accuracy)
 
 
-def _surfaces(geometry: CrossSection, mesh: Mesh, resistance: dict[str, float]) -> Surfaces:
+def surfaces_of(geometry: CrossSection, mesh: Mesh, resistance: dict[str, float]) -> Surfaces:
     """Held, convective and open facets, and contacts."""
     grid = mesh.skfem
     facets = grid.boundary_facets()
