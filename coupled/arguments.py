@@ -8,11 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import checks
+from thermofem.waveforms import bounds
 
-from .inputs import bounds, pieces
+from .inputs import pieces
 from .resonator import RingResonator
 
 SHORTEST = 1e-15  # s; the equations are those of an envelope, which knows no single cycle of the light
+
+ROUND_OFF = 1e-7  # of the largest power: what the cubic fit of a function may fall below zero
 
 Array = NDArray[np.float64]
 
@@ -49,19 +52,21 @@ def check_axis(name: str, values: ArrayLike) -> Array:
 
 
 def power_in_time(power: Any, duration: float) -> Any:
-    """Return a constant power as a float and anything else as it is, or raise InputError where it is out of range."""
+    """Return a constant power as a float and anything else as `Pieces`; InputError where it is out of range."""
     watt = "powers are in W: 8 dBm is 6.31e-3, 6.31 mW is 6.31e-3"
     if _is_number(power):
         return checks.between("power", power, 0, 1, unit="W", hint=watt)
-    low, high = bounds(pieces("power", power, 0.0, float(duration)))
-    checks.between("power", low if low < -1e-9 * high else 0.0, 0, 1, unit="W", hint=watt)
+    found = pieces("power", power, 0.0, float(duration))
+    low, high = bounds(found)
+    checks.between("power", low if low < -ROUND_OFF * high else 0.0, 0, 1, unit="W", hint=watt)
     checks.between("power", high, 0, 1, unit="W", hint=watt)
-    return power
+    return found
 
 
 def detuning_in_time(detuning: Any, duration: float) -> Any:
-    """Return a constant detuning as a float and anything else as it is; InputError where it is out of range."""
-    ends = [detuning] if _is_number(detuning) else bounds(pieces("detuning", detuning, 0.0, float(duration)))
+    """Return a constant detuning as a float and anything else as `Pieces`; InputError where it is out of range."""
+    found = None if _is_number(detuning) else pieces("detuning", detuning, 0.0, float(duration))
+    ends = [detuning] if found is None else bounds(found)
     values = [checks.finite("detuning", nu, unit="Hz") for nu in ends]
     largest = max(values, key=abs)
     if 1 <= abs(largest) <= 1e3:
@@ -70,7 +75,7 @@ def detuning_in_time(detuning: Any, duration: float) -> Any:
         )
     for nu in values:
         checks.between("detuning", nu, -5e12, 5e12, unit="Hz", hint="laser minus cold resonance, e.g. -10e9")
-    return values[0] if _is_number(detuning) else detuning
+    return values[0] if found is None else found
 
 
 def _is_number(value: Any) -> bool:

@@ -1,55 +1,27 @@
 """Light that changes with time: power and detuning of the laser as piecewise cubics, which the integration lands on.
 
-Whatever drives a ring is a number, a waveform, a piecewise polynomial, or a list of these, which add: a bias with a
-pulse on it is ``[2e-3, th.Pulse(power=1e-3, width=10e-9, start=5e-6)]``.
+Whatever drives a ring is a number, a waveform (`th.Function` for any function of time), a piecewise polynomial, or a
+list of these, which add: a bias with a pulse on it is ``[2e-3, th.Pulse(power=1e-3, width=10e-9, start=5e-6)]``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import checks
-from thermofem.switched import seconds
-from thermofem.waveforms import Waveform, linear_pieces
+from thermofem.waveforms import Pieces as Pieces
+from thermofem.waveforms import Waveform, cubic_pieces, linear_pieces
+from thermofem.waveforms import bounds as bounds
+from thermofem.waveforms.contract import seconds
 
 Array = NDArray[np.float64]
 Input: TypeAlias = "float | Waveform | Pieces | Sequence[Any]"
 DEGREE = 3
-
-
-class Pieces(NamedTuple):
-    """A piecewise cubic: sum_j coefficients[k, j] (t - edges[k])^j between edges[k] and edges[k + 1].
-
-    ``edges`` has shape (n + 1,), in s, increasing; ``coefficients`` has shape (n, 4).
-    """
-
-    edges: Array
-    coefficients: Array
-
-    def __call__(self, t: ArrayLike) -> Array:
-        """The value at ``t``, continuous from the right; the first and last piece go on outside."""
-        times = np.asarray(t, dtype=float)
-        k = np.clip(np.searchsorted(self.edges, times, side="right") - 1, 0, len(self.coefficients) - 1)
-        u = times - self.edges[k]
-        return np.asarray(
-            sum((self.coefficients[k, j] * u**j for j in range(1, DEGREE + 1)), self.coefficients[k, 0].copy())
-        )
-
-    def on(self, edges: Array) -> Pieces:
-        """The same function on finer edges, which must hold those of this one that lie among them."""
-        k = np.clip(np.searchsorted(self.edges, (edges[:-1] + edges[1:]) / 2) - 1, 0, len(self.coefficients) - 1)
-        u, (a, b, c, d) = edges[:-1] - self.edges[k], self.coefficients[k].T
-        moved = [a + u * (b + u * (c + u * d)), b + u * (2 * c + 3 * u * d), c + 3 * u * d, d]
-        return Pieces(edges, np.stack(moved, axis=1))
-
-    def times(self, factor: float) -> Pieces:
-        """The function multiplied by a number."""
-        return Pieces(self.edges, self.coefficients * factor)
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,9 +118,7 @@ def pieces(name: str, value: Any, start: float, stop: float) -> Pieces:
         coefficients = np.vstack([c[::-1], np.zeros((DEGREE + 1 - len(c), c.shape[1]))]).T
         return _window(name, Pieces(np.asarray(value.x, dtype=float), coefficients), start, stop)
     if hasattr(value, "breakpoints"):
-        edges, after, before = linear_pieces(value, start, stop)
-        slope = (before - after) / np.diff(edges)
-        return Pieces(edges, np.stack([after, slope, 0 * slope, 0 * slope], axis=1))
+        return cubic_pieces(value, start, stop)
     return Pieces(whole, np.array([[checks.finite(name, value), 0.0, 0.0, 0.0]]))
 
 
@@ -164,22 +134,6 @@ def joint(*parts: Pieces) -> Array:
     hair = 4e-16 * np.abs(edges[[0, -1]]).max()
     keep = np.concatenate([[True], np.diff(edges) > hair])
     return np.append(edges[keep][:-1], edges[-1]) if keep.sum() > 1 else edges
-
-
-def bounds(function: Pieces) -> tuple[float, float]:
-    """Lowest and highest value of a piecewise cubic."""
-    length, (_, b, c, d) = np.diff(function.edges), function.coefficients.T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        root = np.sqrt(np.maximum(c * c - 3 * b * d, 0))
-        turns = [-b / (c + root), -b / (c - root)]  # of b + 2 c u + 3 d u^2, in the form that d = 0 leaves valid
-    inside = [np.where((u > 0) & (u < length), u, 0.0) for u in turns]
-    values = [_value(function.coefficients, u) for u in (0 * length, length, *inside)]
-    return float(np.min(values)), float(np.max(values))
-
-
-def _value(coefficients: Array, u: Array) -> Array:
-    a, b, c, d = coefficients.T
-    return np.asarray(a + u * (b + u * (c + u * d)))
 
 
 def _window(name: str, function: Pieces, start: float, stop: float) -> Pieces:

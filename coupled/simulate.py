@@ -54,7 +54,7 @@ def simulate(
     ring : RingResonator
     model : ThermalModel
         small: a Foster network, a StateSpace with at most 500 states, an output map over one, or a quadratic model.
-    power : float, Waveform, or a list of both; W
+    power : float, Waveform (`th.Function` for any function of time), or a list of both; W
         in the bus waveguide; 8 dBm is 6.31e-3. A list adds: a pulse on a bias is
         ``[2e-3, th.Pulse(power=1e-3, width=10e-9, start=5e-6)]``.
     detuning : float, Waveform, or a list of both; Hz

@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from thermofem import checks
 from thermofem.models import ThermalModel
+from thermofem.waveforms import Pieces, bounds
 
-from .inputs import Pieces, add, bounds, joint, pieces
+from .arguments import ROUND_OFF
+from .inputs import add, joint, pieces
 from .kernels.tableaus import Method, tableau
 from .resonator import RingResonator
 from .states import State
@@ -185,7 +187,7 @@ def laser_of(ring: RingResonator, start: float, stop: float, power: Any, detunin
         for name, value in (("power", power), ("detuning", detuning), ("offset", offset))
     )
     low, high = bounds(P)
-    if low < -1e-9 * max(high, 1e-30):
+    if low < -ROUND_OFF * max(high, 1e-30):
         raise checks.InputError(f"power falls to {low:g} W; it must not be negative (powers are in W)")
     edges = joint(P, nu, dT)
     turning = add([nu.times(2 * np.pi * eq.NS), dT.times(ring.thermal_shift * eq.NS)]).on(edges)

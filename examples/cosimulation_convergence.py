@@ -11,7 +11,7 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.window import advance
-from thermofem.cubic import Cubic
+from thermofem.waveforms import Cubic
 
 RING, POWER = coupled.borghi2021(), 6.31e-3
 heat = th.assemble(th.strip_ring())

@@ -1,5 +1,7 @@
 """Self-heating of silicon microring resonators: cross-section to training data."""
 
+from typing import Any as _Any
+
 from . import checks, dataset, model, waveforms
 from .campaign import Campaign, open_campaign
 from .checks import InputError, MissingLibraryError
@@ -26,7 +28,7 @@ from .models import Foster, OutputMap, OutsideTrainingWarning, Quadratic, StateS
 from .solve import solve, solve_periodic
 from .tables import read_csv
 from .version import __version__ as __version__
-from .waveforms import Chirp, Constant, Pulse, Sampled, SquareWave, Telegraph, Waveform
+from .waveforms import Chirp, Constant, Function, PiecewiseCubic, Pulse, Sampled, SquareWave, Telegraph, Waveform
 
 __all__ = [
     "Boundary",
@@ -36,6 +38,7 @@ __all__ = [
     "CrossSection",
     "Discretization",
     "Foster",
+    "Function",
     "HeatProblem",
     "InputError",
     "Interface",
@@ -46,6 +49,7 @@ __all__ = [
     "OutputMap",
     "OutsideTrainingWarning",
     "Part",
+    "PiecewiseCubic",
     "Polynomial",
     "Power",
     "Probe",
@@ -79,3 +83,10 @@ __all__ = [
     "waveforms",
     "write_fields",
 ]
+
+
+def __getattr__(name: str) -> _Any:
+    """A waveform that joined by its file alone."""
+    if name in waveforms.KINDS:
+        return waveforms.KINDS[name]
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

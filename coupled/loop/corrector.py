@@ -134,7 +134,7 @@ class FEM:
         """Rise in K that a reduction with all inputs, by default the Krylov one, expects from the heaters."""
         reduced, rise = reduced or self.basis.reduced(self.linear), np.zeros(np.size(times))
         for name, wave in self.heaters.items():
-            if wave.piecewise_linear and name in reduced.inputs:
+            if name in reduced.inputs:
                 rise = rise + foster(reduced.channel(name, self.heated)).response(wave, times)
         return rise
 

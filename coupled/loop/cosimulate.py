@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Foster, HeatProblem, StateSpace, checks
 from thermofem.models import NonlinearSystem, ThermalModel
-from thermofem.waveforms import Waveform
+from thermofem.waveforms import Function, Waveform, storable
 
 from ..arguments import check_run, detuning_in_time, power_in_time
 from ..record import provenance, traces
@@ -102,7 +102,10 @@ def cosimulate(
     if not 0 <= kept[0] <= kept[-1] <= duration:
         raise checks.InputError(f"field_times must lie between 0 and the duration of {duration:g} s")
     if isinstance(heat, HeatProblem | StateSpace | NonlinearSystem):
-        corrector: Any = FEM(heat, heaters=heaters, tolerance=tolerance, field_times=field_times)
+        known = (
+            {name: _over(wave, duration) for name, wave in heaters.items()} if isinstance(heaters, Mapping) else heaters
+        )
+        corrector: Any = FEM(heat, heaters=known, tolerance=tolerance, field_times=field_times)
     elif heaters or np.size(field_times):
         raise checks.InputError("heaters and field_times go with a HeatProblem; a corrector takes care of its own")
     elif isinstance(heat, type) or not all(callable(getattr(heat, name, None)) for name in ("advance", "accept")):
@@ -126,6 +129,11 @@ def cosimulate(
         if progress:
             progress(loop.time)
     return _dataset(ring, light, loop, parts, duration)
+
+
+def _over(wave: Any, duration: float) -> Any:
+    """A function of time as its piecewise cubic over the whole run, found once; anything else as it is."""
+    return storable(wave, float(duration)) if isinstance(wave, Function) else wave
 
 
 def _background(corrector: Any, predictor: ThermalModel | None) -> Callable[[Array], Array] | None:

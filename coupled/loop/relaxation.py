@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import checks
-from thermofem.cubic import Cubic
 from thermofem.models import ThermalModel
+from thermofem.waveforms import Cubic
 
 from ..resonator import RingResonator
 from ..states import State

@@ -18,8 +18,8 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.kernels import equations as eq
-from thermofem.cubic import Cubic
 from thermofem.transient import integrate
+from thermofem.waveforms import Cubic
 
 
 @cache

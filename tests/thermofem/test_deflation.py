@@ -11,10 +11,10 @@ from scipy.integrate import quad
 
 import thermofem as th
 from thermofem.algebra.krylov import krylov
-from thermofem.cubic import Cubic
 from thermofem.transient import integrate
 from thermofem.transient.deflation import Field
 from thermofem.transient.fast_part import phi
+from thermofem.waveforms import Cubic
 
 SQUARE = th.SquareWave(2e-3, 0.4e-6, 1 / 3)  # its edges fall on no step
 TIMES = np.linspace(0, 0.8e-6, 161)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import coupled
 import thermofem as th
 from thermofem.algebra.poles import pole_responses
-from thermofem.waveforms import from_json, linear_pieces, period_times, to_json
+from thermofem.waveforms import cubic_pieces, from_json, linear_pieces, period_times, to_json
 
 SAW = th.Sampled([0, 1e-6, 1e-6, 3e-6], [0, 2e-3, 1e-3, 0], repeat=True)
 WAVES = [
@@ -134,6 +134,22 @@ def test_json_round_trip(wave):
         (lambda: th.Telegraph(1e-3, 1e-6, 1e-5, seed={}), "whole number from 0"),
         (lambda: th.Pulse("2e-3", 1e-6), "power = '2e-3' is not a number"),
         (lambda: th.Pulse(2e-3, 1e-6, start="1 us"), "start = '1 us' is not a number .*did you mean 1e-6 for 1 us"),
+        (lambda: th.Function(2e-3), "f = 0.002 is no function of time"),
+        (lambda: th.Function(np.sin, breakpoints=[2e-6, 1e-6]), r"breakpoints\[1\] = 1e-06 is before"),
+        (lambda: th.Function(np.sin, breakpoints=[3e-6], period=1e-6), "within one period, 0 to 1e-06 s"),
+        (lambda: th.Function(np.sin, period=-1e-6), "period = -1e-06 must be positive"),
+        (lambda: th.Function(lambda t: 1 / 0)(1e-6), "f fails .* ZeroDivisionError: division by zero"),
+        (lambda: th.Function(lambda t: "hot")(1e-6), "a real number is needed"),
+        (lambda: th.Function(lambda t: np.inf)(1e-6), r"f\(1e-06 s\) = inf"),
+        (lambda: to_json(th.Function(np.sin)), "a Function cannot be written to a file"),
+        (lambda: th.Foster([1e3], [1e-6]).response(th.Function(lambda t: -1e-3), [1e-6]), "falls to -0.001 W"),
+        (lambda: th.Foster([1e3], [1e-6]).response(th.Function(lambda t: 1e3), [1e-6]), "power = 1000 must lie"),
+        (
+            lambda: cubic_pieces(th.Function(lambda t: np.random.default_rng().random(np.shape(t))), 0, 1e-6),
+            "changes too fast .* is it noise",
+        ),
+        (lambda: th.PiecewiseCubic([0, 1e-6], [[1, 2, 3]]), "a shape of .n, 4. are needed"),
+        (lambda: th.PiecewiseCubic([0, 1e-6], [[1e-3, 0, 0, 0]])(2e-6), "power asked at t = 2e-06 s, known from 0 to"),
         (lambda: th.SquareWave(2e-3, "1 us", 0.3), "period = '1 us' is not a number .*did you mean 1e-6 for 1 us"),
     ],
 )
@@ -152,3 +168,36 @@ def test_pieces_of_a_square_wave_are_those_read_from_its_power(start, stop):
     assert edges == pytest.approx([start, *wave.breakpoints(start, stop), stop], rel=1e-15, abs=0)
     assert np.array_equal(after, wave((edges[:-1] + edges[1:]) / 2))
     assert np.array_equal(after, before)
+
+
+@pytest.mark.parametrize("width", [1e-3, 1e-4, 3e-5])
+def test_a_narrow_feature_is_found_without_a_breakpoint(width):
+    """A Gaussian of standard deviation 3e-5 of the run spans the distance of the probes, 1/8192."""
+    rng = np.random.default_rng(5)
+    for centre in rng.uniform(0.1, 0.9, 20):
+        wave = th.Function(lambda t, centre=centre: 1e-3 * np.exp(-(((t - centre) / width) ** 2) / 2))
+        assert wave.mean(0.0, 1.0) == pytest.approx(1e-3 * width * np.sqrt(2 * np.pi), rel=1e-6)
+
+
+def test_a_time_scale_finds_what_is_narrower_still():
+    def spike(t):
+        return 1e-3 * np.exp(-(((t - 0.123456) / 1e-6) ** 2) / 2)
+
+    assert th.Function(spike, time_scale=1e-6).mean(0.0, 1.0) == pytest.approx(1e-9 * np.sqrt(2 * np.pi), rel=1e-6)
+    assert th.Function(spike, breakpoints=[0.123456]).mean(0.0, 1.0) > 0
+
+
+def test_either_side_of_a_breakpoint_whatever_the_function_says_at_it():
+    for f in (lambda t: 1e-3 * (t < 1e-6), lambda t: 1e-3 * (t <= 1e-6)):
+        wave = th.Function(f, breakpoints=[1e-6])
+        assert (float(wave(1e-6)), float(wave.before(1e-6))) == (0.0, 1e-3)
+    saw = th.Function(lambda t: 1e9 * t, period=1e-12)
+    assert np.allclose(saw([0, 0.5e-12, 1e-12, 7e-12]), [0, 5e-4, 0, 0], atol=1e-12)
+    assert np.allclose(saw.before([1e-12, 7e-12]), 1e-3)
+
+
+def test_a_cubic_fit_is_as_near_as_it_says():
+    """1e-8 of the peak at 10 000 times of which the fit knows nothing; a factor of 2 for what lies between probes."""
+    wave = th.Function(lambda t: 1e-3 * (1 + np.sin(3e6 * t) * np.exp(-t / 4e-6)))
+    t = np.random.default_rng(1).uniform(0, 20e-6, 10_000)
+    assert np.abs(cubic_pieces(wave, 0, 20e-6)(t) - wave(t)).max() < 2e-8 * 2e-3

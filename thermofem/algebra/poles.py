@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks, waveforms
+from .smooth_poles import smooth_pole_responses
 
 Array = NDArray[np.float64]
 
 
 def pole_responses(rate: Array, wave: waveforms.Waveform, times: ArrayLike, *, periodic: bool = False) -> Array:
-    """Answers of poles dx/dt = -rate x + P(t) to a piecewise-linear waveform, in closed form.
+    """Answers of poles dx/dt = -rate x + P(t) to a waveform, in closed form.
 
     From rest at t = 0, or in the periodic state, where x(0) = x_cold(T) / (1 - exp(-rate T)).
 
@@ -29,12 +30,14 @@ def pole_responses(rate: Array, wave: waveforms.Waveform, times: ArrayLike, *, p
     Raises
     ------
     InputError
-        a negative or non-finite time, or a waveform that is not piecewise linear.
+        a negative or non-finite time; a function of time that is negative or cannot be resolved.
     """
     t = checks.array("times", times)
     if t.min() < 0:
         raise checks.InputError(f"times = {t.min():g} s lies before the start at t = 0")
     stop = wave.period if periodic and wave.period else max(float(t.max()), np.finfo(float).tiny)
+    if not getattr(wave, "piecewise_linear", False):
+        return smooth_pole_responses(rate, wave, t, stop, periodic=periodic)
     edges, after, before = waveforms.linear_pieces(wave, 0.0, stop)
     length = edges[1:] - edges[:-1]
     slope, settled = (before - after) / length, np.divide.outer(after, rate)

@@ -92,7 +92,7 @@ class Foster:
         return np.asarray(self.R) / np.asarray(self.tau)
 
     def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
-        """Rise in K under a piecewise-linear waveform from rest at t = 0, in closed form."""
+        """Rise in K from rest at t = 0, in closed form; a function of time as its piecewise cubic."""
         return (pole_responses(1 / np.asarray(self.tau), wave, times) @ self.gain).reshape(np.shape(times))
 
     def periodic_response(self, wave: waveforms.Waveform, samples: int) -> Array:

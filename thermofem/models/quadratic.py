@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import warnings
+from bisect import bisect_right
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -124,7 +126,7 @@ class Quadratic:
         return self.A + 2 * (self.H @ x) + power * self.G
 
     def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
-        """Rise in K from rest under a piecewise-linear waveform: LSODA from one breakpoint to the next."""
+        """Rise in K from rest: LSODA from one breakpoint to the next."""
         return warn_beyond((self.states(wave, times) @ self.C).reshape(np.shape(times)), self.largest_rise)
 
     def periodic_response(self, wave: waveforms.Waveform, samples: int) -> Array:
@@ -161,15 +163,17 @@ class Quadratic:
         if t.min() < 0:
             raise checks.InputError(f"times = {t.min():g} s lies before the start at t = 0")
         stop = max(float(t.max()), _TINY)
-        edges, after, before = waveforms.linear_pieces(wave, 0.0, stop)
+        pieces = waveforms.heating_pieces(wave, 0.0, stop)
         x = np.zeros(self.order) if initial is None else np.array(initial, dtype=float)
-        scale = np.abs(np.linalg.solve(self.A, self.B)) * max(after.max(), before.max()) + np.abs(x)
+        peak = max(float(np.abs(pieces.coefficients[:, 0]).max()), float(np.abs(pieces.ends).max()))
+        scale = np.abs(np.linalg.solve(self.A, self.B)) * peak + np.abs(x)
         result = np.empty((t.size, self.order))
         result[t == 0] = x
-        for a, b, p, q in zip(edges[:-1], edges[1:], after, before, strict=True):
+        marks = [0.0, *wave.breakpoints(0.0, stop).tolist(), stop]
+        for a, b in pairwise(marks):
             inside = (t > a) & (t <= b)
             wanted, back = np.unique(t[inside], return_inverse=True)
-            track = self._piece(x, np.unique([a, *wanted, b]) - a, p, (q - p) / (b - a), RTOL * scale)
+            track = self._stretch(x, np.unique([a, *wanted, b]), pieces, RTOL * scale)
             result[inside] = track[1 : 1 + wanted.size][back]
             x = track[-1]
         return result
@@ -193,29 +197,45 @@ class Quadratic:
                 return track + change  # a correction this small has no shape left
         raise checks.InputError(f"no periodic state found in {PASSES} passes; is the power beyond the model's range?")
 
-    def _piece(self, x: Array, times: Array, power: float, slope: float, atol: Array) -> Array:
-        """States at ``times`` (the first is the start) while the power is power + slope t."""
+    def _stretch(self, x: Array, times: Array, pieces: waveforms.Pieces, atol: Array) -> Array:
+        """States at ``times`` (the first is the start), between two breakpoints of the power.
+
+        The steps end on every edge of ``pieces``, between which the power is one cubic: none is stepped over.
+        """
         from scipy.integrate import ODEintWarning, odeint
 
-        if power == slope == 0 and not np.any(x):
+        start, stop = times[0], times[-1]
+        first = max(int(np.searchsorted(pieces.edges, start + 1e-9 * (stop - start), side="right")) - 1, 0)
+        last = int(np.searchsorted(pieces.edges, stop - 1e-9 * (stop - start), side="left"))
+        edges, coefficients = pieces.edges[first:last] - start, pieces.coefficients[first:last].tolist()
+        if not np.any(x) and not np.any(coefficients):
             return np.zeros((times.size, x.size))
+        starts = edges.tolist()
+
+        def power(t: float) -> float:
+            k = max(bisect_right(starts, t) - 1, 0)
+            u, (a, b, c, d) = t - starts[k], coefficients[k]
+            return float(a + u * (b + u * (c + u * d)))
+
+        ends = np.append(edges[1:], stop - start)
+        grid, where = np.unique(np.concatenate([times - start, ends]), return_inverse=True)
         with warnings.catch_warnings():
             warnings.simplefilter("error", ODEintWarning)
             warnings.simplefilter("ignore", RuntimeWarning)  # overflow of a run-away, which ends in the next line
             try:
                 track = odeint(
-                    lambda t, x: self.rate(x, power + slope * t),
+                    lambda t, x: self.rate(x, power(t)),
                     x,
-                    times,
+                    grid,
                     tfirst=True,
-                    Dfun=lambda t, x: self.jacobian(x, power + slope * t),
+                    Dfun=lambda t, x: self.jacobian(x, power(t)),
                     rtol=RTOL,
                     atol=np.maximum(atol, _TINY),
-                    tcrit=times[-1:],
+                    tcrit=ends,  # each of them is in the grid, as odeint needs it
                     mxstep=20000,
                 )
             except ODEintWarning:
                 track = np.full((1, 1), np.nan)
         if not np.all(np.isfinite(track)):
             raise checks.InputError("the quadratic model runs away: the power is far beyond the range it describes")
-        return np.asarray(track)
+        return np.asarray(track[where[: times.size]])

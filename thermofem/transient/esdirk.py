@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 from .. import checks
 from ..algebra.factor import Pencil
 from ..algebra.system import LinearSystem
-from ..waveforms import Waveform
+from ..waveforms import Waveform, knots
 
 Array = NDArray[np.float64]
 
 _R2 = np.sqrt(2.0)
 GAMMA = 0.25
+FINEST_FIT = 1e-8  # of a smooth power by a cubic, relative to its peak
 FAR = 0.1  # of its share in the field: below it, a probe's own value is no measure of its error
 STAGE_TIMES = np.array([0, 1 / 2, (2 - _R2) / 4, 5 / 8, 26 / 25, 1])
 STAGES = np.zeros((6, 6))  # strictly lower part; the diagonal is GAMMA
@@ -81,6 +82,7 @@ class Stepper:
         self.B, self.C = np.asarray(system.B), np.asarray(system.C)
         self.factors = Pencil(self.E, -self.A) if factors is None else factors
         self.steps = self.rejected = self.factorizations = self.solves = 0
+        self._knots, self.smooth_peak = np.empty(0), 0.0
 
     def solve(self, shift: float, rhs: Array) -> Array:
         """(E - shift A)^-1 rhs; shifts equal to 9 digits share a factorization."""
@@ -107,9 +109,25 @@ class Stepper:
         self.solves += 1
         return found
 
-    def edges(self, stop: float) -> Array:
-        """0, every breakpoint of every waveform, ``stop``."""
+    def edges(self, stop: float, rtol: float) -> Array:
+        """0, every breakpoint of every waveform, ``stop``; finds the time scales of smooth powers (`resolves`)."""
+        smooth = [wave for wave in self.waves if not getattr(wave, "piecewise_linear", False)]
+        fits = [knots(wave, 0.0, stop, tolerance=max(rtol, FINEST_FIT)) for wave in smooth] if stop else []
+        self._knots = np.unique(np.concatenate(fits)) if fits else np.empty(0)
+        self.smooth_peak = max((float(np.abs(w(k)).max()) for w, k in zip(smooth, fits, strict=False)), default=0.0)
         return np.unique(np.concatenate([[0.0, stop], *(w.breakpoints(0.0, stop) for w in self.waves)]))
+
+    def resolves(self, t: float, h: float) -> bool:
+        """Whether no smooth power changes too fast for a step from ``t`` to ``t + h``.
+
+        Between two knots a power is one cubic within rtol; a step of twice the shortest such interval that it touches
+        samples the power on both sides of what happens there, so the error estimate sees it.
+        """
+        if not self._knots.size:
+            return True
+        first = max(int(np.searchsorted(self._knots, t + 1e-9 * h, side="right")) - 1, 0)
+        last = int(np.searchsorted(self._knots, t + h * (1 - 1e-9), side="left"))
+        return h <= 2.001 * float(np.diff(self._knots[first : last + 1]).min(initial=np.inf))
 
     def powers(self, t: float, h: float, stop: float) -> Array:
         """Input powers at the six stages, shape (6, inputs).

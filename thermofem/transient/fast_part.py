@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..algebra.krylov import Basis
-from ..waveforms import Waveform
+from ..algebra.smooth_poles import phi
+from ..waveforms import Cubic, Waveform, knots
 from .esdirk import STAGE_TIMES
 
 Array = NDArray[np.float64]
@@ -26,6 +27,7 @@ Array = NDArray[np.float64]
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)  # on [-1, 1]
 NODES, WEIGHTS = (NODES + 1) / 2, WEIGHTS / 2
 _POWERS = np.linalg.inv(NODES[:, None] ** np.arange(4)).T  # values at the nodes @ _POWERS = coefficients of u^m
+FIT = 1e-6  # of a smooth power by one cubic between grid times, relative to its peak
 _GRADING = 2.0 ** -np.arange(1, 25)
 
 
@@ -35,23 +37,6 @@ def _legendre(u: ArrayLike) -> Array:
 
 
 _AT_STAGES = _legendre(STAGE_TIMES)
-
-
-def phi(y: Array) -> Array:
-    """phi_0 .. phi_3 of y >= 0, shape (4, *y.shape): a series downwards below 1, the recursion upwards above."""
-    small, large = np.minimum(y, 1.0), np.maximum(y, 1.0)
-    out = np.empty((4, *y.shape))
-    out[3] = 0.0
-    for j in range(16, -1, -1):  # phi_3 = 3! sum_j (-y)^j / (j + 4)!
-        out[3] = (1.0 - out[3] * small) / (j + 4)
-    up = -np.expm1(-large) / large
-    for m in range(2, -1, -1):
-        out[m] = (1.0 - small * out[m + 1]) / (m + 1)
-    for m in range(4):
-        if m:
-            up = (1.0 - m * up) / large
-        out[m] = np.where(y < 1.0, out[m], up)
-    return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +126,8 @@ def _grid(waves: Sequence[Waveform], start: float, times: Array) -> Array:
     for wave in waves:
         edges = wave.breakpoints(start, stop)
         jumps = np.append(start, edges[wave(edges) != wave.before(edges)])
+        if not getattr(wave, "piecewise_linear", False) and not isinstance(wave, Cubic):
+            parts.append(knots(wave, start, stop, tolerance=FIT))  # between two knots the power is one cubic
         parts += [edges, (jumps[:, None] + (stop - start) * _GRADING).ravel()]
     grid = np.unique(np.concatenate(parts))
     grid = grid[(grid >= start) & (grid <= stop)]

@@ -33,6 +33,7 @@ SAFETY = 0.1  # local error allowed, as a share of rtol; the accumulated error t
 RELAXATION = 1 / 1.149  # middle of the interval 1..1.298 of the corrected period map
 PASSES = 30
 EDGE_GAIN = 4**1.5  # of a first step's error from rung to rung: behind an edge the rise is t - a t^1.5 (measured)
+FLOOR = 1e-6  # of the static rise at the peak of a smooth power: errors in its early tail are measured against it
 FINEST = 40  # rungs below the length of a piece before a run is given up
 
 
@@ -57,7 +58,8 @@ def integrate(
     times : array, s
         increasing, not negative.
     rtol : float
-        accumulated error of every output, relative to the largest value it has had; of a probe that the heat has not
+        accumulated error of every output, relative to the largest value it has had (under a smooth power, at least to
+        1e-6 of the static rise at its peak); of a probe that the heat has not
         reached yet, relative to a tenth of what the field so far would mean there in the steady state.
     initial : array, shape (states,), K
         rise at t = 0; default none.
@@ -79,8 +81,8 @@ def integrate(
     stepper = _stepper(system, waves, rtol, factors)
     x = np.zeros(system.order) if initial is None else np.array(initial, dtype=float)
     record = _Record(stepper, times, kept, ledger, x, progress)
+    edges = stepper.edges(max(times[-1], kept[-1] if kept.size else 0.0), rtol)
     control = _Control(stepper, rtol, x)
-    edges = stepper.edges(max(times[-1], kept[-1] if kept.size else 0.0))
     for start, stop in pairwise(edges.tolist()):
         x, _ = _cross(stepper, control, record, x, start, stop)
     return record.trajectory(x)
@@ -133,8 +135,9 @@ def integrate_periodic(
         if initial is None
         else np.array(initial, dtype=float)
     )
+    edges = stepper.edges(period, rtol)
     control = _Control(stepper, rtol, x)
-    plan, end = _plan(stepper, control, times, x, progress)
+    plan, end = _plan(stepper, control, edges, times, x, progress)
     for k in range(1, PASSES + 1):
         defect = end - x
         correction = RELAXATION * (defect + stepper.static(stepper.E @ defect) / period)
@@ -175,6 +178,8 @@ def _cross(
     done = 0
     taken: list[int] = []
     while done < 4**rung:
+        while not stepper.resolves(start + done * length / 4**rung, length / 4**rung):
+            done, rung = 4 * done, rung + 1
         h = length / 4**rung
         t = start + done * h
         tried = stepper.step(x, slope, h, stepper.powers(t, h, stop))
@@ -203,10 +208,10 @@ def _cross(
 
 
 def _plan(
-    stepper: Stepper, control: _Control, times: Array, x: Array, progress: Callable[[float], None] | None
+    stepper: Stepper, control: _Control, edges: Array, times: Array, x: Array, progress: Callable[[float], None] | None
 ) -> tuple[list[_Plan], Array]:
     """Steps of one period found with error control, and the state at its end."""
-    edges, plan = stepper.edges(float(times[-1])), []
+    plan = []
     record = _Record(stepper, times, np.empty(0), None, x, progress)
     for start, stop in pairwise(edges.tolist()):
         x, steps = _cross(stepper, control, record, x, start, stop)
@@ -236,7 +241,9 @@ class _Control:
 
     def __init__(self, stepper: Stepper, rtol: float, x: Array) -> None:
         self.stepper, self.rtol = stepper, rtol
-        self.outputs, self.field = np.abs(stepper.C @ x), stepper.norm(x)
+        floor = FLOOR * stepper.smooth_peak
+        self.outputs = np.maximum(np.abs(stepper.C @ x), floor * np.abs(stepper.C @ stepper.steady))
+        self.field = max(stepper.norm(x), floor * stepper.norm(stepper.steady))
         self.first_step = np.inf
         self.shortest_rise = _shortest_rise(stepper)
 

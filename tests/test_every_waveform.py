@@ -1,0 +1,177 @@
+"""Every waveform drives every thermal model: a product, not examples.
+
+The reference takes nothing from the code under test: the convolution of the power with the impulse response of each
+pole by Gauss quadrature on cells of 5 ns, and for a quadratic model SciPy's DOP853 with steps of 5 ns at most.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from models import MODELS
+from scipy.integrate import solve_ivp
+
+import coupled
+import surrogate
+import thermofem as th
+from thermofem.models import NonlinearSystem, foster
+from thermofem.waveforms import KINDS
+
+P = 1e-3
+GAUSS = th.Function(lambda t: P * np.exp(-(((t - 4e-6) / 50e-9) ** 2)))
+WAVES = {
+    "Constant": th.Constant(P),
+    "Pulse": th.Pulse(P, width=1.5e-6, start=0.4e-6),
+    "SquareWave": th.SquareWave(P, period=0.7e-6, duty=1 / 3),
+    "Sampled": th.Sampled([0, 1e-6, 1e-6, 9e-6], [0, P, P / 2, 0]),
+    "Telegraph": th.Telegraph(P, 0.5e-6, 5e-6, seed=3),
+    "Chirp": th.Chirp(P, 0.3e-6, 2e-6, 7e-6),
+    "PiecewiseCubic": th.PiecewiseCubic([0, 2e-6, 9e-6], [[0, 300.0, 1e8, -5e13], [0.9e-3, -100.0, 0, 0]]),
+    "Function, arrays": th.Function(lambda t: P * (0.5 + 0.4 * np.sin(2 * np.pi * 0.8e6 * t))),
+    "Function, one time": th.Function(lambda t: P * math.exp(-t / 1e-6) if t < 3e-6 else P / 2, breakpoints=(3e-6,)),
+    "Function, narrow": GAUSS,
+    "Function, periodic": th.Function(lambda t: P * (t / 1e-6) ** 2, period=1e-6),
+}
+TIMES = np.array([0.0, 0.3e-6, 1e-6, 2.2e-6, 3.95e-6, 4e-6, 4.05e-6, 5.7e-6, 8e-6])
+
+
+def test_no_waveform_is_missing():
+    assert set(KINDS) <= {name.split(",")[0] for name in WAVES}
+
+
+@pytest.fixture(params=MODELS, scope="module")
+def model(request):
+    return MODELS[request.param]()
+
+
+CELL = 5e-9  # s: a tenth of the narrowest feature; 8 Gauss points integrate it times exp(-u/3 ns) to 1e-9
+BEFORE = np.geomspace(1e-13, CELL, 30)  # finer cells just before a wanted time, for the fast poles of a FEM
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
+
+
+def convolved(poles: th.Foster, wave: th.Waveform, times: np.ndarray, *, periodic: bool = False) -> np.ndarray:
+    """sum_i R_i/tau_i integral of exp(-(t - u)/tau_i) P(u) du, cell by cell; ``times`` from 0, of one period or all."""
+    stop = float(times[-1])
+    finer = (times[1:, None] - BEFORE).ravel()
+    cells = np.concatenate([np.arange(0, stop, CELL), finer[finer > 0], times, wave.breakpoints(0.0, stop)])
+    edges = np.unique(cells)
+    x, states = np.zeros(poles.order), {0.0: np.zeros(poles.order)}
+    for a, b in itertools.pairwise(edges.tolist()):
+        u = a + (b - a) * (NODES + 1) / 2
+        energy = wave(u) * (b - a) * WEIGHTS / 2
+        x = x * np.exp((a - b) / poles.tau) + energy @ np.exp((u[:, None] - b) / poles.tau) / poles.tau
+        states[b] = x
+    found = np.array([states[t] for t in times.tolist()])
+    if periodic:
+        found += np.exp(-times[:, None] / poles.tau) * (x / -np.expm1(-stop / poles.tau))
+    return found @ poles.R
+
+
+def integrated(model: th.Quadratic, wave: th.Waveform, times: np.ndarray, *, initial=None) -> np.ndarray:
+    """Runge-Kutta steps that end on every breakpoint."""
+    x = np.zeros(model.order) if initial is None else initial
+    rise = [float(model.C @ x)]
+    marks = np.unique(np.concatenate([times, wave.breakpoints(0.0, float(times[-1]))]))
+    for a, b in itertools.pairwise(marks):
+        end = b - 1e-9 * (b - a)  # the power to the left of an edge
+
+        def rate(t, y, end=end):
+            return model.rate(y, float(wave(min(t, end))))
+
+        x = solve_ivp(rate, (a, b), x, method="DOP853", rtol=1e-8, atol=1e-12, max_step=2 * CELL).y[:, -1]
+        if b in times:
+            rise.append(float(model.C @ x))
+    return np.array(rise)
+
+
+def poles_of(model) -> th.Foster:
+    """The linear model's poles, or those at small power."""
+    linear = getattr(model, "linear", model)
+    linear = getattr(linear, "poles", linear)
+    return foster(linear) if isinstance(linear, th.StateSpace) else linear
+
+
+@pytest.mark.parametrize("name", WAVES)
+def test_response_of_every_model_to_every_waveform(model, name):
+    """2e-5 of the largest rise: models that step promise 1e-5; a k(T) FEM is asked for 1e-3, which takes a tenth."""
+    wave = WAVES[name]
+    if isinstance(model, th.Quadratic):
+        rise, expected, within = model.response(wave, TIMES), integrated(model, wave, TIMES), 2e-5
+    elif isinstance(model, NonlinearSystem):  # so little power that k(T) is constant: the rise is below 1e-3 K
+        rise = model.response(scaled(wave), TIMES, rtol=1e-3)
+        expected, within = 1e-4 * convolved(poles_of(model), wave, TIMES), 1e-3
+    else:
+        rise, expected, within = model.response(wave, TIMES), convolved(poles_of(model), wave, TIMES), 2e-5
+    if isinstance(model, th.OutputMap):
+        expected = model.of(expected)
+    assert rise == pytest.approx(expected, abs=within * np.max(np.abs(expected)), rel=0)
+
+
+def scaled(wave: th.Waveform) -> th.Waveform:
+    """1e-4 of a waveform: samples where it is straight, else a function of time."""
+    edges = wave.breakpoints(0.0, float(TIMES[-1]))
+    if not wave.piecewise_linear:
+        return th.Function(lambda t: 1e-4 * wave(t), breakpoints=edges)
+    edges, after, before = th.waveforms.linear_pieces(wave, 0.0, float(TIMES[-1]))
+    return th.Sampled(np.repeat(edges, 2)[1:-1], 1e-4 * np.stack([after, before], axis=1).ravel())
+
+
+@pytest.mark.parametrize("name", [name for name, wave in WAVES.items() if wave.period])
+def test_periodic_state_of_every_model(model, name):
+    wave = WAVES[name]
+    if isinstance(model, NonlinearSystem):
+        pytest.skip("a minute; its steps are those of a transient, and test_transient has its period map")
+    rise = model.periodic_response(wave, 41)
+    times = th.waveforms.period_times(wave, 41)
+    if isinstance(model, th.Quadratic):  # a fixed point of the integration over one period
+        states = model.periodic_states(wave, 41)
+        again = integrated(model, wave, times, initial=states[0])
+        assert again == pytest.approx(rise, abs=3e-6 * rise.max(), rel=0)  # 1e-6 ends the passes
+        return
+    expected = convolved(poles_of(model), wave, times, periodic=True)
+    if isinstance(model, th.OutputMap):
+        expected = model.of(expected)
+    assert rise == pytest.approx(expected, abs=3e-5 * np.max(expected), rel=0)
+
+
+@pytest.mark.parametrize("name", WAVES)
+def test_light_of_every_waveform(name):
+    """The laser's power as it is, and as 4001 samples with straight lines between: they differ by (h/w)^2/4 = 2e-4."""
+    model = th.Foster(R=[2000.0, 5800], tau=[56e-9, 1.2e-6])
+    wave = WAVES[name]
+    edges = np.unique(np.concatenate([np.linspace(0, 8e-6, 4001), wave.breakpoints(0.0, 8e-6)]))
+    dense = th.Sampled(np.repeat(edges, 2)[1:-1], np.stack([wave(edges[:-1]), wave.before(edges[1:])], axis=1).ravel())
+    ring, times = coupled.borghi2021(), TIMES
+    run = coupled.simulate(ring, model, power=[1e-4, wave], duration=8e-6, times=times)
+    other = coupled.simulate(ring, model, power=[1e-4, dense], duration=8e-6, times=times)
+    assert run.delta_T.values == pytest.approx(other.delta_T.values, rel=0, abs=1e-3 * float(other.delta_T.max()))
+    shifted = th.Function(lambda t: 5e9 * np.cos(1e6 * t))
+    swept = coupled.Sweep(edges, 5e9 * np.cos(1e6 * edges))
+    run = coupled.simulate(ring, model, power=2e-3, detuning=shifted, duration=8e-6, times=times)
+    other = coupled.simulate(ring, model, power=2e-3, detuning=swept, duration=8e-6, times=times)
+    assert run.delta_T.values == pytest.approx(other.delta_T.values, rel=0, abs=1e-5 * float(other.delta_T.max()))
+
+
+def test_a_heater_that_follows_a_function_in_the_cosimulation():
+    """At no light worth mentioning the ring's temperature is the heater's alone: the FEM stepped by itself."""
+    heat = th.assemble(th.heated_ring(), accuracy=1e-2)
+    wave = th.Function(lambda t: 1e-3 * np.exp(-(((t - 0.5e-6) / 40e-9) ** 2)))
+    run = coupled.cosimulate(coupled.borghi2021(), heat, power=1e-9, duration=1e-6, heaters={"heater": wave})
+    alone = th.solve(heat, wave, [0.4e-6, 0.5e-6, 0.6e-6, 1e-6], heated="heater", read="core")
+    seen = np.interp(alone.time, run.time, run.delta_T)
+    # 1e-3 K of the co-simulation, and its rows are dense enough for straight lines to 2e-3 of the largest
+    assert seen == pytest.approx(alone.delta_T.values, rel=0, abs=1e-3 + 5e-3 * float(alone.delta_T.max()))
+
+
+@pytest.mark.parametrize("name", WAVES)
+def test_a_dataset_of_every_waveform_trains_after_a_round_trip(tmp_path, name):
+    wave, model = WAVES[name], th.Foster(R=[3000.0, 4000], tau=[100e-9, 2e-6])
+    times = np.linspace(0, 8e-6, 161)
+    data = th.dataset.build(times, model.response(wave, times), wave)
+    th.save(data, tmp_path / "data.nc")
+    fit = surrogate.fit_foster(th.load(tmp_path / "data.nc"), order=2)
+    assert pytest.approx(model.R, rel=1e-5) == fit.model.R  # 1e-7 of the power's peak, times the conditioning
+    assert fit.model.tau == pytest.approx(model.tau, rel=1e-5)

@@ -1,0 +1,44 @@
+"""A constant power: the heating step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .. import checks
+from .contract import POWER_HINT, Array, seconds, stored
+
+
+@stored
+@dataclass(frozen=True)
+class Constant:
+    """P(t) = power from the start on: the heating step.
+
+    Parameters
+    ----------
+    power : float, W
+    """
+
+    power: float
+    piecewise_linear: ClassVar[bool] = True
+    period: ClassVar[None] = None
+
+    def __post_init__(self) -> None:
+        checks.between("power", self.power, 0, 10, unit="W", hint=POWER_HINT)
+
+    def __call__(self, t: ArrayLike) -> Array:
+        """Power in W."""
+        return np.full(seconds(t).shape, float(self.power))
+
+    before = __call__
+
+    def breakpoints(self, start: float, stop: float) -> Array:
+        """None."""
+        return np.empty(0)
+
+    def mean(self, start: float, stop: float) -> float:
+        """The power itself."""
+        return self.power

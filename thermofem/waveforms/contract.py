@@ -1,0 +1,69 @@
+"""The contract of a waveform, and the checks that all waveforms share."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .. import checks
+
+Array = NDArray[np.float64]
+
+POWER_HINT = "powers are in W (did you mean 2e-3 for 2 mW?)"
+TIME_HINT = "times are in s (did you mean 1e-6 for 1 us?)"
+KINDS: dict[str, type] = {}  # what a file can hold, by name; filled by `stored`
+Kind = TypeVar("Kind", bound=type)
+
+
+def stored(kind: Kind) -> Kind:
+    """Class decorator: a dataclass whose fields are numbers and arrays, which datasets and plans may hold by name."""
+    KINDS[kind.__name__] = kind
+    return kind
+
+
+class Waveform(Protocol):
+    """Absorbed power against time; the numbered contract stands in the module's docstring."""
+
+    piecewise_linear: ClassVar[bool]
+
+    @property
+    def period(self) -> float | None:
+        """Period in s, or None when the waveform does not repeat."""
+
+    def __call__(self, t: ArrayLike) -> Array:
+        """Power in W at ``t``, continuous from the right."""
+
+    def before(self, t: ArrayLike) -> Array:
+        """Power in W just before ``t``."""
+
+    def breakpoints(self, start: float, stop: float) -> Array:
+        """Times of jumps and kinks strictly inside (start, stop)."""
+
+    def mean(self, start: float, stop: float) -> float:
+        """Exact mean power in W over [start, stop]."""
+
+
+def inside(times: Array, start: float, stop: float) -> Array:
+    """The times strictly inside (start, stop), with a hair of room against round-off."""
+    slack = 1e-12 * max(abs(start), abs(stop))
+    return times[(times > start + slack) & (times < stop - slack)]
+
+
+def seconds(t: ArrayLike) -> Array:
+    """The times that a waveform is asked for, as floats; InputError where they are none."""
+    found = np.asarray(t)
+    if found.dtype.kind not in "fiub":
+        raise checks.InputError(f"t = {t!r} is not a number or an array of numbers; {TIME_HINT}")
+    if not np.isfinite(found).all():
+        raise checks.InputError(f"t holds {found[~np.isfinite(found)][0]}, which is no time")
+    return np.asarray(found, dtype=float)
+
+
+def wrapped(t: Array, period: float, *, before: bool) -> Array:
+    """Times moved into one period: [0, period), or (0, period] for limits from the left; round-off goes to the ends."""
+    hair = 4 * np.spacing(np.abs(t)) + 4 * np.spacing(period)
+    u = np.mod(t, period)
+    u = np.where((u <= hair) | (period - u <= hair), 0.0, u)
+    return np.where(before & (u == 0), period, u)

@@ -1,0 +1,181 @@
+"""A waveform as straight lines or cubics between times: what closed forms and compiled integrators take."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .. import checks
+from .adaptive import fitted
+from .contract import POWER_HINT, Array, Waveform
+
+DEGREE = 3
+MOST_SAMPLES = 10_000_000  # of a periodic state; more would not fit into memory
+TOLERANCE = 1e-8  # of a cubic fit, relative to the largest value: far below the rtol of every model's default
+MOST_POWER = 10.0  # W
+_QUARTERS = np.array([[0.25], [0.75]])
+
+
+class Pieces(NamedTuple):
+    """A piecewise cubic: sum_j coefficients[k, j] (t - edges[k])^j between edges[k] and edges[k + 1].
+
+    ``edges`` has shape (n + 1,), in s, increasing; ``coefficients`` has shape (n, 4).
+    """
+
+    edges: Array
+    coefficients: Array
+
+    def __call__(self, t: ArrayLike) -> Array:
+        """The value at ``t``, continuous from the right; the first and last piece go on outside."""
+        times = np.asarray(t, dtype=float)
+        k = np.clip(np.searchsorted(self.edges, times, side="right") - 1, 0, len(self.coefficients) - 1)
+        u = times - self.edges[k]
+        return np.asarray(
+            sum((self.coefficients[k, j] * u**j for j in range(1, DEGREE + 1)), self.coefficients[k, 0].copy())
+        )
+
+    def on(self, edges: Array) -> Pieces:
+        """The same function on finer edges, which must hold those of this one that lie among them."""
+        k = np.clip(np.searchsorted(self.edges, (edges[:-1] + edges[1:]) / 2) - 1, 0, len(self.coefficients) - 1)
+        u, (a, b, c, d) = edges[:-1] - self.edges[k], self.coefficients[k].T
+        moved = [a + u * (b + u * (c + u * d)), b + u * (2 * c + 3 * u * d), c + 3 * u * d, d]
+        return Pieces(edges, np.stack(moved, axis=1))
+
+    def times(self, factor: float) -> Pieces:
+        """The function multiplied by a number."""
+        return Pieces(self.edges, self.coefficients * factor)
+
+    @property
+    def straight(self) -> bool:
+        """Whether every piece is a straight line."""
+        return not self.coefficients[:, 2:].any()
+
+    @property
+    def ends(self) -> Array:
+        """The value at the end of every piece, shape (n,)."""
+        a, b, c, d = self.coefficients.T
+        u = np.diff(self.edges)
+        return np.asarray(a + u * (b + u * (c + u * d)))
+
+    def integral(self) -> float:
+        """Integral over all pieces."""
+        a, b, c, d = self.coefficients.T
+        u = np.diff(self.edges)
+        return float(np.sum(u * (a + u * (b / 2 + u * (c / 3 + u * d / 4)))))
+
+
+def bounds(function: Pieces) -> tuple[float, float]:
+    """Lowest and highest value of a piecewise cubic."""
+    length, (_, b, c, d) = np.diff(function.edges), function.coefficients.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        root = np.sqrt(np.maximum(c * c - 3 * b * d, 0))
+        turns = [-b / (c + root), -b / (c - root)]  # of b + 2 c u + 3 d u^2, in the form that d = 0 leaves valid
+    inside = [np.where((u > 0) & (u < length), u, 0.0) for u in turns]
+    values = [_value(function.coefficients, u) for u in (0 * length, length, *inside)]
+    return float(np.min(values)), float(np.max(values))
+
+
+def _value(coefficients: Array, u: Array) -> Array:
+    a, b, c, d = coefficients.T
+    return np.asarray(a + u * (b + u * (c + u * d)))
+
+
+def linear_pieces(wave: Waveform, start: float, stop: float) -> tuple[Array, Array, Array]:
+    """Split a piecewise-linear waveform into straight pieces.
+
+    Returns
+    -------
+    edges, after, before : arrays of shape (n + 1,), (n,), (n,)
+        piece k runs from ``edges[k]`` at power ``after[k]`` to ``edges[k + 1]`` at power ``before[k]``.
+    """
+    if not wave.piecewise_linear:
+        raise checks.InputError(f"{type(wave).__name__} is not piecewise linear; sample it with th.Sampled first")
+    if hasattr(wave, "pieces"):  # the waveform knows them without being sampled
+        return wave.pieces(start, stop)
+    known = wave.breakpoints(start, stop)
+    edges = np.empty(known.size + 2)
+    edges[0], edges[1:-1], edges[-1] = start, known, stop
+    left, length = edges[:-1], edges[1:] - edges[:-1]
+    early, late = wave(left + _QUARTERS * length)  # well inside, where round-off hits no edge
+    half = (late - early) / 2
+    return edges, early - half, late + half
+
+
+def cubic_pieces(wave: Waveform, start: float, stop: float, *, tolerance: float = TOLERANCE) -> Pieces:
+    """Any waveform as a piecewise cubic over [start, stop].
+
+    Exact for straight lines and for `Cubic`; others are fitted with error control (`adaptive.fitted`).
+
+    Parameters
+    ----------
+    wave : Waveform
+    start, stop : float, s
+    tolerance : float
+        largest error of a fit, relative to the largest value.
+
+    Raises
+    ------
+    InputError
+        a value that is not finite, a function that changes too fast to be resolved.
+    """
+    if getattr(wave, "piecewise_linear", False):
+        edges, after, before = linear_pieces(wave, start, stop)
+        slope = (before - after) / np.diff(edges)
+        return Pieces(edges, np.stack([after, slope, 0 * slope, 0 * slope], axis=1))
+    if hasattr(wave, "cubics"):
+        return Pieces(*wave.cubics(start, stop))
+    return Pieces(*fitted(wave, start, stop, tolerance))
+
+
+def heating_pieces(wave: Waveform, start: float, stop: float, *, tolerance: float = TOLERANCE) -> Pieces:
+    """`cubic_pieces` of an absorbed power.
+
+    Raises
+    ------
+    InputError
+        as `cubic_pieces`; a smooth power that is negative or above 10 W somewhere (other waveforms checked that when
+        they were made).
+    """
+    found = cubic_pieces(wave, start, stop, tolerance=tolerance)
+    if not getattr(wave, "piecewise_linear", False):
+        low, high = bounds(found)
+        if low < -10 * tolerance * max(abs(low), abs(high)):
+            raise checks.InputError(f"the power of the {type(wave).__name__} falls to {low:g} W; absorbed power heats")
+        checks.between("power", max(high, 0.0), 0, MOST_POWER, unit="W", hint=POWER_HINT)
+    return found
+
+
+def knots(wave: Waveform, start: float, stop: float, *, tolerance: float) -> Array:
+    """Times from ``start`` to ``stop`` between which the power is one cubic within ``tolerance`` of its peak.
+
+    An integrator whose steps are no longer than twice the distance of the knots steps over no feature of a smooth wave.
+    """
+    return heating_pieces(wave, start, stop, tolerance=tolerance).edges
+
+
+def period_times(wave: Waveform, samples: int) -> Array:
+    """``samples`` times over one period, both ends included, the nearest ones moved onto the waveform's edges.
+
+    Raises
+    ------
+    InputError
+        the waveform has no period, or ``samples`` is too small to hold its edges.
+    """
+    period = getattr(wave, "period", None)
+    if period is None:
+        raise checks.InputError(f"{type(wave).__name__} has no period; a periodic state needs a periodic waveform")
+    edges = wave.breakpoints(0.0, period)
+    if not isinstance(samples, int | np.integer) or samples > MOST_SAMPLES:
+        raise checks.InputError(f"samples = {samples!r} must be a whole number of times, up to {MOST_SAMPLES:g}")
+    if samples < 3 + 2 * edges.size:
+        raise checks.InputError(f"samples = {samples} is too few for a period with {edges.size} edges inside")
+    times = np.arange(samples, dtype=float) * (period / (samples - 1))
+    times[-1] = period
+    nearest = {min(max(round(e / period * (samples - 1)), 1), samples - 2): e for e in edges.tolist()}
+    if len(nearest) < edges.size:
+        raise checks.InputError(f"samples = {samples} does not resolve the waveform's edges; take more")
+    for k, edge in nearest.items():
+        times[k] = edge
+    return times

@@ -1,0 +1,49 @@
+"""A random telegraph signal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from .. import checks
+from .contract import POWER_HINT, TIME_HINT, Array, stored
+from .switched import Switched
+
+
+@stored
+@dataclass(frozen=True)
+class Telegraph(Switched):
+    """Random telegraph: on and off for exponentially distributed times; a drive that no training saw.
+
+    Parameters
+    ----------
+    power : float, W
+    dwell : float, s
+        mean time between changes.
+    duration : float, s
+        off for good afterwards.
+    seed : int
+        the same seed gives the same waveform.
+    """
+
+    power: float
+    dwell: float
+    duration: float
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        checks.between("power", self.power, 0, 10, unit="W", hint=POWER_HINT)
+        checks.positive("dwell", self.dwell, unit="s", at_most=10, hint=TIME_HINT)
+        checks.positive("duration", self.duration, unit="s", at_most=1e6 * self.dwell, hint=TIME_HINT)
+        if not isinstance(self.seed, int | np.integer) or self.seed < 0:
+            raise checks.InputError(f"seed = {self.seed!r} must be a whole number from 0")
+
+    @cached_property
+    def edges(self) -> Array:  # type: ignore[override]
+        """Times of change in s."""
+        draw = np.random.default_rng(self.seed)
+        times = np.cumsum(draw.exponential(self.dwell, int(2 * self.duration / self.dwell) + 20))
+        times = times[times < self.duration]
+        return np.append(times, self.duration) if times.size % 2 == 0 else times
