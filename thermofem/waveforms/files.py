@@ -48,5 +48,5 @@ def from_json(text: str) -> Any:
         fields = trees.from_json(text)
         kind = KINDS[checks.choice("waveform kind", fields.pop("kind"), KINDS)]
         return kind(**fields)
-    except (KeyError, TypeError, AttributeError) as error:
+    except (checks.InputError, KeyError, TypeError, AttributeError) as error:
         raise checks.InputError(f"waveform {checks.shown(text)} cannot be read: {error}") from None

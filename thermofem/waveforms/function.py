@@ -93,7 +93,13 @@ class Function:
             found = np.asarray(self.f(t))
             if found.shape != t.shape:
                 found = np.broadcast_to(found, t.shape) if found.size == 1 and t.size == 1 else self._one_by_one(t)
-        except (TypeError, ValueError, IndexError):  # of a function that takes one time only
+        except (
+            TypeError,
+            ValueError,
+            LookupError,
+            ArithmeticError,
+            AttributeError,
+        ):  # of a function that takes one time only
             found = self._one_by_one(t)
         if found.dtype.kind not in "fiub":
             raise checks.InputError(f"f returns {found.dtype} values; a real number is needed for every time")

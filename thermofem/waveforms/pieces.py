@@ -14,6 +14,7 @@ from .contract import POWER_HINT, Array, Waveform
 DEGREE = 3
 MOST_SAMPLES = 10_000_000  # of a periodic state; more would not fit into memory
 TOLERANCE = 1e-8  # of a cubic fit, relative to the largest value: far below the rtol of every model's default
+UNDERSHOOT = 1e-6  # of the largest power: what a cubic fit may fall below zero where the power is zero
 MOST_POWER = 10.0  # W
 _QUARTERS = np.array([[0.25], [0.75]])
 
@@ -141,7 +142,7 @@ def heating_pieces(wave: Waveform, start: float, stop: float, *, tolerance: floa
     found = cubic_pieces(wave, start, stop, tolerance=tolerance)
     if not getattr(wave, "piecewise_linear", False):
         low, high = bounds(found)
-        if low < -10 * tolerance * max(abs(low), abs(high)):
+        if low < -max(UNDERSHOOT, 10 * tolerance) * max(abs(low), abs(high), getattr(wave, "peak", 0.0)):
             raise checks.InputError(f"the power of the {type(wave).__name__} falls to {low:g} W; absorbed power heats")
         checks.between("power", max(high, 0.0), 0, MOST_POWER, unit="W", hint=POWER_HINT)
     return found

@@ -70,6 +70,12 @@ class PiecewiseCubic:
         """Length of the pieces in s when they repeat."""
         return float(np.asarray(self.edges)[-1]) if self.repeat else None
 
+    @property
+    def peak(self) -> float:
+        """Largest value at an edge, W."""
+        pieces = Pieces(np.asarray(self.edges), np.asarray(self.coefficients))
+        return max(float(np.abs(pieces.coefficients[:, 0]).max()), float(np.abs(pieces.ends).max()))
+
     def _at(self, t: ArrayLike, before: bool) -> Array:
         edges, u = np.asarray(self.edges), seconds(t)
         if self.repeat:
@@ -98,9 +104,8 @@ class PiecewiseCubic:
     def breakpoints(self, start: float, stop: float) -> Array:
         """Times inside where value or slope jump by more than 1e-6 of the largest; the other edges are smooth."""
         pieces = Pieces(np.asarray(self.edges), np.asarray(self.coefficients))
-        peak = max(float(np.abs(pieces.coefficients[:, 0]).max()), float(np.abs(pieces.ends).max()))
         before, after = pieces.ends, pieces.coefficients[:, 0]
-        jumps = np.abs(np.roll(after, -1) - before) > 1e-6 * peak
+        jumps = np.abs(np.roll(after, -1) - before) > 1e-6 * self.peak
         jumps[-1] &= self.repeat
         at = pieces.edges[1:][jumps]
         if self.repeat:
