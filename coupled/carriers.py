@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from thermofem import checks
 
-_TIME_HINT = "lifetimes are in s (did you mean 35e-9 for 35 ns?)"
+_TIME_HINT = checks.Hint("lifetimes are in s (did you mean 35e-9 for 35 ns?)")
 _DENSITY_HINT = "densities are in 1/m^3 (1e15 cm^-3 is 1e21)"
 
 

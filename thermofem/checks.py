@@ -40,6 +40,22 @@ def shown(value: Any, *, most: int = VALUE) -> str:
     return one_line(text, most=most)
 
 
+class Hint(str):
+    """A hint for callers who write numbers in SI; ``text`` is the one for readers of quantities with units.
+
+    >>> Hint("lengths are in metres (did you mean 450e-9?)", text='did you mean "450 nm"?').text
+    'did you mean "450 nm"?'
+    """
+
+    text: str
+
+    def __new__(cls, si: str, *, text: str = "") -> Hint:
+        """The hint in SI, with the other one beside it."""
+        hint = super().__new__(cls, si)
+        hint.text = text
+        return hint
+
+
 class InputError(ValueError):
     """What the caller gave cannot be used; the message names the argument, the value, the rule and a hint.
 
@@ -53,7 +69,12 @@ class InputError(ValueError):
 
     def __init__(self, rule: str, hint: str = "") -> None:
         self.rule, self.hint = one_line(str(rule)), one_line(str(hint))
+        self._text = hint.text if isinstance(hint, Hint) else self.hint
         super().__init__(f"{self.rule}; {self.hint}" if hint else self.rule)
+
+    def for_text(self) -> str:
+        """The message for someone who wrote quantities with units: a file of TOML, an option of the command line."""
+        return f"{self.rule}; {self._text}" if self._text else self.rule
 
     def __reduce__(self) -> tuple[type, tuple[str, str]]:
         """Made again in another process from both halves."""

@@ -27,4 +27,4 @@ def read(path: str | Path, kind: str, read_text: Callable[[str], T]) -> T:
     try:
         return read_text(text)
     except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+        raise InputError(f"{path}: {error.for_text()}") from None

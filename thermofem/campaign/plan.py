@@ -21,7 +21,7 @@ from ..checks import InputError
 from ..version import __version__
 from . import schema
 from .paths import place, write_table
-from .vary import LARGEST, Schedule, Value, Variation
+from .vary import LARGEST, Schedule, Value, Variation, check_taken
 
 if TYPE_CHECKING:
     from .run import Summary
@@ -86,6 +86,7 @@ class Campaign:
             twice = next((name for name in seen if seen.count(name) > 1), None)
             if twice is not None:
                 raise InputError(f"{what}: two are named {twice!r}; each needs its own name")
+        check_taken(self.variations, self.schedules)
         drawn = [v.name for v in self.variations if not v.values]
         if bool(drawn) != bool(self.samples):
             raise InputError(

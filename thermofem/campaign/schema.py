@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from .. import checks, quantity, toml_file, waveforms
-from ..checks import InputError
+from ..checks import InputError, shown
+from ..names import check_name, check_names
 from .paths import write_table
 from .vary import LARGEST, Schedule, Value, Variation
 
@@ -35,13 +36,15 @@ def fields(text: str, folder: Path) -> dict[str, Any]:
     probes = top.get("probes", {})
     _known(probes, ("heated", "read"), "[probes]")
     read = probes.get("read", [])
+    read = check_names("[probes]: read", [read] if isinstance(read, str) else read) if read != [] else ()
+    heated = probes.get("heated")
     return {
         "geometry": _geometry(top["geometry"], folder),
         "variations": tuple(_variation(item, k) for k, item in enumerate(_tables(top, "vary"), 1)),
         "schedules": tuple(_schedule(item, k) for k, item in enumerate(_tables(top, "drive"), 1)),
         "name": str(top.get("name", "campaign")),
-        "heated": probes.get("heated"),
-        "read": (read,) if isinstance(read, str) else tuple(read),
+        "heated": heated if heated is None else check_name("[probes]: heated", heated),
+        "read": read,
         "accuracy": checks.finite("accuracy", top.get("accuracy", 1e-3)),
         "rtol": checks.finite("rtol", top.get("rtol", 1e-4)),
         "samples": _integer("samples", top.get("samples", 0), 0),
@@ -79,7 +82,7 @@ def _known(table: Any, keys: tuple[str, ...], where: str) -> None:
 
 def _integer(name: str, value: Any, least: int) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= LARGEST:
-        raise InputError(f"{name} = {value!r} must be a whole number from {least} to {LARGEST}")
+        raise InputError(f"{name} = {shown(value)} must be a whole number from {least} to {LARGEST}")
     return value
 
 
@@ -88,8 +91,8 @@ def _variation(table: dict[str, Any], k: int) -> Variation:
     paths = tuple(given) if isinstance(given, list) else (given,)
     where = f"vary {given if isinstance(given, str) else k}"
     _known(table, _VARY, where)
-    if not all(isinstance(path, str) for path in paths):
-        raise InputError(f'{where}: path = {given!r} is missing or no text; e.g. path = "part.core.width"')
+    if not paths or not all(isinstance(path, str) for path in paths):
+        raise InputError(f'{where}: path = {shown(given)} is missing or no text; e.g. path = "part.core.width"')
     name = str(table.get("name", paths[0]))
     logarithmic = checks.choice(f"{where}: spacing", table.get("spacing", "linear"), ("linear", "log")) == "log"
     if "values" in table:
@@ -117,7 +120,7 @@ def _listed(texts: list[Any], where: str) -> tuple[str, tuple[Value, ...]]:
             continue
     if all(isinstance(text, str) and text[:1].isalpha() for text in texts):
         return "", tuple(texts)
-    raise InputError(f'{where}: {texts!r} are not all quantities of one kind; write each with its unit, "450 nm"')
+    raise InputError(f'{where}: {shown(texts)} are not all quantities of one kind; write each with its unit, "450 nm"')
 
 
 def _schedule(table: dict[str, Any], k: int) -> Schedule:

@@ -13,8 +13,11 @@ from ..checks import InputError
 from ..names import check_name
 
 LARGEST = 1_000_000  # geometries of one campaign
-_INDEX = "case key status reason probe thermal_resistance unknowns discretization_error domain_error feature features"
-_TAKEN = tuple(_INDEX.split())
+# variables and dimensions of the index and the training collection, beside those of the drives
+_INDEX = """case key status reason probe thermal_resistance unknowns discretization_error domain_error feature features
+feature_unit"""
+# variables and dimensions of one result; a drive is a group beside them
+_RESULT = ("time", "power", "delta_T", "probe", "field", "field_time", "vertex", "triangle", "triangles", "corner", "r")
 
 Value = float | str
 
@@ -50,8 +53,6 @@ class Variation:
 
     def __post_init__(self) -> None:
         check_name("vary:", self.name)
-        if self.name in _TAKEN:
-            raise InputError(f"vary: name = {self.name!r} is taken by the index; choose another one")
         if not self.paths:
             raise InputError(f"vary {self.name!r} needs at least one path, e.g. 'part.core.width'")
         if self.values:
@@ -71,6 +72,17 @@ class Variation:
     def text(self, value: Value) -> str:
         """A value as the geometry file writes it."""
         return value if isinstance(value, str) else quantity.write(value, self.unit)
+
+
+def check_taken(variations: tuple[Variation, ...], schedules: tuple[Schedule, ...]) -> None:
+    """InputError where a varied quantity has the name of something else in the index, before anything is computed."""
+    drives = {f"{kind}_{s.name}": s.name for s in schedules for kind in ("time", "power", "delta_T")}
+    for variation in variations:
+        if variation.name in _INDEX.split():
+            raise InputError(f"vary: name = {variation.name!r} is taken by the index; choose another one")
+        if variation.name in drives:
+            of = drives[variation.name]
+            raise InputError(f"vary: name = {variation.name!r} is taken by the drive {of!r}; choose another one")
 
 
 @dataclass(frozen=True)
@@ -93,8 +105,10 @@ class Schedule:
     samples: int = 301
 
     def __post_init__(self) -> None:
-        if not self.name.isidentifier():
+        if not check_name("drive", self.name).isidentifier():
             raise InputError(f"drive name = {self.name!r} is not usable; take letters, digits and _")
+        if self.name in _RESULT:
+            raise InputError(f"drive name = {self.name!r} is taken by the results; choose another one")
         self.kept  # noqa: B018  an impossible sampling raises here, not in a thousand workers
 
     @property

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import checks
+from .. import checks, quantity
 from ..materials.library import VOID
 from ..names import check_name
 
@@ -198,7 +198,7 @@ def ring(radius: float, width: float, *, of: str = "") -> tuple[float, float]:
     _not_below_an_atom(f"{of}width", checks.positive(f"{of}width", width, unit="m"))
     if width > 2 * radius:
         raise checks.InputError(
-            f"{of}width = {width:g} m is larger than radius = {radius:g} m allows; {slip(width, 450e-9, radius)}"
+            f"{of}width = {width:g} m is larger than radius = {radius:g} m allows", slip(width, 450e-9, radius)
         )
     return radius - width / 2, radius + width / 2
 
@@ -210,15 +210,17 @@ def length(name: str, value: float, *, typical: float) -> float:
 
 def _not_below_an_atom(name: str, value: float) -> float:
     if value < THINNEST:
-        raise checks.InputError(f"{name} = {value:g} m is less than an atom; lengths are in metres")
+        raise checks.InputError(f"{name} = {value:g} m is less than an atom", checks.Hint("lengths are in metres"))
     return value
 
 
-def slip(value: float, typical: float, at_most: float = _LONGEST) -> str:
+def slip(value: float, typical: float, at_most: float = _LONGEST) -> checks.Hint:
     """Hint that says what a length in m may have been meant to be."""
-    hint = "lengths are in metres"
     if not (isinstance(value, int | float) and at_most < abs(value) < math.inf):
-        return hint
+        return checks.Hint("lengths are in metres")
     meant = value * min((1e-3, 1e-6, 1e-9), key=lambda factor: abs(math.log(abs(value) * factor / typical)))
     power = 3 * math.floor(math.log10(abs(meant)) / 3)
-    return f"{hint} (did you mean {meant / 10**power:g}e{power}?)"
+    written = quantity.write(float(f"{meant:.6g}"), "m")
+    return checks.Hint(
+        f"lengths are in metres (did you mean {meant / 10**power:g}e{power}?)", text=f'did you mean "{written}"?'
+    )

@@ -47,8 +47,7 @@ def strip_ring(
     length("radius", radius, typical=8e-6)
     if radius > outer_radius:
         raise checks.InputError(
-            f"radius = {radius:g} m is larger than outer_radius = {outer_radius:g} m; "
-            + slip(radius, 8e-6, outer_radius)
+            f"radius = {radius:g} m is larger than outer_radius = {outer_radius:g} m", slip(radius, 8e-6, outer_radius)
         )
     inner, outer = ring(radius, width)
     layers = (

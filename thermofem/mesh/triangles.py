@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 
 from .. import checks
 from ..checks import InputError
+from ..names import check_names
+
+FLAT = 1e-10  # height over longest side, of a triangle that has no area
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +39,9 @@ class Mesh:
     triangles: NDArray[np.int64]
     region: NDArray[np.int64]
     region_names: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        check_triangles(self.points, self.triangles, self.region, self.region_names)
 
     @cached_property
     def skfem(self) -> Any:
@@ -75,13 +81,37 @@ class Mesh:
                 temporary.unlink(missing_ok=True)
 
 
+def check_triangles(points: Any, triangles: Any, region: Any, names: tuple[str, ...]) -> None:
+    """Raise InputError unless every triangle has three finite points with r >= 0, an area and a named region."""
+    points, triangles, region = np.asarray(points), np.asarray(triangles), np.asarray(region)
+    check_names("region_names", names)
+    if points.ndim != 2 or points.shape[1] != 2 or triangles.ndim != 2 or triangles.shape[1] != 3 or not len(triangles):
+        raise InputError(f"points of shape {points.shape} and triangles of shape {triangles.shape} are no mesh")
+    if not np.isfinite(points).all():
+        bad = int(np.argmin(np.isfinite(points).all(axis=1)))
+        raise InputError(f"points[{bad}] = {points[bad]} of the mesh is not finite")
+    if points[:, 0].min() < -1e-12 * np.abs(points).max():  # round-off of gmsh on the axis
+        raise InputError(f"r = {points[:, 0].min():g} m of the mesh lies beyond the axis; r counts from the axis on")
+    if triangles.min() < 0 or triangles.max() >= len(points):
+        raise InputError(f"a triangle of the mesh has the corner {triangles.max()}; there are {len(points)} points")
+    if region.shape != (len(triangles),) or region.min() < 0 or region.max() >= len(names):
+        raise InputError("every triangle of the mesh needs a region with a name")
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    doubled = np.abs((b - a)[:, 0] * (c - a)[:, 1] - (c - a)[:, 0] * (b - a)[:, 1])
+    longest = np.maximum(np.maximum(((b - a) ** 2).sum(1), ((c - b) ** 2).sum(1)), ((a - c) ** 2).sum(1))
+    flat = doubled <= FLAT * longest
+    if flat.any():
+        raise InputError(f"triangle {int(np.argmax(flat))} of the mesh has no area ({int(flat.sum())} of them)")
+
+
 def load(path: str | Path) -> Mesh:
     """Read a mesh that `Mesh.save` or gmsh wrote: triangles whose physical groups are named.
 
     Raises
     ------
     InputError
-        no such file, not a gmsh file, or one without named groups of triangles.
+        no such file, not a gmsh file, one without named groups of triangles, or triangles without area, beyond the axis
+        or with points that are not finite.
     """
     import meshio
 
@@ -100,4 +130,7 @@ def load(path: str | Path) -> Mesh:
     if unnamed:
         raise InputError(f"mesh file {str(path)!r}: the physical groups {sorted(unnamed)} have no names")
     used = sorted(set(map(int, tags)))
-    return Mesh(points, triangles, np.searchsorted(used, tags), tuple(named[tag] for tag in used))
+    try:
+        return Mesh(points, triangles, np.searchsorted(used, tags), tuple(named[tag] for tag in used))
+    except InputError as error:
+        raise InputError(f"mesh file {str(path)!r}: {error}") from None

@@ -11,8 +11,8 @@ from .. import checks
 
 Array = NDArray[np.float64]
 
-POWER_HINT = "powers are in W (did you mean 2e-3 for 2 mW?)"
-TIME_HINT = "times are in s (did you mean 1e-6 for 1 us?)"
+POWER_HINT = checks.Hint("powers are in W (did you mean 2e-3 for 2 mW?)")
+TIME_HINT = checks.Hint("times are in s (did you mean 1e-6 for 1 us?)")
 KINDS: dict[str, type] = {}  # what a file can hold, by name; filled by `stored`
 Kind = TypeVar("Kind", bound=type)
 
