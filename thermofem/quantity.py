@@ -39,6 +39,7 @@ _KINDS: dict[str, tuple[str, str, tuple[tuple[float, str], ...]]] = {
     "m^2/W": ("a Kerr coefficient", "4.5e-18 m^2/W", ()),
     "1/K": ("a thermo-optic coefficient", "1.86e-4 1/K", ()),
     "eV": ("an energy", "0.1 eV", ()),
+    "V": ("a voltage", "20 mV", ((1e-3, "mV"),)),
     "rad/s/K": ("a shift of the resonance", "6.5e10 rad/s/K", ()),
     "rad/s/J": ("a shift of the resonance", "1e21 rad/s/J", ()),
     "m^3/s": ("an absorption rate", "1e-13 m^3/s", ()),

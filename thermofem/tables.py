@@ -30,6 +30,11 @@ Array = NDArray[np.float64]
 
 log = logging.getLogger("thermofem")
 
+SPELLED = {
+    "volt": "V", "volts": "V", "second": "s", "seconds": "s", "sec": "s", "kelvin": "K", "millivolt": "mV",
+    "microsecond": "us", "microseconds": "us", "nanosecond": "ns", "nanoseconds": "ns", "millisecond": "ms",
+    "celsius": "degC", "watt": "W", "watts": "W",
+}  # fmt: skip
 _ROLES = {"time": "s", "power": "W", "temperature": "K"}
 _UNIT = re.compile(r"\s*[(\[]([^()\[\]]*)[)\]]")
 _EXAMPLES = {"time": "us", "power": "mW", "temperature": "K"}
@@ -233,7 +238,7 @@ def _is_unit(cell: str) -> bool:
     bare = cell.strip("()[] ")
     if not bare:
         return False
-    for text in (bare, bare.lower()):  # scopes write "Volt"
+    for text in (header_unit(bare), bare.lower()):  # scopes write "Volt"
         try:
             quantity.parse(f"1 {text}", "s")
         except InputError as error:
@@ -260,12 +265,18 @@ def _line(role: str, name: str, unit: str) -> tuple[float, float]:
     si = _ROLES[role]
     if not unit:
         raise InputError(f'column {name!r} states no unit; give units = {{"{role}": ...}}, e.g. "{_EXAMPLES[role]}"')
-    unit = unit.replace("°C", "degC").replace("µ", "u").replace("μ", "u")
+    unit = header_unit(unit)
     split = re.match(r"\s*((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)$", unit, re.ASCII)
     scale, bare = (float(split[1]), split[2]) if split else (1.0, unit)
     checks.positive(f"{role}: factor of the unit {unit!r}", scale)
     offset, factor = quantity.line(bare, si, name=f"{role}: unit of {name!r}")
     return offset, scale * factor
+
+
+def header_unit(text: str) -> str:
+    """A unit as instruments write it in a header, as the unit layer reads it: "Volt" becomes "V"."""
+    unit = text.strip().replace("°C", "degC").replace("µ", "u").replace("μ", "u")
+    return SPELLED.get(unit.lower(), unit)
 
 
 def _scalar(name: str, value: str | float | None, unit: str) -> float | None:

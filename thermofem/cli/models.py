@@ -1,4 +1,4 @@
-"""``thermofem fit | reduce | validate | simulate``: training data to models, models to error curves and traces."""
+"""``thermofem reduce | validate | simulate``: geometries to models, models to error curves and traces."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ import typer
 
 from .. import checks
 from .bar import Bar
-from .files import DEFAULT_RING, RING, check_outputs, longer, ring_of, say_ring, working
+from .files import DEFAULT_RING, RING, check_outputs, longer, ring_of, say_ring
 from .kinds import expect
+from .output import say, show, working
 
 if TYPE_CHECKING:
     import numpy as np
@@ -22,75 +23,13 @@ if TYPE_CHECKING:
 
 Out = Annotated[Path, typer.Option("--output", "-o", help="File to write.")]
 Figure = Annotated[Path | None, typer.Option(help="Also draw into this image.")]
-KINDS = ("newton", "second-order", "foster", "sindy")
-
-
-def fit(
-    data: Annotated[list[Path], typer.Argument(help="Training data (netCDF); several are weighted by their swing.")],
-    kind: Annotated[str, typer.Option(help="newton, second-order, foster or sindy.")] = "second-order",
-    order: Annotated[int, typer.Option(help="Number of poles of a Foster network.")] = 5,
-    output: Out = Path("model.json"),
-) -> None:
-    """Train a compact model on heat data and write it as JSON."""
-    import surrogate
-
-    from .. import dataset
-
-    checks.choice("--kind", kind, KINDS)
-    check_outputs([output], inputs=data)
-    for path in data:
-        expect(path, "data")
-    training = [dataset.load(path) for path in data]
-    if kind == "sindy":
-        _fit_sindy(training, output)
-        return
-    with working("training"):
-        if kind == "newton":
-            found = surrogate.fit_newton(training)
-        elif kind == "second-order":
-            found = surrogate.fit_second_order(training)
-        else:
-            found = surrogate.fit_foster(training, order=order)
-    surrogate.save_model(found.model, output, provenance=found.provenance)
-    for name, value in found.parameters.items():
-        print(f"{name:>22} = {value:.4g} ± {found.standard_errors[name]:.1g} {_unit(name)}".rstrip())
-    _print_misfit(found)
-    for note in found.notes:
-        print(f"{'note':>22} : {note}")
-    print(f"wrote {output}")
-
-
-def _fit_sindy(training: list[xr.Dataset], output: Path) -> None:
-    """Identify a network of the core and the shells around it, and print its equations."""
-    import surrogate
-
-    if len(training) > 1:
-        raise checks.InputError(f"{len(training)} files: a SINDy network is identified from one transient from rest")
-    with working("training"):
-        found = surrogate.fit_sindy(training[0])
-    surrogate.save_model(found.model, output, provenance=found.provenance)
-    for equation in found.equations:
-        print(equation)
-    _print_misfit(found)
-    print(f"wrote {output}")
-
-
-def _unit(parameter: str) -> str:
-    """The SI unit of a fitted parameter; a ratio has none."""
-    units = {"kappa": "1/s", "heat_capacity": "J/K", "tau": "s", "R": "K/W"}
-    return units.get(parameter, units.get(parameter.partition("_")[0], ""))
-
-
-def _print_misfit(found: Any) -> None:
-    print(f"{'misfit':>22} = {found.residual:.3g} K rms, {100 * found.relative_residual:.2g} % of the swing")
-
 
 def reduce(
     geometry: Annotated[Path | None, typer.Argument(help="Geometry file (TOML); default: the reference strip.")] = None,
     tolerance: Annotated[float, typer.Option(help="Error of Z(f) over R_th, kept at every frequency.")] = 1e-4,
     accuracy: Annotated[float, typer.Option(help="Wanted relative error of the mesh.")] = 1e-3,
     output: Out = Path("model.json"),
-) -> None:
+) -> dict[str, Any]:
     """Reduce the FEM of a geometry to a certified handful of poles and write them as JSON."""
     import surrogate
 
@@ -105,10 +44,15 @@ def reduce(
         rom = surrogate.reduce(heat.channels(heat.heated[0]), tolerance=tolerance)
     provenance = {**rom.provenance, "geometry": section.to_toml(), "mesh_accuracy": accuracy}
     surrogate.save_model(rom.model, output, provenance=provenance)
-    print(
-        f"{heat.unknowns} unknowns -> {rom.order} poles, error of Z(f) below {rom.error_bound:.1e} of R_th everywhere"
-    )
-    print(f"R_th = {rom.model.thermal_resistance / 1e3:.4g} K/mW; wrote {output}")
+    say(f"{heat.unknowns} unknowns -> {rom.order} poles, error of Z(f) below {rom.error_bound:.1e} of R_th everywhere")
+    say(f"R_th = {rom.model.thermal_resistance / 1e3:.4g} K/mW; wrote {output}")
+    return {
+        "unknowns": heat.unknowns,
+        "poles": rom.order,
+        "error_bound": rom.error_bound,
+        "thermal_resistance": rom.model.thermal_resistance,
+        "model": output,
+    }
 
 
 def validate(
@@ -123,7 +67,7 @@ def validate(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Curves (.nc), or for a geometry the figure (.png).")
     ] = None,
-) -> None:
+) -> dict[str, Any]:
     """Judge models by their period error (Section 6 of the paper): over which periods can each be trusted?
 
     Given a geometry, every kind of model is trained on it and judged by its FEM; given models, those.
@@ -132,18 +76,19 @@ def validate(
 
     from .. import quantity
 
-    ends = [quantity.parse(text, "s", name=name) for name, text in (("--shortest", shortest), ("--longest", longest))]
+    ends = [quantity.positive(text, "s", name=name) for name, text in (("--shortest", shortest), ("--longest", longest))]
     if ends[0] >= ends[1]:
         raise checks.InputError(f"--shortest = {shortest} must be below --longest = {longest}")
-    periods, watts = np.geomspace(ends[0], ends[1], 41), quantity.parse(power, "W", name="--power")
+    checks.between("--duty", duty, 0, 1, hint="the duty cycle is the fraction of the period that is on")
+    periods, watts = np.geomspace(ends[0], ends[1], 41), quantity.positive(power, "W", name="--power")
     if any(path.suffix.lower() == ".toml" for path in inputs):
         if len(inputs) > 1 or reference:
             raise checks.InputError("validate takes one geometry alone; models with --reference, without a geometry")
-        _validate_geometry(inputs[0], output or figure, periods, watts, duty, accuracy)
-    elif reference is None:
+        figures = [path for path in (figure, output) if path] or [Path("period_error.png")]
+        return _validate_geometry(inputs[0], figures, periods, watts, duty, accuracy)
+    if reference is None:
         raise checks.InputError("models are judged by a --reference, e.g. from `reduce`; or give one geometry (.toml)")
-    else:
-        _validate_models(inputs, reference, output or Path("period_error.nc"), figure, periods, watts, duty)
+    return _validate_models(inputs, reference, output or Path("period_error.nc"), figure, periods, watts, duty)
 
 
 def _validate_models(
@@ -154,7 +99,7 @@ def _validate_models(
     periods: NDArray[np.float64],
     watts: float,
     duty: float,
-) -> None:
+) -> dict[str, Any]:
     """Curves of models from files."""
     import xarray as xr
 
@@ -169,36 +114,52 @@ def _validate_models(
     for path in models:
         model = surrogate.load_model(path)
         curves[path.stem] = surrogate.period_error(model, judge, periods, power=watts, duty=duty)
-        print(f"{path.stem}: {curves[path.stem].attrs['validity']}")
+        say(f"{path.stem}: {curves[path.stem].attrs['validity']}")
     joined = xr.concat(list(curves.values()), dim="model", combine_attrs="drop_conflicts")
     dataset.save(joined.assign_coords(model=list(curves)), output)
     if figure:
         _draw_curves(curves, figure)
-    print(f"wrote {output}" + (f" and {figure}" if figure else ""))
+    say(f"wrote {output}" + (f" and {figure}" if figure else ""))
+    return {"models": {name: _judged(curve) for name, curve in curves.items()}, "curves": output, "figure": figure}
+
+
+def _judged(curve: xr.Dataset) -> dict[str, Any]:
+    """Largest error of a model, and the periods (s) over which it is within 1 and 10 %."""
+    import numpy as np
+
+    import surrogate
+
+    error = np.abs(curve["relative_error"].values)
+    ranges = {f"within_{share:g}": list(surrogate.valid_range(curve, within=share)) for share in (0.01, 0.1)}
+    return {"largest_error": float(error.max()) if np.isfinite(error).all() else None, **ranges}
 
 
 def _validate_geometry(
-    path: Path, output: Path | None, periods: NDArray[np.float64], watts: float, duty: float, accuracy: float
-) -> None:
+    path: Path, figures: list[Path], periods: NDArray[np.float64], watts: float, duty: float, accuracy: float
+) -> dict[str, Any]:
     """Train every kind of model on a geometry: one figure, one table."""
-    from rich.console import Console
-
     from ..geometry import CrossSection
     from .validate import advice, judge, table
 
-    figure = output or Path("period_error.png")
-    check_outputs([figure], inputs=[path], images=[figure])
+    check_outputs(figures, inputs=[path], images=figures)
     expect(path, "geometry")
     geometry = CrossSection.from_toml(path)
     with working("solving, training every kind of model, judging"):
         found = judge(geometry, accuracy=accuracy, periods=periods, power=watts, duty=duty)
     of = f"{geometry.name}: square waves of {watts * 1e3:g} mW, {duty:.0%} duty, against its FEM"
-    _draw_curves(found.curves, figure, of)
-    console = Console()
-    console.print(table(found, of))
-    for line in advice(found):
-        console.print(line)
-    console.print(f"wrote {figure}")
+    for figure in figures:
+        _draw_curves(found.curves, figure, of)
+    show(table(found, of))
+    lines = advice(found)
+    for line in lines:
+        say(line)
+    say(f"wrote {' and '.join(map(str, figures))}")
+    return {
+        "models": {name: _judged(curve) for name, curve in found.curves.items()},
+        "refused": dict(found.refused),
+        "advice": lines,
+        "figures": figures,
+    }
 
 
 def _draw_curves(curves: Mapping[str, xr.Dataset], figure: Path, of: str = "") -> None:
@@ -221,7 +182,7 @@ def simulate(
     ring: Annotated[str, typer.Option(help=RING)] = DEFAULT_RING,
     figure: Figure = None,
     output: Out = Path("traces.nc"),
-) -> None:
+) -> dict[str, Any]:
     """Drive a ring with a thermal model: traces, and whether and how it pulses."""
     import coupled
     import surrogate
@@ -234,9 +195,9 @@ def simulate(
     thermal: ThermalModel = surrogate.load_model(model)
     resonator = ring_of(ring)
     settings: dict[str, Any] = {
-        "power": quantity.parse(power, "W", name="--power"),
+        "power": quantity.not_negative(power, "W", name="--power"),
         "detuning": quantity.parse(detuning, "Hz", name="--detuning"),
-        "duration": quantity.parse(duration, "s", name="--duration"),
+        "duration": quantity.positive(duration, "s", name="--duration"),
     }
     say_ring(resonator, ring)
     first = "the first run on a machine compiles for some seconds"
@@ -250,9 +211,16 @@ def simulate(
 
         save_figure(plot_traces(run), figure)
     found = coupled.pulsing(run)
-    print(f"{found.regime}: {found.reason}")
+    say(f"{found.regime}: {found.reason}")
     if found.regime == "self-pulsing":
-        print(f"period {found.period * 1e9:.1f} ns, duty {found.duty:.3f}, swing {found.swing:.2f} K")
+        say(f"period {found.period * 1e9:.1f} ns, duty {found.duty:.3f}, swing {found.swing:.2f} K")
     elif found.regime == "slow transient" and long_enough(thermal) > settings["duration"]:
-        print(longer(long_enough(thermal)))
-    print(f"wrote {output}" + (f" and {figure}" if figure else ""))
+        say(longer(long_enough(thermal)))
+    say(f"wrote {output}" + (f" and {figure}" if figure else ""))
+    return {**pulsing_numbers(found), "traces": output, "figure": figure}
+
+
+def pulsing_numbers(found: Any) -> dict[str, Any]:
+    """Regime and cycle of a trace."""
+    numbers = {name: getattr(found, name) for name in ("period", "duty", "swing")}
+    return {"regime": str(found.regime), "reason": found.reason, **numbers}

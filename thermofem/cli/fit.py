@@ -1,0 +1,158 @@
+"""``thermofem fit``: training data or a measured table in, a compact model out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from .. import checks, quantity
+from ..checks import InputError
+from .files import check_outputs
+from .kinds import expect, kind_of
+from .output import note, say, working
+from .solve_options import waveform
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+KINDS = ("newton", "second-order", "foster", "spectrum", "sindy")
+TABLE = "a table of numbers"
+
+
+def fit(
+    data: Annotated[list[Path], typer.Argument(help="Training data (netCDF), or a table (.csv, .txt, .dat).")],
+    kind: Annotated[str, typer.Option(help="newton, second-order, foster, spectrum or sindy.")] = "second-order",
+    order: Annotated[int, typer.Option(help="Number of poles of a Foster network.")] = 5,
+    power: Annotated[str | None, typer.Option(help="Absorbed power while a table was measured.")] = None,
+    pulse: Annotated[str | None, typer.Option(help="It heated for this long, e.g. '4 us'; default: a step.")] = None,
+    square: Annotated[str | None, typer.Option(help="It was a square wave of this period, from rest.")] = None,
+    duty: Annotated[float | None, typer.Option(help="Duty cycle of the square wave; default 1/3.")] = None,
+    time: Annotated[str | None, typer.Option(help="Column with the time; two columns need no names.")] = None,
+    temperature: Annotated[str | None, typer.Option(help="Column with the temperature; V counts as K.")] = None,
+    start: Annotated[str | None, typer.Option(help="When the heating began; default: found in the trace.")] = None,
+    baseline: Annotated[str | None, typer.Option(help="Temperature at rest; default: the mean before.")] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="File to write.")] = Path("model.json"),
+) -> dict[str, Any]:
+    """Train a compact model on heat data or on a measured trace and write it as JSON.
+
+    For a table (thermofem fit scope.csv --pulse "4 us" --power "1.3 mW") --power, --pulse or --square say what was
+    applied. The offset is subtracted, the start of the heating is found, and what was assumed is printed.
+    """
+    import surrogate
+
+    checks.choice("--kind", kind, KINDS)
+    check_outputs([output], inputs=data)
+    columns = {"time": time, "temperature": temperature, "start": start, "baseline": baseline}
+    drive = {"power": power, "pulse": pulse, "square": square, "duty": duty}
+    training, assumed = _training(data, columns, drive)
+    if kind == "sindy":
+        found = _sindy(training)
+    else:
+        with working("training"):
+            found = _trained(kind, training, order)
+    provenance = {**found.provenance, **({"assumed": assumed} if assumed else {})}
+    surrogate.save_model(found.model, output, provenance=_finite(provenance))
+    _print(found, kind)
+    say(f"wrote {output}")
+    return {
+        "kind": kind,
+        "parameters": dict(getattr(found, "parameters", {})),
+        "standard_errors": dict(getattr(found, "standard_errors", {})),
+        "thermal_resistance": found.model.thermal_resistance,
+        "residual": found.residual,
+        "relative_residual": found.relative_residual,
+        "assumed": assumed,
+        "model": output,
+    }
+
+
+def _finite(value: Any) -> Any:
+    """Provenance as JSON holds it: null for a standard error that is not known."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    return None if isinstance(value, float) and value != value else value
+
+
+def _trained(kind: str, training: list[xr.Dataset], order: int) -> Any:
+    import surrogate
+
+    if kind == "newton":
+        return surrogate.fit_newton(training)
+    if kind == "second-order":
+        return surrogate.fit_second_order(training)
+    if kind == "spectrum":
+        return surrogate.fit_spectrum(training)
+    return surrogate.fit_foster(training, order=order)
+
+
+def _sindy(training: list[xr.Dataset]) -> Any:
+    """A network of the core and the shells around it."""
+    import surrogate
+
+    if len(training) > 1:
+        raise InputError(f"{len(training)} files: a SINDy network is identified from one transient from rest")
+    with working("training"):
+        return surrogate.fit_sindy(training[0])
+
+
+def _training(
+    paths: list[Path], columns: dict[str, str | None], drive: dict[str, Any]
+) -> tuple[list[xr.Dataset], list[str]]:
+    """Training data of every file, and what was assumed for tables."""
+    from .. import dataset
+    from ..traces import read_trace
+
+    for path in paths:
+        expect(path, "data", "table")
+    tables = [path for path in paths if kind_of(path) == "table"]
+    given = [f"--{name}" for name, value in {**drive, **columns}.items() if value is not None]
+    if given and not tables:
+        raise InputError(f"{', '.join(given)}: netCDF data say themselves what was applied; this is for {TABLE}")
+    if not tables:
+        return [dataset.load(path) for path in paths], []
+    if drive["power"] is None:
+        raise InputError(
+            f'{tables[0]} holds {TABLE}: say what was applied, --power "1.3 mW" with --pulse "4 us" or --square; '
+            "with a column of power, thermofem.read_csv makes training data of it"
+        )
+    wave = waveform(drive["power"], drive["pulse"], drive["square"], drive["duty"])
+    at = None if columns["start"] is None else quantity.parse(columns["start"], "s", name="--start")
+    level = None if columns["baseline"] is None else quantity.parse(columns["baseline"], "K", name="--baseline")
+    names = {"time": columns["time"], "temperature": columns["temperature"]}
+    training, assumed = [], []
+    for path in paths:
+        if path not in tables:
+            training.append(dataset.load(path))
+            continue
+        with working(f"reading {path.name}"):
+            trace = read_trace(path, wave, start=at, baseline=level, **names)
+        for line in trace.notes:
+            note(f"{path.name}: {line}")
+        for line in trace.warnings:
+            note(f"{path.name}: warning: {line}")
+        assumed += [f"{path.name}: {line}" for line in (*trace.notes, *trace.warnings)]
+        training.append(trace.data)
+    return training, assumed
+
+
+def _print(found: Any, kind: str) -> None:
+    """Equations of a network, or parameters with their errors; the misfit; what the data cannot tell."""
+    for equation in getattr(found, "equations", ()):
+        say(equation)
+    if kind == "spectrum":
+        for r, tau in zip(found.model.R, found.model.tau, strict=True):
+            say(f"{'R':>22} = {r:.4g} K/W at tau = {tau:.4g} s")
+    elif kind != "sindy":
+        for name, value in found.parameters.items():
+            say(f"{name:>22} = {value:.4g} ± {found.standard_errors[name]:.1g} {_unit(name)}".rstrip())
+    say(f"{'misfit':>22} = {found.residual:.3g} K rms, {100 * found.relative_residual:.2g} % of the swing")
+    for line in getattr(found, "notes", ()):
+        say(f"{'note':>22} : {line}")
+
+
+def _unit(parameter: str) -> str:
+    """The SI unit of a fitted parameter; a ratio has none."""
+    units = {"kappa": "1/s", "heat_capacity": "J/K", "tau": "s", "R": "K/W"}
+    return units.get(parameter, units.get(parameter.partition("_")[0], ""))

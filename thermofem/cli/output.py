@@ -1,0 +1,146 @@
+"""What a command says: words for people, numbers for programs; nothing that a file or a path says is taken as markup.
+
+Words go to standard output, or to standard error under ``--json``; ``--quiet`` leaves them out. Numbers are what a
+command returns: under ``--json`` one JSON object on standard output, with ``command`` and the version beside them.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import json
+import logging
+import math
+import os
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+
+import typer
+
+from .. import checks
+
+if TYPE_CHECKING:
+    from rich.console import Console, RenderableType
+    from rich.status import Status
+
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+Numbers = Mapping[str, Any]
+
+
+@dataclass
+class Manner:
+    """How this run of the command speaks."""
+
+    json: bool = False
+    quiet: bool = False
+
+
+_manner = Manner()
+
+
+def say(text: str) -> None:
+    """A line of words, on standard output unless numbers stand there."""
+    if not _manner.quiet:
+        print(checks.one_line(text, most=20_000), file=sys.stderr if _manner.json else sys.stdout)
+
+
+def note(text: str) -> None:
+    """A line of words on standard error."""
+    if not _manner.quiet:
+        print(checks.one_line(text, most=20_000), file=sys.stderr)
+
+
+def console(*, err: bool = True) -> Console:
+    """The terminal; text is printed as it stands, brackets included."""
+    from rich.console import Console
+
+    return Console(stderr=err or _manner.json, markup=False, highlight=False, quiet=_manner.quiet, soft_wrap=False)
+
+
+def show(table: RenderableType) -> None:
+    """A table for people."""
+    console(err=False).print(table)
+
+
+def working(what: str) -> Status:
+    """A line on the terminal for as long as the block takes."""
+    from rich.text import Text
+
+    return console().status(Text(what))
+
+
+def speaking(function: Callable[..., Numbers | None]) -> Callable[..., None]:
+    """A command with the options that all commands share: --json, --quiet, --verbose and --threads."""
+
+    @functools.wraps(function)
+    def command(*, json_: bool, quiet: bool, verbose: bool, threads: int | None, **options: Any) -> None:
+        _manner.json, _manner.quiet = json_, quiet
+        _log(quiet, verbose)
+        if threads is not None:
+            _use_threads(threads)
+        numbers = function(**options)
+        if json_:
+            print(_as_json({"command": function.__name__.strip("_"), **(numbers or {})}))
+
+    shared = {
+        "json_": Annotated[bool, typer.Option("--json", help="Numbers as JSON on standard output, words elsewhere.")],
+        "quiet": Annotated[bool, typer.Option("--quiet", "-q", help="No words.")],
+        "verbose": Annotated[bool, typer.Option("--verbose", "-v", help="Also what is done inside.")],
+        "threads": Annotated[int | None, typer.Option(help="Threads to use; default: one for each CPU.")],
+    }
+    hints = {**get_type_hints(function, include_extras=True), **shared, "return": None}
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    own = [p.replace(annotation=hints[p.name], kind=keyword) for p in inspect.signature(function).parameters.values()]
+    defaults: dict[str, Any] = {"json_": False, "quiet": False, "verbose": False, "threads": None}
+    more = [inspect.Parameter(name, keyword, default=defaults[name], annotation=shared[name]) for name in shared]
+    command.__annotations__ = hints
+    command.__signature__ = inspect.Signature([*own, *more])  # type: ignore[attr-defined]
+    del command.__wrapped__  # type: ignore[attr-defined]
+    return command
+
+
+def _log(quiet: bool, verbose: bool) -> None:
+    """The project's log on standard error: warnings, or everything with --verbose, or errors alone with --quiet."""
+    level = logging.ERROR if quiet else logging.DEBUG if verbose else logging.WARNING
+    logging.getLogger("thermofem").setLevel(level)
+    if verbose:
+        logging.basicConfig(stream=sys.stderr, format="%(name)s: %(message)s")
+
+
+def _use_threads(count: int) -> None:
+    """Bound the threads of BLAS and of compiled code, here and in worker processes."""
+    whole = int(checks.between("--threads", count, 1, 1024))
+    os.environ.update(dict.fromkeys(THREADS, str(whole)))
+    try:
+        from threadpoolctl import threadpool_limits
+    except ImportError:
+        return
+    threadpool_limits(whole)
+
+
+def threads_wanted() -> int | None:
+    """The number given with --threads, or None."""
+    given = os.environ.get("NUMBA_NUM_THREADS", "")
+    return int(given) if given.isdigit() else None
+
+
+def _as_json(numbers: Numbers) -> str:
+    return json.dumps(_plain(numbers), allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    """What JSON holds; a number that is not finite becomes null."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, Path):
+        return str(value)
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if isinstance(value, bool | int | str) or value is None else str(value)

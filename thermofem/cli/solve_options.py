@@ -1,0 +1,23 @@
+"""What --power, --pulse, --square and --duty say: the waveform that heats, for every command that takes them."""
+
+from __future__ import annotations
+
+from .. import checks, quantity, waveforms
+from ..checks import InputError
+
+
+def waveform(power: str, pulse: str | None, square: str | None, duty: float | None) -> waveforms.Waveform:
+    """The heating waveform that the options describe: a step, unless one of the others is given."""
+    watts = quantity.not_negative(power, "W", name="--power")
+    if pulse and square:
+        raise InputError(f"--pulse {pulse} and --square {square} exclude each other; give one")
+    if duty is not None and not square:
+        raise InputError(f"--duty {duty} goes with --square: a pulse or a step has no duty cycle")
+    if duty is not None:
+        checks.between("--duty", duty, 0, 1, hint="the duty cycle is the fraction of the period that is on")
+    if pulse:
+        return waveforms.Pulse(watts, quantity.positive(pulse, "s", name="--pulse"))
+    if square:
+        share = 1 / 3 if duty is None else duty
+        return waveforms.SquareWave(watts, quantity.positive(square, "s", name="--square"), share)
+    return waveforms.Constant(watts)

@@ -1,0 +1,284 @@
+"""Measured traces: a table of time and temperature, and what was applied, as training data.
+
+The trace has an offset and begins some time before the heating. Both are found from the trace itself: with the drive
+known but for its start t0, the rise is a sum of heating poles,
+
+    y(t) = b + sum_i R_i psi_i(t - t0),    R_i >= 0,
+
+psi_i being the answers of poles on a logarithmic grid of time constants. For each t0 the best b and R_i are a
+nonnegative least-squares problem; t0 is the start with the smallest misfit. What was assumed is said, in ``notes``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import checks, dataset, files, quantity
+from .algebra.poles import pole_responses
+from .checks import InputError
+from .tables import LARGEST, Table, header_unit, parse
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from .waveforms import Waveform
+
+Array = NDArray[np.float64]
+
+SCANNED = 1500  # rows that the search for the start uses
+STARTS = 24  # of each pass of the search
+PASSES = 5
+POLES = 12  # time constants of the grid
+FEWEST = 3  # rows before the heating that make a baseline
+LONGEST = 1.0  # s; a column of time without unit that is longer is not in seconds
+NOTHING = 0.005  # of the swing: an offset below it is none
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """Training data of a measured trace, and what was assumed to make it.
+
+    Attributes
+    ----------
+    data : Dataset
+        schema of `thermofem.dataset`; t = 0 at the start of the heating.
+    start : float, s
+        of the heating, on the file's clock.
+    baseline : float, K
+        that was subtracted.
+    notes, warnings : tuple of str
+        what was assumed, in words; what makes the numbers doubtful.
+    """
+
+    data: xr.Dataset
+    start: float
+    baseline: float
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
+
+
+def read_trace(
+    path: str | Path,
+    wave: Waveform,
+    *,
+    time: str | None = None,
+    temperature: str | None = None,
+    units: Mapping[str, str] | None = None,
+    start: float | None = None,
+    baseline: float | None = None,
+) -> Trace:
+    """Read a table of time and temperature, measured under a known drive.
+
+    Parameters
+    ----------
+    path : str or Path
+        text with one row for each time, after any header; see `thermofem.tables`.
+    wave : Waveform
+        the absorbed power, from its start on; straight between its breakpoints.
+    time, temperature : str, optional
+        headers of the columns, with or without the unit; a table of two columns needs none.
+    units : mapping, optional
+        {"time": "us", "temperature": "mV"}; goes before the header's. Without either, time is in s and temperature in
+        K; a column in V counts as K.
+    start : float, s, optional
+        of the heating on the file's clock; default: found from the trace.
+    baseline : float, K, optional
+        to subtract; default: the mean before the start.
+
+    Raises
+    ------
+    InputError
+        no table, columns that are not named, a wrong unit, no rise, or a trace that ends before its drive begins.
+    """
+    path = checks.path("path", path)
+    content = files.read_bytes(path, "table", most=LARGEST)
+    try:
+        table = parse(content.decode("utf-8-sig", errors="replace"))
+        columns = _columns(table, time, temperature)
+        said: list[str] = []
+        warned: list[str] = []
+        t = _time(table, columns[0], (units or {}).get("time"), said)
+        y = _rise(table, columns[1], (units or {}).get("temperature"), said, warned)
+        t0 = _start(t, y, wave, start, said)
+        level = _baseline(t, y, wave, t0, baseline, said)
+        kept = t >= t0
+        if kept.sum() < dataset.FEWEST:
+            raise InputError(
+                f"{int(kept.sum())} rows after the start of the heating at {t0:g} s; at least 8 are needed"
+            )
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    about = {
+        "source": path.name,
+        "source_sha256": hashlib.sha256(content).hexdigest(),
+        "source_columns": f"time: {table.names[columns[0]]}, temperature: {table.names[columns[1]]}",
+        "assumed": "; ".join([*said, *warned]),
+    }
+    data = dataset.build(t[kept] - t0, y[kept] - level, wave, attributes=about)
+    return Trace(data, t0, level, tuple(said), tuple(warned))
+
+
+def _columns(table: Table, time: str | None, temperature: str | None) -> tuple[int, int]:
+    """Places of the two columns; of a table of two the first is the time."""
+    listed = ", ".join(table.names)
+    if time is None and temperature is None:
+        if len(table.names) != 2:
+            raise InputError(f"{len(table.names)} columns ({listed}); name two with --time and --temperature")
+        return 0, 1
+    chosen = [None if name is None else table.column(role, name) for role, name in _roles(time, temperature)]
+    if None in chosen:
+        if len(table.names) != 2:
+            missing = "--time" if time is None else "--temperature"
+            raise InputError(f"{len(table.names)} columns ({listed}); {missing} is missing")
+        other = next(place for place in chosen if place is not None)
+        chosen = [1 - other if place is None else place for place in chosen]
+    first, second = chosen
+    if first is None or second is None or first == second:
+        raise InputError(f"--time and --temperature name the same column; the table has {listed}")
+    return first, second
+
+
+def _roles(time: str | None, temperature: str | None) -> list[tuple[str, str | None]]:
+    return [("time", time), ("temperature", temperature)]
+
+
+def _values(table: Table, place: int) -> Array:
+    values = table.values[:, place]
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        raise InputError(f"line {table.lines[bad[0]]}: {table.names[place]!r} is empty or not finite")
+    return values
+
+
+def _time(table: Table, place: int, given: str | None, said: list[str]) -> Array:
+    """Times in s, increasing."""
+    values, unit = _values(table, place), header_unit(given or table.units[place])
+    name = table.names[place]
+    if not unit:
+        if np.ptp(values) > LONGEST:
+            raise InputError(f'column {name!r} states no unit and spans {np.ptp(values):g}; write it as "Time (us)"')
+        said.append(f"column {name!r} states no unit: seconds")
+    offset, factor = quantity.line(unit, "s", name=f"unit of {name!r}") if unit else (0.0, 1.0)
+    t = offset + factor * values
+    back = np.flatnonzero(np.diff(t) <= 0)
+    if back.size:
+        line = table.lines[back[0] + 1]
+        raise InputError(f"line {line}: time {t[back[0] + 1]:g} s is not after the row before; times must increase")
+    return t
+
+
+def _rise(table: Table, place: int, given: str | None, said: list[str], warned: list[str]) -> Array:
+    """Temperatures in K; a voltage counts as kelvin."""
+    values, unit = _values(table, place), header_unit(given or table.units[place])
+    name = table.names[place]
+    if not unit:
+        said.append(f"column {name!r} states no unit: kelvin")
+        return values
+    try:
+        offset, factor = quantity.line(unit, "K", name=f"unit of {name!r}")
+    except InputError:
+        try:
+            offset, factor = 0.0, quantity.line(unit, "V", name=f"unit of {name!r}")[1]
+        except InputError:
+            raise InputError(f"column {name!r} is in {checks.shown(unit)}, which is neither K nor V") from None
+        warned.append(
+            f"column {name!r} is in {unit}: 1 V counts as 1 K, so R and R_th are in V/W; time constants are as measured"
+        )
+    return offset + factor * values
+
+
+def _start(t: Array, y: Array, wave: Waveform, given: float | None, said: list[str]) -> float:
+    """When the heating begins, on the file's clock."""
+    if np.ptp(y) <= 0:
+        raise InputError("the temperature is constant; there is nothing to train on")
+    if given is not None:
+        if not t[0] <= given < t[-1]:
+            raise InputError(f"the start of the heating at {given:g} s is outside the table, {t[0]:g} to {t[-1]:g} s")
+        return given
+    step = float(np.median(np.diff(t)))
+    found = _search(t, y, wave, step)
+    if (
+        t[0] <= 0 < t[-1]
+        and abs(found) <= 1.5 * step
+        and _misfit(t, y, wave, 0.0)[0] <= 1.05 * max(_misfit(t, y, wave, found)[0], 1e-9 * float(np.ptp(y)) ** 2)
+    ):
+        found = 0.0  # a trigger at zero
+    elif found - t[0] < 0.5 * step:
+        found = float(t[0])
+    said.append(f"the heating begins at {_words(found)} on the file's clock")
+    return found
+
+
+def _search(t: Array, y: Array, wave: Waveform, step: float) -> float:
+    """The start with the smallest misfit: a scan, made finer around its best point."""
+    thin = max(1, t.size // SCANNED)
+    low, high = float(t[0]), float(t[-1]) - dataset.FEWEST * step
+    best = low
+    rows = slice(None, None, thin)
+    for _ in range(PASSES):
+        starts = np.linspace(low, high, STARTS)
+        misfits = [_misfit(t[rows], y[rows], wave, float(s))[0] for s in starts]
+        best = float(starts[int(np.argmin(misfits))])
+        width = (high - low) / (STARTS - 1)
+        low, high = max(best - width, float(t[0])), min(best + width, float(t[-1]) - dataset.FEWEST * step)
+        if width < 0.02 * step:
+            break
+    return best
+
+
+def _misfit(t: Array, y: Array, wave: Waveform, start: float) -> tuple[float, float]:
+    """Sum of squares and baseline of the best sum of heating poles that begins at ``start``."""
+    from scipy.optimize import nnls
+
+    u = t - start
+    on = u >= 0
+    span, step = float(t[-1] - t[0]), float(np.median(np.diff(t)))
+    tau = np.geomspace(max(step, span * 1e-5), 3 * span, POLES)
+    columns = np.zeros((t.size, POLES + 2))
+    if on.any():
+        answers = pole_responses(1 / tau, wave, u[on]) / tau
+        scale = np.abs(answers).max(axis=0)
+        columns[on, :POLES] = answers / np.where(scale > 0, scale, 1.0)
+    columns[:, POLES], columns[:, POLES + 1] = 1.0, -1.0  # a baseline of either sign
+    level = float(y.mean())
+    weights, norm = nnls(columns, y - level)
+    return float(norm) ** 2, level + float(weights[POLES] - weights[POLES + 1])
+
+
+def _baseline(t: Array, y: Array, wave: Waveform, start: float, given: float | None, said: list[str]) -> float:
+    """The temperature at rest."""
+    if given is not None:
+        return given
+    step = float(np.median(np.diff(t)))
+    before = y[t < start - step]  # the row at the edge may be half-way up
+    if before.size >= FEWEST:
+        level = float(before.mean())
+        said.append(f"baseline {level:.4g} K, the mean of {before.size} rows before the heating, is subtracted")
+        return level
+    thin = max(1, t.size // SCANNED)
+    noise = float(np.median(np.abs(np.diff(y, 2)))) / (0.6745 * np.sqrt(6))  # of one row, from second differences
+    first = int(np.searchsorted(t, start))
+    quiet = noise < NOTHING * float(np.ptp(y)) and t[first] - start < 1e-6 * step
+    level = float(y[first]) if quiet else _misfit(t[::thin], y[::thin], wave, start)[1]  # at its start a rise is zero
+    if abs(level) < max(NOTHING * float(np.ptp(y)), 4 * noise):
+        said.append("no rows before the heating and no offset: nothing is subtracted")
+        return 0.0
+    said.append(f"no rows before the heating: baseline {level:.4g} K, from the rise itself, is subtracted")
+    return level
+
+
+def _words(seconds: float) -> str:
+    return quantity.write(float(f"{seconds:.4g}"), "s")
+
+
+def summary(trace: Trace) -> dict[str, Any]:
+    """What was assumed, as numbers and words."""
+    about = {"start": trace.start, "baseline": trace.baseline, "rows": int(trace.data.sizes["time"])}
+    return {**about, "assumed": list(trace.notes), "warnings": list(trace.warnings)}
