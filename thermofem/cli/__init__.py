@@ -6,22 +6,26 @@ the commands, so that ``thermofem --help`` answers at once.
 
 from __future__ import annotations
 
+import io
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from ..checks import InputError, MissingLibraryError
-from . import maps, models
+from ..checks import InputError, MissingLibraryError, one_line
+from . import maps, models, output
 from .cite import cite
 from .cosimulate import cosimulate
 from .explore import explore
 from .export import export
+from .fit import fit
+from .show import show
 
 app = typer.Typer(
     help="Self-heating of silicon microring resonators: training data, compact models, self-pulsing.",
-    epilog="Begin with: thermofem solve --pulse '20 us' --figure heat.png",
+    epilog="Begin with: thermofem solve --pulse '20 us' --figure heat.png. "
+    "Exit codes: 0 done, 1 doctor found something missing, 2 bad input, 130 interrupted.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -34,18 +38,27 @@ Folder = Annotated[Path, typer.Option("--output", "-o", help="Folder to write.")
 
 
 def main() -> None:
-    """Run the command line; a user's error is one line on stderr and exit code 2."""
+    """Run the command line; exit codes: 0 done, 1 doctor found something missing, 2 bad input, 130 interrupted.
+
+    A user's error is one line on standard error.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a terminal that knows ASCII alone gets escapes, not a traceback
+            stream.reconfigure(errors="backslashreplace")
     try:
         app()
-    except (InputError, MissingLibraryError) as error:
-        print(f"thermofem: error: {error}", file=sys.stderr)
-        sys.exit(2)
-    except OSError as error:  # the system's no: a disk that is full, a name that is too long
-        print(f"thermofem: error: {error}", file=sys.stderr)
-        sys.exit(2)
+    except InputError as error:
+        _fail(error.for_text(), 2)
+    except (MissingLibraryError, OSError) as error:  # OSError: a disk that is full, a name that is too long
+        _fail(str(error), 2)
     except KeyboardInterrupt:
-        print("thermofem: interrupted", file=sys.stderr)
-        sys.exit(130)
+        _fail("interrupted", 130)
+
+
+def _fail(text: str, code: int) -> None:
+    """Leave with one line on standard error."""
+    print("thermofem: " + ("error: " if code == 2 else "") + one_line(text), file=sys.stderr)
+    sys.exit(code)
 
 
 def _version(wanted: bool) -> None:
@@ -71,7 +84,7 @@ def solve(
     power: Annotated[str, typer.Option(help="Absorbed power.")] = "2 mW",
     pulse: Annotated[str | None, typer.Option(help="Heat for this long, e.g. '20 us'.")] = None,
     square: Annotated[str | None, typer.Option(help="Square wave of this period, e.g. '1 us'.")] = None,
-    duty: Annotated[float, typer.Option(help="Duty cycle of the square wave.")] = 1 / 3,
+    duty: Annotated[float | None, typer.Option(help="Duty cycle of the square wave; default 1/3.")] = None,
     periodic: Annotated[bool, typer.Option(help="One period of the periodic state, not a start from rest.")] = False,
     duration: Annotated[str, typer.Option(help="Length of the transient.")] = "40 us",
     samples: Annotated[int, typer.Option(help="Number of times in the result.")] = 801,
@@ -86,7 +99,7 @@ def solve(
     paraview: Annotated[Path | None, typer.Option(help="Write the fields for ParaView (.xdmf, .pvd, .vtu).")] = None,
     animation: Annotated[Path | None, typer.Option(help="Write the field as a film (.gif, .mp4).")] = None,
     output: Out = Path("heat.nc"),
-) -> None:
+) -> dict[str, Any] | None:
     """Solve the heat equation of one geometry and write training data (netCDF).
 
     Heating is a step of POWER unless --pulse or --square is given.
@@ -98,8 +111,8 @@ def solve(
         if preview is None:
             raise InputError("--no-solve needs an image to draw; add --preview mesh.png")
         draw_preview(geometry, accuracy, preview)
-        return
-    run(
+        return {"preview": preview}
+    return run(
         geometry,
         drive=(power, pulse, square, duty),
         sampling=(periodic, duration, samples),
@@ -117,23 +130,24 @@ def campaign(
     workers: Annotated[int | None, typer.Option(help="Worker processes; default: one for each CPU.")] = None,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to compute on.")] = None,
     retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Take geometries that failed again.")] = False,
-) -> None:
+) -> dict[str, Any]:
     """Solve many geometries: one netCDF file for each, one index, one training collection.
 
     Started again, it goes on where it was, however it ended.
     """
     from .campaign import run
 
-    run(file, output, workers=workers, scheduler=scheduler, retry_failed=retry_failed)
+    return run(file, output, workers=workers, scheduler=scheduler, retry_failed=retry_failed)
 
 
-for command in (models.fit, models.reduce, models.validate):
+for command in (fit, models.reduce, models.validate):
     app.command(rich_help_panel=MODELS)(command)
 app.command(rich_help_panel=LIGHT)(models.simulate)
 app.command("map", rich_help_panel=LIGHT)(maps.map_)
 app.command(rich_help_panel=LIGHT)(maps.stability)
 app.command(rich_help_panel=LIGHT)(cosimulate)
 app.command(rich_help_panel=LIGHT)(explore)
+app.command(rich_help_panel=RESULTS)(show)
 app.command(rich_help_panel=RESULTS)(export)
 app.command(rich_help_panel=RESULTS)(cite)
 
@@ -161,3 +175,8 @@ def doctor() -> None:
 
     if not run():
         raise typer.Exit(1)
+
+
+for registered in app.registered_commands:  # every command takes --json, --quiet, --verbose and --threads
+    if registered.callback is not None:
+        registered.callback = output.speaking(registered.callback)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from .output import console
+
 PASSES = 7  # that a periodic state takes as a rule: six to eight
 
 
@@ -24,12 +26,11 @@ class Bar:
     def __init__(
         self, what: str, duration: float, *, periodic: bool = False, first: str = "", stays: bool = False
     ) -> None:
-        from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-        text = TextColumn("{task.description}"), BarColumn(20), TextColumn("{task.fields[at]}")
+        text = TextColumn("{task.description}", markup=False), BarColumn(20), TextColumn("{task.fields[at]}")
         clocks = TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()
-        self.progress = Progress(*text, *clocks, console=Console(stderr=True), transient=not stays)
+        self.progress = Progress(*text, *clocks, console=console(), transient=not stays)
         self.duration, self.periodic = duration, periodic
         self.task = self.progress.add_task(what, total=None, at=first)  # it moves to and fro until it is called
 

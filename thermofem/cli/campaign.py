@@ -5,45 +5,58 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 from concurrent.futures import Executor
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 from ..campaign import Campaign, Summary, open_campaign
 from ..checks import InputError, MissingLibraryError
 from .kinds import expect
+from .output import console, note, threads_wanted
 
 
-def run(file: Path, output: Path, *, workers: int | None, scheduler: str | None, retry_failed: bool) -> None:
+def run(file: Path, output: Path, *, workers: int | None, scheduler: str | None, retry_failed: bool) -> dict[str, Any]:
     """Read the campaign, run it with a progress bar, and say what came out."""
     if scheduler and workers:
         raise InputError(f"--workers {workers} and --scheduler {scheduler} exclude each other; the cluster has its own")
     expect(file, "campaign")
     campaign = Campaign.from_toml(file)
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}"))
-    with _executor(scheduler) as executor, Progress(*columns, TimeRemainingColumn(), console=console) as progress:
+    terminal = console()
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+    )
+    with _executor(scheduler) as executor, Progress(*columns, TimeRemainingColumn(), console=terminal) as progress:
         bar = progress.add_task("geometries", total=len(campaign), rate="")
         summary = campaign.run(
             output,
             executor,
-            workers=workers,
+            workers=workers or (None if scheduler else threads_wanted()),
             retry_failed=retry_failed,
             report=lambda summary: _show(progress, bar, summary),
         )
     found = f"{summary.finished} finished in {summary.seconds:.0f} s, {summary.reused} were there already"
-    console.print(f"{summary.total} geometries: {found}, {summary.failed} failed")
+    note(f"{summary.total} geometries: {found}, {summary.failed} failed")
     with open_campaign(output) as index:
         cut = int((index["domain_error"] > campaign.accuracy).sum())
     if cut:
-        console.print(
+        note(
             f"{cut} have domain_error above accuracy = {campaign.accuracy:g}: their bottom or outer side is too near: "
             'move it outwards, or make it "open" where the stack goes on'
         )
     if summary.failed:
-        console.print(f"reasons are in {output / 'failures'} and in the index; --retry-failed takes them again")
-    console.print(f"wrote {output / 'index.nc'} and {output / 'training.nc'}")
+        note(f"reasons are in {output / 'failures'} and in the index; --retry-failed takes them again")
+    note(f"wrote {output / 'index.nc'} and {output / 'training.nc'}")
+    return {
+        **asdict(summary),
+        "domain_too_small": cut,
+        "index": output / "index.nc",
+        "training": output / "training.nc",
+    }
 
 
 def _show(progress: Progress, bar: TaskID, summary: Summary) -> None:

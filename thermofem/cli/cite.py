@@ -96,10 +96,11 @@ def cite(
         Path | None, typer.Argument(help="Data (netCDF) or model (JSON); default: the software alone.")
     ] = None,
     bibtex: Annotated[bool, typer.Option("--bibtex", help="As BibTeX.")] = False,
-) -> None:
+) -> dict[str, Any]:
     """Print what to cite for a result: the software, the paper, and the sources of its materials."""
     works = references(_provenance(file) if file else {})
     print("\n".join(work.bibtex() if bibtex else work.text() for work in works))
+    return {"works": [{"key": work.key, "kind": work.kind, **work.fields} for work in works]}
 
 
 def references(provenance: dict[str, Any]) -> list[Reference]:

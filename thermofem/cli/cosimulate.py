@@ -11,6 +11,8 @@ from ..checks import InputError
 from .bar import Bar
 from .files import DEFAULT_RING, RING, check_outputs, ring_of, say_ring, working
 from .kinds import expect
+from .models import pulsing_numbers
+from .output import say
 
 if TYPE_CHECKING:
     from ..models import ThermalModel
@@ -34,7 +36,7 @@ def cosimulate(
     paraview: Annotated[Path | None, typer.Option(help="Write the fields for ParaView (.xdmf, .pvd, .vtu).")] = None,
     figure: Annotated[Path | None, typer.Option(help="Also draw the traces into this image.")] = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="File to write (netCDF).")] = Path("cosimulation.nc"),
-) -> None:
+) -> dict[str, Any]:
     """Drive a ring with the FEM itself in the loop: traces, and whether and how it pulses."""
     import coupled
 
@@ -48,11 +50,11 @@ def cosimulate(
     expect(geometry, "geometry")
     expect(model_file, "model")
     resonator = ring_of(ring)
-    length = quantity.parse(duration, "s", name="--duration")
+    length = quantity.positive(duration, "s", name="--duration")
     settings: dict[str, Any] = {
-        "power": quantity.parse(power, "W", name="--power"),
+        "power": quantity.not_negative(power, "W", name="--power"),
         "detuning": quantity.parse(detuning, "Hz", name="--detuning"),
-        "tolerance": quantity.parse(tolerance, "K", name="--tolerance"),
+        "tolerance": quantity.positive(tolerance, "K", name="--tolerance"),
         "heaters": _heaters(heater or []),
         "field_times": _times(field_times or []),
         "predictor": _predictor(predictor, model_file),
@@ -73,8 +75,10 @@ def cosimulate(
         from ..plot import save_figure
 
         save_figure(plot_traces(run), figure)
-    _report(run)
-    print("wrote " + ", ".join(str(path) for path in (output, paraview, figure) if path))
+    numbers = _report(run)
+    files = [path for path in (output, paraview, figure) if path]
+    say("wrote " + ", ".join(map(str, files)))
+    return {**numbers, "wrote": files}
 
 
 def _predictor(given: str | None, path: Path | None) -> ThermalModel | None:
@@ -95,7 +99,7 @@ def _heaters(texts: list[str]) -> dict[str, Waveform]:
         name, equals, power = text.partition("=")
         if not equals or not name.strip():
             raise InputError(f"--heater {text!r} is not of the form PART=POWER, such as 'heater=5 mW'")
-        heaters[name.strip()] = Constant(quantity.parse(power.strip(), "W", name="--heater"))
+        heaters[name.strip()] = Constant(quantity.not_negative(power.strip(), "W", name="--heater"))
     return heaters
 
 
@@ -106,17 +110,19 @@ def _times(texts: list[str]) -> tuple[float, ...]:
     return tuple(sorted(quantity.parse(text, "s", name="--field-times") for text in given))
 
 
-def _report(run: Any) -> None:
+def _report(run: Any) -> dict[str, Any]:
     """What happened and what it cost, in four lines."""
     import coupled
 
     found, a = coupled.pulsing(run), run.attrs
-    print(f"{found.regime}: {found.reason}")
+    say(f"{found.regime}: {found.reason}")
     if found.regime == "self-pulsing":
-        print(f"period {found.period * 1e9:.1f} ns, duty {found.duty:.3f}, swing {found.swing:.2f} K")
-    print(
+        say(f"period {found.period * 1e9:.1f} ns, duty {found.duty:.3f}, swing {found.swing:.2f} K")
+    say(
         f"{a['windows']} windows, {a['passes']} passes, largest discrepancy {a['largest_discrepancy'] * 1e3:.2g} mK, "
         f"heat imbalance {a['heat_imbalance']:.0e}"
     )
     seconds = a["cpu_optics"] + a["cpu_corrector"]
-    print(f"{a['fem_solves']} solves with {a['fem_unknowns']} unknowns, {seconds:.2g} s of CPU time")
+    say(f"{a['fem_solves']} solves with {a['fem_unknowns']} unknowns, {seconds:.2g} s of CPU time")
+    costs = ("windows", "passes", "largest_discrepancy", "heat_imbalance", "fem_solves", "fem_unknowns")
+    return {**pulsing_numbers(found), **{name: a[name] for name in costs}}

@@ -7,11 +7,12 @@ import platform
 import sys
 from collections.abc import Callable
 
-from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from ..geometry import strip_ring
 from ..mesh import find_committed, gmsh_problem
+from .output import show
 
 PACKAGES = (
     "scikit-fem", "meshio", "pygmsh", "gmsh", "shapely", "numpy", "scipy", "qdldl", "numba", "xarray", "h5netcdf",
@@ -26,8 +27,8 @@ def run() -> bool:
     for name, check in CHECKS.items():
         found, problem = check()
         passed &= not problem
-        table.add_row(name, "[red]missing[/]" if problem else "[green]ok[/]", problem or found)
-    Console().print(table)
+        table.add_row(name, Text("missing", "red") if problem else Text("ok", "green"), problem or found)
+    show(table)
     return passed
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from .files import check_outputs
 from .kinds import expect
+from .output import say
 
 
 def export(
@@ -19,7 +20,7 @@ def export(
         Path | None,
         typer.Option("--output", "-o", help="File to write; default: the model's name, with the ending of --to."),
     ] = None,
-) -> None:
+) -> dict[str, Any]:
     """Write a model for a circuit simulator (spice, verilog-a), a system simulator (fmu), as matrices or as a table."""
     import surrogate
     from surrogate.export import FORMATS
@@ -32,4 +33,5 @@ def export(
     expect(model, "model")
     provenance = surrogate.load_provenance(model)
     surrogate.export_model(surrogate.load_model(model), target, to=to, provenance=provenance, fmi=fmi)
-    print(f"wrote {target}")
+    say(f"wrote {target}")
+    return {"file": target, "to": to}

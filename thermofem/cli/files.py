@@ -1,8 +1,7 @@
-"""What a command may write, checked before it works; which ring it drives; a word while it works."""
+"""What a command may write, checked before it works; which ring it drives."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,10 +9,10 @@ from typing import TYPE_CHECKING
 from .. import dataset, quantity
 from ..checks import InputError
 from .kinds import expect
+from .output import note
+from .output import working as working
 
 if TYPE_CHECKING:
-    from rich.status import Status
-
     from coupled import RingResonator
 
 DEFAULT_RING = "borghi2021"
@@ -51,16 +50,9 @@ def ring_of(given: str) -> RingResonator:
 def say_ring(ring: RingResonator, given: str) -> None:
     """A line on the terminal: whose light and carriers these are, for a thermal model says nothing of them."""
     hint = "; --ring RING.toml takes those of yours" if given == DEFAULT_RING else ""
-    print(f"light and carriers are those of the ring {ring.name!r}{hint}", file=sys.stderr)
+    note(f"light and carriers are those of the ring {ring.name!r}{hint}")
 
 
 def longer(duration: float) -> str:
     """What to type where a run ends before it says what the ring does; ``duration`` in s, of `thermal.long_enough`."""
     return f'try --duration "{quantity.write(duration, "s")}": ten times what a step of this heat takes to 95 %'
-
-
-def working(what: str) -> Status:
-    """A line on the terminal for as long as the block takes."""
-    from rich.console import Console
-
-    return Console(stderr=True).status(what)

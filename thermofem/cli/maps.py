@@ -11,6 +11,7 @@ import typer
 from .. import checks
 from .files import DEFAULT_RING, RING, check_outputs, longer, ring_of, say_ring, working
 from .kinds import expect
+from .output import say
 
 if TYPE_CHECKING:
     from coupled import RingResonator
@@ -40,7 +41,7 @@ def map_(
     ] = None,
     figure: Figure = None,
     output: Out = Path("map.nc"),
-) -> None:
+) -> dict[str, Any]:
     """Integrate every point of a map over power and detuning: regime, period, duty cycle, swing."""
     import coupled
 
@@ -51,7 +52,7 @@ def map_(
     found = coupled.pulsing_map(
         resonator, thermal, *axes, duration=length, follow=follow, file=resume, progress=True
     )  # fmt: skip
-    _finish(found, figure, output, ("regime", "frequency", "duty"), resonator, thermal)
+    return _finish(found, figure, output, ("regime", "frequency", "duty"), resonator, thermal)
 
 
 def stability(
@@ -62,7 +63,7 @@ def stability(
     points: Annotated[str, typer.Option(help="Number of powers and of detunings.")] = "100, 100",
     figure: Figure = None,
     output: Out = Path("stability.nc"),
-) -> None:
+) -> dict[str, Any]:
     """Classify every point of a map by linear stability, with the Hopf and fold curves in the figure."""
     import coupled
 
@@ -71,7 +72,7 @@ def stability(
     say_ring(resonator, ring)
     with working("finding fixed points and their eigenvalues; the first run on a machine compiles for some seconds"):
         found = coupled.stability_map(resonator, thermal, *axes)
-    _finish(found, figure, output, ("regime",), resonator, thermal)
+    return _finish(found, figure, output, ("regime",), resonator, thermal)
 
 
 def _setting(
@@ -112,7 +113,7 @@ def _quantity(text: str, unit: str, name: str) -> float:
 
 def _finish(
     found: Any, figure: Path | None, output: Path, show: tuple[str, ...], ring: RingResonator, model: ThermalModel
-) -> None:
+) -> dict[str, Any]:
     """Write the map and its figure, and say what it holds."""
     import coupled
 
@@ -120,10 +121,10 @@ def _finish(
 
     dataset.save(found, output)
     names, counts = np.unique(found["regime"].values, return_counts=True)
-    print(", ".join(f"{count} {name}" for name, count in zip(names, counts, strict=True)))
+    say(", ".join(f"{count} {name}" for name, count in zip(names, counts, strict=True)))
     if "suggested_duration" in found.attrs:
         slow = dict(zip(names, counts, strict=True))["slow transient"]
-        print(f"{slow} points still move when their run ends; {longer(found.attrs['suggested_duration'])}")
+        say(f"{slow} points still move when their run ends; {longer(found.attrs['suggested_duration'])}")
     if figure:
         from coupled.plot import plot_maps
 
@@ -135,4 +136,5 @@ def _finish(
             hopf = {ring.name: coupled.hopf_curves(ring, model, *axes) if linear else []}
             folds = {ring.name: coupled.fold_curves(ring, model, *axes) if linear else []}
             save_figure(plot_maps({ring.name: found}, show=show, hopf=hopf, folds=folds)[0, 0], figure)
-    print(f"wrote {output}" + (f" and {figure}" if figure else ""))
+    say(f"wrote {output}" + (f" and {figure}" if figure else ""))
+    return {"points": {str(k): int(v) for k, v in zip(names, counts, strict=True)}, "map": output, "figure": figure}

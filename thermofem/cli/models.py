@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 Out = Annotated[Path, typer.Option("--output", "-o", help="File to write.")]
 Figure = Annotated[Path | None, typer.Option(help="Also draw into this image.")]
 
+
 def reduce(
     geometry: Annotated[Path | None, typer.Argument(help="Geometry file (TOML); default: the reference strip.")] = None,
     tolerance: Annotated[float, typer.Option(help="Error of Z(f) over R_th, kept at every frequency.")] = 1e-4,
@@ -76,7 +77,9 @@ def validate(
 
     from .. import quantity
 
-    ends = [quantity.positive(text, "s", name=name) for name, text in (("--shortest", shortest), ("--longest", longest))]
+    ends = [
+        quantity.positive(text, "s", name=name) for name, text in (("--shortest", shortest), ("--longest", longest))
+    ]
     if ends[0] >= ends[1]:
         raise checks.InputError(f"--shortest = {shortest} must be below --longest = {longest}")
     checks.between("--duty", duty, 0, 1, hint="the duty cycle is the fraction of the period that is on")

@@ -6,6 +6,7 @@ command returns: under ``--json`` one JSON object on standard output, with ``com
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import inspect
 import json
@@ -44,7 +45,7 @@ _manner = Manner()
 def say(text: str) -> None:
     """A line of words, on standard output unless numbers stand there."""
     if not _manner.quiet:
-        print(checks.one_line(text, most=20_000), file=sys.stderr if _manner.json else sys.stdout)
+        print(checks.one_line(text, most=20_000))  # `speaking` sends it to standard error where numbers stand
 
 
 def note(text: str) -> None:
@@ -57,7 +58,7 @@ def console(*, err: bool = True) -> Console:
     """The terminal; text is printed as it stands, brackets included."""
     from rich.console import Console
 
-    return Console(stderr=err or _manner.json, markup=False, highlight=False, quiet=_manner.quiet, soft_wrap=False)
+    return Console(stderr=err, markup=False, highlight=False, quiet=_manner.quiet, soft_wrap=False)
 
 
 def show(table: RenderableType) -> None:
@@ -81,7 +82,13 @@ def speaking(function: Callable[..., Numbers | None]) -> Callable[..., None]:
         _log(quiet, verbose)
         if threads is not None:
             _use_threads(threads)
-        numbers = function(**options)
+        with contextlib.ExitStack() as stack:
+            if quiet:
+                nowhere = stack.enter_context(open(os.devnull, "w", encoding="utf-8"))
+                stack.enter_context(contextlib.redirect_stdout(nowhere))
+            elif json_:
+                stack.enter_context(contextlib.redirect_stdout(sys.stderr))
+            numbers = function(**options)
         if json_:
             print(_as_json({"command": function.__name__.strip("_"), **(numbers or {})}))
 

@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.console import Console
 
-from .. import checks, dataset, quantity, waveforms
+from .. import checks, dataset, quantity
 from ..checks import InputError
 from ..fields import write_fields
 from ..geometry import CrossSection, strip_ring
@@ -16,13 +15,16 @@ from ..heat import assemble
 from ..mesh import Mesh, mesh_for
 from ..solve import solve, solve_periodic
 from .bar import Bar
-from .files import check_outputs, working
+from .files import check_outputs
 from .kinds import expect
+from .output import console as terminal
+from .output import note, working
+from .solve_options import waveform
 
 if TYPE_CHECKING:
     import xarray as xr
 
-Drive = tuple[str, str | None, str | None, float]
+Drive = tuple[str, str | None, str | None, float | None]
 Files = tuple[Path | None, Path | None, Path | None, Path | None]  # figure, preview, ParaView, animation
 
 FRAMES = 60  # of an animation whose times are not given
@@ -37,9 +39,8 @@ def run(
     errors: tuple[float, float],
     fields: tuple[str, ...],
     files: tuple[Path, *Files],
-) -> None:
+) -> dict[str, Any]:
     """Check everything that can be checked, then solve and write."""
-    console = Console(stderr=True)
     expect(geometry, "geometry")
     section = CrossSection.from_toml(geometry) if geometry else strip_ring()
     periodic, duration, samples = sampling
@@ -47,10 +48,10 @@ def run(
     checks.between("--samples", samples, 2, 1_000_000)
     output, figure, preview_file, paraview, animation = files
     check_outputs(files, inputs=[geometry], images=[figure, preview_file])
-    length = quantity.parse(duration, "s", name="--duration")
+    length = quantity.positive(duration, "s", name="--duration")
     field_times = _field_times(fields, length, wanted=bool(paraview or animation), periodic=periodic)
     heated, read = probes
-    with console.status("meshing and assembling"):
+    with working("meshing and assembling"):
         heat = assemble(section, errors[0])
     if preview_file:
         _draw_preview(section, heat.mesh, preview_file)
@@ -64,20 +65,29 @@ def run(
             times = np.linspace(0, length, samples)
             data = solve(heat, wave, times, field_times=field_times, progress=progress, **settings)
     dataset.save(data, output)
-    with console.status("drawing"):
+    with working("drawing"):
         _draw(data, figure, paraview)
     if animation:
-        _film(data, animation, console)
+        _film(data, animation)
     source = data.attrs["heated"]
     pair = f"{wanted} heated by {source}" if isinstance(wanted, str) and wanted != source else source
     a, largest = data.attrs, float(data["delta_T"].max())
-    console.print(
+    note(
         f"R_th of {pair} = {a['thermal_resistance'] / 1e3:.4g} K/mW, largest rise {largest:.4g} K, "
         f"energy imbalance {a['heat_imbalance']:.0e}"
     )
     for path in files:
         if path:
-            console.print(f"wrote {path}")
+            note(f"wrote {path}")
+    return {
+        "thermal_resistance": float(a["thermal_resistance"]),
+        "largest_rise": largest,
+        "unknowns": heat.unknowns,
+        "heat_imbalance": a["heat_imbalance"],
+        "heated": source,
+        "read": wanted or source,
+        "wrote": [path for path in files if path],
+    }
 
 
 def preview(geometry: Path | None, accuracy: float, path: Path) -> None:
@@ -88,8 +98,7 @@ def preview(geometry: Path | None, accuracy: float, path: Path) -> None:
     with working("meshing"):
         mesh = mesh_for(section, accuracy)
     _draw_preview(section, mesh, path)
-    console = Console(stderr=True)
-    console.print(f"{section.name}: {', '.join(mesh.region_names)}; {len(mesh.triangles)} triangles; wrote {path}")
+    note(f"{section.name}: {', '.join(mesh.region_names)}; {len(mesh.triangles)} triangles; wrote {path}")
 
 
 def _field_times(texts: tuple[str, ...], duration: float, *, wanted: bool, periodic: bool) -> tuple[float, ...]:
@@ -118,24 +127,13 @@ def _draw(data: xr.Dataset, figure: Path | None, paraview: Path | None) -> None:
         plot.save_figure(plot.plot_response(data), figure)
 
 
-def _film(data: xr.Dataset, path: Path, console: Console) -> None:
+def _film(data: xr.Dataset, path: Path) -> None:
     """Write the field as a film, with a bar over its frames."""
-    from rich.progress import Progress
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     from .. import plot
 
-    with Progress(console=console) as progress:
+    columns = TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn()
+    with Progress(*columns, console=terminal()) as progress:
         bar = progress.add_task(f"drawing {path.name}")
         plot.animate_field(data, path, progress=lambda at, total: progress.update(bar, completed=at + 1, total=total))
-
-
-def waveform(power: str, pulse: str | None, square: str | None, duty: float) -> waveforms.Waveform:
-    """The heating waveform that the options describe."""
-    watts = quantity.parse(power, "W", name="--power")
-    if pulse and square:
-        raise InputError(f"--pulse {pulse} and --square {square} exclude each other; give one")
-    if pulse:
-        return waveforms.Pulse(watts, quantity.parse(pulse, "s", name="--pulse"))
-    if square:
-        return waveforms.SquareWave(watts, quantity.parse(square, "s", name="--square"), duty)
-    return waveforms.Constant(watts)

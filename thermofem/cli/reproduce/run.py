@@ -10,10 +10,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.console import Console
 from rich.table import Table
 
 from ... import dataset
+from ..output import console as terminal
 from .claims import Claim, claims, known, plain
 from .page import page, shown
 from .plan import stages_of
@@ -36,7 +36,7 @@ def run(out: Path, settings: Settings | None = None) -> None:
     InputError
         ``out`` cannot be made or written.
     """
-    settings, console = settings or Settings(), Console()
+    settings, console = settings or Settings(), terminal(err=False)
     data, figures = (dataset.make_folder(dataset.make_folder(out) / name) for name in ("data", "figures"))
     stages = stages_of(settings)
     with _quiet():

@@ -70,7 +70,7 @@ def run_stages(stages: Sequence[Stage], settings: Settings, store: Store, consol
     results: dict[str, Result] = {}
     computed: list[str] = []
     keys: dict[str, str] = {}
-    columns = (TextColumn("{task.description:<44}"), BarColumn(), TimeElapsedColumn(), TextColumn("left"))
+    columns = (TextColumn("{task.description:<44}", markup=False), BarColumn(), TimeElapsedColumn(), TextColumn("left"))
     with Progress(*columns, TimeRemainingColumn(), console=console) as progress:
         task = progress.add_task("", total=sum(stage.weight for stage in stages))
         before = 0.0
