@@ -24,12 +24,8 @@ def run(file: Path, output: Path, *, workers: int | None, scheduler: str | None,
     expect(file, "campaign")
     campaign = Campaign.from_toml(file)
     terminal = console()
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[rate]}"),
-    )
+    what, rate = TextColumn("{task.description}", markup=False), TextColumn("{task.fields[rate]}")
+    columns = (what, BarColumn(), MofNCompleteColumn(), rate)
     with _executor(scheduler) as executor, Progress(*columns, TimeRemainingColumn(), console=terminal) as progress:
         bar = progress.add_task("geometries", total=len(campaign), rate="")
         summary = campaign.run(
@@ -50,13 +46,9 @@ def run(file: Path, output: Path, *, workers: int | None, scheduler: str | None,
         )
     if summary.failed:
         note(f"reasons are in {output / 'failures'} and in the index; --retry-failed takes them again")
-    note(f"wrote {output / 'index.nc'} and {output / 'training.nc'}")
-    return {
-        **asdict(summary),
-        "domain_too_small": cut,
-        "index": output / "index.nc",
-        "training": output / "training.nc",
-    }
+    files = {"index": output / "index.nc", "training": output / "training.nc"}
+    note(f"wrote {files['index']} and {files['training']}")
+    return {**asdict(summary), "domain_too_small": cut, **files}
 
 
 def _show(progress: Progress, bar: TaskID, summary: Summary) -> None:

@@ -120,14 +120,14 @@ def _training(
     wave = waveform(drive["power"], drive["pulse"], drive["square"], drive["duty"])
     at = None if columns["start"] is None else quantity.parse(columns["start"], "s", name="--start")
     level = None if columns["baseline"] is None else quantity.parse(columns["baseline"], "K", name="--baseline")
-    names = {"time": columns["time"], "temperature": columns["temperature"]}
+    time, temperature = columns["time"], columns["temperature"]
     training, assumed = [], []
     for path in paths:
         if path not in tables:
             training.append(dataset.load(path))
             continue
         with working(f"reading {path.name}"):
-            trace = read_trace(path, wave, start=at, baseline=level, **names)
+            trace = read_trace(path, wave, time=time, temperature=temperature, start=at, baseline=level)
         for line in trace.notes:
             note(f"{path.name}: {line}")
         for line in trace.warnings:

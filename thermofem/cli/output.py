@@ -105,7 +105,7 @@ def speaking(function: Callable[..., Numbers | None]) -> Callable[..., None]:
     more = [inspect.Parameter(name, keyword, default=defaults[name], annotation=shared[name]) for name in shared]
     command.__annotations__ = hints
     command.__signature__ = inspect.Signature([*own, *more])  # type: ignore[attr-defined]
-    del command.__wrapped__  # type: ignore[attr-defined]
+    del command.__wrapped__
     return command
 
 

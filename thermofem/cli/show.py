@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import typer
 
-from .. import files, quantity
+from .. import quantity
 from ..checks import InputError
 from .kinds import expect
 from .output import say
@@ -23,7 +24,7 @@ def show(model: Annotated[Path, typer.Argument(help="Thermal model (JSON).")]) -
     expect(model, "model")
     loaded, provenance = surrogate.load_model(model), surrogate.load_provenance(model)
     numbers = _numbers(loaded, provenance)
-    numbers["sha256"] = files.digest(model)
+    numbers["sha256"] = hashlib.sha256(model.read_bytes()).hexdigest()
     _say(model, numbers)
     return numbers
 
