@@ -52,7 +52,7 @@ def columns(states: Array) -> Array:
 
 
 def scipy_lsoda(rtol: float) -> Array:
-    poles = eq.internal_poles(MODEL)
+    poles = eq.internal_thermal(MODEL)
 
     def f(_: float, y: Array) -> Array:
         return eq.right_hand_side(y, DRIVE, 0.0, RATES, FCD, poles)
@@ -65,7 +65,7 @@ def numbalsoda_runner() -> Callable[[float], Array]:
     from numba import carray, cfunc
     from numbalsoda import lsoda, lsoda_sig
 
-    rates, fcd, poles = RATES, FCD, eq.internal_poles(MODEL)
+    rates, fcd, poles = RATES, FCD, eq.internal_thermal(MODEL).poles
     drive, gain, rate = DRIVE, poles[0], poles[1]
     dispersion, optics = eq.dispersion, eq.optics
 

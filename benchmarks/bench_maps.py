@@ -44,7 +44,7 @@ def seconds(run: Callable[[], object], repeats: int) -> float:
 def numpy_eigenvalues(ring: coupled.RingResonator, model: th.Foster, points: int) -> None:
     """As many dense eigenvalue problems as the map has fixed points."""
     rates, fcd = eq.internal_rates(ring)
-    poles = eq.internal_poles(model)
+    poles = eq.internal_thermal(model)
     y = np.array([-2.3, 2.85, 1.7, *np.full(model.order, 7.0 / model.order)])
     for _ in range(points):
         np.linalg.eigvals(eq.jacobian(y, 0.0, rates, fcd, poles))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from thermofem import checks
+from thermofem import checks, toml_file
 
+from . import ring_toml
 from .carriers import ShockleyReadHall
 from .lifetime import ConstantLifetime
 
@@ -300,9 +302,12 @@ class RingResonator:
         InputError
             a file that cannot be read, an unknown or missing key, a wrong unit, or a number out of range.
         """
-        from .ring_toml import read_file
+        return toml_file.read(path, "ring", cls.from_text)
 
-        return read_file(path)
+    @classmethod
+    def from_text(cls, text: str) -> RingResonator:
+        """Read a ring from the text of such a file."""
+        return ring_toml.read_text(text, cls, PUBLISHED)
 
     def with_lumped_fcd(self) -> RingResonator:
         """Return the ring with free-carrier dispersion lumped into one linear term, as it belongs to Newton's law."""
@@ -339,3 +344,13 @@ def _check_dispersion(terms: tuple[tuple[float, float], ...]) -> None:
             )
         hint = "N counts per m^3; multiply a coefficient for cm^-3 by 1e-6 to the power of its exponent"
         checks.between("fcd index change at 1e23 per m^3", coefficient * 1e23**exponent, -0.05, 0, hint=hint)
+
+
+PUBLISHED: dict[str, Callable[[], RingResonator]] = {}
+"""Published rings by the name of their function; every file of `coupled.parameters` adds its own with `published`."""
+
+
+def published(ring: Callable[[], RingResonator]) -> Callable[[], RingResonator]:
+    """Decorate the function of a published ring: a ring file may then take it as its base."""
+    PUBLISHED[ring.__name__] = ring
+    return ring

@@ -28,24 +28,17 @@ eta_fca = "1e-13 m^3/s"          # eta_tpa ("1/s/J"), g_tpa ("1/m^3/s/J^2"), the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from thermofem import checks, quantity, toml_file
 from thermofem.checks import InputError
 
 from .carriers import ShockleyReadHall
 from .lifetime import ConstantLifetime
-from .parameters.borghi2021 import borghi2021
-from .parameters.vanvaerenbergh2012 import vanvaerenbergh2012
-from .resonator import RingResonator
 
-BASES: dict[str, Callable[[], RingResonator]] = {
-    "borghi2021": borghi2021,
-    "vanvaerenbergh2012": vanvaerenbergh2012,
-}
+Ring = TypeVar("Ring", bound=Any)  # a RingResonator, which imports this module
 
 _FIELDS = {
     "frequency": "Hz",
@@ -99,13 +92,17 @@ _NEEDED = (
 )  # fmt: skip
 
 
-def read_file(path: str | Path) -> RingResonator:
-    """Read a ring file; see `RingResonator.from_toml`."""
-    return toml_file.read(path, "ring", read_text)
+def read_text(text: str, ring: type[Ring], published: Mapping[str, Callable[[], Ring]]) -> Ring:
+    """Read the text of a ring file.
 
-
-def read_text(text: str) -> RingResonator:
-    """Read the text of a ring file."""
+    Parameters
+    ----------
+    text : str
+    ring : type
+        `RingResonator`.
+    published : mapping of name to function
+        the rings that "base" may name.
+    """
     table = toml_file.parse(text)
     if table.keys() & {"layer", "part", "outer_radius"}:
         raise InputError(
@@ -117,8 +114,8 @@ def read_text(text: str) -> RingResonator:
         if not isinstance(table.get(key, ""), str):
             raise InputError(f"{key} = {table[key]!r} must be text")
     values = _quantities(table, _FIELDS | _MEASURED, "the ring file", skip=tuple(_TEXT))
-    base = BASES[checks.choice("base", table["base"], BASES)]() if "base" in table else None
-    _resolve(values, base)
+    base = published[checks.choice("base", table["base"], published)]() if "base" in table else None
+    _resolve(values, base or next(iter(published.values()))(), None if base is None else base.frequency)
     values["name"] = table.get("name", base.name if base else "ring")
     if "dispersion" in table:
         values["fcd"] = _dispersion(table["dispersion"])
@@ -133,11 +130,14 @@ def read_text(text: str) -> RingResonator:
     if missing:
         names = ", ".join("[[dispersion]]" if key == "fcd" else key for key in missing)
         raise InputError(f'{names} missing; give them, or base = "borghi2021" to take them from there')
-    return RingResonator(**values)
+    return ring(**values)
 
 
-def _resolve(values: dict[str, Any], base: RingResonator | None) -> None:
-    """Replace wavelength, quality factors and perimeter by the fields that they determine."""
+def _resolve(values: dict[str, Any], template: Any, frequency: float | None) -> None:
+    """Replace wavelength, quality factors and perimeter by the fields that they determine.
+
+    ``template`` is any ring; only its method `from_quality_factors` is used. ``frequency`` is that of the base ring.
+    """
     from scipy.constants import c
 
     if "wavelength" in values:
@@ -150,15 +150,15 @@ def _resolve(values: dict[str, Any], base: RingResonator | None) -> None:
     _together(values, "perimeter", "mode_area", ("tpa_volume", "fca_volume"))
     buses, share = values.pop("buses", 2), values.pop("absorbed_fraction", None)
     if "loaded_q" in values:
-        frequency = values.get("frequency", base.frequency if base else None)
+        frequency = values.get("frequency", frequency)
         if frequency is None:
             raise InputError("frequency or wavelength is missing; quality factors need it")
-        template = RingResonator.from_quality_factors(
-            base or borghi2021(), name="", frequency=frequency, loaded_q=values.pop("loaded_q"),
+        rates = type(template).from_quality_factors(
+            template, name="", frequency=frequency, loaded_q=values.pop("loaded_q"),
             intrinsic_q=values.pop("intrinsic_q"), buses=buses, absorbed_fraction=1.0 if share is None else share,
         )  # fmt: skip
         for key in ("frequency", "bus_rate", "drop_rate", "loss_rate", "scattering_rate"):
-            values[key] = getattr(template, key)
+            values[key] = getattr(rates, key)
     elif buses not in (1, 2):
         raise InputError(f"buses = {buses!r} must be 1 or 2")
     elif share is not None:

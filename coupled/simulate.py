@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,7 +17,7 @@ from .kernels.tableaus import Method
 from .record import provenance, traces
 from .resonator import RingResonator
 from .states import State, starting_point
-from .thermal import compact, states_of
+from .thermal import attributes, compact
 from .window import NO_TIMES, Event, advance
 
 if TYPE_CHECKING:
@@ -119,18 +119,16 @@ def simulate(
     chosen = check_method(method) or (Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
     small = compact(model)
     run = advance(
-        ring, small, starting_point(initial, states_of(small)), 0.0, float(duration), power=light["input_power"],
+        ring, small, starting_point(initial, small.order), 0.0, float(duration), power=light["input_power"],
         detuning=light["detuning"], rtol=rtol, method=chosen, times=wanted, event=event,
         adiabatic=adiabatic, progress=progress,
     )  # fmt: skip
-    linear: Any = getattr(small, "linear", small)
-    network = {"model_R": np.asarray(linear.R), "model_tau": np.asarray(linear.tau)} if hasattr(linear, "R") else {}
     return xr.Dataset(
         {name: ("time", values, dataset.describe(name)) for name, values in traces(ring, run, light).items()},
         coords={"time": ("time", run.time, dataset.describe("time"))},
         attrs={
             **provenance(ring, light, duration),
-            **network,
+            **attributes(small),
             "rtol": float(rtol),
             "method": "dopri5, adiabatic" if adiabatic else chosen.value,
             "steps": int(run.counts[0]),

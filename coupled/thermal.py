@@ -1,4 +1,4 @@
-"""What `coupled` takes as a thermal model: small ones, linear or not."""
+"""Thermal models in the form that is integrated with the optics."""
 
 from __future__ import annotations
 
@@ -6,82 +6,86 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import checks
-from thermofem.models import Foster, StateSpace, ThermalModel, foster
+from thermofem import Foster, OutputMap, Quadratic, checks
+from thermofem.models import ThermalModel
+
+Compact = Foster | OutputMap | Quadratic
 
 LARGEST_QUADRATIC = 60  # states
+NEEDED = (
+    "a thermal model is needed: thermofem.Foster, StateSpace, OutputMap or Quadratic, a Network or Cauer ladder, a fit "
+    "or a reduction; coupled.cosimulate takes the FEM itself"
+)
 SETTLING = 10  # times what a step of heat takes to its last 5 %
 LARGEST = 500  # poles; a certified reduction needs 10 to 40, and the time of a step grows with their number
 
 
-def network(model: ThermalModel) -> Foster:
-    """Return ``model`` as the Foster network that the integration runs.
-
-        dx_i/dt = (R_i P_abs - x_i)/tau_i,    dT = sum_i x_i
+def compact(model: ThermalModel) -> Compact:
+    """Return ``model.dynamics``, checked: a Foster network, an output map over one, or a quadratic system.
 
     Parameters
     ----------
-    model : Foster or StateSpace
-        at most 500 states; a StateSpace has one channel and is diagonalised, which changes nothing but the form.
+    model : ThermalModel
+        of any kind that has such a form, or a fit or reduction that holds one.
 
     Raises
     ------
     InputError
-        a large model (the FEM itself), a model that is not linear, or one that is not passive.
+        a model without that form (the FEM itself), one with too many states, one that is not passive, or numbers that
+        are not finite.
     """
-    if isinstance(model, StateSpace | Foster) and model.order > LARGEST:
+    checks.has("model", model, "dynamics", hint=NEEDED)
+    small = model.dynamics
+    if isinstance(small, Quadratic):
+        return _checked_quadratic(small)
+    if isinstance(small, OutputMap):
+        checks.finite("model.coefficient", small.coefficient, unit="1/K")
+        _checked_poles(small.linear)
+        return small
+    return _checked_poles(small)
+
+
+def linear(model: ThermalModel, purpose: str) -> Foster:
+    """Return `compact` of a linear model; InputError for another kind, which cannot be used to ``purpose``."""
+    small = compact(model)
+    if not isinstance(small, Foster):
         raise checks.InputError(
-            f"model is a system of {model.order} states, at most {LARGEST} can be integrated with the optics; "
+            f"model is a {type(model).__name__}, which is not linear; to {purpose}, give a linear model: Foster, "
+            "StateSpace, Network or Cauer, or a fit or reduction"
+        )
+    return small
+
+
+def _checked_poles(poles: Foster) -> Foster:
+    if poles.order > LARGEST:
+        raise checks.InputError(
+            f"model is a system of {poles.order} states, at most {LARGEST} can be integrated with the optics; "
             "reduce it first (surrogate.reduce), or keep the FEM in the loop (coupled.cosimulate)"
         )
-    if isinstance(model, StateSpace):
-        model = foster(model)
-    if not isinstance(model, Foster):
+    if not poles.passive or poles.thermal_resistance <= 0:
         raise checks.InputError(
-            f"model is a {type(model).__name__}; a compact thermal model is needed (thermofem.Foster, StateSpace, "
-            "OutputMap or Quadratic), such as surrogate.second_order(...), the .model of a fit, or for k(T) "
-            "surrogate.reduce_quadratic(...).model; coupled.cosimulate takes the FEM itself"
+            f"model has R = {np.min(poles.R):g} K/W; a passive network has none below 0, and R_th = "
+            f"{poles.thermal_resistance:g} K/W must be positive; refit it with fewer poles"
         )
-    if not model.passive or model.thermal_resistance <= 0:
+    return poles
+
+
+def _checked_quadratic(model: Quadratic) -> Quadratic:
+    if model.order > LARGEST_QUADRATIC:
         raise checks.InputError(
-            f"model has R = {np.min(model.R):g} K/W; a passive network has none below 0, and R_th = "
-            f"{model.thermal_resistance:g} K/W must be positive; refit it with fewer poles"
+            f"model is quadratic with {model.order} states, at most {LARGEST_QUADRATIC} can be integrated with the "
+            "optics: a step costs n^3"
         )
     return model
 
 
-def compact(model: Any) -> Any:
-    """Return ``model`` in the form that the integration runs: a Foster network, an output map over one, or quadratic.
-
-    Raises
-    ------
-    InputError
-        as `network`, and a nonlinear model with more than 60 states, or with numbers that are not finite.
-    """
-    if hasattr(model, "H") and hasattr(model, "G"):
-        n = np.shape(model.A)[0]
-        if n > LARGEST_QUADRATIC:
-            raise checks.InputError(
-                f"model is quadratic with {n} states, at most {LARGEST_QUADRATIC} can be integrated with the optics: "
-                "a step costs n^3"
-            )
-        if not all(np.all(np.isfinite(getattr(model, name))) for name in "AHGBC"):
-            raise checks.InputError("model has matrices that are not finite")
-        if np.linalg.eigvals(np.asarray(model.A, dtype=float)).real.max() >= 0:
-            raise checks.InputError("model has a mode that does not decay; every eigenvalue of A must be negative")
-        return model
-    if hasattr(model, "coefficient") and hasattr(model, "linear"):
-        checks.finite("model.coefficient", model.coefficient, unit="1/K")
-        if isinstance(model.linear, Foster):
-            network(model.linear)
-            return model
-        return type(model)(network(model.linear), model.coefficient)
-    return network(model)
-
-
-def states_of(model: Any) -> int:
-    """Number of states of a compact model."""
-    return int(np.shape(model.A if hasattr(model, "A") else getattr(model, "linear", model).R)[0])
+def attributes(model: Compact) -> dict[str, Any]:
+    """The poles of a compact model, and its output map, as attributes of a Dataset."""
+    if isinstance(model, Quadratic):
+        return {}
+    if isinstance(model, OutputMap):
+        return attributes(model.linear) | {"model_coefficient": float(model.coefficient)}
+    return {"model_R": np.asarray(model.R), "model_tau": np.asarray(model.tau)}
 
 
 def long_enough(model: ThermalModel) -> float:

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from thermofem import checks
 from thermofem.models import Foster, ThermalModel
+from thermofem.models.lumped import second_order_parameters, second_order_poles
 
 from .carriers import ShockleyReadHall
 from .parameters import borghi2021 as published
 from .resonator import RingResonator
-from .thermal import network
+from .thermal import Compact, compact, linear
 
 Array = NDArray[np.float64]
 
@@ -27,13 +28,6 @@ LIFETIMES = ("tau_n", "tau_p")
 SPAN = 4.0  # how far a value may go from its start, as a factor, where no bounds are given
 
 
-def second_order(kappa: float, tau_f: float, tau_s: float, eta: float, heat_capacity: float) -> Foster:
-    """Eq. 3 of the paper as its two poles, which may be of either sign."""
-    fast, slow = 1 / tau_f, 1 / tau_s
-    c_f = (eta * fast - kappa) / (fast - slow)
-    return Foster(R=[c_f * tau_f / heat_capacity, (eta - c_f) * tau_s / heat_capacity], tau=[tau_f, tau_s])
-
-
 @dataclass(frozen=True, eq=False)
 class Unknowns:
     """The free parameters of a ring with a thermal law.
@@ -43,8 +37,8 @@ class Unknowns:
     ring : RingResonator
     thermal : mapping of str to float
         the parameters of the law, free or not; empty where ``model`` is taken as it is.
-    model : Foster, optional
-        the network that is taken as it is, or whose poles are free.
+    model : Foster, OutputMap or Quadratic, optional
+        the model that is taken as it is, or the Foster network whose poles are free.
     names : tuple of str
         one for each number: "R" and "tau" of n poles become "R1" .. "Rn" and "tau1" .. "taun".
     start, low, high : array
@@ -53,17 +47,17 @@ class Unknowns:
 
     ring: RingResonator
     thermal: Mapping[str, float]
-    model: Foster | None
+    model: Compact | None
     names: tuple[str, ...]
     start: Array
     low: Array
     high: Array
 
-    def build(self, x: Array) -> tuple[RingResonator, Foster]:
-        """The ring and the thermal network at the logarithms ``x``; raises InputError where they make no sense."""
+    def build(self, x: Array) -> tuple[RingResonator, Compact]:
+        """The ring and the thermal model at the logarithms ``x``; raises InputError where they are not physical."""
         values = dict(zip(self.names, np.exp(x).tolist(), strict=True))
         law = {name: values.pop(name, value) for name, value in self.thermal.items()}
-        return varied(self.ring, values), network(_model(law, self.model, values))
+        return varied(self.ring, values), compact(_model(law, self.model, values))
 
 
 def unknowns(
@@ -87,7 +81,7 @@ def unknowns(
     thermal, poles = _law(free, model)
     start: dict[str, float] = {}
     for name in free:
-        if name in POLES and poles is not None:
+        if name in POLES and isinstance(poles, Foster):
             start |= {f"{name}{k + 1}": float(v) for k, v in enumerate(getattr(poles, name))}
         else:
             start[name] = thermal[name] if name in thermal else _of_ring(ring, name)
@@ -110,7 +104,7 @@ def unknowns(
     return Unknowns(ring, thermal, poles, names, np.log(values), np.log(low), np.log(high))
 
 
-def _law(free: Sequence[str], model: ThermalModel | None) -> tuple[dict[str, float], Foster | None]:
+def _law(free: Sequence[str], model: ThermalModel | None) -> tuple[dict[str, float], Compact | None]:
     """Start values of the thermal law that the names belong to, or the network."""
     asked = {
         "the second-order equation": set(free) & set(SECOND_ORDER),
@@ -120,11 +114,13 @@ def _law(free: Sequence[str], model: ThermalModel | None) -> tuple[dict[str, flo
     laws = [law for law, names in asked.items() if names]
     if len(laws) > 1:
         raise checks.InputError(f"free = {list(free)} mixes {' and '.join(laws)}; take the names of one")
-    poles = network(model) if model is not None else None
+    if model is not None and not laws and HEAT_CAPACITY not in free:
+        return {}, compact(model)
+    poles = linear(model, f"free {list(free)}") if model is not None else None
     if laws == ["the second-order equation"]:
         p = published.SECOND_ORDER_FEM
         start = {name: float(getattr(p, name)) for name in (*SECOND_ORDER, HEAT_CAPACITY)}
-        return (start if poles is None else start | _as_second_order(poles, p.heat_capacity)), None
+        return (start if poles is None else start | second_order_parameters(poles, p.heat_capacity)), None
     if laws == ["Newton's law"] or (not laws and HEAT_CAPACITY in free):
         q = published.NEWTON_FIT
         if poles is None:
@@ -136,23 +132,6 @@ def _law(free: Sequence[str], model: ThermalModel | None) -> tuple[dict[str, flo
     if poles is None:
         raise checks.InputError(f"free = {list(free)} has no thermal parameter; give the thermal model as model=")
     return {}, poles
-
-
-def _as_second_order(poles: Foster, heat_capacity: float) -> dict[str, float]:
-    """The numbers of Eq. 3 for two poles."""
-    if poles.order != 2:
-        raise checks.InputError(f"the second-order equation has two poles, the model {poles.order}; free 'R' and 'tau'")
-    fast, slow = np.argsort(poles.tau)
-    tau, R = np.asarray(poles.tau, dtype=float), np.asarray(poles.R, dtype=float)
-    gain = R / tau * heat_capacity
-    kappa = gain[fast] / tau[slow] + gain[slow] / tau[fast]
-    return {
-        "kappa": float(kappa),
-        "tau_f": float(tau[fast]),
-        "tau_s": float(tau[slow]),
-        "eta": float(gain.sum()),
-        HEAT_CAPACITY: heat_capacity,
-    }
 
 
 def _of_ring(ring: RingResonator, name: str) -> float:
@@ -186,11 +165,13 @@ def varied(ring: RingResonator, values: Mapping[str, float]) -> RingResonator:
     return replace(ring, **own, carriers=carriers)
 
 
-def _model(law: Mapping[str, float], poles: Foster | None, values: Mapping[str, float]) -> Foster:
-    """The thermal network of a law, or the given one with new poles."""
+def _model(law: Mapping[str, float], poles: Compact | None, values: Mapping[str, float]) -> Compact:
+    """The thermal model of a law, or the given one, with new poles where they are free."""
     if poles is None:
         if "kappa" in law:
-            return second_order(**law)
+            return second_order_poles(**law)
         return Foster(R=[law["tau_th"] / law[HEAT_CAPACITY]], tau=[law["tau_th"]])
+    if not isinstance(poles, Foster):
+        return poles
     R, tau = ([values.get(f"{name}{k + 1}", float(v)) for k, v in enumerate(getattr(poles, name))] for name in POLES)
     return Foster(R=R, tau=tau)

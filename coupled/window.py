@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import checks
-from thermofem.models import ThermalModel
 from thermofem.waveforms import Pieces, bounds
 
 from .arguments import ROUND_OFF
@@ -18,6 +17,7 @@ from .inputs import add, joint, pieces
 from .kernels.tableaus import Method, tableau
 from .resonator import RingResonator
 from .states import State
+from .thermal import Compact
 
 if TYPE_CHECKING:
     from .kernels.equations import Rates
@@ -62,7 +62,7 @@ class Window(NamedTuple):
 
 def advance(
     ring: RingResonator,
-    model: ThermalModel,
+    model: Compact,
     state: State,
     start: float,
     stop: float,
@@ -85,7 +85,7 @@ def advance(
 
     Parameters
     ----------
-    ring, model, state : RingResonator, ThermalModel, State
+    ring, model, state : RingResonator, Compact, State
         the model as `thermal.compact` returns it.
     start, stop : float, s
     power, detuning, offset : W, Hz, K

@@ -1,8 +1,8 @@
 """Compact thermal models: the paper's lumped equations, their training, and models as files."""
 
 from thermofem import OutsideTrainingWarning
+from thermofem.models import load_model, load_provenance, save_model
 from thermofem.models.cauer import Cauer, cauer, foster_of, structure_function
-from thermofem.models.files import load_model, load_provenance, save_model
 from thermofem.models.lumped import BORGHI2021_HEAT_CAPACITY, newton, second_order
 from thermofem.models.network import Network, gate
 

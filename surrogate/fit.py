@@ -15,7 +15,14 @@ from numpy.typing import NDArray
 
 from thermofem import Foster, checks
 from thermofem.dataset import Drive, drive_of
-from thermofem.models.lumped import BORGHI2021_HEAT_CAPACITY, check_heat_capacity, newton, second_order
+from thermofem.models import HasModel
+from thermofem.models.lumped import (
+    BORGHI2021_HEAT_CAPACITY,
+    check_heat_capacity,
+    newton,
+    second_order,
+    second_order_parameters,
+)
 
 from .projection import Optimum, Problem, optimum, polish
 
@@ -30,7 +37,7 @@ UNSEEN = np.log(2)  # standard deviation of ln(tau) from which a time constant c
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class Fit(HasModel):
     """A trained model and how well it fits its data.
 
     Attributes
@@ -69,12 +76,12 @@ class Fit:
 
     def _repr_html_(self) -> str:
         """What a notebook shows."""
-        from thermofem.display import card, model_card
+        from thermofem.display import card
 
         rows = [(k, f"{v:.4g} ± {self.standard_errors[k]:.1g}") for k, v in self.parameters.items()]
         rows.append(("misfit", f"{self.residual:.3g} K rms, {self.relative_residual:.2%} of the swing"))
         rows += [("trained on", text) for text in self.training] + [("note", text) for text in self.notes]
-        return card("Fit", rows, model_card(self.model))
+        return card("Fit", rows, self.model._repr_html_())
 
     @property
     def provenance(self) -> dict[str, Any]:
@@ -162,7 +169,8 @@ def fit_second_order(
     found, swarm = training.search(2, method)
     (slow, fast), (g_s, g_f) = np.exp(found.log_rate), found.gain
     c_f, c_s = g_f * heat_capacity, g_s * heat_capacity
-    parameters = {"kappa": c_f * slow + c_s * fast, "tau_f": 1 / fast, "tau_s": 1 / slow, "eta": c_f + c_s}
+    poles = Foster(R=[g_f / fast, g_s / slow], tau=[1 / fast, 1 / slow])
+    parameters = second_order_parameters(poles, heat_capacity)
     if min(c_f, c_s) < 0:
         raise checks.InputError(
             f"the best pair of poles cools when heated (kappa = {parameters['kappa']:.3g} 1/s, eta = "

@@ -149,7 +149,7 @@ def _pulse_times() -> Array:
 
 def _sindy(heat: HeatProblem, part: str, power: float) -> ThermalModel:
     """Five states: the heated part and four shells around it."""
-    return fit_sindy(*shells(heat, part, power)).model.poles
+    return fit_sindy(*shells(heat, part, power)).model
 
 
 def shells(heat: HeatProblem, part: str, power: float) -> tuple[xr.Dataset, list[float]]:

@@ -36,7 +36,7 @@ from thermofem import Quadratic
 from thermofem.algebra.factor import factorize
 from thermofem.algebra.krylov import symmetric_part
 from thermofem.materials.laws import Law
-from thermofem.models import NonlinearSystem
+from thermofem.models import HasModel, NonlinearSystem
 from thermofem.transient.nonlinear import Lift
 
 from .output_map import check_nonlinear
@@ -49,7 +49,7 @@ DEPENDENT = 1e-8  # of the largest: below, a direction of the basis is in the sp
 
 
 @dataclass(frozen=True, eq=False)
-class QuadraticReduction:
+class QuadraticReduction(HasModel):
     """A quadratic reduced model, and where it holds.
 
     Attributes
@@ -72,11 +72,6 @@ class QuadraticReduction:
     power: float
     static_error: float
     basis: Array
-
-    @property
-    def order(self) -> int:
-        """Number of states."""
-        return self.model.order
 
     @property
     def provenance(self) -> dict[str, Any]:

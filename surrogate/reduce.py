@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Foster, StateSpace, checks
 from thermofem.algebra.poles import pole_responses
+from thermofem.models import HasModel
 from thermofem.waveforms import Waveform
 
 from .certificate import Certificate, Indices, Projection, certify, certify_defect
@@ -31,7 +32,7 @@ FEW = 4  # samples per decade for that
 
 
 @dataclass(frozen=True, eq=False)
-class Reduction:
+class Reduction(HasModel):
     """A reduced model and the proof of its accuracy.
 
     Attributes
@@ -62,17 +63,12 @@ class Reduction:
     tolerance: float
     solves: int
 
-    @property
-    def order(self) -> int:
-        """Number of states."""
-        return self.model.order
-
     def _repr_html_(self) -> str:
         """What a notebook shows."""
-        from thermofem.display import card, model_card
+        from thermofem.display import card
 
         bound = f"below {self.error_bound:.1e} of R_th at every frequency"
-        return card("Reduction", [("error", bound), ("solves", str(self.solves))], model_card(self.model))
+        return card("Reduction", [("error", bound), ("solves", str(self.solves))], self.model._repr_html_())
 
     @property
     def provenance(self) -> dict[str, Any]:

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import Quadratic, Waveform, checks
-from thermofem.models.network import Network, gate
+from thermofem.models import HasModel, Network, gate
 from thermofem.waveforms import from_json
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ Identified = TypeVar("Identified", Network, Quadratic)
 
 
 @dataclass(frozen=True, eq=False)
-class SindyFit(Generic[Identified]):
+class SindyFit(HasModel, Generic[Identified]):
     """An identified network and how well it fits.
 
     Attributes

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Foster, StateSpace, checks
-from thermofem.models import check_single
+from thermofem.models import HasModel, check_single
 
 from .reduce import check_matrices, project
 
@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Truncation:
+class Truncation(HasModel):
     """A balanced truncation and its bound.
 
     Attributes
@@ -59,11 +59,6 @@ class Truncation:
     singular_values: Array
     certificate: float
     basis: Array
-
-    @property
-    def order(self) -> int:
-        """Number of poles."""
-        return self.model.order
 
     @property
     def provenance(self) -> dict[str, Any]:

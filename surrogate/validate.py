@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Chirp, Constant, Foster, Pulse, SquareWave, Telegraph, ThermalModel, Waveform, checks
+from thermofem.models import Cauer, Network, bare
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -71,7 +72,7 @@ def check_models(models: Mapping[str, ThermalModel]) -> None:
     """InputError unless every one of them is a thermal model, in a mapping from their names."""
     checks.has("models", models, "items", hint='a mapping from names is needed, such as {"Newton": model}')
     for name, given in models.items():
-        checks.has(str(name), given, "periodic_response", hint="a thermal model is needed, such as the .model of a fit")
+        checks.has(str(name), given, "periodic_response", hint="a thermal model is needed, such as a fit")
 
 
 def swings(reference: ThermalModel, periods: Array, power: float, duty: float) -> Array:
@@ -274,9 +275,12 @@ def _swing(model: ThermalModel, period: float, power: float, duty: float) -> flo
 
     swing = P sum_i R_i (1 - e^-a)(1 - e^-b)/(1 - e^-(a+b)),   a = duty T/tau_i,  b = (1 - duty) T/tau_i
     """
-    if isinstance(model, Foster) and model.passive:
-        on, off = -duty * period / np.asarray(model.tau), -(1 - duty) * period / np.asarray(model.tau)
-        return float(-power * np.asarray(model.R) @ (np.expm1(on) * np.expm1(off) / np.expm1(on + off)))
+    poles = bare(model)
+    if isinstance(poles, Foster | Network | Cauer):
+        poles = poles.dynamics
+    if isinstance(poles, Foster) and poles.passive:
+        on, off = -duty * period / np.asarray(poles.tau), -(1 - duty) * period / np.asarray(poles.tau)
+        return float(-power * np.asarray(poles.R) @ (np.expm1(on) * np.expm1(off) / np.expm1(on + off)))
     return float(np.ptp(model.periodic_response(SquareWave(power, period, duty), SAMPLES)))
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+from chain import WAVES, dataset, known
 from grids import facets_where, graded, tensor_mesh
 
 import surrogate
@@ -67,11 +68,20 @@ def reduced_fem() -> th.Foster:
     return surrogate.reduce(coarse_fem(), tolerance=1e-4).model
 
 
-def trained_foster() -> th.Foster:
-    """Five poles trained on a step of it."""
+def fit_of_step() -> surrogate.Fit:
+    """A fit of five poles to a step of it."""
     times = np.geomspace(1e-9, 60e-6, 120)
     step = 1e-3 * foster(coarse_fem()).step_response(times)
-    return surrogate.fit_foster(th.dataset.build(times, step, th.Constant(1e-3)), order=5).model
+    return surrogate.fit_foster(th.dataset.build(times, step, th.Constant(1e-3)), order=5)
+
+
+def state_space(poles: th.Foster) -> th.StateSpace:
+    """The same poles as matrices, mixed by a rotation, so that A is full."""
+    n = poles.order
+    turn = np.linalg.qr(np.random.default_rng(1).normal(size=(n, n)))[0]
+    b = turn.T @ np.sqrt(poles.gain)
+    A = -turn.T @ np.diag(1 / poles.tau) @ turn
+    return th.StateSpace(np.eye(n), (A + A.T) / 2, b[:, None], b[None])
 
 
 def quadratic() -> th.Quadratic:
@@ -83,15 +93,47 @@ def quadratic() -> th.Quadratic:
     return th.Quadratic(-np.diag(rate), H, 3e3 * rate[:, None] * couple, rate * R, np.ones(3))
 
 
+def identified_network() -> surrogate.Network:
+    """A chain of three heat capacities, core to ground, as SINDy writes it: A is not symmetric."""
+    c, g = np.array([8e-12, 4e-11, 3e-10]), np.array([4e-4, 3e-4, 2.5e-4])  # J/K, W/K
+    K = np.diag(g + np.append(0, g[:-1])) - np.diag(g[:-1], 1) - np.diag(g[:-1], -1)
+    A, b = -K / c[:, None], np.array([1 / c[0], 0, 0])
+    poles = surrogate.gate(A, b, float((1 / g).sum()))
+    return surrogate.Network(A, b, ("core", "near", "far"), poles, largest_rise=20.0)
+
+
+def identified_quadratic() -> surrogate.SindyFit:
+    """A fit of a polynomial network to a chain whose conductances depend on temperature."""
+    return surrogate.fit_sindy_quadratic([dataset(wave) for wave in WAVES], **known())
+
+
+@cache
+def ladder() -> surrogate.Ladder:
+    """Newton's law and the second-order equation, trained on the reference strip."""
+    return surrogate.train_all(th.assemble(th.strip_ring(), accuracy=1e-2), names=["Newton", "second order"])
+
+
 MODELS = {
     "newton": lambda: surrogate.newton(tau_th=275e-9),
     "second order": lambda: surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1200e-9, eta=0.31),
     "foster of five": lambda: th.Foster(R=[600, 1500, 2500, 2000, 1200], tau=[3e-9, 30e-9, 200e-9, 1.5e-6, 8e-6]),
     "fem": coarse_fem,
     "fem, reduced": reduced_fem,
-    "foster, trained": trained_foster,
+    "foster, trained": lambda: fit_of_step().model,
     "fem, diagonalised": lambda: foster(coarse_fem()),
     "fem, k(T) and c_p(T)": coarse_warm_fem,
     "output map": lambda: th.OutputMap(reduced_fem(), -4e-4),
     "quadratic": quadratic,
+    "Cauer ladder": lambda: surrogate.cauer(
+        surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1.2e-6, eta=0.31)
+    ),
+    "SINDy network": identified_network,
+    "SINDy network, quadratic": lambda: identified_quadratic().model,
+    "state space, small": lambda: state_space(reduced_fem()),
+    "a fit": lambda: fit_of_step(),
+    "a fit, quadratic": identified_quadratic,
+    "a reduction": lambda: surrogate.reduce(coarse_fem(), tolerance=1e-4),
+    "a truncation": lambda: surrogate.balanced_truncation(coarse_fem(), 5),
+    "a quadratic reduction": lambda: surrogate.reduce_quadratic(coarse_warm_fem(), 38e-3),
+    "an entry of a ladder": lambda: ladder().models["second order"],
 }

@@ -28,15 +28,12 @@ def card(title: str, rows: Iterable[tuple[str, str]], picture: str = "") -> str:
     return f"<div><strong>{escape(title)}</strong><table>{cells}</table>{picture}</div>"
 
 
-def model_card(model: ThermalModel) -> str:
-    """Kind, parts, thermal resistance, and the step response of a model with one input and one output."""
+def model_card(model: ThermalModel, *, order: int, tau: Any = None, notes: Iterable[tuple[str, str]] = ()) -> str:
+    """Kind, parts, states, thermal resistance and, with time constants, the step response of a single channel."""
     rows = [("heated", ", ".join(model.inputs)), ("read", ", ".join(model.outputs))]
-    order = getattr(model, "order", None)
-    if order:
-        rows.append(("states", str(order)))
-    tau = getattr(getattr(model, "linear", model), "tau", None)
+    rows.append(("states", str(order)))
     picture = ""
-    if (len(model.inputs), len(model.outputs)) == (1, 1) and (order or 0) <= 500:
+    if (len(model.inputs), len(model.outputs)) == (1, 1) and order <= 500:
         resistance = model.thermal_resistance
         rows.append(("thermal resistance", f"{resistance / 1e3:.4g} K/mW"))
         if tau is not None:
@@ -44,9 +41,7 @@ def model_card(model: ThermalModel) -> str:
             rows.append(("time constants", ends[0] if len(np.atleast_1d(tau)) == 1 else f"{ends[0]} to {ends[1]}"))
             times = np.geomspace(np.min(tau) / 10, 10 * np.max(tau), 80)
             picture = curve(np.log(times), model.step_response(times), "step response, logarithmic time")
-    if hasattr(model, "coefficient"):
-        rows.append(("output map", f"z + ({model.coefficient:.3g} /K) z²"))
-    return card(type(model).__name__, rows, picture)
+    return card(type(model).__name__, [*rows, *notes], picture)
 
 
 def curve(x: Any, y: Any, label: str) -> str:

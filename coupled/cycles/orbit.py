@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from ..kernels.collocation import Ring
 from ..kernels.interrupts import new_watch, uninterrupted
 from ..kernels.tableaus import Method, tableau
 from ..resonator import RingResonator
+from ..thermal import Compact
 from .scheme import scheme
 
 Array = NDArray[np.float64]
@@ -37,7 +38,7 @@ class Problem(NamedTuple):
     floor: Array
     units: Array  # of the states, in SI
     ring: RingResonator
-    model: Any  # as `thermal.compact` returns it
+    model: Compact
     power: float  # W
     detuning: float  # Hz
 
@@ -59,17 +60,16 @@ class Orbit(NamedTuple):
         return np.asarray(found[np.argsort(-np.abs(found))])
 
 
-def problem(ring: RingResonator, model: Any, power: float, detuning: float) -> Problem:
+def problem(ring: RingResonator, model: Compact, power: float, detuning: float) -> Problem:
     """Return ring, heat (`thermal.compact`) and laser in internal units."""
     from ..kernels import equations as eq
 
     rates, fcd = eq.internal_rates(ring)
     drive = eq.internal_drive(ring, power)
-    thermal: Any = eq.internal_thermal(model)
+    thermal = eq.internal_thermal(model)
     at = Ring(drive, eq.internal_detuning(detuning), rates, fcd, thermal)
-    order = thermal.C.size if hasattr(thermal, "C") else thermal.poles.shape[1]
     floor = window.floor_of(rates, drive, model.thermal_resistance * eq.UW)
-    return Problem(at, floor, window.units(order), ring, model, power, detuning)
+    return Problem(at, floor, window.units(thermal.order), ring, model, power, detuning)
 
 
 def run(p: Problem, y: Array, duration: float, level: float = np.inf) -> tuple[Array, Array, bool]:

@@ -116,9 +116,7 @@ def _range(orbit: Orbit) -> float:
 
 def _slowest(p: Problem) -> float:
     """The slowest time constant of heat in ns."""
-    heat = p.at.thermal
-    rates = -np.linalg.eigvals(heat.A).real if hasattr(heat, "A") else heat.poles[1]
-    return float(1 / rates.min())
+    return float(1 / p.at.thermal.slowest)
 
 
 def _stable_points(p: Problem) -> Array:

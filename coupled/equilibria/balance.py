@@ -22,11 +22,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..kernels import equations
+from ..kernels import equations, kinds
 from ..kernels.compiling import compiled, forget_if_older, inlined
 from ..kernels.equations import Array, Rates, absorbed_power, dispersion
-from . import static
-from .static import rise
+from ..kernels.kinds import rise
 
 SPACING = 0.02  # of s, in the search for turning points; pairs of them closer than this are found by their slope
 CLOSE = 4e-16  # relative width at which a bracket has no floating-point number left inside
@@ -219,4 +218,4 @@ def fixed_points(detuning: float, drive: float, rates: Rates, fcd: Array, heat: 
 
 for kernel in (balance, balances, energy, tilted, reach, turning_points, crossing, fixed_points):
     forget_if_older(kernel, equations.__file__)
-    forget_if_older(kernel, static.__file__)
+    forget_if_older(kernel, kinds.__file__)

@@ -17,7 +17,7 @@ A fold has lambda = 0, a quadratic equation in D: D = -U shift' +- sqrt((U shift
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,8 +32,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from ..kernels.equations import Rates
-    from ..kernels.kinds import Network, Quadratic
-    from .static import Curve, Static
+    from ..kernels.kinds import Curve, Static, Thermal
 
 Array = NDArray[np.float64]
 
@@ -50,7 +49,7 @@ class _Plane(NamedTuple):
     ring: RingResonator
     rates: Rates
     fcd: Array
-    thermal: Network | Quadratic
+    thermal: Thermal
     static: Static | Curve
     powers: Array
     detunings: Array
@@ -157,9 +156,7 @@ def _frequencies(plane: _Plane) -> Array:
 
     shift, gamma = balance.balances(plane.energies, plane.rates, plane.fcd, plane.static)[[3, 5]]
     highest = gamma.max() + np.abs(shift).max() + np.abs(plane.detunings).max()
-    heat: Any = plane.thermal
-    slowest = np.linalg.eigvals(heat.A).real.max() if hasattr(heat, "A") else -heat.poles[1].min()
-    return np.geomspace(-1e-4 * slowest, 2 * highest, FREQUENCIES)
+    return np.geomspace(1e-4 * plane.thermal.slowest, 2 * highest, FREQUENCIES)
 
 
 def _terms(plane: _Plane, log_U: Array, log_w: Array) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
@@ -178,23 +175,14 @@ def _impedance(plane: _Plane, log_U: Array, z: NDArray[np.complex128]) -> NDArra
     from ..kernels import equations as eq
     from . import balance, spectrum
 
-    heat: Any = plane.thermal
-    Z = np.zeros(z.shape, dtype=complex)
-    if not hasattr(heat, "A"):
-        for gain, rate in heat.poles.T:
-            Z += gain / (z + rate)
-        return Z
-    U, where = np.unique(np.exp(log_U), return_inverse=True)
-    x = spectrum.warmth(U, plane.rates, plane.fcd, heat, plane.static)
-    N = balance.balances(U, plane.rates, plane.fcd, plane.static)[0]
-    power = eq.absorbed_power.py_func(U, N, plane.rates)
-    J = heat.A + 2 * np.einsum("ijk,mk->mij", heat.H, x) + power[:, None, None] * heat.G
-    rates, modes = np.linalg.eig(J)
-    gains = (heat.C @ modes) * np.linalg.solve(modes, (heat.B + x @ heat.G.T)[..., None].astype(complex))[..., 0]
-    where = where.reshape(z.shape)
-    for k in range(heat.C.size):
-        Z += gains[where, k] / (z - rates[where, k])
-    return Z
+    def at_rest() -> tuple[Array, Array, NDArray[np.intp]]:
+        U, which = np.unique(np.exp(log_U), return_inverse=True)
+        N = balance.balances(U, plane.rates, plane.fcd, plane.static)[0]
+        power = eq.absorbed_power.py_func(U, N, plane.rates)
+        states = spectrum.warmth(U, plane.rates, plane.fcd, plane.thermal, plane.static)
+        return states, power, which.reshape(z.shape)
+
+    return plane.thermal.impedance(z, at_rest)
 
 
 def _sheet(plane: _Plane, log_U: Array, log_w: Array, sign: int) -> tuple[Array, Array, NDArray[np.bool_]]:

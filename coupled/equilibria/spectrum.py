@@ -26,10 +26,8 @@ from numpy.typing import NDArray
 from ..kernels import equations, kinds
 from ..kernels.compiling import compiled, forget_if_older, inlined
 from ..kernels.equations import Array, Rates, absorbed_power, dispersion
-from ..kernels.kinds import Quadratic, order, rest
+from ..kernels.kinds import bend, chosen, order, rest
 from . import balance as fixed
-from . import static as statics
-from .static import bend
 
 Complex = NDArray[np.complex128]
 
@@ -170,7 +168,7 @@ def _again_of(z: Any, U: Any, D: Any, rates: Any, fcd: Any, thermal: Any, static
     def quadratic(z: Complex, U: float, D: float, rates: Rates, fcd: Array, thermal: Any, static: Any) -> bool:
         return False
 
-    return quadratic if thermal.instance_class is Quadratic else network
+    return chosen(thermal, network, quadratic)
 
 
 @compiled
@@ -207,5 +205,5 @@ def survey(detunings: Array, drive: float, rates: Rates, fcd: Array, thermal: An
 
 for kernel in (secular, seculars, state, warmth, dense, follow, survey):
     forget_if_older(kernel, equations.__file__)
-    for module in (fixed, statics, kinds):
+    for module in (fixed, kinds):
         forget_if_older(kernel, str(module.__file__))

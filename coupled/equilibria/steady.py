@@ -12,14 +12,13 @@ from thermofem.models import ThermalModel
 from ..arguments import check_detuning, check_power, check_ring
 from ..record import origin
 from ..resonator import RingResonator
-from ..thermal import compact
+from ..thermal import Compact, attributes, compact
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from ..kernels.equations import Rates
-    from ..kernels.kinds import Network, Quadratic
-    from .static import Curve, Static
+    from ..kernels.kinds import Curve, Static, Thermal
 
 Array = NDArray[np.float64]
 
@@ -102,27 +101,21 @@ def steady_states(
 class Internal(NamedTuple):
     """A ring and its heat in internal units."""
 
-    model: Any  # as `compact` returns it
+    model: Compact
     rates: Rates
     fcd: Array
-    thermal: Network | Quadratic
+    thermal: Thermal
     static: Static | Curve
 
 
 def internal(ring: RingResonator, model: ThermalModel, largest: float) -> Internal:
     """Resolve ring and thermal model, whose static rise is wanted up to ``largest``, the absorbed power in W."""
     from ..kernels import equations as eq
-    from .static import Static, curve
+    from .static import at_rest
 
     small = compact(model)
     rates, fcd = eq.internal_rates(ring)
-    static: Static | Curve
-    if hasattr(small, "H"):
-        static = curve(small, largest)
-    else:
-        R = float(getattr(small, "linear", small).thermal_resistance) * eq.UW
-        static = Static(R, float(getattr(small, "coefficient", 0)))
-    return Internal(small, rates, fcd, eq.internal_thermal(small), static)
+    return Internal(small, rates, fcd, eq.internal_thermal(small), at_rest(small, largest))
 
 
 def absorbable(ring: RingResonator, power: float) -> float:
@@ -170,12 +163,6 @@ def kind_of(eigenvalues: NDArray[np.complex128]) -> tuple[float, float, str]:
     return float(first.real), float(omega), regime
 
 
-def provenance(kind: str, ring: RingResonator, model: Any) -> dict[str, Any]:
+def provenance(kind: str, ring: RingResonator, model: Compact) -> dict[str, Any]:
     """Attributes of a Dataset of this package: what it is, and the ring and the network it was made with."""
-    said = origin(kind, ring)
-    poles = getattr(model, "linear", model)
-    if hasattr(poles, "tau"):
-        said |= {"model_R": np.asarray(poles.R), "model_tau": np.asarray(poles.tau)}
-    if hasattr(model, "coefficient"):
-        said["model_coefficient"] = float(model.coefficient)
-    return said
+    return origin(kind, ring) | attributes(model)

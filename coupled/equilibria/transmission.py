@@ -122,6 +122,7 @@ def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike,
         together.
     """
     from ..kernels import equations as eq
+    from ..kernels.kinds import Static
     from . import balance
 
     check_ring(ring)
@@ -140,7 +141,7 @@ def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike,
         raise checks.InputError(f"ring {ring.name!r} has no drop port")
     U = wanted.ravel() / (2 * ring.drop_bus_rate) / eq.FJ
     rates, fcd = eq.internal_rates(ring)
-    N = balance.balances(U, rates, fcd, balance.static.Static(0.0))[0]
+    N = balance.balances(U, rates, fcd, Static(0.0))[0]
     at = internal(ring, model, float(eq.absorbed_power.py_func(U, N, rates).max()) * eq.UW)
     shift, gamma = balance.balances(U, at.rates, at.fcd, at.static)[[3, 5]]
     D = shift - 2 * np.pi * eq.NS * nu.ravel()

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from thermofem import checks
-from thermofem.models import Foster, OutputMap, ThermalModel
+from thermofem.models import Foster, OutputMap, Quadratic, ThermalModel
 
 from ..parameters import borghi2021 as borghi
 from ..parameters import vanvaerenbergh2012 as vanvaerenbergh
@@ -33,14 +33,12 @@ def model_of(name: str, model: ThermalModel) -> dict[str, Any]:
         a model of a kind that the page cannot run, too large, or not passive.
     """
     hint = "the page runs Foster networks, small linear models and OutputMap over one"
-    if hasattr(model, "H") and hasattr(model, "G"):
+    small = compact(model)
+    if isinstance(small, Quadratic):
         raise checks.InputError(
             f"model {name!r} is quadratic; {hint}: give a linear reduction (surrogate.reduce) or surrogate.output_map"
         )
-    small = compact(getattr(model, "model", model))
-    linear = getattr(small, "linear", small)
-    if not isinstance(linear, Foster) or not isinstance(small, Foster | OutputMap):
-        raise checks.InputError(f"model {name!r} is a {type(model).__name__}; {hint}; export or refit it as one")
+    linear = small.linear if isinstance(small, OutputMap) else small
     if linear.order > LARGEST:
         raise checks.InputError(
             f"model {name!r} has {linear.order} poles, at most {LARGEST} run in the page; "
@@ -50,7 +48,7 @@ def model_of(name: str, model: ThermalModel) -> dict[str, Any]:
         "name": name,
         "R": np.asarray(linear.R, dtype=float).tolist(),
         "tau": np.asarray(linear.tau, dtype=float).tolist(),
-        "coefficient": float(getattr(small, "coefficient", 0.0)),
+        "coefficient": small.coefficient if isinstance(small, OutputMap) else 0.0,
     }
 
 

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import checks
-from thermofem.models import Foster, ThermalModel
+from thermofem.models import HasModel, ThermalModel
 
 from ..arguments import check_ring
 from ..progress import bar
 from ..resonator import RingResonator
+from ..thermal import Compact
 from ..unknowns import Unknowns, unknowns
 from .cycles import Cycle, Observed, misfit
 from .matching import Target, coarse, polished, residuals, simulated, targets_of
@@ -30,14 +31,14 @@ SEARCHED = 6  # harmonics that count in the evolution
 
 
 @dataclass(frozen=True, eq=False)
-class Identification:
+class Identification(HasModel):
     """What `identify` found.
 
     Attributes
     ----------
     parameters, standard_deviations : dict of str to float
         of the free parameters, in SI; the deviations over the independent runs.
-    ring, model : RingResonator, Foster
+    ring, model : RingResonator, Foster (or the kind of the given model, where nothing of it is free)
         with those parameters.
     residuals : xarray.Dataset
         over trace: power (W), detuning (Hz), period and period_model (s), and shape_error, the root mean square
@@ -53,7 +54,7 @@ class Identification:
     parameters: dict[str, float]
     standard_deviations: dict[str, float]
     ring: RingResonator
-    model: Foster
+    model: Compact
     residuals: xr.Dataset
     cycles: xr.Dataset
     samples: xr.Dataset
@@ -94,7 +95,8 @@ def identify(
         of the second-order equation; "tau_th" (s) and "heat_capacity" (J/K) of Newton's law; "R" (K/W) and "tau" (s),
         all poles of ``model``.
     model : ThermalModel, optional
-        what the thermal parameters start from, or the model where none is free. By default the paper's.
+        what the thermal parameters start from (a linear one), or where none is free the model, of any kind that
+        `simulate` takes. By default the paper's.
     bounds : mapping of name to (low, high), optional
         by default a factor of 4 either side of the start.
     runs : int

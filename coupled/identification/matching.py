@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import checks
-from thermofem.models import Foster
 
 from ..arguments import check_detuning, check_power
 from ..resonator import RingResonator
 from ..simulate import simulate
+from ..thermal import Compact
 from ..unknowns import Unknowns
 from .cycles import HARMONICS, Cycle, Observed, cycle_of, misfit, observe
 
@@ -58,7 +58,7 @@ def targets_of(traces: xr.Dataset | Sequence[xr.Dataset]) -> list[Target]:
     return targets
 
 
-def simulated(ring: RingResonator, model: Foster, target: Target) -> Cycle:
+def simulated(ring: RingResonator, model: Compact, target: Target) -> Cycle:
     """The cycle of the model under the drive of a trace."""
     run = simulate(
         ring, model, power=target.power, detuning=target.detuning, duration=target.duration, rtol=RTOL

@@ -365,7 +365,7 @@ def _linearize_of(start, Y, tau, T, ring, scheme, forcing):  # type: ignore[no-u
         return full_pass(start, Y, tau, T, ring, scheme, forcing)
 
     heat = ring.types[ring.fields.index("thermal")]
-    return full if heat.instance_class is kinds.Quadratic else network
+    return kinds.chosen(heat, network, full)
 
 
 for kernel in (network_pass, full_pass, substitute):

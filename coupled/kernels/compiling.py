@@ -15,11 +15,11 @@ inlined = njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST, forc
 
 
 def forget_if_older(kernel: Any, source: str) -> None:
-    """Delete the cached machine code of ``kernel`` when ``source``, where functions that it calls stand, is newer.
+    """Delete the cached machine code of the kernel's module when ``source``, a file whose functions it calls, is newer.
 
-    numba compares a cache with the kernel's own file only.
+    Numba compares a cache with the kernel's own file only.
     """
-    edited = Path(source).stat().st_mtime
-    for index in Path(kernel.stats.cache_path).glob(f"*{kernel.__name__}-*.nbi"):
+    edited, module = Path(source).stat().st_mtime, kernel.__module__.rpartition(".")[2]
+    for index in Path(kernel.stats.cache_path).glob(f"{module}.*.nbi"):
         if index.stat().st_mtime < edited:
             index.unlink(missing_ok=True)

@@ -26,15 +26,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from thermofem import Foster, OutputMap
+
 from . import kinds
 from .compiling import compiled, forget_if_older, inlined
 from .kinds import flow, lift, read, spread
 
 if TYPE_CHECKING:
-    from thermofem.models import Foster
-
     from ..resonator import RingResonator
-    from .kinds import Network, Quadratic
+    from ..thermal import Compact
+    from .kinds import Thermal
 
 Array = NDArray[np.float64]
 Row = tuple[float, float, float, float]
@@ -78,20 +79,22 @@ def internal_rates(ring: RingResonator) -> tuple[Rates, Array]:
     return rates, fcd
 
 
-def internal_poles(model: Foster) -> Array:
-    """Return the Foster network in internal units, rows (gain_i in K/fJ, rate_i in 1/ns)."""
-    R, tau = np.asarray(model.R, dtype=float), np.asarray(model.tau, dtype=float)
-    return np.array([R * UW * NS / tau, NS / tau])
-
-
-def internal_thermal(model: Any) -> Network | Quadratic:
-    """Return a network, an output map over one, or a quadratic model in internal units."""
-    if not hasattr(model, "H"):
-        return kinds.Network(internal_poles(getattr(model, "linear", model)), float(getattr(model, "coefficient", 0.0)))
+def internal_thermal(model: Compact) -> Thermal:
+    """Return a Foster network, an output map over one, or a quadratic model in internal units."""
+    if isinstance(model, OutputMap):
+        return kinds.Poles(_poles(model.linear), float(model.coefficient))
+    if isinstance(model, Foster):
+        return kinds.Poles(_poles(model), 0.0)
     A, H, G, B, C = (np.ascontiguousarray(getattr(model, name), dtype=float) for name in "AHGBC")
     static = np.linalg.solve(A, B)
     weight = np.where(C != 0, np.abs(C), np.abs(C @ static) / np.abs(static).max())
     return kinds.Quadratic(A * NS, H * NS, G * FJ, B * FJ, C, weight)
+
+
+def _poles(model: Foster) -> Array:
+    """Return rows (gain_i in K/fJ, rate_i in 1/ns)."""
+    R, tau = np.asarray(model.R, dtype=float), np.asarray(model.tau, dtype=float)
+    return np.array([R * UW * NS / tau, NS / tau])
 
 
 def internal_drive(ring: RingResonator, power: float) -> float:
@@ -170,7 +173,7 @@ def optics_jacobian(
 
 @compiled
 def right_hand_side(y: Array, drive: float, detuning: float, rates: Rates, fcd: Array, thermal: Any) -> Array:
-    """Return dy/dt, shape (3 + n,); ``thermal`` is of any of the `kinds`, or the array of a network's poles."""
+    """Return dy/dt, shape (3 + n,); ``thermal`` is one of the `kinds`."""
     out, shift = np.empty_like(y), dispersion(y[2], fcd)[0]
     dT = lift(read(y, thermal), thermal)[0]
     out[0], out[1], out[2], heat = optics(y[0], y[1], y[2], dT, shift, drive, detuning, rates)

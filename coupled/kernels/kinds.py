@@ -1,30 +1,55 @@
-"""What differs between the kinds of thermal models, chosen when the integration is compiled and not while it runs.
+"""The kinds of heat that are integrated with the optics, and the one place where compiled code tells them apart.
 
-    network:    dx_i/dt = gain_i P_abs - rate_i x_i,               dT = z + curvature z^2,  z = sum_i x_i
+    poles:      dx_i/dt = gain_i P_abs - rate_i x_i,               dT = z + curvature z^2,  z = sum_i x_i
     quadratic:  dx/dt   = A x + H[x, x] + (G x + B) P_abs,         dT = z = C x
 
-A bare array of poles, rows (gain_i, rate_i), is a network without curvature. A function here is a name for compiled
-code to call, and numba takes the body that fits the type of ``thermal``; called from Python it returns None.
+Functions such as `read` and `flow` are stubs, overloaded in Numba: the type of ``thermal`` selects the body when the
+integration is compiled. Called from Python they return None. Another module that needs a body for each kind declares a
+stub in the same way and selects with `chosen`. Internal units, as in `equations`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
 from numba.extending import overload
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Body = Any
+AtRest = Callable[[], tuple[Array, Array, NDArray[np.intp]]]
 
 
-class Network(NamedTuple):
+class Poles(NamedTuple):
     """A Foster network with an output map, in internal units."""
 
     poles: Array  # rows (gain_i in K/fJ, rate_i in 1/ns)
     curvature: float  # 1/K
+
+    @property
+    def order(self) -> int:
+        """Number of thermal states."""
+        return int(self.poles.shape[1])
+
+    @property
+    def slowest(self) -> float:
+        """Rate of the slowest decay in 1/ns."""
+        return float(self.poles[1].min())
+
+    def without_idle_poles(self) -> Poles:
+        """The same without poles of zero gain, and equal rates merged: the stability of the ring is the same."""
+        rate, where = np.unique(self.poles[1], return_inverse=True)
+        merged = np.array([np.bincount(where, self.poles[0]), rate])
+        return self._replace(poles=np.ascontiguousarray(merged[:, merged[0] > 0]))
+
+    def impedance(self, z: NDArray[np.complex128], at_rest: AtRest) -> NDArray[np.complex128]:
+        """Thermal impedance in K/uW of small changes at the complex frequencies ``z``; it needs no states."""
+        total = np.zeros(z.shape, dtype=complex)
+        for gain, rate in self.poles.T:
+            total += gain / (z + rate)
+        return total
 
 
 class Quadratic(NamedTuple):
@@ -37,18 +62,60 @@ class Quadratic(NamedTuple):
     C: Array  # 1
     weight: Array  # what an error of each state counts as, in K
 
+    @property
+    def order(self) -> int:
+        """Number of thermal states."""
+        return int(self.C.size)
 
-Thermal = Network | Quadratic
+    @property
+    def slowest(self) -> float:
+        """Rate of the slowest decay at rest in 1/ns."""
+        return float(-np.linalg.eigvals(self.A).real.max())
+
+    def without_idle_poles(self) -> Quadratic:
+        """The system itself."""
+        return self
+
+    def impedance(self, z: NDArray[np.complex128], at_rest: AtRest) -> NDArray[np.complex128]:
+        """Thermal impedance in K/uW of small changes about states at rest, at the complex frequencies ``z``.
+
+        ``at_rest()`` returns states (m, n), their absorbed powers (m,) in uW, and for each z which of them it is about.
+        """
+        x, power, which = at_rest()
+        J = self.A + 2 * np.einsum("ijk,mk->mij", self.H, x) + power[:, None, None] * self.G
+        rates, modes = np.linalg.eig(J)
+        heating = (self.B + x @ self.G.T)[..., None].astype(complex)
+        gains = (self.C @ modes) * np.linalg.solve(modes, heating)[..., 0]
+        total = np.zeros(z.shape, dtype=complex)
+        for k in range(self.C.size):
+            total += gains[which, k] / (z - rates[which, k])
+        return total
+
+
+class Static(NamedTuple):
+    """Heat at rest of a Foster network with an output map: dT = z + curvature z^2, z = R P."""
+
+    R: float  # K/uW
+    curvature: float = 0.0  # 1/K
+
+
+class Curve(NamedTuple):
+    """Heat at rest of a quadratic model: dT = P f(P), and beyond ``top`` the tangent there."""
+
+    top: float  # uW
+    f: Array  # K/uW, Chebyshev coefficients over [0, top]
+    slope: Array  # those of df/dx, x = 2 P/top - 1
+
+
+Thermal = Poles | Quadratic
 SHARES, NEWTON_STEPS = 8, 12  # of the power, one after the other, and to each
 ROUGH, TINY = 1e-2, 1e-300
 OPTIONS = {"error_model": "numpy", "fastmath": {"contract", "reassoc", "nsz", "arcp"}}
 
 
-def _chosen(thermal: Any, poles: Body, network: Body, quadratic: Body) -> Body:
-    """The body for the kind of ``thermal``, a type of numba."""
-    if isinstance(thermal, types.Array):
-        return poles
-    return quadratic if thermal.instance_class is Quadratic else network
+def chosen(thermal: Any, poles: Body, quadratic: Body) -> Body:
+    """Return the body for the kind of ``thermal``, a Numba type."""
+    return quadratic if thermal.instance_class in (Quadratic, Curve) else poles
 
 
 def read(y: Array, thermal: Any) -> Any:
@@ -81,7 +148,7 @@ def spread(y: Array, heat: float, by_heat: Any, by_dT: Any, thermal: Any, out: A
 
 @overload(read, jit_options=OPTIONS, strict=False)
 def _read(y: Any, thermal: Any) -> Body:
-    def network(y: Array, thermal: Any) -> float:
+    def poles(y: Array, thermal: Any) -> float:
         z = 0.0
         for i in range(3, y.size):
             z += y[i]
@@ -93,23 +160,23 @@ def _read(y: Any, thermal: Any) -> Body:
             z += thermal.C[i - 3] * y[i]
         return z
 
-    return _chosen(thermal, network, network, quadratic)
+    return chosen(thermal, poles, quadratic)
 
 
 @overload(lift, jit_options=OPTIONS, strict=False)
 def _lift(z: Any, thermal: Any) -> Body:
-    def straight(z: float, thermal: Any) -> tuple[float, float]:
-        return z, 1.0
-
-    def bent(z: float, thermal: Any) -> tuple[float, float]:
+    def poles(z: float, thermal: Any) -> tuple[float, float]:
         return z + thermal.curvature * z * z, 1.0 + 2.0 * thermal.curvature * z
 
-    return _chosen(thermal, straight, bent, straight)
+    def quadratic(z: float, thermal: Any) -> tuple[float, float]:
+        return z, 1.0
+
+    return chosen(thermal, poles, quadratic)
 
 
 @overload(weigh, jit_options=OPTIONS, strict=False)
 def _weigh(k: Any, thermal: Any) -> Body:
-    def network(k: Array, thermal: Any) -> float:
+    def poles(k: Array, thermal: Any) -> float:
         total = 0.0
         for i in range(3, k.shape[1]):
             total += abs(k[-1, i])
@@ -121,16 +188,12 @@ def _weigh(k: Any, thermal: Any) -> Body:
             total += abs(k[-1, i]) * thermal.weight[i - 3]
         return total
 
-    return _chosen(thermal, network, network, quadratic)
+    return chosen(thermal, poles, quadratic)
 
 
 @overload(flow, jit_options=OPTIONS, strict=False)
 def _flow(y: Any, heat: Any, thermal: Any, out: Any) -> Body:
-    def bare(y: Array, heat: float, thermal: Any, out: Array) -> None:
-        for i in range(3, y.size):
-            out[i] = thermal[0, i - 3] * heat - thermal[1, i - 3] * y[i]
-
-    def network(y: Array, heat: float, thermal: Any, out: Array) -> None:
+    def poles(y: Array, heat: float, thermal: Any, out: Array) -> None:
         for i in range(3, y.size):
             out[i] = thermal.poles[0, i - 3] * heat - thermal.poles[1, i - 3] * y[i]
 
@@ -145,30 +208,23 @@ def _flow(y: Any, heat: Any, thermal: Any, out: Any) -> Body:
                 total += row * y[3 + j]
             out[3 + i] = total
 
-    return _chosen(thermal, bare, network, quadratic)
+    return chosen(thermal, poles, quadratic)
 
 
 @overload(order, jit_options=OPTIONS, strict=False)
 def _order(thermal: Any) -> Body:
-    def bare(thermal: Any) -> int:
-        return int(thermal.shape[1])
-
-    def network(thermal: Any) -> int:
+    def poles(thermal: Any) -> int:
         return int(thermal.poles.shape[1])
 
     def quadratic(thermal: Any) -> int:
         return int(thermal.C.size)
 
-    return _chosen(thermal, bare, network, quadratic)
+    return chosen(thermal, poles, quadratic)
 
 
 @overload(rest, jit_options=OPTIONS, strict=False)
 def _rest(heat: Any, thermal: Any, out: Any) -> Body:
-    def bare(heat: float, thermal: Any, out: Array) -> None:
-        for i in range(thermal.shape[1]):
-            out[3 + i] = thermal[0, i] / thermal[1, i] * heat
-
-    def network(heat: float, thermal: Any, out: Array) -> None:
+    def poles(heat: float, thermal: Any, out: Array) -> None:
         for i in range(thermal.poles.shape[1]):
             out[3 + i] = thermal.poles[0, i] / thermal.poles[1, i] * heat
 
@@ -192,18 +248,12 @@ def _rest(heat: Any, thermal: Any, out: Any) -> Body:
                     break  # near enough for the next share; at the last one, where round-off stops it
                 before = size
 
-    return _chosen(thermal, bare, network, quadratic)
+    return chosen(thermal, poles, quadratic)
 
 
 @overload(spread, jit_options=OPTIONS, strict=False)
 def _spread(y: Any, heat: Any, by_heat: Any, by_dT: Any, thermal: Any, out: Any) -> Body:
-    def bare(y: Array, heat: float, by_heat: Any, by_dT: Any, thermal: Any, out: Array) -> None:
-        for j in range(3, y.size):
-            out[j, j] = -thermal[1, j - 3]
-            for i in range(3):
-                out[i, j], out[j, i] = by_dT[i], thermal[0, j - 3] * by_heat[i]
-
-    def network(y: Array, heat: float, by_heat: Any, by_dT: Any, thermal: Any, out: Array) -> None:
+    def poles(y: Array, heat: float, by_heat: Any, by_dT: Any, thermal: Any, out: Array) -> None:
         slope = lift(read(y, thermal), thermal)[1]
         for j in range(3, y.size):
             out[j, j] = -thermal.poles[1, j - 3]
@@ -222,4 +272,44 @@ def _spread(y: Any, heat: Any, by_heat: Any, by_dT: Any, thermal: Any, out: Any)
             for i in range(3):
                 out[i, 3 + j], out[3 + j, i] = by_dT[i] * thermal.C[j], gain * by_heat[i]
 
-    return _chosen(thermal, bare, network, quadratic)
+    return chosen(thermal, poles, quadratic)
+
+
+def rise(heat: float, static: Any) -> Any:
+    """Return dT and d(dT)/dP at the absorbed power ``heat``."""
+
+
+def bend(heat: float, static: Any) -> Any:
+    """Return d(dT)/dz: what an output map does to small changes of a network, and 1 for a quadratic model."""
+
+
+@overload(rise, jit_options=OPTIONS, strict=False)
+def _rise(heat: Any, static: Any) -> Any:
+    def poles(heat: float, static: Any) -> tuple[float, float]:
+        z = static.R * heat
+        return z + static.curvature * z * z, static.R * (1.0 + 2.0 * static.curvature * z)
+
+    def quadratic(heat: float, static: Any) -> tuple[float, float]:
+        P = min(heat, static.top)
+        x = 2.0 * P / static.top - 1.0
+        a, b, c, d = 0.0, 0.0, 0.0, 0.0  # Clenshaw's recurrences
+        for k in range(static.f.size - 1, 0, -1):
+            a, b = static.f[k] + 2.0 * x * a - b, a
+        for k in range(static.slope.size - 1, 0, -1):
+            c, d = static.slope[k] + 2.0 * x * c - d, c
+        f, slope = static.f[0] + x * a - b, static.slope[0] + x * c - d
+        by_heat = f + P * slope * 2.0 / static.top
+        return P * f + (heat - P) * by_heat, by_heat
+
+    return chosen(static, poles, quadratic)
+
+
+@overload(bend, jit_options=OPTIONS, strict=False)
+def _bend(heat: Any, static: Any) -> Any:
+    def poles(heat: float, static: Any) -> float:
+        return 1.0 + 2.0 * static.curvature * static.R * heat
+
+    def quadratic(heat: float, static: Any) -> float:
+        return 1.0
+
+    return chosen(static, poles, quadratic)

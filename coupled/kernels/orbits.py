@@ -337,7 +337,7 @@ def _warm_of(start, Y, tau, T, ring, scheme):  # type: ignore[no-untyped-def]
                         Y[k, j, 3 + a] += step[n * j + a]
 
     heat = ring.types[ring.fields.index("thermal")]
-    return full if heat.instance_class is kinds.Quadratic else network
+    return kinds.chosen(heat, network, full)
 
 
 @compiled

@@ -176,7 +176,7 @@ def _workspace_of(n: Any, thermal: Any) -> Any:
     def full(n, thermal):  # type: ignore[no-untyped-def]
         return np.empty((n, n)), np.empty(n, np.int64), np.empty((3, 3 + n))
 
-    return full if thermal.instance_class is kinds.Quadratic else network
+    return kinds.chosen(thermal, network, full)
 
 
 @overload(_take, strict=False)
@@ -187,7 +187,7 @@ def _take_of(y, h, drive, detuning, slopes, rates, fcd, thermal, method, out, k,
     def full(y, h, drive, detuning, slopes, rates, fcd, thermal, method, out, k, total, space):  # type: ignore[no-untyped-def]
         return quadratic.step(y, h, drive, detuning, slopes, rates, fcd, thermal, method, out, k, total, space)
 
-    return full if thermal.instance_class is kinds.Quadratic else network
+    return kinds.chosen(thermal, network, full)
 
 
 @compiled

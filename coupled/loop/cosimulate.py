@@ -16,7 +16,7 @@ from ..arguments import check_run, detuning_in_time, power_in_time
 from ..record import provenance, traces
 from ..resonator import RingResonator
 from ..states import State
-from ..thermal import compact, states_of
+from ..thermal import Compact, compact
 from ..window import Window
 from .corrector import FEM, Corrector
 from .relaxation import Passed, Relaxation
@@ -121,7 +121,7 @@ def cosimulate(
     model = chosen if chosen is NO_PREDICTOR else compact(chosen)
     loop = Relaxation(
         ring, model, corrector, light["input_power"], light["detuning"], float(duration), min(FIRST, duration),
-        tolerance, rtol, State.cold(states_of(model)), _background(corrector, predictor),
+        tolerance, rtol, State.cold(model.order), _background(corrector, predictor),
     )  # fmt: skip
     parts = []
     while loop.time < duration:
@@ -214,7 +214,7 @@ def _joined(parts: list[Passed]) -> Window:
     return parts[-1].run._replace(**joined, delta_T=rise, counts=counts)
 
 
-def _named(model: ThermalModel) -> str:
+def _named(model: Compact) -> str:
     if model is NO_PREDICTOR:
         return "none"
-    return f"{type(model).__name__} with {states_of(model)} states"
+    return f"{type(model).__name__} with {model.order} states"

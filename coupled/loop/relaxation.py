@@ -22,11 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import checks
-from thermofem.models import ThermalModel
 from thermofem.waveforms import Cubic
 
 from ..resonator import RingResonator
 from ..states import State
+from ..thermal import Compact
 from ..window import Window, advance
 from .corrector import Corrector
 
@@ -72,7 +72,7 @@ class Relaxation:
     """
 
     ring: RingResonator
-    model: ThermalModel
+    model: Compact
     corrector: Corrector
     power: Any
     detuning: Any

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermofem import checks
+from thermofem import Quadratic, checks
 from thermofem.models import ThermalModel
 
 from ..arguments import check_duration
@@ -24,7 +24,7 @@ from ..progress import bar
 from ..pulsing import Regime
 from ..resonator import RingResonator
 from ..states import State
-from ..thermal import compact, long_enough, states_of
+from ..thermal import Compact, compact, long_enough
 from .grid import Grid, Point, grid_of
 from .journal import Journal
 from .quick import pulse
@@ -192,11 +192,11 @@ def overlap(first: xr.Dataset, second: xr.Dataset) -> float:
     return float(np.mean((one == "self-pulsing")[known] == (other == "self-pulsing")[known]))
 
 
-def _identity(attrs: dict[str, Any], grid: Grid, model: Any) -> dict[str, Any]:
+def _identity(attrs: dict[str, Any], grid: Grid, model: Compact) -> dict[str, Any]:
     """What the rows of a map depend on, as JSON."""
     numbers = {name: np.asarray(value).tolist() for name, value in attrs.items()}
     numbers |= {f"axis {name}": axis.tolist() for name, axis in zip(grid.names, grid.axes, strict=True)}
-    if hasattr(model, "H"):
+    if isinstance(model, Quadratic):
         numbers |= {f"model {name}": np.asarray(getattr(model, name)).tolist() for name in "AHGBC"}
     return numbers
 
@@ -218,11 +218,11 @@ def _possible(cell: _Cell) -> bool:
 
 
 def _row(
-    model: Any, points: list[Point], duration: float, rtol: float, follow: Follow | None, watch: NDArray[np.float64]
+    model: Compact, points: list[Point], duration: float, rtol: float, follow: Follow | None, watch: NDArray[np.float64]
 ) -> list[_Cell]:
     """All points of one row, each on its own or from where its neighbour ended."""
     cells: list[_Cell] = []
-    state = cold = State.cold(states_of(model))
+    state = cold = State.cold(model.order)
     for point in reversed(points) if follow == Follow.DOWN else points:
         cell, end = _cell(model, point, duration, rtol, state, watch)
         cells.append(cell)
@@ -231,7 +231,7 @@ def _row(
 
 
 def _cell(
-    model: Any, point: Point, duration: float, rtol: float, state: State, watch: NDArray[np.float64]
+    model: Compact, point: Point, duration: float, rtol: float, state: State, watch: NDArray[np.float64]
 ) -> tuple[_Cell, State | None]:
     """One point, and where its run ended; whatever stops it becomes its reason."""
     ring, power, detuning = point

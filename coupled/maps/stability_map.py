@@ -109,9 +109,7 @@ def survey_grid(at: Internal, grid: Grid) -> Array:
     from ..equilibria import spectrum
     from ..kernels import equations as eq
 
-    thermal: Any = at.thermal
-    if hasattr(thermal, "poles"):
-        thermal = thermal._replace(poles=_heated_poles(thermal.poles))
+    thermal = at.thermal.without_idle_poles()
 
     def part(points: list[Point]) -> Array:
         ring, power, _ = points[0]
@@ -128,10 +126,3 @@ def survey_grid(at: Internal, grid: Grid) -> Array:
         rows = np.array([first, *pool.map(row, grid.rows[1:])])
     unit = np.array([1, 1, 1 / eq.NS, 1 / (2 * np.pi * eq.NS)])[:, None, None]
     return np.asarray(rows.transpose(1, 0, 2) * unit)
-
-
-def _heated_poles(poles: Array) -> Array:
-    """The poles that heat reaches, equal ones merged: the rest neither grow nor are seen."""
-    rate, where = np.unique(poles[1], return_inverse=True)
-    merged = np.array([np.bincount(where, poles[0]), rate])
-    return np.ascontiguousarray(merged[:, merged[0] > 0])

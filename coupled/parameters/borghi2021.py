@@ -8,7 +8,7 @@ and "FEM" are the origins that the tables give.
 from __future__ import annotations
 
 from ..carriers import ShockleyReadHall
-from ..resonator import RingResonator
+from ..resonator import RingResonator, published
 from .laws import NewtonParameters, SecondOrderParameters
 
 MASS = 1.09e-14  # kg, of the core; Table 1, Exp.
@@ -33,6 +33,7 @@ SECOND_ORDER_EXPERIMENT = SecondOrderParameters(7.45e5, 71e-9, 1030e-9, 0.29, HE
 """Trained on three measured traces, Section 5; standard deviations 0.05e5 1/s, 2 ns, 20 ns and 0.03."""
 
 
+@published
 def borghi2021() -> RingResonator:
     """Return the silicon racetrack of Borghi et al., with the printed tables and the two-term free-carrier dispersion.
 

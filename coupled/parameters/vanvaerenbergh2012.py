@@ -10,7 +10,7 @@ the light that two-photon absorption takes, but all of its heat; that is a slip 
 from __future__ import annotations
 
 from ..lifetime import ConstantLifetime
-from ..resonator import RingResonator
+from ..resonator import RingResonator, published
 from .laws import NewtonParameters
 
 COUPLING = 205e-12  # s, tau_c: 1/tau_c is the amplitude decay rate into the bus, and that of the ring's own loss
@@ -24,6 +24,7 @@ NEWTON = NewtonParameters(tau_th=65e-9, heat_capacity=HEATED_MASS * SPECIFIC_HEA
 FCA_CONFINEMENT = 0.9996
 
 
+@published
 def vanvaerenbergh2012() -> RingResonator:
     """Return the critically coupled ring of Van Vaerenbergh et al., to be used with Newton's law, `NEWTON`.
 

@@ -1,4 +1,4 @@
-"""Models as files: JSON in and out (`surrogate.export.json`), and for other programs, out only.
+"""Models for other programs. Model files of this project are `thermofem.models.files`.
 
 A format joins by one file with a function ``write(model, path, header)`` and one line in `FORMATS`.
 """
@@ -32,14 +32,15 @@ def export_model(
 
     Parameters
     ----------
-    model : Foster, StateSpace, or another kind that the format can hold
+    model : ThermalModel
+        of a kind that the format can hold ("mat" holds all), or a fit or reduction that holds one.
     path : str or Path
         SPICE and Verilog-A call the subcircuit or module after the file.
     to : str
         "spice" (subcircuit), "verilog-a" (module), "fmu" (FMI co-simulation; needs pythonfmu or pythonfmu3), "mat"
         (matrices for SciPy, MATLAB, pyMOR) or "csv" (poles).
     provenance : mapping
-        ``fit.provenance``, ``rom.provenance`` or `load_provenance` of the model's file; ends up in the header.
+        `load_provenance` of the model's file, for the header; default the ``.provenance`` of a fit or reduction.
     fmi : 2 or 3
         version of FMI, for "fmu".
 
@@ -56,6 +57,7 @@ def export_model(
         ``to="fmu"``, and the library that builds it is not installed.
     """
     from thermofem.dataset import check_target
+    from thermofem.models import HasModel, bare
 
     from .header import header
 
@@ -66,9 +68,12 @@ def export_model(
         model,
         "inputs",
         "outputs",
-        hint="a thermal model is needed, such as the .model of a fit",
+        hint="a thermal model is needed, such as thermofem.Foster or a fit",
     )
     checks.has("provenance", provenance or {}, "items", hint="a mapping is needed, such as the .provenance of a fit")
+    if provenance is None and isinstance(model, HasModel):
+        provenance = model.provenance
+    model = bare(model)
     lines = header(model, provenance or {})
     if to == "fmu":
         from .fmu import write

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import Foster, OutputMap, StateSpace, checks
-from thermofem.models import Network
 
 Array = NDArray[np.float64]
 
@@ -43,26 +42,31 @@ class Modes:
 
 
 def modes(model: Any) -> Modes:
-    """The poles of a Foster network, output map, SINDy network or StateSpace, slowest last, unfelt ones left out.
+    """The poles of a linear model or an output map, slowest last; poles that no input reaches are left out.
 
     Raises
     ------
     InputError
         another kind of model, too many states, or a pole that does not decay.
     """
-    if isinstance(model, OutputMap):
-        return replace(modes(model.linear), coefficient=model.coefficient)
-    if isinstance(model, Network):
-        return modes(model.poles)
-    names = (model.inputs, model.outputs)
-    if isinstance(model, Foster):
-        R, tau = np.asarray(model.R), np.asarray(model.tau)
-        kept = R != 0
-        return Modes(1 / tau[kept], (R / tau)[kept, None], np.ones((1, int(kept.sum()))), *names)
-    if not isinstance(model, StateSpace):
+    if isinstance(model, StateSpace):  # of any number of inputs and outputs
+        return _of_state_space(model)
+    small = model.dynamics
+    if isinstance(small, OutputMap):
+        return replace(modes(small.linear), coefficient=small.coefficient)
+    if not isinstance(small, Foster):
         raise checks.InputError(
-            f"a {type(model).__name__} is not a set of independent poles; to='mat' takes it, or export its .linear"
+            f"a {type(model).__name__} is not a set of independent poles; to='mat' takes every kind, the other formats "
+            "take Foster, StateSpace, Network, Cauer and OutputMap; or export its .linear"
         )
+    R, tau = np.asarray(small.R), np.asarray(small.tau)
+    kept = R != 0
+    share = np.ones((1, int(kept.sum())))
+    return Modes(1 / tau[kept], (R / tau)[kept, None], share, model.inputs, model.outputs)
+
+
+def _of_state_space(model: StateSpace) -> Modes:
+    """The poles of a linear system, each scaled to a temperature."""
     if model.order > MOST:
         raise checks.InputError(f"a StateSpace of {model.order} states is not compact; surrogate.reduce it first")
     rate, vectors = _eigen(model)
@@ -71,7 +75,7 @@ def modes(model: Any) -> Modes:
     kept = (scale > 0) & np.any(B != 0, axis=1)
     rate, B, C, scale = rate[kept], B[kept], C[:, kept], scale[kept]
     order = np.argsort(-rate)
-    return Modes(rate[order], (B * scale[:, None])[order], (C / scale)[:, order], *names)
+    return Modes(rate[order], (B * scale[:, None])[order], (C / scale)[:, order], model.inputs, model.outputs)
 
 
 def _eigen(model: StateSpace) -> tuple[Array, Array]:

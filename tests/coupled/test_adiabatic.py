@@ -42,7 +42,7 @@ def test_the_field_is_at_rest_in_its_carriers_and_heat():
 def test_it_agrees_with_another_integrator_under_moving_light():
     wave = th.Sampled([0, 100e-9, 250e-9, 400e-9], [1e-3, 6e-3, 0.0, 5e-3])
     rates, fcd = eq.internal_rates(RING)
-    poles, times = eq.internal_poles(SECOND_ORDER), np.linspace(10e-9, 400e-9, 40)
+    poles, times = eq.internal_thermal(SECOND_ORDER).poles, np.linspace(10e-9, 400e-9, 40)
 
     def f(t, y):
         N, x = max(y[0], 0.0), y[1:]

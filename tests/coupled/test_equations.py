@@ -14,12 +14,12 @@ from coupled.kernels import equations as eq
 def right_hand_side(y, power, detuning, ring, model):
     rates, fcd = eq.internal_rates(ring)
     drive, shift = eq.internal_drive(ring, power), eq.internal_detuning(detuning)
-    return eq.right_hand_side(y, drive, shift, rates, fcd, eq.internal_poles(model))
+    return eq.right_hand_side(y, drive, shift, rates, fcd, eq.internal_thermal(model))
 
 
 def jacobian(y, detuning, ring, model):
     rates, fcd = eq.internal_rates(ring)
-    return eq.jacobian(y, eq.internal_detuning(detuning), rates, fcd, eq.internal_poles(model))
+    return eq.jacobian(y, eq.internal_detuning(detuning), rates, fcd, eq.internal_thermal(model))
 
 
 @pytest.mark.parametrize(("power", "detuning"), [(6.31e-3, 0.0), (1e-2, -17e9)])
@@ -82,7 +82,7 @@ def test_fixed_point_at_8_dbm_on_resonance():
     rates = eq.internal_rates(RING)[0]
     assert abs(residual[:2]).max() < 2e-6 * drive
     assert abs(residual[2]) < 5e-7 * rates.g * 18.74**2
-    assert abs(residual[3:]).max() < 5e-7 * (eq.internal_poles(SECOND_ORDER)[1] * y[3:]).max()
+    assert abs(residual[3:]).max() < 5e-7 * (eq.internal_thermal(SECOND_ORDER).poles[1] * y[3:]).max()
 
 
 def test_eigenvalues_at_that_fixed_point():

@@ -13,9 +13,9 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.equilibria import spectrum
-from coupled.equilibria.static import Static
 from coupled.equilibria.steady import internal, kind_of
 from coupled.kernels import equations as eq
+from coupled.kernels.kinds import Static
 
 RING = coupled.borghi2021()
 EXPERIMENT = surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)

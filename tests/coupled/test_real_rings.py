@@ -14,7 +14,6 @@ import coupled
 import thermofem as th
 from coupled import ConstantLifetime, RingResonator
 from coupled.kernels import equations as eq
-from coupled.ring_toml import read_text
 
 REAL = replace(
     RING,
@@ -162,7 +161,7 @@ eta_fca = "1e-13 m^3/s"
 
 
 def test_a_ring_file():
-    ring = read_text(FULL)
+    ring = RingResonator.from_text(FULL)
     assert ring.frequency == pytest.approx(299792458 / 1551.2e-9, rel=1e-14)
     assert ring.loaded_q == pytest.approx(12e3, rel=1e-12)
     assert ring.loss_rate == pytest.approx(0.4 * math.pi * ring.frequency / 110e3, rel=1e-12)
@@ -214,7 +213,7 @@ def test_a_ring_file_with_a_base(tmp_path):
 )
 def test_slips_in_a_ring_file_are_named(change, message):
     with pytest.raises(th.InputError, match=message):
-        read_text(FULL.replace(*change))
+        RingResonator.from_text(FULL.replace(*change))
 
 
 @pytest.mark.parametrize(
@@ -226,7 +225,7 @@ def test_slips_in_a_ring_file_are_named(change, message):
 )
 def test_what_one_bus_leaves_no_room_for_is_not_dropped_silently(line, message):
     with pytest.raises(th.InputError, match=message):
-        read_text(f'base = "borghi2021"\nbuses = 1\n{line}\n')
+        RingResonator.from_text(f'base = "borghi2021"\nbuses = 1\n{line}\n')
 
 
 @pytest.mark.parametrize(

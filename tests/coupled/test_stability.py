@@ -11,8 +11,8 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.equilibria import spectrum
-from coupled.equilibria.static import Static
 from coupled.kernels import equations as eq
+from coupled.kernels.kinds import Static
 
 RING = coupled.borghi2021()
 LUMPED = RING.with_lumped_fcd()

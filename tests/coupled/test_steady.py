@@ -13,8 +13,8 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.equilibria import balance, spectrum, steady
-from coupled.equilibria.static import Static
 from coupled.kernels import equations as eq
+from coupled.kernels.kinds import Static
 
 RING = coupled.borghi2021()
 LUMPED = RING.with_lumped_fcd()
@@ -91,7 +91,7 @@ def test_every_branch_is_a_fixed_point_of_the_right_hand_side(power, mhz, lumped
     assert found.sizes["branch"] % 2 == 1
     assert np.all(np.diff(found.energy.values) > 0)
     rates, fcd = eq.internal_rates(ring)
-    thermal = eq.internal_poles(model)
+    thermal = eq.internal_thermal(model)
     for k, (y, drive, shift, coupling) in enumerate(states_of(found, model, ring)):
         U = y[0] ** 2 + y[1] ** 2
         # The state follows from U to round-off; D, a difference of shifts up to 1e3 rad/ns, to 1e-13, and U with it by
@@ -100,7 +100,7 @@ def test_every_branch_is_a_fixed_point_of_the_right_hand_side(power, mhz, lumped
         f = eq.right_hand_side(y, drive, shift, rates, fcd, thermal)
         assert np.abs(f[:2]).max() < 1e-11 * drive
         assert abs(f[2]) < 1e-11 * rates.g * U * U
-        assert np.all(np.abs(f[3:]) <= 1e-11 * thermal[1] * y[3:])
+        assert np.all(np.abs(f[3:]) <= 1e-11 * thermal.poles[1] * y[3:])
         branch = found.isel(branch=k)
         total = float(branch["drop"] + branch.through + branch.absorbed)
         assert total == pytest.approx(dbm(power), rel=1e-10, abs=0)
@@ -214,7 +214,7 @@ def test_eigenvalues_are_those_of_the_differentiated_right_hand_side(poles, powe
     model = EXPERIMENT if poles == 2 else th.Foster(R=np.full(poles, 7e3 / poles), tau=np.geomspace(3e-8, 5e-6, poles))
     found = coupled.steady_states(RING, model, power=dbm(power), detuning=detuning)
     rates, fcd = eq.internal_rates(RING)
-    thermal = eq.internal_poles(model)
+    thermal = eq.internal_thermal(model)
     for k, (y, drive, shift, _) in enumerate(states_of(found, model)):
         J = np.empty((y.size, y.size))
         for j in range(y.size):
@@ -249,7 +249,7 @@ def test_eigenvalues_followed_from_a_neighbour_are_the_dense_ones(poles):
 
 def test_a_lost_eigenvalue_is_noticed():
     rates, fcd = eq.internal_rates(RING)
-    thermal = eq.internal_poles(EXPERIMENT)
+    thermal = eq.internal_thermal(EXPERIMENT).poles
     z = np.full(5, np.nan + 0j)
     assert not spectrum.follow(z, spectrum.secular(5.0, rates, fcd, Static(7e-3)), 10.0, thermal)
 

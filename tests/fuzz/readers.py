@@ -26,7 +26,7 @@ from hypothesis import strategies as st
 
 import surrogate
 import thermofem as th
-from coupled import ring_toml
+from coupled import RingResonator, ring_toml
 from thermofem.campaign import Campaign
 from thermofem.campaign.schema import fields
 from thermofem.quantity import parse
@@ -72,7 +72,7 @@ def campaign(text: str) -> None:
 
 def ring(text: str) -> None:
     """Ring file."""
-    ring_toml.read_text(text)
+    RingResonator.from_text(text)
 
 
 def waveform(text: str) -> None:

@@ -1,7 +1,9 @@
 """Thermal models: the contract, every kind that keeps it, and models as files."""
 
-from .contract import OutsideTrainingWarning, ThermalModel, check_single
-from .foster import Foster
+from .cauer import Cauer
+from .contract import HasModel, OutsideTrainingWarning, ThermalModel, bare, check_single
+from .files import KINDS, load_model, load_provenance, save_model
+from .foster import Foster, linear_poles
 from .lumped import BORGHI2021_HEAT_CAPACITY, newton, second_order
 from .network import Network, gate
 from .nonlinear_system import NonlinearSystem
@@ -11,7 +13,10 @@ from .state_space import StateSpace, foster
 
 __all__ = [
     "BORGHI2021_HEAT_CAPACITY",
+    "KINDS",
+    "Cauer",
     "Foster",
+    "HasModel",
     "Network",
     "NonlinearSystem",
     "OutputMap",
@@ -19,9 +24,14 @@ __all__ = [
     "Quadratic",
     "StateSpace",
     "ThermalModel",
+    "bare",
     "check_single",
     "foster",
     "gate",
+    "linear_poles",
+    "load_model",
+    "load_provenance",
     "newton",
+    "save_model",
     "second_order",
 ]

@@ -12,15 +12,20 @@ Source: V. Szekely, T. Van Bien, Solid-State Electronics 31, 1363 (1988); JEDEC 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal, localcontext
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
-from .foster import Foster
+from ..waveforms import Waveform
+from .contract import ThermalModel
+from .foster import Foster, linear_poles
+from .json_fields import parts
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -48,6 +53,8 @@ class Cauer:
 
     R: ArrayLike
     C: ArrayLike
+    inputs: tuple[str, ...] = ("core",)
+    outputs: tuple[str, ...] = ("core",)
 
     def __post_init__(self) -> None:
         R, C = checks.array("R", self.R), checks.array("C", self.C)
@@ -68,16 +75,56 @@ class Cauer:
         """R_th = sum of R in K/W."""
         return float(np.sum(self.R))
 
+    @cached_property
+    def dynamics(self) -> Foster:
+        """The Foster network of the ladder."""
+        return foster_of(self)
 
-def cauer(model: Foster) -> Cauer:
-    """The ladder of a passive Foster network, by continued fractions in decimals of many digits.
+    def step_response(self, times: ArrayLike) -> Array:
+        """Rise in K/W after a unit step."""
+        return self.dynamics.step_response(times)
+
+    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+        """Z(f) in K/W."""
+        return self.dynamics.impedance(frequency)
+
+    def response(self, wave: Waveform, times: ArrayLike) -> Array:
+        """Rise in K from rest, in closed form."""
+        return self.dynamics.response(wave, times)
+
+    def periodic_response(self, wave: Waveform, samples: int) -> Array:
+        """One period of the periodic state in K, in closed form."""
+        return self.dynamics.periodic_response(wave, samples)
+
+    def to_json(self) -> dict[str, Any]:
+        """Fields of the model file, from the heated part outwards."""
+        pairs = zip(np.asarray(self.R), np.asarray(self.C), strict=True)
+        return {
+            "thermal_resistance": self.thermal_resistance,
+            "ladder": [{"C": float(C), "R": float(R)} for R, C in pairs],
+            "units": {"thermal_resistance": "K/W", "C": "J/K", "R": "K/W"},
+        }
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Cauer:
+        """The ladder of a model file."""
+        steps = content["ladder"]
+        if not isinstance(steps, list) or not steps:
+            raise checks.InputError("ladder is empty; a Cauer ladder has at least one step")
+        R = [checks.finite(f"ladder[{i}].R", step["R"], unit="K/W") for i, step in enumerate(steps)]
+        C = [checks.finite(f"ladder[{i}].C", step["C"], unit="J/K") for i, step in enumerate(steps)]
+        return cls(R, C, **parts(content))
+
+
+def cauer(model: ThermalModel) -> Cauer:
+    """The ladder of a passive linear model, by continued fractions in decimals of many digits.
 
     Raises
     ------
     InputError
         a network that is not passive; poles of zero R are left out, equal time constants merged.
     """
-    checks.has("model", model, "passive", "tau", hint="a Foster network is needed, such as the .model of a fit")
+    model = linear_poles(model, "has a Cauer ladder")
     if not model.passive:
         raise checks.InputError("the network is not passive (an R is negative); it has no ladder")
     R, tau = np.asarray(model.R), np.asarray(model.tau)
@@ -94,7 +141,7 @@ def cauer(model: Foster) -> Cauer:
             resistance = top[-1] / bottom[-1]  # 1/rest = R + next Z
             top = _minus(top, [resistance * x for x in bottom])
             ladder_R.append(float(resistance))
-    return Cauer(ladder_R, ladder_C)
+    return Cauer(ladder_R, ladder_C, model.inputs, model.outputs)
 
 
 def _polynomials(R: list[Decimal], tau: list[Decimal]) -> tuple[list[Decimal], list[Decimal]]:
@@ -130,16 +177,16 @@ def foster_of(ladder: Cauer) -> Foster:
     D = np.eye(R.size) - np.eye(R.size, k=1)
     _, sigma, modes = np.linalg.svd(D / np.sqrt(R)[:, None] / np.sqrt(C))
     tau = 1 / sigma**2
-    return Foster(R=modes[:, 0] ** 2 / C[0] * tau, tau=tau)
+    return Foster(R=modes[:, 0] ** 2 / C[0] * tau, tau=tau, inputs=ladder.inputs, outputs=ladder.outputs)
 
 
-def structure_function(model: Foster) -> xr.Dataset:
+def structure_function(model: ThermalModel) -> xr.Dataset:
     """Cumulative structure function: capacity reached against resistance passed, from the heated part outwards.
 
     Parameters
     ----------
-    model : Foster
-        passive; best a fine spectrum from `surrogate.fit_spectrum`.
+    model : ThermalModel
+        linear and passive; best a fine spectrum from `surrogate.fit_spectrum`.
 
     Returns
     -------

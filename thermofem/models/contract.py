@@ -1,6 +1,6 @@
 """A thermal model is data: absorbed power in (W), mode-averaged temperature rise out (K).
 
-Contract of a `ThermalModel` (whatever satisfies it drives the optics, trains, is validated and drawn):
+Contract of a `ThermalModel`. Every function that takes a model takes any object that satisfies it:
 
 1. ``model.inputs`` and ``model.outputs`` name the heated parts and the read ones.
 2. ``model.thermal_resistance`` is the static gain R_th in K/W (at small power, where the model is not linear).
@@ -9,13 +9,18 @@ Contract of a `ThermalModel` (whatever satisfies it drives the optics, trains, i
 5. ``model.response(wave, times)`` is the rise in K under ``wave`` switched on at t = 0 from rest, shape of ``times``.
 6. ``model.periodic_response(wave, samples)`` is one period of the periodic state in K, at
    `waveforms.period_times(wave, samples)`.
+7. ``model.dynamics`` is the same model in the form that is integrated with the optics: a `Foster` network, an
+   `OutputMap` over a Foster network, or a `Quadratic` system. A model without such a form, such as the FEM itself,
+   raises InputError there and says what to use instead.
 
-Adding a model: write a function that returns one of these kinds, and add it to the list in tests/models.py.
+Adding a model: write a function that returns one of these kinds, and add it to the list in tests/models.py. A new kind
+is a class that satisfies the contract, one file in this folder with one line of `thermofem.models.KINDS`.
 """
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from typing import Any, Protocol
 
 import numpy as np
@@ -55,9 +60,13 @@ class ThermalModel(Protocol):
     def periodic_response(self, wave: waveforms.Waveform, samples: int) -> Array:
         """One period of the periodic state in K."""
 
+    @property
+    def dynamics(self) -> Any:
+        """The model as a Foster network, an OutputMap or a Quadratic system."""
+
 
 class AtSmallPower:
-    """What a model that is not linear shares with ``linear``, the one it is at small power."""
+    """Properties that a nonlinear model takes from ``linear``, its limit at small power."""
 
     linear: Any
 
@@ -88,6 +97,66 @@ class AtSmallPower:
     def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
         """Z(f) at small power in K/W."""
         return self.linear.impedance(frequency)
+
+
+class HasModel:
+    """Makes a result that holds a thermal model, such as a fit or a reduction, a thermal model itself.
+
+    Every point of the contract is that of ``self.model``.
+    """
+
+    model: Any
+
+    @property
+    def provenance(self) -> Mapping[str, Any]:
+        """Where the model comes from; what a model file keeps beside it."""
+        return {}
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the heated parts."""
+        return tuple(self.model.inputs)
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the read parts."""
+        return tuple(self.model.outputs)
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return int(self.model.order)
+
+    @property
+    def thermal_resistance(self) -> float:
+        """Static gain R_th in K/W (at small power)."""
+        return float(self.model.thermal_resistance)
+
+    def step_response(self, times: ArrayLike) -> Array:
+        """Rise in K/W after a step (of small power)."""
+        return np.asarray(self.model.step_response(times))
+
+    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+        """Z(f) in K/W (at small power)."""
+        return np.asarray(self.model.impedance(frequency))
+
+    def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
+        """Rise in K from rest."""
+        return np.asarray(self.model.response(wave, times))
+
+    def periodic_response(self, wave: waveforms.Waveform, samples: int) -> Array:
+        """One period of the periodic state in K."""
+        return np.asarray(self.model.periodic_response(wave, samples))
+
+    @property
+    def dynamics(self) -> Any:
+        """The model in the form that is integrated with the optics."""
+        return self.model.dynamics
+
+
+def bare(model: Any) -> Any:
+    """Return the model that a fit or a reduction holds; any other model as it is."""
+    return bare(model.model) if isinstance(model, HasModel) else model
 
 
 def check_single(system: Any) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,8 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from .. import checks, waveforms
 from ..algebra.poles import pole_responses
 from ..names import check_names
+from .json_fields import parts
 
 Array = NDArray[np.float64]
+
+AGREEMENT = 1e-9  # thermal_resistance against the sum of R: 17 digits are written, a person may keep 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +64,7 @@ class Foster:
         """What a notebook shows."""
         from ..display import model_card
 
-        return model_card(self)
+        return model_card(self, order=self.order, tau=self.tau)
 
     @property
     def order(self) -> int:
@@ -87,6 +92,11 @@ class Foster:
         return np.asarray((np.asarray(self.R) / (1 + 2j * np.pi * f * np.asarray(self.tau))).sum(axis=-1))
 
     @property
+    def dynamics(self) -> Foster:
+        """The network itself."""
+        return self
+
+    @property
     def gain(self) -> Array:
         """R_i / tau_i in K/J: the initial slope that each pole adds per watt."""
         return np.asarray(self.R) / np.asarray(self.tau)
@@ -99,3 +109,57 @@ class Foster:
         """One period of the periodic state in K, in closed form."""
         times = waveforms.period_times(wave, samples)
         return pole_responses(1 / np.asarray(self.tau), wave, times, periodic=True) @ self.gain
+
+    def to_json(self) -> dict[str, Any]:
+        """Fields of the model file; InputError for a network that is not passive."""
+        self.check_passive()
+        pairs = zip(np.asarray(self.R), np.asarray(self.tau), strict=True)
+        return {
+            "thermal_resistance": self.thermal_resistance,
+            "poles": [{"R": float(R), "tau": float(tau)} for R, tau in pairs],
+            "units": {"thermal_resistance": "K/W", "R": "K/W", "tau": "s"},
+        }
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Foster:
+        """The network of a model file."""
+        poles = content["poles"]
+        if not isinstance(poles, list) or not poles:
+            raise checks.InputError("poles is empty; a Foster network has at least one")
+        model = cls(
+            R=[checks.finite(f"poles[{i}].R", p["R"], unit="K/W") for i, p in enumerate(poles)],
+            tau=[checks.finite(f"poles[{i}].tau", p["tau"], unit="s") for i, p in enumerate(poles)],
+            **parts(content),
+        )
+        model.check_passive()
+        stated = content.get("thermal_resistance")
+        if stated is not None:
+            stated = checks.positive("thermal_resistance", stated, unit="K/W")
+            if abs(stated - model.thermal_resistance) > AGREEMENT * stated:
+                raise checks.InputError(
+                    f"thermal_resistance = {stated:.10g} K/W, but the poles' R add up to "
+                    f"{model.thermal_resistance:.10g}; was a number edited or lost?"
+                )
+        return model
+
+    def check_passive(self) -> None:
+        """Raise InputError for a network that gives out heat it never took in; between two parts R may be negative."""
+        R = np.asarray(self.R)
+        if self.inputs == self.outputs and not self.passive:
+            raise checks.InputError(
+                f"R = {R.min():g} K/W is negative: the network is not passive; fit_foster and reduce never give one"
+            )
+        if not np.any(R > 0):
+            raise checks.InputError("every R is zero: the model never warms up")
+
+
+def linear_poles(model: Any, purpose: str) -> Foster:
+    """Return the poles of a linear model, or InputError that says which models ``purpose`` holds for."""
+    checks.has("model", model, "dynamics", hint="a thermal model is needed, such as thermofem.Foster or a fit")
+    found = model.dynamics
+    if not isinstance(found, Foster):
+        raise checks.InputError(
+            f"model is a {type(model).__name__} and not linear; only a linear model {purpose}: Foster, StateSpace, "
+            "Network or Cauer, a fit or a reduction"
+        )
+    return found

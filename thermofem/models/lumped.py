@@ -5,6 +5,8 @@ Source: M. Borghi, D. Bazzanella, M. Mancinelli, L. Pavesi, Opt. Express 29, 436
 
 from __future__ import annotations
 
+import numpy as np
+
 from .. import checks
 from .foster import Foster
 
@@ -76,10 +78,40 @@ def second_order(
             f"kappa = {kappa:g} 1/s must lie between eta/tau_s = {eta * slow:g} and eta/tau_f = {eta * fast:g} 1/s, "
             "or one of the poles cools when heated; is it in 1/s (8.87e-4 /ns is 8.87e5)?"
         )
+    return second_order_poles(kappa, tau_f, tau_s, eta, check_heat_capacity(heat_capacity))
+
+
+def second_order_poles(kappa: float, tau_f: float, tau_s: float, eta: float, heat_capacity: float) -> Foster:
+    """The two poles of Eq. 3 for any values: an R may be negative. `second_order` checks them first."""
+    fast, slow = 1 / tau_f, 1 / tau_s
     c_f = (eta * fast - kappa) / (fast - slow)
     c_s = (kappa - eta * slow) / (fast - slow)
-    heat_capacity = check_heat_capacity(heat_capacity)
     return Foster(R=[c_f * tau_f / heat_capacity, c_s * tau_s / heat_capacity], tau=[tau_f, tau_s])
+
+
+def second_order_parameters(model: Foster, heat_capacity: float = BORGHI2021_HEAT_CAPACITY) -> dict[str, float]:
+    """The parameters of Eq. 3 of a network with two poles, the inverse of `second_order_poles`.
+
+        kappa = c_f/tau_s + c_s/tau_f,     eta = c_f + c_s,     c_i = m c_p R_i/tau_i
+
+    Raises
+    ------
+    InputError
+        a network that has not two poles.
+
+    >>> found = second_order_parameters(second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1.2e-6, eta=0.31))
+    >>> print(f"{found['kappa']:.4g}, {found['eta']:.4g}")
+    8.87e+05, 0.31
+    """
+    if model.order != 2:
+        raise checks.InputError(f"the second-order equation has two poles, the model {model.order}")
+    tau, c = np.asarray(model.tau, dtype=float), model.gain * heat_capacity  # in order of tau: fast, slow
+    return {
+        "kappa": float(c[0] / tau[1] + c[1] / tau[0]),
+        "tau_f": float(tau[0]),
+        "tau_s": float(tau[1]),
+        "eta": float(c.sum()),
+    }
 
 
 def check_heat_capacity(value: float) -> float:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +13,7 @@ from .. import checks
 from ..waveforms import Waveform
 from .contract import warn_beyond
 from .foster import Foster
+from .json_fields import names, table
 
 Array = NDArray[np.float64]
 
@@ -67,6 +70,11 @@ class Network:
         """Z(f) in K/W."""
         return self.poles.impedance(frequency)
 
+    @property
+    def dynamics(self) -> Foster:
+        """The network, diagonalised: exact, since its poles are real and its residues positive (`gate`)."""
+        return self.poles
+
     def response(self, wave: Waveform, times: ArrayLike) -> Array:
         """Rise in K from rest; warns beyond the training."""
         return warn_beyond(self.poles.response(wave, times), self.largest_rise)
@@ -74,6 +82,28 @@ class Network:
     def periodic_response(self, wave: Waveform, samples: int) -> Array:
         """One period of the periodic state in K; warns beyond the training."""
         return warn_beyond(self.poles.periodic_response(wave, samples), self.largest_rise)
+
+    def to_json(self) -> dict[str, Any]:
+        """Fields of the model file."""
+        units = {"A": "1/s", "b": "K/J", "thermal_resistance": "K/W", "largest_rise": "K"}
+        return {
+            "states": list(self.names),
+            "A": self.A.tolist(),
+            "b": self.b.tolist(),
+            "thermal_resistance": self.thermal_resistance,
+            "largest_rise": self.largest_rise,
+            "units": units,
+        }
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Network:
+        """The network of a model file; it passes the `gate` again."""
+        states, A, b = names(content, "states"), table(content, "A", 2), table(content, "b", 1)
+        if A.shape != (len(states), len(states)) or b.shape != (len(states),):
+            raise checks.InputError(f"A has shape {A.shape} and b {b.shape} for {len(states)} states")
+        stated = checks.positive("thermal_resistance", content["thermal_resistance"], unit="K/W")
+        poles = gate(A, b, stated, name=states[0])
+        return cls(A, b, states, poles, checks.positive("largest_rise", content["largest_rise"], unit="K"))
 
 
 def gate(A: ArrayLike, b: ArrayLike, static: float, *, name: str = "core") -> Foster:

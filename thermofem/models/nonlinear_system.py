@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,6 +33,20 @@ class NonlinearSystem(AtSmallPower, NonlinearEquations):
     """
 
     linear: StateSpace
+
+    @property
+    def dynamics(self) -> Any:
+        """Not available: the full-order system is too large to be integrated with the optics.
+
+        Raises
+        ------
+        InputError
+            always.
+        """
+        raise checks.InputError(
+            f"model is the FEM with k(T), {self.order} states; reduce it first (surrogate.reduce_quadratic), or keep "
+            "it in the loop (coupled.cosimulate)"
+        )
 
     def response(self, wave: waveforms.Waveform, times: ArrayLike, *, rtol: float = 1e-5) -> Array:
         """Rise in K from rest, by error-controlled integration (`transient.integrate`)."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -55,7 +57,8 @@ class OutputMap(AtSmallPower):
         """What a notebook shows."""
         from ..display import model_card
 
-        return model_card(self)
+        notes = [("output map", f"z + ({self.coefficient:.3g} /K) z²")]
+        return model_card(self, order=self.order, tau=self.dynamics.linear.tau, notes=notes)
 
     def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
         """Rise in K from rest, in closed form."""
@@ -64,6 +67,11 @@ class OutputMap(AtSmallPower):
     def periodic_response(self, wave: waveforms.Waveform, samples: int) -> Array:
         """One period of the periodic state in K, in closed form."""
         return warn_beyond(self.of(self.linear.periodic_response(wave, samples)), self.largest_rise)
+
+    @property
+    def dynamics(self) -> OutputMap:
+        """The same map over a Foster network."""
+        return self if isinstance(self.linear, Foster) else replace(self, linear=self.linear.dynamics)
 
     def steady_rise(self, power: ArrayLike) -> Array:
         """Static rise in K at constant power in W, shape of ``power``."""
@@ -79,3 +87,14 @@ class OutputMap(AtSmallPower):
                 f"{top:.4g} K; the power is far beyond what the coefficient describes"
             )
         return z + self.coefficient * z * z
+
+    def to_json(self) -> dict[str, Any]:
+        """Fields of the model file: those of the Foster network, and the map."""
+        content = self.dynamics.linear.to_json()
+        units = {**content.pop("units"), "coefficient": "1/K", "largest_rise": "K"}
+        return {**content, "coefficient": self.coefficient, "largest_rise": self.largest_rise, "units": units}
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> OutputMap:
+        """The model of a model file."""
+        return cls(Foster.from_json(content), content["coefficient"], content.get("largest_rise"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from bisect import bisect_right
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from .. import checks, waveforms
 from ..names import check_names
 from .contract import check_rise, warn_beyond
+from .json_fields import parts
 from .state_space import StateSpace
 
 Array = NDArray[np.float64]
@@ -81,7 +83,7 @@ class Quadratic:
         """What a notebook shows."""
         from ..display import model_card
 
-        return model_card(self)
+        return model_card(self, order=self.order)
 
     @property
     def order(self) -> int:
@@ -93,6 +95,11 @@ class Quadratic:
         """The system at small power."""
         eye = np.eye(self.order)
         return StateSpace(eye, self.A, self.B[:, None], self.C[None], inputs=self.inputs, outputs=self.outputs)
+
+    @property
+    def dynamics(self) -> Quadratic:
+        """The system itself."""
+        return self
 
     @property
     def thermal_resistance(self) -> float:
@@ -239,3 +246,31 @@ class Quadratic:
         if not np.all(np.isfinite(track)):
             raise checks.InputError("the quadratic model runs away: the power is far beyond the range it describes")
         return np.asarray(track[where[: times.size]])
+
+    def to_json(self) -> dict[str, Any]:
+        """Fields of the model file; InputError for a system without a plausible steady rise."""
+        self._check_plausible()
+        arrays = {name: getattr(self, name).tolist() for name in ("A", "H", "G", "B", "C")}
+        units = {"A": "1/s", "H": "1/(K s)", "G": "1/J", "B": "K/J", "C": "1", "largest_rise": "K"}
+        return {**arrays, "largest_rise": self.largest_rise, "units": units}
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Quadratic:
+        """The system of a model file."""
+        A, H, G, B, C = (content[name] for name in ("A", "H", "G", "B", "C"))
+        model = cls(A, H, G, B, C, **parts(content), largest_rise=content.get("largest_rise"))
+        model._check_plausible()
+        return model
+
+    def _check_plausible(self) -> None:
+        """Refuse a system that cools where it is heated, or whose H and G outweigh A and B at a rise of 1 mK."""
+        static = self.thermal_resistance
+        if not static > 0:
+            raise checks.InputError(f"the static gain -C A^-1 B = {static:g} K/W is not positive: heat would cool it")
+        with np.errstate(all="ignore"):
+            try:
+                rise = float(self.steady_rise(1e-3 / static))
+            except (checks.InputError, np.linalg.LinAlgError):
+                rise = float("nan")
+        if not abs(rise - 1e-3) <= 0.01 * 1e-3:  # k and c_p of no solid change by 1 % over 1 mK
+            raise checks.InputError("H or G outweighs A at a rise of 1 mK; is a unit or an exponent wrong?")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -17,11 +18,14 @@ from ..transient.integration import integrate, integrate_periodic
 from ..transient.modal import Modal
 from .contract import check_single
 from .foster import Foster
+from .json_fields import parts, table
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
 Array = NDArray[np.float64]
+
+LARGEST = 500  # states to integrate with the optics; a certified reduction needs 10 to 40, and each costs time
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +68,7 @@ class StateSpace:
         """What a notebook shows."""
         from ..display import model_card
 
-        return model_card(self)
+        return model_card(self, order=self.order)
 
     def __getstate__(self) -> dict[str, Any]:
         """The fields alone: what is kept between runs stays in this process."""
@@ -94,6 +98,22 @@ class StateSpace:
         """R_th of the only channel in K/W; InputError when there are several (take ``gain`` or ``channel``)."""
         check_single(self)
         return float(self.gain[0, 0])
+
+    @cached_property
+    def dynamics(self) -> Foster:
+        """The same system as a Foster network, by `foster`.
+
+        Raises
+        ------
+        InputError
+            more than 500 states, several channels, or a system that is not one of heat flow.
+        """
+        if self.order > LARGEST:
+            raise checks.InputError(
+                f"model is a system of {self.order} states, at most {LARGEST} can be integrated with the optics; "
+                "reduce it first (surrogate.reduce), or keep the FEM in the loop (coupled.cosimulate)"
+            )
+        return foster(self)
 
     @cached_property
     def _modal(self) -> Modal:
@@ -138,6 +158,33 @@ class StateSpace:
         from scipy.sparse import csc_matrix
 
         return csc_matrix(getattr(self, name))
+
+    def to_json(self) -> dict[str, Any]:
+        """Fields of the model file, matrices in full; InputError for a large system or one that does not decay."""
+        if self.order > LARGEST:
+            raise checks.InputError(f"a StateSpace of {self.order} states is not compact; surrogate.reduce it first")
+        full = {name: self._sparse(name).toarray() for name in ("E", "A", "B", "C")}
+        _check_definite(full["E"], full["A"])
+        units = {"E": "J/K", "A": "W/K", "B": "1", "C": "1"}
+        return {**{name: matrix.tolist() for name, matrix in full.items()}, "units": units}
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> StateSpace:
+        """The system of a model file."""
+        E, A, B, C = (table(content, name, 2) for name in ("E", "A", "B", "C"))
+        model = cls(E, A, B, C, **parts(content))
+        _check_definite(E, A)
+        return model
+
+
+def _check_definite(E: Array, A: Array) -> None:
+    """Refuse matrices that are not those of a system in which every mode decays."""
+    for name, matrix in (("E", E), ("-A", -A)):
+        scale = float(np.abs(matrix).max())
+        if not np.all(np.isfinite(matrix)) or np.abs(matrix - matrix.T).max() > 1e-9 * scale:
+            raise checks.InputError(f"{name} is not a symmetric matrix of finite numbers")
+        if np.linalg.eigvalsh(matrix)[0] <= 0:
+            raise checks.InputError(f"{name} is not positive definite: some mode would not decay")
 
 
 def foster(system: StateSpace) -> Foster:
