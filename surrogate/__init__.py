@@ -9,6 +9,7 @@ from thermofem.models.network import Network, gate
 from .array import ArrayReduction, reduce_array
 from .decay import Decay, fit_decay
 from .export import export_model
+from .family import Certified, Family, load_family, train_family
 from .fit import Fit, fit_foster, fit_newton, fit_second_order
 from .ladder import Ladder, judge, train_all, verdict
 from .output_map import fit_output_map, output_map
@@ -24,7 +25,9 @@ __all__ = [
     "BORGHI2021_HEAT_CAPACITY",
     "ArrayReduction",
     "Cauer",
+    "Certified",
     "Decay",
+    "Family",
     "Fit",
     "Ladder",
     "Network",
@@ -49,6 +52,7 @@ __all__ = [
     "gate",
     "held_out_drives",
     "judge",
+    "load_family",
     "load_model",
     "load_provenance",
     "newton",
@@ -62,6 +66,7 @@ __all__ = [
     "square_waves",
     "structure_function",
     "train_all",
+    "train_family",
     "valid_range",
     "validity",
     "verdict",

@@ -12,7 +12,7 @@ from skfem.quadrature import get_quadrature
 import thermofem as th
 from thermofem.campaign.paths import place, write_table
 from thermofem.geometry.change import change
-from thermofem.heat.problem import _on_mesh
+from thermofem.heat.problem import on_mesh
 from thermofem.heat.velocity import vertex_velocities
 
 STRIP = th.assemble(th.strip_ring())
@@ -104,7 +104,7 @@ def varied(text: str, path: str, unit: str, value: float) -> th.CrossSection:
 def moved(heat: th.HeatProblem, geometry: th.CrossSection, velocity: np.ndarray, step: float) -> th.HeatProblem:
     """The problem of another geometry on the mesh whose vertices have moved."""
     mesh = replace(heat.mesh, points=heat.mesh.points + step * velocity)
-    return _on_mesh(geometry, mesh, {i.part: i.resistance for i in geometry.interfaces}, heat.accuracy)
+    return on_mesh(geometry, mesh, {i.part: i.resistance for i in geometry.interfaces}, heat.accuracy)
 
 
 @pytest.fixture(scope="module")

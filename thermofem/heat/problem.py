@@ -322,7 +322,7 @@ def adapted(geometry: CrossSection, mesh: Mesh, accuracy: float) -> tuple[HeatPr
     """
     resistance = resistances(geometry)
     for _ in range(ROUNDS):
-        heat = _on_mesh(geometry, split(mesh, resistance), resistance, accuracy)
+        heat = on_mesh(geometry, split(mesh, resistance), resistance, accuracy)
         estimate = heat.estimate()
         if estimate.largest <= accuracy or heat.unknowns > LARGEST:
             break
@@ -348,7 +348,8 @@ def resistances(geometry: CrossSection) -> dict[str, float]:
     return found
 
 
-def _on_mesh(geometry: CrossSection, mesh: Mesh, resistance: dict[str, float], accuracy: float) -> HeatProblem:
+def on_mesh(geometry: CrossSection, mesh: Mesh, resistance: dict[str, float], accuracy: float) -> HeatProblem:
+    """The heat problem of a geometry on a given mesh, cut open along the parts in ``resistance`` (m^2 K/W)."""
     conductivity, heat_capacity = properties(geometry, mesh)
     discretization = build(mesh, conductivity, heat_capacity, surfaces_of(geometry, mesh, resistance))
     probes = {probe.name: probe_mean(geometry, mesh, discretization.basis, probe) for probe in geometry.probes}

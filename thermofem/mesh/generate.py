@@ -35,14 +35,31 @@ def make(geometry: CrossSection, accuracy: float) -> Mesh:
     InputError, MissingLibraryError
         as `mesh_for`.
     """
+    mesh = make_faces(geometry.subdivision.faces, size_function(geometry, sizes(accuracy)), geometry.name)
+    meshed = mesh.volumes()
+    for name, volume in geometry.volumes().items():
+        if abs(meshed[name] - volume) > 1e-9 * volume:
+            raise InputError(f"gmsh cannot mesh {geometry.name!r}: it leaves a gap in {name!r}; simplify its outline")
+    return mesh
+
+
+def make_faces(faces: Sequence[Face], size: Callable[[float, float], float], name: str) -> Mesh:
+    """Mesh faces that share points and edges; their owners are the regions.
+
+    Parameters
+    ----------
+    faces : sequence of Face
+    size : callable
+        element size in m at (r, z) in m.
+    name : str
+        for messages.
+    """
     problem = gmsh_problem()
     if problem:
         raise MissingLibraryError(problem)
     import gmsh
     import pygmsh
 
-    size = size_function(geometry, sizes(accuracy))
-    faces = geometry.subdivision.faces
     with _GMSH, _pipe_signal():
         ours = not gmsh.isInitialized()
         if ours:  # not by pygmsh's context manager: it installs a signal handler, which only the main thread may do
@@ -50,16 +67,11 @@ def make(geometry: CrossSection, accuracy: float) -> Mesh:
         try:
             points, triangles, region, names = _triangulate(gmsh, pygmsh.geo.Geometry(), faces, size)
         except Exception as error:  # gmsh raises plain Exception
-            raise InputError(f"gmsh cannot mesh {geometry.name!r}: {error}") from None
+            raise InputError(f"gmsh cannot mesh {name!r}: {error}") from None
         finally:
             if ours:
                 gmsh.finalize()
-    mesh = Mesh(points, triangles, region, names)
-    meshed = mesh.volumes()
-    for name, volume in geometry.volumes().items():
-        if abs(meshed[name] - volume) > 1e-9 * volume:
-            raise InputError(f"gmsh cannot mesh {geometry.name!r}: it leaves a gap in {name!r}; simplify its outline")
-    return mesh
+    return Mesh(points, triangles, region, names)
 
 
 def _triangulate(

@@ -1,0 +1,180 @@
+"""The engine for parameters that move outlines along lines: sums of fixed matrices, milliseconds a member."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem import HeatProblem, Mesh
+from thermofem.geometry.regions import Face
+from thermofem.heat.interface import split
+from thermofem.heat.problem import on_mesh, resistances
+from thermofem.mesh.generate import make_faces
+from thermofem.sizes import size_function, sizes
+
+from .box import Box
+from .laws import values
+from .lines import Grid
+from .surfaces import SAMPLES, Compressed, Points, points
+from .terms import Cells, element_terms, merged
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Coefficients:
+    """How the coefficients of all terms follow from the parameters; all that a member needs beside the matrices.
+
+    Attributes
+    ----------
+    box : Box
+    grid : Grid
+    cells : Cells
+    stiffness, capacity : (int array, array)
+        which term each coefficient of `Cells.coefficients` belongs to, and its factor.
+    surface : Compressed or None
+    """
+
+    box: Box
+    grid: Grid
+    cells: Cells
+    stiffness: tuple[NDArray[np.intp], Array]
+    capacity: tuple[NDArray[np.intp], Array]
+    surface: Compressed | None
+
+    def __call__(self, rows: Array) -> tuple[Array, Array, Array]:
+        """Coefficients of K (n, q), of M (n, m) and of volumes (n, 2 c) for parameters (n, p)."""
+        at = values(self.box, rows)
+        stiffness, capacity, volume = self.cells.coefficients(self.grid, self.box, rows, at)
+        K, M = stiffness[:, self._firsts[0]], capacity[:, self._firsts[1]]
+        if self.surface is not None:
+            K = np.concatenate([K, self.surface.points.weights(self.grid, self.box, rows, at)], axis=1)
+        return K, M, volume
+
+    @cached_property
+    def _firsts(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """The first coefficient of every kind."""
+        first = [np.unique(kind, return_index=True)[1] for kind, _ in (self.stiffness, self.capacity)]
+        return first[0], first[1]
+
+
+class LineEngine:
+    """Full and reduced matrices of a family on lines.
+
+    Parameters
+    ----------
+    box : Box
+    accuracy : float
+        of the reference mesh.
+    """
+
+    name = "lines"
+
+    def __init__(self, box: Box, accuracy: float) -> None:
+        self.box, self.grid, self.accuracy = box, Grid.of(box), accuracy
+        self.cells = Cells.of(self.grid, box)
+        mesh, cell = _mesh(self.grid, self.cells, box, accuracy)
+        self.resistance = resistances(box.base)
+        self.mesh, self.cell = split(mesh, self.resistance), cell
+        vertex = np.zeros(len(self.mesh.points), dtype=np.intp)
+        vertex[self.mesh.triangles.ravel()] = np.repeat(cell, 3)
+        self._vertex = vertex  # a cell that each vertex touches: its lines give the vertex' place
+        self.reference = on_mesh(box.base, self.mesh, self.resistance, accuracy)
+
+    @property
+    def unknowns(self) -> int:
+        """Unknowns of the reference mesh."""
+        return self.reference.unknowns
+
+    def heat(self, row: Array) -> HeatProblem:
+        """The heat problem of a member on the moved reference mesh."""
+        offset = row - self.box.middle
+        i, j = self.cells.i[self._vertex], self.cells.j[self._vertex]
+        r = self.grid.r.moved(self.mesh.points[:, 0], i, offset)
+        z = self.grid.z.moved(self.mesh.points[:, 1], j, offset)
+        moved = replace(self.mesh, points=np.stack([r, z], axis=1))
+        geometry = self.box.geometry(row)
+        resistance = resistances(geometry)
+        return on_mesh(geometry, moved, resistance, self.accuracy)
+
+    @cached_property
+    def _sampled(self) -> tuple[Coefficients, Points, Any]:
+        rows = self.box.draw(SAMPLES, seed=1)
+        stiffness, capacity, _ = self.cells.coefficients(self.grid, self.box, rows)
+        every, traces = points(self.reference, self._of_triangle, self.cells.i, self.cells.j)
+        surface = None
+        if len(every.kind):
+            surface = Compressed.of(every, every.weights(self.grid, self.box, rows, values(self.box, rows)))
+        found = Coefficients(self.box, self.grid, self.cells, merged(stiffness), merged(capacity), surface)
+        return found, every, traces
+
+    @property
+    def _of_triangle(self) -> NDArray[np.intp]:
+        return self.cell
+
+    @property
+    def coefficients(self) -> Coefficients:
+        """Coefficients of all terms."""
+        return self._sampled[0]
+
+    def project(self, V: Array, ports: tuple[str, ...]) -> tuple[Array, Array, Array]:
+        """Terms of K (q, N, N), of M (m, N, N) and of the ports (len(ports), 2 c, N) between fields V (free, N)."""
+        basis = self.reference.discretization.basis
+        full = np.zeros((basis.N, V.shape[1]))
+        full[self.reference.discretization.free] = V
+        stiffness, capacity, load = element_terms(basis)
+        count = len(self.cells.i)
+        n = V.shape[1]
+        K, M = np.zeros((4, count, n, n)), np.zeros((2, count, n, n))
+        L = np.zeros((2, count, n))
+        for c in range(count):
+            here = np.flatnonzero(self.cell == c)
+            local = full[basis.element_dofs.T[here]]  # (t, b, N)
+            flat = local.reshape(-1, n)
+            for target, terms in ((K, stiffness), (M, capacity)):
+                for k, term in enumerate(terms):
+                    target[k, c] = flat.T @ np.matmul(term[here], local).reshape(-1, n)
+            L[:, c] = np.einsum("ktb,tbn->kn", load[:, here], local)
+        coefficients, _, traces = self._sampled
+        K_terms = _summed(K.reshape(-1, n, n), coefficients.stiffness)
+        if coefficients.surface is not None:
+            U = traces @ full
+            extra = [U.T @ (mode[:, None] * U) for mode in coefficients.surface.modes.T]
+            K_terms = np.concatenate([K_terms, np.array(extra)])
+        M_terms = _summed(M.reshape(-1, n, n), coefficients.capacity)
+        inside = np.array([[owner == name for owner in self.cells.owner] for name in ports])
+        P = inside[:, None, :, None] * L
+        return K_terms, M_terms, P.reshape(len(ports), -1, n)
+
+    def volumes(self, ports: tuple[str, ...]) -> Array:
+        """Terms of the volume of every port, shape (len(ports), 2 c)."""
+        basis = self.reference.discretization.basis
+        _, _, load = element_terms(basis)
+        each = np.array([np.bincount(self.cell, x.sum(axis=1), minlength=len(self.cells.i)) for x in load])
+        inside = np.array([[owner == name for owner in self.cells.owner] for name in ports])
+        return (inside[:, None, :] * each).reshape(len(ports), -1)
+
+
+def _summed(terms: Array, kinds: tuple[NDArray[np.intp], Array]) -> Array:
+    kind, ratio = kinds
+    total = np.zeros((kind.max() + 1, *terms.shape[1:]))
+    np.add.at(total, kind, ratio[:, None, None] * terms)
+    return total
+
+
+def _mesh(grid: Grid, cells: Cells, box: Box, accuracy: float) -> tuple[Mesh, NDArray[np.intp]]:
+    """A mesh that conforms to all lines, regions named after owners, and the cell of every triangle."""
+    r, z = grid.r.base, grid.z.base
+    faces = tuple(
+        Face(str(k), (np.array([(r[i], z[j]), (r[i + 1], z[j]), (r[i + 1], z[j + 1]), (r[i], z[j + 1])]),))
+        for k, (i, j) in enumerate(zip(cells.i, cells.j, strict=True))
+    )
+    mesh = make_faces(faces, size_function(box.base, sizes(accuracy)), box.base.name)
+    cell = np.array([int(name) for name in mesh.region_names])[mesh.region]
+    names = tuple(name for name in box.base.region_names if name in cells.owner)
+    region = np.array([names.index(owner) for owner in cells.owner])[cell]
+    return Mesh(mesh.points, mesh.triangles, region, names), cell

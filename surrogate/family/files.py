@@ -1,0 +1,195 @@
+"""A family as one file: arrays in NumPy's archive, whatever name the user gives it; no mesher is needed to use it."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem import Campaign, Mesh, checks, waveforms
+from thermofem.campaign.vary import Schedule, Variation
+from thermofem.dataset import write_whole
+from thermofem.files import read_bytes
+from thermofem.heat.problem import on_mesh, resistances
+
+from .affine import Coefficients
+from .box import Box
+from .lines import Axis, Grid
+from .moved import MovedEngine, MovedMembers
+from .reduced import LineTerms
+from .surfaces import Compressed, Points
+from .terms import Cells
+
+if TYPE_CHECKING:
+    from .family import Family
+
+Array = NDArray[np.float64]
+
+FORMAT, SCHEMA = "thermofem family", 1
+_POINTS = ("ends", "gauss", "interval", "outward")
+
+
+def save(family: Family, path: str | Path) -> Path:
+    """Write a family."""
+    content: dict[str, Any] = {
+        "format": FORMAT,
+        "schema": SCHEMA,
+        "campaign": _campaign(family.box.campaign),
+        "logarithmic": list(family.box.logarithmic),
+        "inputs": list(family.inputs),
+        "outputs": list(family.outputs),
+        "tolerance": family.tolerance,
+        "error": {"worst": family.error.worst, "median": family.error.median, "count": family.error.count},
+        "floor": family.floor,
+        "factor": family.factor,
+        "engine": family.engine,
+        "provenance": family.provenance,
+    }
+    arrays: dict[str, Any] = {"low": family.box.low, "high": family.box.high}
+    if isinstance(family.members, LineTerms):
+        content["owner"], content["statics"] = family.members.coefficients.grid.owner, family.members.statics
+        arrays |= _line_arrays(family.members)
+        if family.members.coefficients.surface is not None:
+            points = family.members.coefficients.surface.points
+            content["surface"] = {
+                "kind": list(map(str, points.kind)),
+                "material": list(map(str, points.material)),
+                "parts": [list(part) for part in points.parts],
+            }
+    else:
+        mesh = family.members.moved.mesh
+        content["regions"], content["accuracy"] = list(mesh.region_names), family.members.moved.accuracy
+        arrays |= {"points": mesh.points, "triangles": mesh.triangles, "region": mesh.region}
+        arrays |= {"basis": family.members.basis}
+    memory = io.BytesIO()
+    np.savez_compressed(memory, header=np.array(json.dumps(content)), **arrays)
+    return write_whole(path, lambda p: p.write_bytes(memory.getvalue()))
+
+
+def _line_arrays(members: LineTerms) -> dict[str, Any]:
+    c = members.coefficients
+    arrays = {
+        "r_base": c.grid.r.base,
+        "r_slope": c.grid.r.slope,
+        "z_base": c.grid.z.base,
+        "z_slope": c.grid.z.slope,
+        "stiffness_kind": c.stiffness[0],
+        "stiffness_ratio": c.stiffness[1],
+        "capacity_kind": c.capacity[0],
+        "capacity_ratio": c.capacity[1],
+        "K": members.K,
+        "M": members.M,
+        "ports": members.ports,
+        "volumes": members.volumes,
+    }
+    if c.surface is not None:
+        arrays["modes"] = c.surface.modes
+        arrays |= {f"surface_{name}": getattr(c.surface.points, name) for name in _POINTS}
+    return arrays
+
+
+def _campaign(campaign: Campaign) -> dict[str, Any]:
+    names = ("name", "paths", "unit", "values", "low", "high", "logarithmic")
+    variations = [{name: getattr(v, name) for name in names} for v in campaign.variations]
+    for one in variations:
+        if one["values"]:
+            del one["low"], one["high"]
+    geometry, heated, read = campaign.geometry, campaign.heated, list(campaign.read)
+    return {"name": campaign.name, "geometry": geometry, "heated": heated, "read": read, "variations": variations}
+
+
+def load_family(path: str | Path) -> Family:
+    """Read a family that `Family.save` wrote.
+
+    Raises
+    ------
+    InputError
+        no such file, not a family, or one of a newer version.
+    """
+    path = checks.path("path", path)
+    if not path.exists():
+        raise checks.InputError(f"{path} does not exist")
+    raw = read_bytes(path, "family")
+    try:
+        with np.load(io.BytesIO(raw), allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+        content = json.loads(str(arrays.pop("header")))
+        if content["format"] != FORMAT:
+            raise ValueError("another format")
+    except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile, TypeError) as error:
+        raise checks.InputError(f"{path} is not a family that thermofem wrote ({error}); is it complete?") from None
+    if content.get("schema") != SCHEMA:
+        raise checks.InputError(f"{path} has schema {content.get('schema')!r}; this version reads {SCHEMA}")
+    try:
+        return _family(content, arrays)
+    except (KeyError, ValueError, IndexError, TypeError) as error:
+        raise checks.InputError(f"{path} is not a complete family: {error}") from None
+
+
+def _family(content: dict[str, Any], arrays: dict[str, Array]) -> Family:
+    from .family import Family, HeldOut
+
+    box = _box(content, arrays)
+    inputs, outputs = tuple(content["inputs"]), tuple(content["outputs"])
+    ports = tuple(dict.fromkeys((*inputs, *outputs)))
+    e = content["error"]
+    error = HeldOut([e["worst"]])
+    error.median, error.count = float(e["median"]), int(e["count"])
+    return Family(
+        box=box,
+        inputs=inputs,
+        outputs=outputs,
+        tolerance=float(content["tolerance"]),
+        members=_lines(content, arrays, box) if content["engine"] == "lines" else _moved(content, arrays, box, ports),
+        error=error,
+        floor=float(content["floor"]),
+        factor=float(content["factor"]),
+        provenance=dict(content["provenance"]),
+    )
+
+
+def _box(content: dict[str, Any], arrays: dict[str, Array]) -> Box:
+    stored = content["campaign"]
+    variations = tuple(
+        Variation(**{**one, "paths": tuple(one["paths"]), "values": tuple(one["values"])})
+        for one in stored["variations"]
+    )
+    drawn = any(not v.values for v in variations)
+    campaign = Campaign(
+        geometry=stored["geometry"],
+        variations=variations,
+        schedules=(Schedule("step", waveforms.Constant(1e-3), (0.0, 1e-6)),),
+        name=stored["name"],
+        heated=stored["heated"],
+        read=tuple(stored["read"]),
+        samples=1 if drawn else 0,
+    )
+    names = tuple(v.name for v in variations)
+    return Box(campaign, names, arrays["low"], arrays["high"], tuple(content["logarithmic"]))
+
+
+def _lines(content: dict[str, Any], a: dict[str, Any], box: Box) -> LineTerms:
+    grid = Grid(Axis(a["r_base"], a["r_slope"]), Axis(a["z_base"], a["z_slope"]), content["owner"])
+    surface = None
+    if "surface" in content:
+        s = content["surface"]
+        fields = {name: a[f"surface_{name}"] for name in _POINTS}
+        kind, material = (np.array(s[name], dtype=object) for name in ("kind", "material"))
+        parts = [tuple(part) for part in s["parts"]]
+        surface = Compressed(Points(kind=kind, material=material, parts=parts, **fields), a["modes"])
+    stiffness, capacity = ((a[f"{x}_kind"], a[f"{x}_ratio"]) for x in ("stiffness", "capacity"))
+    coefficients = Coefficients(box, grid, Cells.of(grid, box), stiffness, capacity, surface)
+    return LineTerms(coefficients, a["K"], a["M"], a["ports"], a["volumes"], int(content["statics"]))
+
+
+def _moved(content: dict[str, Any], a: dict[str, Any], box: Box, ports: tuple[str, ...]) -> MovedMembers:
+    mesh = Mesh(a["points"], a["triangles"], a["region"], tuple(content["regions"]))
+    resistance = resistances(box.base)
+    accuracy = float(content["accuracy"])
+    reference = on_mesh(box.base, mesh, resistance, accuracy)
+    return MovedMembers(MovedEngine(box, accuracy, reference), a["basis"], ports)

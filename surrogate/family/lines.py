@@ -1,0 +1,173 @@
+"""The lines that layers and parts draw: r and z as piecewise linear functions of reference coordinates.
+
+Every outline that runs along r or z lies on a line; its position is linear in the parameters. Between two lines
+
+    r = a_i + b_i rho,    z = c_j + d_j zeta
+
+with rho and zeta the coordinates of the reference geometry. Lines near the heated parts move along with them, so that
+the mesh there keeps its sizes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem import CrossSection
+from thermofem.geometry.change import Change
+from thermofem.geometry.regions import outlines
+from thermofem.materials.library import VOID
+
+from .box import Box
+
+Array = NDArray[np.float64]
+
+SAME = 1e-13  # m; lines nearer than this, which move alike, are one
+VERTICAL = 1e-9  # of a length: a wall that leans less runs along z
+CLOSE = 1e-6  # m; at most this far from a heated part a line moves along with it
+VARIES = 1.1  # a gap that changes by less over the box needs no such line
+
+
+class NotAlongLinesError(ValueError):
+    """The parameters do not move outlines along lines in a fixed order; the reason in words."""
+
+
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """Lines across one axis, in increasing order.
+
+    Attributes
+    ----------
+    base : array, shape (l,), m
+        positions in the reference geometry.
+    slope : array, shape (l, p)
+        change of each position per unit of each parameter.
+    """
+
+    base: Array
+    slope: Array
+
+    def at(self, offset: Array) -> Array:
+        """Positions for parameters that differ from the middle by ``offset``, shape (..., p) -> (..., l)."""
+        return self.base + offset @ self.slope.T
+
+    def maps(self, offset: Array) -> tuple[Array, Array]:
+        """a and b of every interval, each of shape (..., l - 1)."""
+        position = self.at(offset)
+        b = np.diff(position, axis=-1) / np.diff(self.base)
+        return position[..., :-1] - b * self.base[:-1], b
+
+    def moved(self, x: Array, interval: NDArray[np.intp], offset: Array) -> Array:
+        """Positions of points in given intervals."""
+        a, b = self.maps(offset)
+        return a[interval] + b[interval] * x
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Lines across both axes and the owner of every cell between them.
+
+    Attributes
+    ----------
+    r, z : Axis
+    owner : list of list of (str or None)
+        layer or part of cell (i, j); None where nothing is meshed.
+    """
+
+    r: Axis
+    z: Axis
+    owner: list[list[str | None]]
+
+    @classmethod
+    def of(cls, box: Box) -> Grid:
+        """Lines of the geometry in the middle of the box.
+
+        Raises
+        ------
+        NotAlongLinesError
+            a wall that leans, a shell, or lines that meet inside the box.
+        """
+        base, half = box.base, np.maximum(box.high - box.middle, box.middle - box.low)
+        if base.probes:
+            raise NotAlongLinesError("shells around parts and copies off the axis do not follow lines")
+        r, z = _lines(base, box.changes)
+        ranges = box.low - box.middle, box.high - box.middle
+        heated = [part for part in base.parts if part.heated]
+        r, z = (_ordered(axis, ranges, half) for axis in (r, z))
+        r = _with_companions(r, ranges, [x for part in heated for x in (part.inner_radius, part.outer_radius)])
+        z = _with_companions(z, ranges, [x for part in heated for x in (part.bottom, part.top)])
+        return cls(r, z, _owners(base, r.base, z.base))
+
+
+def _lines(base: CrossSection, changes: Sequence[Change]) -> tuple[Axis, Axis]:
+    """All lines, unsorted."""
+    position: tuple[list[float], list[float]] = ([], [])
+    slope: tuple[list[Array], list[Array]] = ([], [])
+    for name, outline in outlines(base).items():
+        velocity = np.array([change.outlines.get(name, np.zeros((4, 2))) for change in changes])  # (p, 4, 2)
+        for axis, sides in ((0, ((0, 3), (1, 2))), (1, ((0, 1), (2, 3)))):
+            for a, b in sides:
+                length = np.abs(outline).max()
+                apart = abs(outline[a, axis] - outline[b, axis])
+                if apart > VERTICAL * length or np.any(np.abs(velocity[:, a, axis] - velocity[:, b, axis]) > 1e-12):
+                    raise NotAlongLinesError(f"the walls of {name!r} lean")
+                position[axis].append(float(outline[a, axis]))
+                slope[axis].append(velocity[:, a, axis])
+    return Axis(np.array(position[0]), np.array(slope[0])), Axis(np.array(position[1]), np.array(slope[1]))
+
+
+def _ordered(axis: Axis, ranges: tuple[Array, Array], half: Array) -> Axis:
+    """Each line once, in an order that holds everywhere in the box."""
+    order = np.lexsort((*axis.slope.T, axis.base))
+    base, slope = axis.base[order], axis.slope[order]
+    kept = [0]
+    for k in range(1, len(base)):
+        alike = [m for m in kept if abs(base[k] - base[m]) < SAME and np.all(np.abs(slope[k] - slope[m]) * half < SAME)]
+        if not alike:
+            kept.append(k)
+    base, slope = base[kept], slope[kept]
+    low, high = _gaps(Axis(base, slope), ranges)
+    if low.min(initial=np.inf) <= SAME:
+        raise NotAlongLinesError(f"two outlines near {base[int(low.argmin())]:g} m meet inside the box")
+    del high
+    return Axis(base, slope)
+
+
+def _gaps(axis: Axis, ranges: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Smallest and largest distance of neighbouring lines over the box."""
+    base, slope = np.diff(axis.base), np.diff(axis.slope, axis=0)
+    each = np.stack([slope * ranges[0], slope * ranges[1]])
+    return base + each.min(axis=0).sum(axis=1), base + each.max(axis=0).sum(axis=1)
+
+
+def _with_companions(axis: Axis, ranges: tuple[Array, Array], walls: Sequence[float]) -> Axis:
+    """Lines beside the walls of heated parts that move along with them, where the gap changes over the box."""
+    low, high = _gaps(axis, ranges)
+    base, slope = list(axis.base), list(axis.slope)
+    for k in range(len(low)):
+        if high[k] < VARIES * low[k]:
+            continue
+        ends = [e for e in (k, k + 1) if np.abs(np.asarray(walls) - axis.base[e]).min() < SAME]
+        for e in ends:
+            away = min(CLOSE, low[k] / (3 if len(ends) > 1 else 2))
+            base.append(axis.base[e] + (away if e == k else -away))
+            slope.append(axis.slope[e])
+    order = np.argsort(base)
+    return Axis(np.array(base)[order], np.array(slope)[order])
+
+
+def _owners(base: CrossSection, r: Array, z: Array) -> list[list[str | None]]:
+    shapes = outlines(base)
+    void = {part.name for part in base.parts if part.material == VOID}
+
+    def owner(x: float, y: float) -> str | None:
+        for name in reversed(shapes):
+            (left, bottom), (right, top) = shapes[name].min(axis=0), shapes[name].max(axis=0)
+            if left < x < right and bottom < y < top:
+                return None if name in void else name
+        return None
+
+    return [[owner(x, y) for y in (z[:-1] + z[1:]) / 2] for x in (r[:-1] + r[1:]) / 2]

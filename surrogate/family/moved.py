@@ -1,0 +1,98 @@
+"""The engine for everything else: the mesh of the base geometry is moved and its matrices assembled for each member."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem import HeatProblem, assemble, checks
+from thermofem.heat.problem import on_mesh, resistances
+from thermofem.mesh.motion import Motion
+
+from .box import Box
+from .reduced import Small
+
+Array = NDArray[np.float64]
+
+
+class MovedEngine:
+    """Full matrices on moved meshes; a reduced member is their projection, some tens of milliseconds.
+
+    Parameters
+    ----------
+    box : Box
+    accuracy : float
+        of the base mesh.
+    reference : HeatProblem
+        the base problem, where it is there already.
+    """
+
+    name = "moved meshes"
+
+    def __init__(self, box: Box, accuracy: float, reference: HeatProblem | None = None) -> None:
+        self.box, self.accuracy = box, accuracy
+        self.reference = reference or assemble(box.base, accuracy)
+        self.mesh = self.reference.mesh
+        self._motion = Motion(self.mesh, box.base)
+
+    @property
+    def unknowns(self) -> int:
+        """Unknowns of the base mesh."""
+        return self.reference.unknowns
+
+    def heat(self, row: Array) -> HeatProblem:
+        """The heat problem of a member on the moved mesh.
+
+        Raises
+        ------
+        InputError
+            the mesh cannot follow: a face appears or vanishes inside the box, or triangles turn over.
+        """
+        geometry = self.box.geometry(row)
+        try:
+            moved = replace(self.mesh, points=self._motion.moved(geometry))
+        except checks.InputError as error:
+            where = ", ".join(f"{name} = {value:g}" for name, value in zip(self.box.names, row, strict=True))
+            raise checks.InputError(f"no family over this box: at {where} {error}; take smaller ranges") from None
+        resistance = resistances(geometry)
+        return on_mesh(geometry, moved, resistance, self.accuracy)
+
+
+@dataclass(frozen=True, eq=False)
+class MovedMembers:
+    """Small matrices of members by moving the mesh and projecting what is assembled on it.
+
+    Attributes
+    ----------
+    moved : MovedEngine
+    basis : array, shape (unknowns, N)
+    ports : tuple of str
+    """
+
+    moved: MovedEngine
+    basis: Array
+    ports: tuple[str, ...]
+    engine = "moved meshes"
+
+    @property
+    def size(self) -> int:
+        """Number of functions."""
+        return int(self.basis.shape[1])
+
+    def member(self, row: Array) -> Small:
+        """Matrices of one member."""
+        return projected(self.moved.heat(row), self.basis, self.ports)
+
+    def resistances(self, rows: Array, heated: int, read: int) -> Array:
+        """Static gain of many members, shape (n,)."""
+        small = (self.member(row) for row in rows)
+        return np.array([one.ports[read] @ np.linalg.solve(one.K, one.ports[heated]) for one in small])
+
+
+def projected(heat: HeatProblem, V: Array, ports: tuple[str, ...]) -> Small:
+    """A member in the functions V, from its full matrices."""
+    d = heat.discretization
+    K, M = (V.T @ (matrix @ V) for matrix in (d.K, d.E))
+    return Small((K + K.T) / 2, (M + M.T) / 2, np.array([d.means[name][d.free] @ V for name in ports]))

@@ -1,0 +1,153 @@
+"""Reduced members: small symmetric matrices, and the models that follow from them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .affine import Coefficients
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """A member in modes: Z_ab(s) = sum_i port_ai port_bi / (1 + s tau_i).
+
+    Attributes
+    ----------
+    tau : array, shape (k,), s
+    ports : array, shape (ports, k)
+        square root of K/W.
+    """
+
+    tau: Array
+    ports: Array
+
+    def R(self, heated: int = 0, read: int = 0) -> Array:
+        """Thermal resistances of the poles in K/W."""
+        return np.asarray(self.ports[heated] * self.ports[read])
+
+    def step_response(self, times: Array, heated: int = 0, read: int = 0) -> Array:
+        """Rise in K/W after a unit step."""
+        return np.asarray(-np.expm1(-times[:, None] / self.tau) @ self.R(heated, read))
+
+
+@dataclass(frozen=True, eq=False)
+class Small:
+    """K (N, N) in W/K, M (N, N) in J/K and port functionals (ports, N) of one member."""
+
+    K: Array
+    M: Array
+    ports: Array
+
+    def modes(self) -> Modes:
+        """Solve M v = tau K v with v^T K v = 1: errors are relative to the largest time constant and to R_th."""
+        from scipy.linalg import eigh
+
+        tau, v = eigh(self.M, self.K, check_finite=False)
+        return Modes(np.maximum(tau, 0.0), self.ports @ v)
+
+    def first(self, count: int) -> Small:
+        """The member in the first functions alone."""
+        return Small(self.K[:count, :count], self.M[:count, :count], self.ports[:, :count])
+
+
+TIMES = np.geomspace(1e-9, 1e-3, 61)  # s; at which errors of step responses are looked at
+
+
+def difference(modes: Modes, truth: Modes, heated: int = 1) -> float:
+    """Largest relative difference of R_th and of the step response from 1 ns on, over all channels.
+
+    The first ``heated`` ports carry heat, all are read.
+
+    Relative to the value itself where a part reads its own heat, to the static value of the channel elsewhere.
+    """
+    worst = 0.0
+    for a in range(heated):
+        for b in range(len(truth.ports)):
+            static = truth.R(a, b).sum()
+            rise = truth.step_response(TIMES, a, b)
+            off = np.abs(modes.step_response(TIMES, a, b) - rise) / (rise if a == b else abs(static))
+            worst = max(worst, float(abs(modes.R(a, b).sum() / static - 1)), float(off.max()))
+    return worst
+
+
+@dataclass(frozen=True, eq=False)
+class LineTerms:
+    """Packed matrices of a family on lines.
+
+    Attributes
+    ----------
+    coefficients : Coefficients
+    K, M : array, shape (terms, N (N + 1)/2)
+        upper triangles, row by row.
+    ports : array, shape (ports, 2 c, N)
+    volumes : array, shape (ports, 2 c)
+    statics : int
+        first functions, from which the thermal resistance is taken.
+    """
+
+    coefficients: Coefficients
+    K: Array
+    M: Array
+    ports: Array
+    volumes: Array
+    statics: int
+    engine = "lines"
+
+    @classmethod
+    def of(
+        cls, coefficients: Coefficients, terms: tuple[Array, Array, Array], volumes: Array, statics: int
+    ) -> LineTerms:
+        """Pack square terms."""
+        K, M, ports = terms
+        upper = np.triu_indices(K.shape[1])
+        return cls(coefficients, K[:, *upper], M[:, *upper], ports, volumes, statics)
+
+    @property
+    def size(self) -> int:
+        """Number of functions."""
+        return int(self.ports.shape[2])
+
+    def rotated(self, T: Array, statics: int) -> LineTerms:
+        """In other functions, the columns of T."""
+        K, M = (np.array([T.T @ self._square(x) @ T for x in packed]) for packed in (self.K, self.M))
+        return LineTerms.of(self.coefficients, (K, M, self.ports @ T), self.volumes, statics)
+
+    def _square(self, packed: Array) -> Array:
+        n = self.size
+        full = np.zeros((n, n))
+        upper = np.triu_indices(n)
+        full[upper] = packed
+        full.T[upper] = packed
+        return full
+
+    def member(self, row: Array) -> Small:
+        """Matrices of one member."""
+        K, M, volume = self.coefficients(row[None])
+        mean = np.einsum("c,pcn->pn", volume[0], self.ports) / (self.volumes @ volume[0])[:, None]
+        return Small(self._square(K[0] @ self.K), self._square(M[0] @ self.M), mean)
+
+    def resistances(self, rows: Array, heated: int, read: int) -> Array:
+        """Static gain of many members, shape (n,), from the static functions."""
+        n = self.statics
+        upper = np.triu_indices(self.size)
+        kept = np.flatnonzero((upper[0] < n) & (upper[1] < n))
+        at = upper[0][kept], upper[1][kept]
+        terms, ports = self.K[:, kept], self.ports[:, :, :n]
+        result = np.empty(len(rows))
+        for start in range(0, len(rows), CHUNK):
+            K, _, volume = self.coefficients(rows[start : start + CHUNK])
+            packed = K @ terms
+            full = np.zeros((len(packed), n, n))
+            full[:, at[0], at[1]] = packed
+            full[:, at[1], at[0]] = packed
+            b, c = ((volume @ ports[k]) / (volume @ self.volumes[k])[:, None] for k in (heated, read))
+            result[start : start + CHUNK] = np.einsum("nk,nk->n", c, np.linalg.solve(full, b[..., None])[..., 0])
+        return result
+
+
+CHUNK = 512  # members at once

@@ -1,0 +1,190 @@
+"""Train a family from a campaign: choose the engine, solve members, and test it on members it has not seen."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem import Campaign, assemble, checks
+from thermofem import __version__ as version
+from thermofem.campaign import schema
+from thermofem.toml_file import read
+
+from .affine import LineEngine
+from .box import Box
+from .certify import FINER, FINEST, own
+from .family import Family, HeldOut, coarse_difference
+from .lines import NotAlongLinesError
+from .moved import MovedEngine, MovedMembers
+from .reduced import LineTerms, Modes, difference
+from .training import SHARE, Trainer
+
+Array = NDArray[np.float64]
+
+log = logging.getLogger("thermofem")
+
+MESH = 0.5  # accuracy of the first reference mesh over the tolerance
+MESHES = 3  # reference meshes tried
+HELD_OUT = 8  # members
+SAFETY = 1.5  # on floor and factor of the predicted error
+
+
+def train_family(
+    campaign: Campaign | str | Path,
+    tolerance: float = 1e-3,
+    *,
+    seed: int = 0,
+    held_out: int = HELD_OUT,
+    progress: Callable[[str], None] | None = None,
+) -> Family:
+    """Train one reduced basis for all members of a campaign's ranges.
+
+    Parameters
+    ----------
+    campaign : Campaign, or the path of a campaign file
+        its [[vary]] tables are the parameters; its drives do not matter and may be left out.
+    tolerance : float
+        wanted relative error of R_th and of the step response from 1 ns on, 1e-4..0.05.
+    seed : int
+        of the members that are solved.
+    held_out : int
+        random members, never trained on, whose own finer meshes give ``family.error``.
+    progress : callable
+        gets a line of text after every member.
+
+    Returns
+    -------
+    Family
+        where ``family.error`` is above the tolerance the log says so. Where outlines lie along r and z a member takes
+        about a millisecond (engine "lines"); leaning walls, shells and copies off the axis take some tens ("moved
+        meshes"). Conductivities that depend on temperature are taken at the ambient one.
+
+    Raises
+    ------
+    InputError
+        a campaign that varies nothing or words; ranges that contradict each other; a mesh that cannot follow.
+    """
+    started = time.perf_counter()
+    checks.between("tolerance", tolerance, 1e-4, 0.05, hint="it is the wanted relative error of every member")
+    checks.between("held_out", held_out, 1, 1000)
+    box = Box.of(campaign if isinstance(campaign, Campaign) else read_campaign(campaign))
+    report = progress or (lambda line: None)
+    inputs, outputs = _channels(box)
+    ports, heated = tuple(dict.fromkeys((*inputs, *outputs))), len(inputs)
+    rows = box.draw(held_out, seed + 7919)
+    truths: list[Modes] = []
+    for number, row in enumerate(rows):
+        report(f"held-out member {number + 1} of {held_out}")
+        heat = assemble(box.geometry(row), max(FINER * tolerance, FINEST))
+        truths.append(own(heat, ports, tolerance)[0])
+    engine, references = _engine(box, ports, heated, tolerance, rows, truths)
+    found = Trainer(engine, ports, tolerance, seed, heated, report).run()
+    members: LineTerms | MovedMembers
+    if found.terms is not None:
+        members = found.terms
+    elif isinstance(engine, MovedEngine):
+        members = MovedMembers(engine, found.basis, ports)
+    else:
+        raise TypeError("the engine on lines gives terms")
+    small = [members.member(row) for row in rows]
+    modes = [one.modes() for one in small]
+    errors = [difference(one, truth, heated) for one, truth in zip(modes, truths, strict=True)]
+    meshes = [difference(one, truth, heated) for one, truth in zip(references, truths, strict=True)]
+    rest = [difference(one, reference, heated) for one, reference in zip(modes, references, strict=True)]
+    ratios = [each / max(coarse_difference(one, heated), 1e-12) for each, one in zip(rest, small, strict=True)]
+    error = HeldOut(errors)
+    if error.worst > tolerance:
+        log.warning(
+            "the family errs by up to %.1e on members it has not seen, more than tolerance = %g; take smaller ranges "
+            "or ask for a smaller tolerance",
+            error.worst,
+            tolerance,
+        )
+    return Family(
+        box=box,
+        inputs=inputs,
+        outputs=outputs,
+        tolerance=tolerance,
+        members=members,
+        error=error,
+        floor=SAFETY * max(meshes),
+        factor=SAFETY * max(ratios),
+        provenance={
+            "method": f"reduced basis, {members.engine}",
+            "version": version,
+            "campaign": box.campaign.name,
+            "campaign_hash": campaign_hash(box.campaign),
+            "solved_members": len(found.members),
+            "seconds": round(time.perf_counter() - started, 3),
+            "unknowns": engine.unknowns,
+        },
+    )
+
+
+def read_campaign(path: str | Path) -> Campaign:
+    """Read a campaign file; one without drives or samples is good enough for a family.
+
+    Raises
+    ------
+    InputError
+        as `Campaign.from_toml`.
+    """
+
+    def campaign(text: str) -> Campaign:
+        from thermofem import toml_file
+        from thermofem.campaign.paths import write_table
+
+        table: dict[str, Any] = toml_file.parse(text)
+        table.setdefault("drive", [{}])
+        ranges = any("count" not in item and "values" not in item for item in table.get("vary", []))
+        table.setdefault("samples", 1 if ranges else 0)
+        return Campaign(**schema.fields(write_table(table), Path(path).parent))
+
+    return read(checks.path("campaign", path), "campaign", campaign)
+
+
+def campaign_hash(campaign: Campaign) -> str:
+    """Sixteen hexadecimal digits of geometry and variations."""
+    content = [campaign.geometry, [(v.name, v.paths, v.values, v.low, v.high) for v in campaign.variations]]
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
+
+
+def _engine(
+    box: Box, ports: tuple[str, ...], heated: int, tolerance: float, rows: Array, truths: Sequence[Modes]
+) -> tuple[LineEngine | MovedEngine, list[Modes]]:
+    """The engine on lines where it applies, with a mesh that leaves `SHARE` at held-out members; and those on it."""
+    accuracy = MESH * tolerance
+    for _ in range(MESHES):
+        engine: LineEngine | MovedEngine
+        try:
+            engine = LineEngine(box, accuracy)
+        except NotAlongLinesError as reason:
+            log.info("the family moves its mesh for every member, because %s", reason)
+            engine = MovedEngine(box, accuracy)
+        references = [own(engine.heat(row), ports, tolerance)[0] for row in rows]
+        error = max(difference(one, truth, heated) for one, truth in zip(references, truths, strict=True))
+        if error <= SHARE * tolerance or accuracy <= FINEST:
+            break
+        accuracy = max(FINEST, 0.7 * accuracy * SHARE * tolerance / error)
+    return engine, references
+
+
+def _channels(box: Box) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Heated parts and what is read, from the campaign."""
+    base, campaign = box.base, box.campaign
+    inputs = (campaign.heated,) if campaign.heated else base.heated
+    readable = (*base.region_names, *(probe.name for probe in base.probes))
+    for name in inputs:
+        checks.choice("heated", str(name), base.heated)
+    outputs = campaign.read or tuple(map(str, inputs))
+    for name in outputs:
+        checks.choice("read", name, readable)
+    return tuple(map(str, inputs)), tuple(outputs)

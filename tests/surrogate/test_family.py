@@ -1,0 +1,225 @@
+"""Families: members against their own meshes, passivity, derivatives, files, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import surrogate
+import thermofem as th
+from surrogate.family.box import Box
+from surrogate.family.reduced import Modes, difference
+from thermofem.campaign.vary import Schedule, Variation
+
+STEP = Schedule("step", th.Constant(1e-3), (0.0, 1e-6))
+TIMES = np.geomspace(1e-9, 1e-4, 26)
+
+RADIUS = Variation("radius", ("part.core.radius",), "m", low=5e-6, high=9e-6)
+WIDTH = Variation("width", ("part.core.width",), "m", low=400e-9, high=600e-9)
+BOX = Variation("box", ("layer.box.thickness",), "m", low=1e-6, high=3e-6)
+
+
+def campaign(*variations: Variation, geometry: th.CrossSection | None = None, **options) -> th.Campaign:
+    text = (geometry or th.strip_ring()).to_toml()
+    samples = 1 if any(not v.values for v in variations) else 0
+    return th.Campaign(text, variations, (STEP,), samples=samples, **options)
+
+
+@pytest.fixture(scope="module")
+def family() -> surrogate.Family:
+    return surrogate.train_family(campaign(RADIUS, WIDTH, BOX), tolerance=1e-3)
+
+
+def test_members_agree_with_their_own_meshes(family):
+    assert family.engine == "lines"
+    assert family.error.worst <= 1e-3
+    assert family.error == family.error.worst >= family.error.median > 0
+    for radius, width, box in ((5e-6, 400e-9, 3e-6), (6.3e-6, 431e-9, 1.1e-6), (8.9e-6, 590e-9, 2.2e-6)):
+        heat = th.assemble(th.strip_ring(radius=radius, width=width, box=box), accuracy=1e-4)
+        model = family.model(radius=radius, width=width, box=box)
+        expected = heat.system.step_response(TIMES, rtol=1e-6)
+        np.testing.assert_allclose(model.step_response(TIMES), expected, rtol=1e-3)
+        resistance = heat.thermal_resistance()
+        assert model.thermal_resistance == pytest.approx(resistance, rel=1e-3)
+        assert model.thermal_resistance < resistance  # a lower bound, as is that of the finer mesh
+        off = family.certify(radius=radius, width=width, box=box).error
+        assert off <= family.predicted_error(radius=radius, width=width, box=box) < 2e-3
+
+
+def test_random_members_are_passive_and_rise_monotonically(family):
+    rows = family.box.draw(500, seed=11)
+    for row in rows:
+        model = family.model(**dict(zip(family.names, row, strict=True)))
+        assert np.all(np.asarray(model.R) >= 0)
+        assert np.all(np.diff(model.step_response(TIMES)) > 0)
+
+
+def test_arrays_broadcast_and_agree_with_single_members(family):
+    radius, width = np.array([5e-6, 7e-6, 9e-6]), np.array([[450e-9], [500e-9]])
+    R = family.thermal_resistance(radius=radius, width=width, box=2e-6)
+    step = family.step_response(TIMES, radius=radius, width=width, box=2e-6)
+    assert R.shape == (2, 3)
+    assert step.shape == (2, 3, TIMES.size)
+    model = family.model(radius=7e-6, width=500e-9, box=2e-6)
+    np.testing.assert_allclose(step[1, 1], model.step_response(TIMES), rtol=1e-10)
+    # the resistance alone comes from the static functions: below that of all functions, by less than the tolerance
+    assert 0 <= model.thermal_resistance - R[1, 1] < 1e-4 * R[1, 1]
+
+
+def test_reduced_has_few_poles(family):
+    values = {"radius": 7e-6, "width": 500e-9, "box": 2e-6}
+    small, model = family.reduced(1e-2, **values), family.model(**values)
+    assert small.passive
+    assert small.order < 0.6 * model.order
+    f = np.geomspace(1e3, 1e9, 40)
+    assert np.abs(small.impedance(f) - model.impedance(f)).max() <= 1e-2 * model.thermal_resistance
+
+
+def test_derivatives_are_those_of_the_members(family):
+    values = {"radius": 7e-6, "width": 500e-9, "box": 2e-6}
+    f = np.array([1e5, 1e8])
+    d = family.derivatives(times=TIMES, frequencies=f, **values)
+    for k, (name, value) in enumerate(values.items()):
+        h = 1e-4 * value
+        up, down = (family.model(**{**values, name: value + sign * h}) for sign in (1, -1))
+        slope = (up.step_response(TIMES) - down.step_response(TIMES)) / (2 * h)
+        size = np.abs(slope).max()
+        # the difference errs by h^2 f'''/6, some 1e-8
+        np.testing.assert_allclose(d.step_response[k], slope, atol=1e-6 * size)
+        assert d.thermal_resistance[k].item() == pytest.approx(
+            (up.thermal_resistance - down.thermal_resistance) / (2 * h), rel=1e-6
+        )
+        slope = (up.impedance(f) - down.impedance(f)) / (2 * h)
+        np.testing.assert_allclose(d.impedance[k], slope, atol=1e-6 * np.abs(slope).max())
+    geometry = th.strip_ring(radius=7e-6, width=500e-9, box=2e-6)
+    paths = ["part.core.radius", "part.core.width", "layer.box.thickness"]
+    fem = th.derivatives(th.assemble(geometry, accuracy=1e-4), paths)
+    # errors of the members, below 1e-3, vary over the box by less than themselves
+    np.testing.assert_allclose(d.thermal_resistance, fem.thermal_resistance, rtol=3e-3)
+
+
+def test_a_family_is_one_file(family, tmp_path):
+    path = family.save(tmp_path / "rings.json")
+    again = surrogate.load_family(path)
+    values = {"radius": 7e-6, "width": 500e-9, "box": 2e-6}
+    np.testing.assert_array_equal(again.model(**values).R, family.model(**values).R)
+    assert again.predicted_error(**values) == family.predicted_error(**values)
+    assert (again.error.worst, again.error.median) == (family.error.worst, family.error.median)
+    assert again.provenance == family.provenance
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(th.InputError, match="is not a family"):
+        surrogate.load_family(path)
+    (tmp_path / "other.json").write_text("{}")
+    with pytest.raises(th.InputError, match="is not a family"):
+        surrogate.load_family(tmp_path / "other.json")
+    with pytest.raises(th.InputError, match="does not exist"):
+        surrogate.load_family(tmp_path / "none.json")
+
+
+def test_members_outside_the_box_and_wrong_names_are_refused(family):
+    with pytest.raises(th.InputError, match=r"radius = 1e-05 m is outside the box of this family, 5e-06 .. 9e-06 m"):
+        family.model(radius=10e-6, width=500e-9, box=2e-6)
+    with pytest.raises(th.InputError, match="did you mean 'width'"):
+        family.model(radius=7e-6, widht=500e-9, box=2e-6)
+    with pytest.raises(th.InputError, match="box missing"):
+        family.model(radius=7e-6, width=500e-9)
+    with pytest.raises(th.InputError, match="not finite"):
+        family.model(radius=np.nan, width=500e-9, box=2e-6)
+    with pytest.raises(th.InputError, match="one number for each parameter"):
+        family.model(radius=[6e-6, 7e-6], width=500e-9, box=2e-6)
+    with pytest.raises(th.InputError, match="do not fit together"):
+        family.thermal_resistance(radius=np.full(2, 7e-6), width=np.full(3, 500e-9), box=2e-6)
+
+
+def test_open_sides_contacts_convection_and_two_heated_parts():
+    base = th.heated_ring(cladding=1.5e-6)
+    geometry = th.CrossSection(
+        "heater on an open chip",
+        40e-6,
+        base.layers,
+        base.parts,
+        interfaces=(th.Interface("core", 1e-8),),
+        bottom=th.Boundary("open"),
+        outer=th.Boundary("open"),
+        top=th.Boundary("convection", 1e5),
+    )
+    plan = campaign(
+        Variation("radius", ("part.core.radius", "part.heater.radius"), "m", low=7e-6, high=9e-6),
+        Variation("contact", ("interface.core.resistance",), "m^2*K/W", low=1e-8, high=4e-8),
+        Variation("convection", ("boundary.top.convection",), "W/m^2/K", low=1e4, high=1e6),
+        geometry=geometry,
+    )
+    family = surrogate.train_family(plan, tolerance=5e-3, held_out=3)
+    assert (family.engine, family.inputs) == ("lines", ("core", "heater"))
+    assert family.error <= 5e-3
+    values = {"radius": 8.3e-6, "contact": 3e-8, "convection": 1e5}
+    heat = th.assemble(family.box.geometry(family.box.row(values)), accuracy=1e-3)
+    for heated in ("core", "heater"):
+        for read in ("core", "heater"):
+            expected = heat.thermal_resistance(heated, read)
+            assert family.thermal_resistance(heated=heated, read=read, **values) == pytest.approx(expected, rel=5e-3)
+    step = heat.channels("heater", "core").step_response(TIMES)
+    ours = family.model(heated="heater", read="core", **values).step_response(TIMES)
+    np.testing.assert_allclose(ours, step, atol=5e-3 * step.max())
+    assert family.system(**values).outputs == ("core", "heater")
+
+
+def test_leaning_walls_and_shells_move_the_mesh(tmp_path):
+    geometry = th.CrossSection(
+        "trapezoid",
+        30e-6,
+        th.strip_ring(substrate=10e-6).layers,
+        th.strip_ring().parts,
+        probes=(th.Probe("near", "core", shell=300e-9),),
+    )
+    plan = campaign(
+        RADIUS,
+        Variation("angle", ("part.core.sidewall_angle",), "rad", low=np.radians(75), high=np.radians(90)),
+        geometry=geometry,
+        read=("core", "near"),
+    )
+    family = surrogate.train_family(plan, tolerance=5e-3, held_out=2)
+    assert family.engine == "moved meshes"
+    assert family.error <= 5e-3
+    values = {"radius": 6.6e-6, "angle": np.radians(80.0)}
+    heat = th.assemble(family.box.geometry(family.box.row(values)), accuracy=1e-3)
+    assert family.model(**values).thermal_resistance == pytest.approx(heat.thermal_resistance(), rel=5e-3)
+    near = heat.thermal_resistance("core", "near")
+    assert family.model(read="near", **values).thermal_resistance == pytest.approx(near, rel=5e-3)
+    again = surrogate.load_family(family.save(tmp_path / "family.npz"))
+    np.testing.assert_allclose(again.model(**values).R, family.model(**values).R, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("variations", "message"),
+    [
+        ((), "varies nothing"),
+        ((Variation("oxide", ("layer.box.material",), "", values=("SiO2", "Si3N4")),), "lists words"),
+        ((Variation("width", ("part.core.width",), "m", values=(450e-9,)),), "one value only"),
+        ((Variation("width", ("part.core.bottom",), "m", low=-1e-6, high=2.5e-6),), "contradict each other"),
+    ],
+)
+def test_a_campaign_without_a_family_is_refused(variations, message):
+    with pytest.raises(th.InputError, match=message):
+        surrogate.train_family(campaign(*variations))
+
+
+def test_outlines_that_meet_inside_the_box_are_refused():
+    # the core passes the top of the buried oxide: another face appears, no mesh follows
+    plan = campaign(Variation("bottom", ("part.core.bottom",), "m", low=-1e-6, high=1e-6))
+    with pytest.raises(th.InputError, match="no family over this box"):
+        surrogate.train_family(plan, tolerance=1e-2)
+
+
+def test_tolerance_is_checked():
+    with pytest.raises(th.InputError, match="tolerance"):
+        surrogate.train_family(campaign(WIDTH), tolerance=1e-9)
+
+
+def test_the_difference_sees_early_times():
+    box = Box.of(campaign(WIDTH))
+    truth = surrogate.reduce(th.assemble(box.base).system, 1e-5).model
+    modes = Modes(np.asarray(truth.tau), np.sqrt(truth.R)[None])
+    fast = Modes(modes.tau, modes.ports * np.where(modes.tau < 1e-8, 1.02, 1.0))
+    # the fastest poles carry the first nanosecond and little of R_th
+    assert difference(fast, modes) > 1e-2 > 5 * abs(fast.R().sum() / modes.R().sum() - 1)
