@@ -1,0 +1,21 @@
+"""Several rings on one chip: light along waveguides and heat between neighbours."""
+
+from .circuit import Circuit
+from .parts import Detector, LaserPort, Splitter, Waveguide
+from .ready import bus, crow, delay_loop, scissor
+from .simulate import simulate_circuit
+from .spectrum import spectrum
+
+__all__ = [
+    "Circuit",
+    "Detector",
+    "LaserPort",
+    "Splitter",
+    "Waveguide",
+    "bus",
+    "crow",
+    "delay_loop",
+    "scissor",
+    "simulate_circuit",
+    "spectrum",
+]

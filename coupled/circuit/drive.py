@@ -1,0 +1,119 @@
+"""Lasers, detunings and edges of a run of a circuit, as the compiled integration takes them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem import checks
+
+from ..arguments import detuning_in_time, power_in_time
+from ..inputs import Pieces, joint, pieces
+from .circuit import Circuit
+from .network import Light
+
+Array = NDArray[np.float64]
+
+ECHO = 1e-7  # of the light: edges that come back weaker are left to the error control
+MOST_EDGES = 5_000_000
+
+
+def powers_of(circuit: Circuit, inputs: Mapping[str, Any], duration: float) -> list[Pieces]:
+    """Power of every laser in W as a piecewise cubic; 0 where none is given.
+
+    Raises
+    ------
+    InputError
+        no mapping, a name that is no laser, or a power out of range.
+    """
+    checks.has("inputs", inputs, "items", hint="give powers by the lasers' names, {'in': 1e-3}")
+    names = [laser.name for laser in circuit.lasers]
+    for name in inputs:
+        checks.choice("a name in inputs", name, names)
+    found = []
+    for name in names:
+        value = power_in_time(inputs.get(name, 0.0), duration)
+        found.append(pieces(f"inputs[{name!r}]", value, 0.0, duration))
+    return found
+
+
+def detuning_of(circuit: Circuit, detuning: Any, duration: float) -> tuple[Pieces, float]:
+    """Detuning of the frame in Hz as a piecewise cubic, and its constant value, 0 where it varies."""
+    value = detuning_in_time(detuning, duration)
+    constant = value if isinstance(value, float) else 0.0
+    if not isinstance(value, float) and any(w.delay > 0 for w in circuit.waveguides):
+        raise checks.InputError("detuning varies, and the circuit has delays, whose phases belong to one frequency")
+    return pieces("detuning", value, 0.0, duration), constant
+
+
+def echoes(edges: Array, light: Light, duration: float) -> Array:
+    """Edges of the lasers and those that come back through the delays while they are strong enough.
+
+    Light behind a delay is at most as strong as before it times the largest gain from any delay to any other.
+    """
+    delays = np.unique(light.delay)
+    if not delays.size:
+        return edges
+    passing = light.seen_delay[: light.delay.size]
+    gain = float(np.abs(passing).sum(axis=1).max(initial=0.0))
+    first = float(np.abs(light.seen_laser[: light.delay.size]).max(initial=0.0))
+    found, newest = {float(t) for t in edges}, {float(t) for t in edges}
+    strength = first
+    while newest and strength > ECHO:
+        newest = {round(t + d, 18) for t in newest for d in delays.tolist() if t + d < duration} - found
+        found |= newest
+        strength *= gain
+        if len(found) > MOST_EDGES:
+            raise checks.InputError(
+                f"inputs: their edges and echoes are more than {MOST_EDGES:g}; shorten the run or lengthen the delays"
+            )
+    every = np.array(sorted(found))
+    return every[np.concatenate([[True], np.diff(every) > 1e-15 * duration])]
+
+
+def internal_drive(
+    circuit: Circuit, light: Light, powers: list[Pieces], frame: Pieces, offsets: list[Pieces], duration: float
+) -> Any:
+    """The run's `kernel.Drive`.
+
+    Parameters
+    ----------
+    powers : list of Pieces, W
+    frame : Pieces, Hz
+        laser minus the circuit's reference frequency.
+    offsets : list of Pieces, K
+        what the heaters add to each ring.
+    """
+    from ..kernels import equations as eq
+    from .kernel import Drive
+
+    scale = eq.NS ** np.arange(4)
+    power_edges = joint(*powers)
+    power = np.stack([p.on(power_edges).coefficients for p in powers], axis=1) / eq.UW * scale
+    detuning_edges = joint(frame, *offsets)
+    turning = []
+    for ring, offset in zip(circuit.resonators, offsets, strict=True):
+        first = float(circuit.frequency or 0.0) - ring.frequency + circuit.lasers[0].offset
+        c = frame.on(detuning_edges).coefficients.copy()
+        c[:, 0] += first
+        c = c * (2 * np.pi * eq.NS) + offset.on(detuning_edges).coefficients * (ring.thermal_shift * eq.NS)
+        turning.append(c * scale)
+    edges = echoes(power_edges, light, duration)
+    every = np.unique(np.concatenate([edges, detuning_edges]))
+    every = every[np.concatenate([[True], np.diff(every) > 4e-16 * duration])]
+    middle = (every[:-1] + every[1:]) / 2
+    lasers = [laser.offset for laser in circuit.lasers]
+    return Drive(
+        edges=every / eq.NS,
+        power_piece=np.clip(np.searchsorted(power_edges, middle) - 1, 0, len(power) - 1),
+        detuning_piece=np.clip(np.searchsorted(detuning_edges, middle) - 1, 0, len(detuning_edges) - 2),
+        power_edges=power_edges / eq.NS,
+        power=np.ascontiguousarray(power),
+        detuning_edges=detuning_edges / eq.NS,
+        detuning=np.ascontiguousarray(np.stack(turning, axis=1)),
+        turn=2 * np.pi * eq.NS * (np.array(lasers) - lasers[0]),
+        largest=np.maximum(np.abs(power[:, :, 0]).max(axis=0), 1e-300),
+    )

@@ -1,0 +1,208 @@
+"""The thermal model of a circuit: one model for all rings, or one with an input and an output for each ring.
+
+A mode of an N x N model that several rings heat becomes one state for each of them; as the model is linear their sum is
+what the mode was. A model that `surrogate.reduce_array` made has no such modes and keeps its states.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem import Foster, StateSpace, checks
+
+from ..inputs import Pieces, add
+from ..thermal import compact
+
+Array = NDArray[np.float64]
+
+MOST = 20_000  # thermal states of all rings
+NOTHING = 1e-15  # of a ring's R_th, what a state adds to any ring
+PER_DECADE, FIRST = (
+    30,
+    1e-10,
+)  # samples of a heater's answer after an edge, and the first one in s: see `heater_offsets`
+
+
+@dataclass(frozen=True, eq=False)
+class RingHeat:
+    """Thermal states of N rings in SI, K for each, those that a ring lacks without gain.
+
+        dx_jk/dt = gain_jk P_j - rate_jk x_jk,    dT_i = sum_jk read_ijk x_jk
+
+    Attributes
+    ----------
+    gain, rate : array, shape (N, K); K/J and 1/s
+    read : array, shape (N, N, K)
+    curvature : float, 1/K
+        of the output map of a ring alone.
+    crossed : bool
+        whether heat goes from ring to ring.
+    heaters : mapping of name to (rate, gain, read)
+        poles of the heaters: arrays of shape (n,), (n,) and (N, n).
+    """
+
+    gain: Array
+    rate: Array
+    read: Array
+    curvature: float
+    crossed: bool
+    heaters: Mapping[str, tuple[Array, Array, Array]]
+
+    @property
+    def thermal_resistance(self) -> Array:
+        """R_th of each ring by its own heat, shape (N,), K/W."""
+        own = np.einsum("iik->ik", self.read)
+        return np.asarray((own * self.gain / self.rate).sum(axis=1))
+
+
+def ring_heat(thermal: Any, rings: int) -> RingHeat:
+    """Read a thermal model for ``rings`` rings.
+
+    Parameters
+    ----------
+    thermal : Foster, StateSpace, OutputMap, or what holds one as ``.model``
+        with one input and output, it serves every ring and no heat goes between them; a StateSpace with as many outputs
+        as rings has the rings first among its inputs, then heaters.
+
+    Raises
+    ------
+    InputError
+        another number of rings, a model that is not symmetric, not passive, quadratic, or too large.
+    """
+    model = _model_of(thermal)
+    if isinstance(model, StateSpace) and (len(model.outputs) > 1 or len(model.inputs) > 1):
+        return _of_array(model, rings)
+    small = compact(model)
+    if hasattr(small, "H"):
+        raise checks.InputError(
+            "thermal is quadratic; a circuit takes linear models, and an OutputMap over a Foster network"
+        )
+    network = getattr(small, "linear", small)
+    if not isinstance(network, Foster):
+        raise checks.InputError(f"thermal is a {type(model).__name__}; a circuit takes Foster, StateSpace or OutputMap")
+    order = network.order
+    read = np.zeros((rings, rings, order))
+    read[np.arange(rings), np.arange(rings)] = 1.0
+    gain, rate = (np.tile(values, (rings, 1)) for values in (network.gain, 1 / np.asarray(network.tau)))
+    return RingHeat(gain, rate, read, float(getattr(small, "coefficient", 0.0)), False, {})
+
+
+def _model_of(thermal: Any) -> Any:
+    """The model itself of a reduction or a fit."""
+    inner = getattr(thermal, "model", None)
+    return thermal if inner is None or callable(inner) else inner
+
+
+def _of_array(model: StateSpace, rings: int) -> RingHeat:
+    if len(model.outputs) != rings or len(model.inputs) < rings:
+        raise checks.InputError(
+            f"thermal has {len(model.inputs)} inputs and {len(model.outputs)} outputs, the circuit {rings} rings; one "
+            "of each for every ring is needed (surrogate.reduce_array), or one model for all rings"
+        )
+    rate, B, C = _modes(model)
+    scale = np.abs(model.gain).max()
+    parts = []
+    for j in range(len(model.inputs)):
+        residue = np.abs(C * B[:, j] / rate).max(axis=0)
+        used = residue > NOTHING * scale
+        parts.append((rate[used], B[used, j], C[:, used]))
+    most = max(len(part[0]) for part in parts[:rings])
+    if most * rings > MOST:
+        raise checks.InputError(
+            f"thermal makes {most * rings} states of {rings} rings, more than {MOST}; reduce it first"
+        )
+    gain, rates, read = np.zeros((rings, most)), np.ones((rings, most)), np.zeros((rings, rings, most))
+    for j, (own_rate, own_gain, own_read) in enumerate(parts[:rings]):
+        k = len(own_rate)
+        gain[j, :k], rates[j, :k], read[:, j, :k] = own_gain, own_rate, own_read
+    heaters = dict(zip(model.inputs[rings:], parts[rings:], strict=True))
+    heat = RingHeat(gain, rates, read, 0.0, rings > 1, heaters)
+    if np.any(heat.thermal_resistance <= 0):
+        ring = model.outputs[int(np.argmin(heat.thermal_resistance))]
+        raise checks.InputError(
+            f"thermal has R_th = {heat.thermal_resistance.min():g} K/W of {ring!r}; it must be positive"
+        )
+    return heat
+
+
+def _modes(model: StateSpace) -> tuple[Array, Array, Array]:
+    """Rates, and B and C in the modes of a small symmetric system."""
+    from scipy.linalg import LinAlgError, eigh
+    from scipy.sparse import issparse
+
+    if model.order > MOST:
+        raise checks.InputError(
+            f"thermal is a system of {model.order} states; reduce it first (surrogate.reduce_array)"
+        )
+    E, A = (m.toarray() if issparse(m) else np.asarray(m, dtype=float) for m in (model.E, model.A))
+    if np.array_equal(E, np.eye(len(E))) and np.array_equal(A, np.diag(np.diag(A))):
+        rate, B, C = -np.diag(A), np.asarray(model.B, dtype=float), np.asarray(model.C, dtype=float)
+    else:
+        for name, matrix in (("E", E), ("A", A)):
+            checks.symmetric(f"thermal.{name}", matrix, hint="heat flow has symmetric matrices")
+        try:
+            rate, modes = eigh(-A, E)
+        except LinAlgError:
+            raise checks.InputError(
+                "thermal.E is not positive definite; every heat capacity must be positive"
+            ) from None
+        B, C = modes.T @ model.B, model.C @ modes
+    if rate.min() <= 0:
+        raise checks.InputError(f"thermal has a mode with rate {rate.min():g} 1/s; every one must decay")
+    return rate, np.asarray(B), np.asarray(C)
+
+
+def heater_offsets(heat: RingHeat, heaters: Mapping[str, Any] | None, duration: float) -> list[Pieces]:
+    """What the heaters add to the temperature of every ring, K, as piecewise cubics over the run.
+
+    A number is a power that was on for ever, a waveform one that is switched on at t = 0. Between samples at
+    `PER_DECADE` a decade after every edge, cubics with the exact slopes miss an exponential by less than 1e-6 of it.
+    """
+    given = {} if heaters is None else heaters
+    checks.has(
+        "heaters", given, "items", hint="give powers by the names of the thermal model's inputs, {'heater 1': 1e-3}"
+    )
+    whole = np.array([0.0, duration])
+    rings = len(heat.gain)
+    offsets = [[Pieces(whole, np.zeros((1, 4)))] for _ in range(rings)]
+    for name, power in given.items():
+        if not heat.heaters:
+            raise checks.InputError(f"heaters has {name!r}, and the thermal model has no heaters among its inputs")
+        rate, gain, read = heat.heaters[checks.choice("a name in heaters", name, heat.heaters)]
+        if not hasattr(power, "breakpoints"):
+            watts = checks.between(f"heaters[{name!r}]", power, 0, 10, unit="W", hint="did you mean 1e-3 for 1 mW?")
+            for i in range(rings):
+                rise = float((read[i] * gain / rate).sum()) * watts
+                offsets[i].append(Pieces(whole, np.array([[rise, 0.0, 0.0, 0.0]])))
+            continue
+        for i, pieces_of_ring in enumerate(_answers(rate, gain, read, power, duration)):
+            offsets[i].append(pieces_of_ring)
+    return [add(parts) if len(parts) > 1 else parts[0] for parts in offsets]
+
+
+def _answers(rate: Array, gain: Array, read: Array, wave: Any, duration: float) -> list[Pieces]:
+    """Rises of all rings under one heater, as cubics between samples with exact slopes."""
+    from thermofem.models.foster import pole_responses
+
+    edges = np.array([0.0, *wave.breakpoints(0.0, duration), duration])
+    times = [edges]
+    for start, length in zip(edges[:-1], np.diff(edges), strict=True):
+        if length > FIRST:
+            count = int(np.ceil(PER_DECADE * np.log10(length / FIRST))) + 1
+            times.append(start + np.geomspace(FIRST, length, count)[:-1])
+    t = np.unique(np.concatenate(times))
+    t = t[np.concatenate([[True], np.diff(t) > 1e-15 * duration])]
+    x = pole_responses(rate, wave, t) * gain
+    late, early = wave.before(t[1:]), wave(t[:-1])
+    rise = x @ read.T
+    at_start = (-rate * x[:-1] + gain * early[:, None]) @ read.T
+    at_end = (-rate * x[1:] + gain * late[:, None]) @ read.T
+    h = np.diff(t)[:, None]
+    step = (rise[1:] - rise[:-1]) / h
+    c = np.stack([rise[:-1], at_start, (3 * step - 2 * at_start - at_end) / h, (at_start + at_end - 2 * step) / h**2])
+    return [Pieces(t, np.ascontiguousarray(c[:, :, i].T)) for i in range(rise.shape[1])]

@@ -1,0 +1,408 @@
+"""Error-controlled Rosenbrock integration of several rings coupled by light and by heat, compiled.
+
+State: y = [Re a, Im a, N of each ring, then the thermal states of each ring]. With s = 1/(gamma h), the thermal states
+of a ring are eliminated from (s - J) k = r as for a ring alone (`kernels.rosenbrock`). What remains is
+
+    (s - J_i - G_i u_i w_i^T) k_i - sum_j M_ij k_j = r_i
+
+with M the waveguides without delay. Where light runs one way only, M is triangular in some order of the rings, and the
+3 x 3 blocks are solved one after the other; elsewhere the whole matrix of 3 N rows is factorized.
+
+Heat between rings is slow. Within a step it is a known function of time: the parabola through its last three values.
+What it is off at the end of a step counts as an error of that step. Light from a waveguide with delay is a known
+function, too: cubic over every past step; no step is longer than the shortest delay.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels import algebra, equations
+from ..kernels.algebra import factorize, inverse, solve
+from ..kernels.compiling import compiled, forget_if_older, inlined
+from ..kernels.equations import Array, Rates, dispersion, optics, optics_jacobian
+from ..kernels.tableaus import Tableau
+
+Complex = NDArray[np.complex128]
+Integers = NDArray[np.int64]
+
+QUIET = 1e-2  # of its size, what a step moves a state that rests
+DONE, TOO_MANY_STEPS, STEP_TOO_SMALL, TOO_MANY_ROWS, STOPPED = 0, 1, 2, 3, 4  # how `integrate` ended
+ROW_LIMIT = 40_000_000  # numbers kept at the accepted steps, 320 MB
+
+
+class Rings(NamedTuple):
+    """N rings in internal units."""
+
+    rates: Array  # shape (N, 10), the fields of `equations.Rates`
+    fcd: Array  # shape (N, terms, 2); a term that a ring lacks is (0, 1)
+    floor: Array  # shape (N, 3), sizes below which errors are not relative
+
+
+class Heat(NamedTuple):
+    """Thermal states of every ring: dx/dt = gain P - rate x, dT_i = sum_jk read_ijk x_jk (+ curvature of its own)."""
+
+    gain: Array  # shape (N, K), K/fJ
+    rate: Array  # shape (N, K), 1/ns
+    read: Array  # shape (N, N, K)
+    curvature: float  # 1/K
+    crossed: bool  # whether heat goes from ring to ring
+
+
+class Network(NamedTuple):
+    """Light between rings, with L lasers, D delayed waveguides and Q observed waves."""
+
+    start: Integers  # of each ring's row of M among the entries, shape (N + 1,)
+    column: Integers
+    entry: Complex  # 1/ns
+    order: Integers  # in which light reaches the rings, shape (N,), or empty: it runs in loops
+    from_laser: Complex  # shape (N, L), 1/sqrt(ns)
+    from_delay: Complex  # shape (N, D)
+    seen_ring: Complex  # observed waves, the starts of the delayed waveguides first; shape (Q, N)
+    seen_laser: Complex  # shape (Q, L)
+    seen_delay: Complex  # shape (Q, D)
+    delay: Array  # shape (D,), ns
+
+
+class Drive(NamedTuple):
+    """Lasers and detunings: cubics in the time since the edge of their piece."""
+
+    edges: Array  # ns, where steps end, shape (m + 1,)
+    power_piece: Integers  # shape (m,)
+    detuning_piece: Integers
+    power_edges: Array
+    power: Array  # uW, shape (pieces, L, 4)
+    detuning_edges: Array
+    detuning: Array  # rad/ns, shape (pieces, N, 4)
+    turn: Array  # rad/ns, of each laser against the common frame, shape (L,)
+    largest: Array  # uW, shape (L,)
+
+
+@inlined
+def _rates(rings: Rings, i: int) -> Rates:
+    r = rings.rates[i]
+    return Rates(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8], r[9])
+
+
+@compiled
+def lasers_at(drive: Drive, piece: int, t: float, wave: Complex, slope: Complex) -> None:
+    """Write the waves of the lasers in sqrt(uW) at ``t``, and their slopes, bounded where a power leaves 0."""
+    p = drive.power_piece[piece]
+    u = t - drive.power_edges[p]
+    for m in range(drive.power.shape[1]):
+        c = drive.power[p, m]
+        size = math.sqrt(max(c[0] + u * (c[1] + u * (c[2] + u * c[3])), 0.0))
+        rise = c[1] + u * (2.0 * c[2] + u * 3.0 * c[3])
+        steep = 0.5 * rise * size / max(size * size + 1e-12 * drive.largest[m], 1e-300)
+        if drive.turn[m] == 0.0:
+            wave[m], slope[m] = size, steep
+        else:
+            phase = complex(math.cos(drive.turn[m] * t), math.sin(drive.turn[m] * t))
+            wave[m], slope[m] = size * phase, (steep + 1j * drive.turn[m] * size) * phase
+
+
+@compiled
+def detunings_at(drive: Drive, piece: int, t: float, values: Array, slopes: Array) -> None:
+    """Write the detunings of all rings at ``t`` in rad/ns, and their slopes."""
+    p = drive.detuning_piece[piece]
+    u = t - drive.detuning_edges[p]
+    for i in range(values.size):
+        d = drive.detuning[p, i]
+        values[i] = d[0] + u * (d[1] + u * (d[2] + u * d[3]))
+        slopes[i] = d[1] + u * (2.0 * d[2] + u * 3.0 * d[3])
+
+
+@compiled
+def delayed_at(
+    t: float, delay: Array, past: Array, cubics: Complex, filled: int, wave: Complex, slope: Complex
+) -> None:
+    """Write the waves at the starts of the delayed waveguides at t - delay, and their slopes; 0 before the start.
+
+    ``past``, shape (m, 2), holds start and length of every past step, ``cubics``, shape (m, D, 4), their waves.
+    """
+    for d in range(delay.size):
+        at = t - delay[d]
+        wave[d], slope[d] = 0.0, 0.0
+        if filled == 0 or at < past[0, 0]:
+            continue
+        low, high = 0, filled - 1
+        while low < high:
+            middle = (low + high + 1) // 2
+            if past[middle, 0] <= at:
+                low = middle
+            else:
+                high = middle - 1
+        x = (at - past[low, 0]) / past[low, 1]
+        c = cubics[low, d]
+        wave[d] = c[0] + x * (c[1] + x * (c[2] + x * c[3]))
+        slope[d] = (c[1] + x * (2.0 * c[2] + x * 3.0 * c[3])) / past[low, 1]
+
+
+@inlined
+def _inputs(net: Network, laser: Complex, delayed: Complex, out: Complex) -> None:
+    """Write what lasers and delayed waveguides send into each ring, in sqrt(fJ)/ns."""
+    for i in range(out.size):
+        total = 0.0 + 0.0j
+        for m in range(laser.size):
+            total += net.from_laser[i, m] * laser[m]
+        for d in range(delayed.size):
+            total += net.from_delay[i, d] * delayed[d]
+        out[i] = total
+
+
+class Space(NamedTuple):
+    """What a step works in."""
+
+    inverses: Array  # (N, 3, 3)
+    matrix: Array  # (3 N, 3 N)
+    pivots: Integers
+    right: Array  # (3 N,)
+    push: Array  # (N, 2), u of each ring
+    gather: Array  # (N, 3), w of each ring
+    damping: Array  # (N, K)
+    own: Array  # (N,), G of each ring
+    before: Array  # (N,), own temperature at the start of the step
+    after: Array  # (N,), at its end
+    fields: Array  # (N, 3), a stage's state
+    own_stage: Array  # (N,)
+    backs: Array  # (N,)
+
+
+@compiled
+def workspace(n: int, poles: int) -> Space:
+    """Return a new workspace for ``n`` rings of ``poles`` thermal states."""
+    e = np.empty
+    return Space(
+        e((n, 3, 3)), e((3 * n, 3 * n)), np.empty(3 * n, np.int64), e(3 * n), e((n, 2)), e((n, 3)), e((n, poles)),
+        e(n), e(n), e(n), e((n, 3)), e(n), e(n),
+    )  # fmt: skip
+
+
+@inlined
+def _prepare(y: Array, h: float, detuning: Array, rings: Rings, heat: Heat, net: Network, s: float, w: Space) -> None:
+    """Fill the workspace with the matrices of a step of ``h`` ns from ``y``, factorized."""
+    n, K = heat.gain.shape
+    looped = net.order.size == 0
+    if looped:
+        w.matrix[:] = 0.0
+    for i in range(n):
+        ar, ai, N = y[3 * i], y[3 * i + 1], y[3 * i + 2]
+        z, G = 0.0, 0.0
+        for k in range(K):
+            c = heat.read[i, i, k]
+            z += c * y[3 * n + i * K + k]
+            w.damping[i, k] = 1.0 / (s + heat.rate[i, k])
+            G += c * heat.gain[i, k] * w.damping[i, k]
+        w.before[i], w.own[i] = z, G
+        dT, bend = z + heat.curvature * z * z, 1.0 + 2.0 * heat.curvature * z
+        shift, slope = dispersion(N, rings.fcd[i])
+        J = optics_jacobian(ar, ai, N, dT, shift, slope, detuning[i], _rates(rings, i))
+        u0, u1, v = J[0][3] * bend, J[1][3] * bend, J[3]
+        w.push[i, 0], w.push[i, 1] = u0, u1
+        w.gather[i, 0], w.gather[i, 1], w.gather[i, 2] = v[0], v[1], v[2]
+        own = 0.0 + 0.0j
+        for e in range(net.start[i], net.start[i + 1]):
+            if net.column[e] == i:
+                own += net.entry[e]
+        block = (
+            (s - J[0][0] - G * u0 * v[0] - own.real, -J[0][1] - G * u0 * v[1] + own.imag, -J[0][2] - G * u0 * v[2]),
+            (-J[1][0] - G * u1 * v[0] - own.imag, s - J[1][1] - G * u1 * v[1] - own.real, -J[1][2] - G * u1 * v[2]),
+            (-J[2][0], -J[2][1], s - J[2][2]),
+        )
+        if looped:
+            for p in range(3):
+                for q in range(3):
+                    w.matrix[3 * i + p, 3 * i + q] = block[p][q]
+            for e in range(net.start[i], net.start[i + 1]):
+                j, m = net.column[e], net.entry[e]
+                if j != i:
+                    w.matrix[3 * i, 3 * j] -= m.real
+                    w.matrix[3 * i, 3 * j + 1] += m.imag
+                    w.matrix[3 * i + 1, 3 * j] -= m.imag
+                    w.matrix[3 * i + 1, 3 * j + 1] -= m.real
+        else:
+            m3 = inverse(block)
+            for p in range(3):
+                for q in range(3):
+                    w.inverses[i, p, q] = m3[p][q]
+    if looped:
+        factorize(w.matrix, w.pivots)
+
+
+@inlined
+def _solve(net: Network, w: Space) -> None:
+    """Overwrite the right-hand sides by the solution of the step's linear system."""
+    if net.order.size == 0:
+        solve(w.matrix, w.pivots, w.right)
+        return
+    for at in range(net.order.size):
+        i = net.order[at]
+        r0, r1, r2 = w.right[3 * i], w.right[3 * i + 1], w.right[3 * i + 2]
+        for e in range(net.start[i], net.start[i + 1]):
+            j, m = net.column[e], net.entry[e]
+            if j != i:
+                r0 += m.real * w.right[3 * j] - m.imag * w.right[3 * j + 1]
+                r1 += m.imag * w.right[3 * j] + m.real * w.right[3 * j + 1]
+        for p in range(3):
+            w.right[3 * i + p] = w.inverses[i, p, 0] * r0 + w.inverses[i, p, 1] * r1 + w.inverses[i, p, 2] * r2
+
+
+@compiled
+def step(
+    y: Array, h: float, inputs: Complex, input_slopes: Complex, detuning: Array, detuning_slopes: Array, rings: Rings,
+    heat: Heat, net: Network, method: Tableau, out: Array, k: Array, x: Array, total: Array, w: Space,
+) -> None:  # fmt: skip
+    """Take one step of ``h`` ns from ``y`` to ``out``.
+
+    ``inputs`` and ``detuning``, shape (stages, N), belong to the times of the stages, their slopes to the first one.
+    Fills ``k``, shape (stages, N, 3), and ``x``, shape (stages, N, K), with the stages, the last of which is the error
+    estimate, and ``total``, shape (stages, N), with what the thermal stages add to each ring's own temperature.
+    """
+    n, K = heat.gain.shape
+    stages, a, c = method.a.shape[0], method.a, method.c
+    s, per_h = 1.0 / (method.gamma * h), 1.0 / h
+    _prepare(y, h, detuning[0], rings, heat, net, s, w)
+    for q in range(stages):
+        g = method.slope[q]
+        for i in range(n):
+            ar, ai, N, z = y[3 * i], y[3 * i + 1], y[3 * i + 2], w.before[i]
+            for j in range(q):
+                f = a[q, j]
+                ar, ai, N, z = ar + f * k[j, i, 0], ai + f * k[j, i, 1], N + f * k[j, i, 2], z + f * total[j, i]
+            w.fields[i, 0], w.fields[i, 1], w.fields[i, 2], w.own_stage[i] = ar, ai, N, z
+        for i in range(n):
+            ar, ai, N, z = w.fields[i, 0], w.fields[i, 1], w.fields[i, 2], w.own_stage[i]
+            dT = z + heat.curvature * z * z
+            shift = dispersion(N, rings.fcd[i])[0]
+            f0, f1, f2, power = optics(ar, ai, N, dT, shift, 0.0, detuning[q, i], _rates(rings, i))
+            b = inputs[q, i]
+            f0, f1 = f0 - b.imag, f1 + b.real
+            for e in range(net.start[i], net.start[i + 1]):
+                j, m = net.column[e], net.entry[e]
+                f0 += m.real * w.fields[j, 0] - m.imag * w.fields[j, 1]
+                f1 += m.imag * w.fields[j, 0] + m.real * w.fields[j, 1]
+            r0, r1, r2 = 0.0, 0.0, 0.0
+            for j in range(q):
+                z = c[q, j] * per_h
+                r0, r1, r2 = r0 + z * k[j, i, 0], r1 + z * k[j, i, 1], r2 + z * k[j, i, 2]
+            rate, gain, own, at = heat.rate[i], heat.gain[i], heat.read[i, i], 3 * n + i * K
+            stage = x[q, i]
+            for p in range(K):
+                stage[p] = -rate[p] * y[at + p]
+            for j in range(q):
+                f, z = a[q, j], c[q, j] * per_h
+                earlier = x[j, i]
+                for p in range(K):
+                    stage[p] += (z - f * rate[p]) * earlier[p]
+            back = 0.0
+            for p in range(K):
+                stage[p] = (stage[p] + gain[p] * power) * w.damping[i, p]
+                back += own[p] * stage[p]
+            w.backs[i] = back
+            u0, u1, turn, slope = w.push[i, 0], w.push[i, 1], h * detuning_slopes[i], input_slopes[i]
+            w.right[3 * i] = r0 + f0 + u0 * back + g * (turn * y[3 * i + 1] - h * slope.imag)
+            w.right[3 * i + 1] = r1 + f1 + u1 * back + g * (-turn * y[3 * i] + h * slope.real)
+            w.right[3 * i + 2] = r2 + f2
+        _solve(net, w)
+        for i in range(n):
+            k0, k1, k2 = w.right[3 * i], w.right[3 * i + 1], w.right[3 * i + 2]
+            k[q, i, 0], k[q, i, 1], k[q, i, 2] = k0, k1, k2
+            feedback = w.gather[i, 0] * k0 + w.gather[i, 1] * k1 + w.gather[i, 2] * k2
+            for p in range(K):
+                x[q, i, p] += feedback * heat.gain[i, p] * w.damping[i, p]
+            total[q, i] = w.backs[i] + feedback * w.own[i]
+    last = stages - 1
+    for i in range(n):
+        for p in range(3):
+            out[3 * i + p] = w.fields[i, p] + k[last, i, p]
+        w.after[i] = w.own_stage[i] + total[last, i]
+        at = 3 * n + i * K
+        for p in range(K):
+            out[at + p] = y[at + p] + x[last, i, p]
+        for j in range(last):
+            f = a[last, j]
+            for p in range(K):
+                out[at + p] += f * x[j, i, p]
+
+
+@compiled
+def neighbours(y: Array, heat: Heat, out: Array) -> None:
+    """Write what the other rings add to the temperature of each, in K."""
+    n, K = heat.gain.shape
+    for i in range(n):
+        total = 0.0
+        if heat.crossed:
+            for j in range(n):
+                if j != i:
+                    read = heat.read[i, j]
+                    at = 3 * n + j * K
+                    for k in range(K):
+                        total += read[k] * y[at + k]
+        out[i] = total
+
+
+@compiled
+def step_error(
+    y: Array,
+    out: Array,
+    k: Array,
+    x: Array,
+    rings: Rings,
+    heat: Heat,
+    rtol: float,
+    missed: Array,
+    other: Array,
+    w: Space,
+) -> float:
+    """Return the error of a step in units of the tolerance: of the worst ring, as for a ring alone.
+
+    ``missed`` is what the heat of the neighbours was mistaken by, ``other`` that heat itself, in K.
+    """
+    n, K = heat.gain.shape
+    last, worst = k.shape[0] - 1, 0.0
+    for i in range(n):
+        floor = rings.floor[i]
+        weight = abs(missed[i])
+        for p in range(K):
+            weight += abs(heat.read[i, i, p] * x[last, i, p])
+        a0, a1, b0, b1 = y[3 * i], y[3 * i + 1], out[3 * i], out[3 * i + 1]
+        energy = max(a0 * a0 + a1 * a1, b0 * b0 + b1 * b1, floor[0] * floor[0])
+        e0 = (k[last, i, 0] * k[last, i, 0] + k[last, i, 1] * k[last, i, 1]) / energy
+        e1 = k[last, i, 2] / max(abs(y[3 * i + 2]), abs(out[3 * i + 2]), floor[1])
+        e2 = weight / max(abs(w.before[i] + other[i]), abs(w.after[i] + other[i]), floor[2])
+        worst = max(worst, e0 + e1 * e1 + e2 * e2)
+        if not worst >= 0.0:  # nan
+            return math.nan
+    return math.sqrt(worst / 3.0) / rtol
+
+
+@compiled
+def moved(y: Array, out: Array, rings: Rings, w: Space) -> float:
+    """Return by how much of its size a step moves the state of any ring."""
+    most = 0.0
+    for i in range(rings.rates.shape[0]):
+        floor = rings.floor[i]
+        b0, b1 = out[3 * i], out[3 * i + 1]
+        d0 = math.hypot(b0 - y[3 * i], b1 - y[3 * i + 1]) / max(math.hypot(b0, b1), floor[0])
+        d1 = abs(out[3 * i + 2] - y[3 * i + 2]) / max(abs(out[3 * i + 2]), floor[1])
+        d2 = abs(w.after[i] - w.before[i]) / max(abs(w.after[i]), floor[2])
+        most = max(most, d0, d1, d2)
+    return most
+
+
+@inlined
+def dense(x: float, y0: float, y1: float, k: Array, d: Array) -> float:
+    """Return one component at the fraction ``x`` of a step from its stages ``k``."""
+    d1, d2, d3 = 0.0, 0.0, 0.0
+    for j in range(k.size):
+        d1, d2, d3 = d1 + d[0, j] * k[j], d2 + d[1, j] * k[j], d3 + d[2, j] * k[j]
+    return (1.0 - x) * y0 + x * (y1 + (1.0 - x) * (d1 + x * (d2 + x * d3)))
+
+
+for kernel in (step, workspace, step_error, moved):
+    for module in (equations, algebra):
+        forget_if_older(kernel, str(module.__file__))

@@ -1,0 +1,148 @@
+"""Waveguides eliminated: what every ring gets from the others, from lasers and from light on its way.
+
+With K the amplitude rates sqrt(2 gamma) of the couplers, S what passes rings and splitters, C the waveguides without
+delay, D those with delay, E the lasers, all at the frequency of the common frame,
+
+    s_out = S s_in + i K a,    s_in = C s_out + D u + E l,    u(t) = s_out(t - delay)
+    s_in  = G (C i K a + D u + E l),    G = (1 - C S)^-1
+    da/dt = ... + M a + i K^T G (E l + D u),    M = i K^T G C i K
+
+Source: W. Suh, Z. Wang and S. Fan, IEEE J. Quantum Electron. 40, 1511 (2004).
+"""
+
+from __future__ import annotations
+
+import cmath
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem import checks
+
+from .circuit import Circuit
+from .parts import Waveguide
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+SINGULAR = 1e8  # condition number of 1 - C S from which on a loop without delay counts as lossless
+NOTHING = 1e-14  # of the largest entry of M: round-off
+
+
+@dataclass(frozen=True, eq=False)
+class Light:
+    """The matrices of a circuit in SI: rates in 1/s, waves in sqrt(W), fields in sqrt(J).
+
+    Attributes
+    ----------
+    between : array, shape (N, N), 1/s
+        M.
+    from_laser, from_delay : arrays, shape (N, L) and (N, D), 1/sqrt(s)
+        K^T G E and K^T G D.
+    seen_ring, seen_laser, seen_delay : arrays, shape (Q, N), (Q, L) and (Q, D)
+        the waves at ``terminals``.
+    terminals : tuple of str
+        starts of the delayed waveguides, then the detectors, then the starts of the waveguides that lose light.
+    delay : array, shape (D,), s
+    lost : array, shape (Q,)
+        share of the power at each terminal that its waveguide loses.
+    """
+
+    between: Complex
+    from_laser: Complex
+    from_delay: Complex
+    seen_ring: Complex
+    seen_laser: Complex
+    seen_delay: Complex
+    terminals: tuple[str, ...]
+    delay: Array
+    lost: Array
+
+
+def light_of(circuit: Circuit, offset: float = 0.0) -> Light:
+    """Eliminate the waveguides of a circuit whose frame turns at its reference frequency plus ``offset`` in Hz.
+
+    Raises
+    ------
+    InputError
+        a loop of waveguides without delay and without loss, in which light would pile up.
+    """
+    entry = {name: k for k, name in enumerate(circuit.entries)}
+    exit = {name: k for k, name in enumerate(circuit.exits)}
+    n, size = len(circuit.names), len(entry)
+    K = np.zeros((size, n), dtype=complex)
+    for i, ring in enumerate(circuit.resonators):
+        K[2 * i, i], K[2 * i + 1, i] = np.sqrt(2 * ring.bus_rate), np.sqrt(2 * ring.drop_bus_rate)
+    S = np.eye(size, dtype=complex)
+    for k, splitter in enumerate(circuit.splitters):
+        straight, cross = np.sqrt(1 - splitter.cross), 1j * np.sqrt(splitter.cross)
+        at = 2 * (n + k)
+        S[at : at + 2, at : at + 2] = [[straight, cross], [cross, straight]]
+    late = [w for w in circuit.waveguides if w.delay > 0]
+    C, D = np.zeros((size, size), dtype=complex), np.zeros((size, len(late)), dtype=complex)
+    for w in circuit.waveguides:
+        if w.delay == 0:
+            C[entry[w.stop], exit[w.start]] = w.transmission
+    for d, w in enumerate(late):
+        D[entry[w.stop], d] = w.transmission * cmath.exp(-2j * np.pi * offset * w.delay)
+    E = np.zeros((size, len(circuit.lasers)), dtype=complex)
+    for k, laser in enumerate(circuit.lasers):
+        E[entry[laser.stop], k] = laser.transmission
+    loop = np.eye(size) - C @ S
+    if np.linalg.cond(loop) > SINGULAR:
+        raise checks.InputError(
+            "the waveguides form a loop without delay and without loss in which light piles up; "
+            "give one of them a delay, a loss or another phase"
+        )
+    G = np.linalg.inv(loop)
+    lossy = [w for w in circuit.waveguides if w.loss > 0]
+    terminals = (*(w.start for w in late), *circuit.outputs.values(), *(w.start for w in lossy))
+    rows = [exit[name] for name in terminals]
+    lost = np.zeros(len(terminals))
+    lost[len(terminals) - len(lossy) :] = [1 - abs(w.transmission) ** 2 for w in lossy]
+    return Light(
+        between=1j * K.T @ G @ C @ (1j * K),
+        from_laser=K.T @ G @ E,
+        from_delay=K.T @ G @ D,
+        seen_ring=(S @ G @ C @ (1j * K) + 1j * K)[rows],
+        seen_laser=(S @ G @ E)[rows],
+        seen_delay=(S @ G @ D)[rows],
+        terminals=terminals,
+        delay=np.array([w.delay for w in late]),
+        lost=lost,
+    )
+
+
+def order_of_rings(between: Complex) -> NDArray[np.int64]:
+    """An order of the rings in which light only goes forward, or nothing where it runs in loops."""
+    n = len(between)
+    size = np.abs(between).max(initial=0.0)
+    feeds = (np.abs(between) > NOTHING * size) & ~np.eye(n, dtype=bool)
+    order: list[int] = []
+    left = set(range(n))
+    while left:
+        ready = sorted(i for i in left if not any(feeds[i, j] for j in left))
+        if not ready:
+            return np.empty(0, dtype=np.int64)
+        order += ready
+        left -= set(ready)
+    return np.array(order, dtype=np.int64)
+
+
+def check_delays(circuit: Circuit) -> None:
+    """Raise InputError for a delay so short that it is none, but would bound every step."""
+    fastest = max(ring.linear_rate for ring in circuit.resonators)
+    for w in circuit.waveguides:
+        if 0 < w.delay < SHORTEST / fastest:
+            raise checks.InputError(
+                f"{_way(w)}: delay = {w.delay:g} s is shorter than {SHORTEST:g} of the rings' photon lifetime "
+                f"({1 / fastest:.2g} s), and no step may be longer; set it to 0 and keep the phase"
+            )
+
+
+SHORTEST = 1e-2
+
+
+def _way(w: Waveguide) -> str:
+    return f"waveguide from {w.start!r} to {w.stop!r}"

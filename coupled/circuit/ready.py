@@ -1,0 +1,134 @@
+"""Ready-made circuits: a bus with rings, a SCISSOR, a CROW, and a ring in a delay loop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from thermofem import checks
+
+from ..resonator import RingResonator
+from .circuit import Circuit
+from .parts import Detector, LaserPort, Waveguide
+
+
+def bus(
+    rings: RingResonator | Sequence[RingResonator], *, phase: float = 0.0, loss: float = 0.0, delay: float = 0.0
+) -> Circuit:
+    """Rings one after the other on one bus, each with a drop port of its own: a filter bank.
+
+    Laser "in"; detectors "through", and "drop 1" to "drop N" for rings with a second coupler.
+
+    Parameters
+    ----------
+    rings : RingResonator or sequence
+    phase, loss, delay : float; rad, dB, s
+        of the waveguide between two rings.
+
+    >>> import coupled
+    >>> coupled.bus(coupled.borghi2021()).ports
+    ('through', 'drop 1')
+    """
+    every = _rings(rings)
+    n = len(every)
+    between = [Waveguide(f"ring {k}.through", f"ring {k + 1}.in", loss, phase, delay) for k in range(1, n)]
+    drops = [Detector(f"drop {k}", f"ring {k}.drop") for k, ring in enumerate(every, 1) if ring.drop_bus_rate]
+    through = Detector("through", f"ring {n}.through")
+    return Circuit(every, between, (LaserPort("in", "ring 1.in"),), (through, *drops), name="bus")
+
+
+def scissor(
+    rings: RingResonator | Sequence[RingResonator], *, phase: float = 0.0, loss: float = 0.0, delay: float = 0.0
+) -> Circuit:
+    """Rings side by side between two buses, the second of which runs back: a SCISSOR.
+
+    What a ring drops reaches the ring before it by "add". With rings on one bus only, a chain of all-pass filters.
+    Laser "in"; detectors "through" at the far end of the first bus, "drop" at the near end of the second.
+
+    Parameters
+    ----------
+    rings : RingResonator or sequence
+    phase, loss, delay : float; rad, dB, s
+        of the waveguide between two rings, on each bus.
+
+    >>> import coupled
+    >>> coupled.scissor([coupled.borghi2021()] * 3).ports
+    ('through', 'drop')
+    """
+    every = _rings(rings)
+    n = len(every)
+    ways = [Waveguide(f"ring {k}.through", f"ring {k + 1}.in", loss, phase, delay) for k in range(1, n)]
+    detectors = [Detector("through", f"ring {n}.through")]
+    if any(ring.drop_bus_rate for ring in every):
+        ways += [Waveguide(f"ring {k + 1}.drop", f"ring {k}.add", loss, phase, delay) for k in range(1, n)]
+        detectors.append(Detector("drop", "ring 1.drop"))
+    return Circuit(every, ways, (LaserPort("in", "ring 1.in"),), detectors, name="scissor")
+
+
+def crow(rings: RingResonator | Sequence[RingResonator]) -> Circuit:
+    """Rings coupled directly, one to the next: a CROW (coupled-resonator optical waveguide).
+
+    The second coupler of a ring and the first of the next one are one coupler: light that goes round both, a quarter
+    wave each way, makes da_1/dt = ... - i mu a_2 with mu = sqrt(gamma_d1 gamma_e2), and the losses into that coupler
+    cancel. Laser "in" on the first ring; detectors "through" there, "drop" on the last ring.
+
+    Raises
+    ------
+    InputError
+        a ring without a second coupler.
+
+    >>> import coupled
+    >>> coupled.crow([coupled.borghi2021()] * 3).ports
+    ('through', 'drop')
+    """
+    every = _rings(rings)
+    n, quarter = len(every), -math.pi / 2
+    for k, ring in enumerate(every, 1):
+        if not ring.drop_bus_rate:
+            raise checks.InputError(f"ring {k} has no second coupler (drop_rate = 0), by which it would reach the next")
+    ways = []
+    for k in range(1, n):
+        ways.append(Waveguide(f"ring {k}.drop", f"ring {k + 1}.in", phase=quarter))
+        ways.append(Waveguide(f"ring {k + 1}.through", f"ring {k}.add", phase=quarter))
+    detectors = (Detector("through", "ring 1.through"), Detector("drop", f"ring {n}.drop"))
+    return Circuit(every, ways, (LaserPort("in", "ring 1.in"),), detectors, name="crow")
+
+
+def delay_loop(ring: RingResonator, delay: float, *, loss: float = 3.0, phase: float = 0.0) -> Circuit:
+    """A ring on two buses whose through port leads back to its add port after a delay: optical feedback with memory.
+
+    Laser "in"; detector "drop", where the light that came back interferes with what the ring drops.
+
+    Parameters
+    ----------
+    ring : RingResonator
+    delay : float, s
+    loss, phase : float; dB, rad
+        of the loop.
+
+    Raises
+    ------
+    InputError
+        a ring on one bus.
+
+    >>> import coupled
+    >>> coupled.delay_loop(coupled.borghi2021(), delay=1e-9).ports
+    ('drop',)
+    """
+    if not ring.drop_bus_rate:
+        raise checks.InputError("ring has no second coupler (drop_rate = 0), by which the light could come back")
+    loop = Waveguide("ring 1.through", "ring 1.add", loss, phase, delay)
+    return Circuit([ring], (loop,), (LaserPort("in", "ring 1.in"),), (Detector("drop", "ring 1.drop"),), name="loop")
+
+
+def _rings(rings: RingResonator | Sequence[RingResonator]) -> list[RingResonator]:
+    if isinstance(rings, RingResonator):
+        return [rings]
+    checks.has("rings", rings, "__len__", "__iter__", hint="give one RingResonator, or a list of them")
+    every = list(rings)
+    for ring in every:
+        if not isinstance(ring, RingResonator):
+            raise checks.InputError(f"rings holds a {type(ring).__name__}; every one must be a RingResonator")
+    if not every:
+        raise checks.InputError("rings is empty; give at least one RingResonator")
+    return every

@@ -1,0 +1,116 @@
+"""What a run of a circuit is stored as: rings, ports and lasers with their names, in SI."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem import dataset
+
+from ..inputs import Pieces
+from .circuit import Circuit
+from .heat import RingHeat
+from .network import Light
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+NAMES = {
+    "output": ("W", "power at the ports"),
+    "mean_output": ("W", "power at the ports, averaged since the time before"),
+    "phase": ("rad", "phase of the light at the ports, against the first laser's"),
+    "input": ("W", "power of the lasers"),
+    "lost": ("W", "power lost in waveguides"),
+    "scattered": ("W", "power scattered by the rings"),
+}
+
+
+def dataset_of(
+    circuit: Circuit,
+    light: Light,
+    rows: Array,
+    rings: Any,
+    powers: list[Pieces],
+    attributes: dict[str, Any],
+    *,
+    average: bool,
+) -> xr.Dataset:
+    """The rows of `integrate` as a Dataset."""
+    import xarray as xr
+
+    from ..kernels import equations as eq
+    from .integrate import heating
+
+    n, D, ports = len(circuit.names), light.delay.size, len(circuit.ports)
+    time = rows[:, 0] * eq.NS
+    states = rows[:, 1 : 1 + 4 * n].reshape(-1, n, 4)
+    Q = len(light.terminals)
+    waves = rows[:, 1 + 4 * n : 1 + 4 * n + 2 * Q].reshape(-1, Q, 2) @ np.array([1, 1j]) * np.sqrt(eq.UW)
+    energy = (states[:, :, 0] ** 2 + states[:, :, 1] ** 2).T * eq.FJ
+    absorbed = [heating(np.ascontiguousarray(states[:, i, :3]), rings.rates[i]) * eq.UW for i in range(n)]
+    of_rings = {
+        "energy": energy,
+        "carriers": states[:, :, 2].T * eq.DENSITY,
+        "delta_T": states[:, :, 3].T,
+        "absorbed": np.array(absorbed),
+        "scattered": 2 * np.array([ring.scattering_rate for ring in circuit.resonators])[:, None] * energy,
+    }
+    out = waves[:, D : D + ports].T
+    variables: dict[str, Any] = {
+        name: (("ring", "time"), values, _described(name)) for name, values in of_rings.items()
+    }
+    variables["output"] = (("port", "time"), np.abs(out) ** 2, _described("output"))
+    variables["phase"] = (("port", "time"), np.angle(out), _described("phase"))
+    variables["input"] = (("laser", "time"), np.array([np.maximum(p(time), 0) for p in powers]), _described("input"))
+    lost = (np.abs(waves) ** 2 @ light.lost).real
+    variables["lost"] = (("time",), lost, _described("lost"))
+    if average:
+        energies = rows[:, 1 + 4 * n + 2 * Q + D : 1 + 4 * n + 2 * Q + D + ports].T * eq.FJ
+        before = np.hstack([np.zeros((ports, 1)), energies[:, :-1]])
+        length = np.diff(time, prepend=0.0)
+        mean = np.where(length > 0, (energies - before) / np.where(length > 0, length, 1.0), np.abs(out) ** 2)
+        variables["mean_output"] = (("port", "time"), mean, _described("mean_output"))
+    coordinates = {
+        "time": ("time", time, dataset.describe("time")),
+        "ring": list(circuit.names),
+        "port": list(circuit.ports),
+        "laser": [laser.name for laser in circuit.lasers],
+    }
+    return xr.Dataset(variables, coords=coordinates, attrs=_origin(circuit) | attributes)
+
+
+def first_row(light: Light, drive: Any, begin: Array, heat: RingHeat, *, average: bool) -> Array:
+    """The row of `integrate` at t = 0, without what heaters add."""
+    from ..kernels import equations as eq
+    from .kernel import lasers_at
+
+    n, K = heat.gain.shape
+    fields = begin[0 : 3 * n : 3] + 1j * begin[1 : 3 * n : 3]
+    laser, slope = (np.zeros(len(drive.turn), dtype=complex) for _ in range(2))
+    lasers_at(drive, 0, 0.0, laser, slope)
+    waves = light.seen_ring @ fields * np.sqrt(eq.NS) + light.seen_laser @ laser
+    x = begin[3 * n :].reshape(n, K)
+    own = np.einsum("iik,ik->i", heat.read, x)
+    rises = np.einsum("ijk,jk->i", heat.read, x) + heat.curvature * own**2
+    states = np.column_stack([fields.real, fields.imag, begin[2 : 3 * n : 3], rises]).ravel()
+    seen = np.column_stack([waves.real, waves.imag]).ravel()
+    return np.concatenate([[0.0], states, seen, np.zeros(len(waves) if average else 0)])
+
+
+def _described(name: str) -> dict[str, str]:
+    """Unit and long name of a variable."""
+    if name in NAMES:
+        unit, words = NAMES[name]
+        return {"units": unit, "long_name": words}
+    return dataset.describe(name)
+
+
+def _origin(circuit: Circuit) -> dict[str, Any]:
+    """What the Dataset says of its circuit."""
+    return dataset.stamp("circuit") | {"circuit": circuit.name, "circuit_parameters": json.dumps(asdict(circuit))}

@@ -1,0 +1,251 @@
+"""Light, carriers and heat of all rings of a circuit in time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thermofem import checks
+
+from ..arguments import check_duration
+from ..inputs import Input
+from ..kernels.tableaus import Method, tableau
+from ..simulate import check_method
+from ..window import LONG, MAX_STEPS, floor_of
+from .alone import is_alone, run_alone
+from .circuit import Circuit
+from .drive import detuning_of, internal_drive, powers_of
+from .heat import RingHeat, heater_offsets, ring_heat
+from .network import Light, check_delays, light_of, order_of_rings
+from .record import dataset_of, first_row
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+
+def simulate_circuit(
+    circuit: Circuit,
+    thermal: Any,
+    *,
+    inputs: Mapping[str, Input],
+    heaters: Mapping[str, Any] | None = None,
+    detuning: Input = 0.0,
+    duration: float = 20e-6,
+    rtol: float = 1e-6,
+    times: ArrayLike | None = None,
+    average: bool = False,
+    method: Method | str | None = None,
+    initial: xr.Dataset | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> xr.Dataset:
+    """Switch lasers and heaters on at t = 0, on cold, empty rings, and integrate.
+
+        da_i/dt = [i D_i - gamma_i] a_i + i sum_p sqrt(2 gamma_ip) s_in,ip
+        s_out,ip = s_in,ip + i sqrt(2 gamma_ip) a_i
+        D_i     = -(w_i/n0) [(dn/dT) dT_i + S(N_i)] - 2 pi (reference + offset + detuning - f_i)
+
+    with carriers and absorbed power of each ring as in `simulate`, and dT from all rings and heaters.
+
+    Parameters
+    ----------
+    circuit : Circuit
+    thermal : model with one input and output, or with as many as rings
+        one for all rings (no heat between them), or the array reduction of `surrogate.reduce_array`, or its StateSpace.
+    inputs : mapping of laser name to float, Waveform, or a list of both; W
+        a laser that is left out is dark.
+    heaters : mapping of name to float or Waveform; W
+        names of the thermal model's further inputs. A number is a power that was on for ever.
+    detuning : float, Waveform, or a list of both; Hz
+        first laser minus its place in the circuit (the reference frequency plus its offset); all lasers move together.
+    duration : float, s
+    rtol : float
+        error allowed in a step of the worst ring, as in `simulate`.
+    times : array, s, optional
+        wanted output times; by default the accepted steps, which a long run of many rings has no memory for.
+    average : bool
+        whether ``mean_output``, the power of every port averaged from one time to the next, is kept, too.
+    method : Method or its name, optional
+    initial : Dataset, optional
+        a run of the same circuit without delays, at whose end this one begins.
+    progress : callable, optional
+        as in `simulate`.
+
+    Returns
+    -------
+    xarray.Dataset
+        over time (s): energy (J), carriers (1/m^3), delta_T (K), absorbed and scattered (W) by ring; output (W) and
+        phase (rad) by port; input (W) by laser; lost (W) in waveguides.
+
+    Raises
+    ------
+    InputError
+        arguments out of range, names that do not exist, a thermal model for another number of rings, delays too short.
+
+    A circuit of one ring on a bus makes the steps of `simulate`. Light without delay obeys at every time
+
+        sum input = sum output + sum (absorbed + scattered) + lost + d(sum energy)/dt
+
+    >>> import coupled, thermofem as th
+    >>> model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
+    >>> circuit = coupled.bus([coupled.borghi2021()])
+    >>> run = coupled.simulate_circuit(circuit, model, inputs={"in": 6.31e-3}, duration=20e-6)
+    >>> print(f"{float(run.delta_T.sel(ring='ring 1').max()):.2f} K")
+    10.51 K
+    """
+    from ..kernels import equations as eq
+    from ..kernels.interrupts import new_watch, uninterrupted, watched
+    from .integrate import integrate
+    from .kernel import DONE
+
+    if not isinstance(circuit, Circuit):
+        raise checks.InputError(
+            f"circuit is a {type(circuit).__name__}; it must be a Circuit, such as coupled.bus([ring])"
+        )
+    check_duration(duration)
+    checks.between("rtol", rtol, 1e-13, 1e-1, hint="1e-6 gives traces to better than 1e-5")
+    checks.progress(progress)
+    check_delays(circuit)
+    duration = float(duration)
+    heat = ring_heat(thermal, len(circuit.names))
+    powers = powers_of(circuit, inputs, duration)
+    frame, constant = detuning_of(circuit, detuning, duration)
+    light = light_of(circuit, constant + circuit.lasers[0].offset)
+    offsets = heater_offsets(heat, heaters, duration)
+    drive = internal_drive(circuit, light, powers, frame, offsets, duration)
+    wanted = np.empty(0) if times is None else _wanted(times, duration)
+    chosen = check_method(method) or (Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
+    rings = internal_rings(circuit, light, heat, drive.largest)
+    begin = _start(circuit, heat, initial)
+    if is_alone(circuit) and not average:
+        power = inputs.get(circuit.lasers[0].name, 0.0)
+        rows, y, counts = run_alone(
+            circuit, light, thermal, begin, power=power, detuning=detuning, offset=offsets[0], duration=duration,
+            rtol=rtol, method=chosen, times=wanted, progress=progress,
+        )  # fmt: skip
+    else:
+        call = partial(watched, progress=(lambda t: progress(t * eq.NS)) if progress else None)
+        rows, y, reached, counts = (call if duration > LONG or len(circuit.names) > 4 else uninterrupted)(
+            integrate, begin, drive, rings, internal_heat(heat), internal_network(light), tableau(chosen), rtol,
+            wanted[wanted > 0] / eq.NS, bool(average), MAX_STEPS, new_watch(),
+        )  # fmt: skip
+        if counts[2] != DONE:
+            _explain(counts, reached, duration, rtol)
+        first = first_row(light, drive, begin, heat, average=bool(average))
+        rows = np.vstack([np.repeat(first[None], int(np.sum(wanted <= 0)) if wanted.size else 1, axis=0), rows])
+        rows[:, 4 : 4 + 4 * len(offsets) : 4] += np.array([offset(rows[:, 0] * eq.NS) for offset in offsets]).T
+    if progress:
+        progress(duration)
+    attributes = {
+        "duration": duration, "rtol": float(rtol), "method": chosen.value, "steps": int(counts[0]),
+        "rejected_steps": int(counts[1]), "final_state": y * _units(len(circuit.names), heat.gain.shape[1]),
+        "detuning": constant,
+    }  # fmt: skip
+    return dataset_of(circuit, light, rows, rings, powers, attributes, average=bool(average))
+
+
+def internal_rings(circuit: Circuit, light: Light, heat: RingHeat, largest: Array) -> Any:
+    """The rings in internal units, and the sizes below which their errors are not relative."""
+    from ..kernels import equations as eq
+    from .kernel import Rings
+
+    converted = [eq.internal_rates(ring) for ring in circuit.resonators]
+    terms = max(len(fcd) for _, fcd in converted)
+    fcd = np.zeros((len(converted), terms, 2))
+    fcd[:, :, 1] = 1.0
+    for i, (_, own) in enumerate(converted):
+        fcd[i, : len(own)] = own
+    whole = np.sqrt(largest.sum())
+    floors = []
+    for i, ((rates, _), ring) in enumerate(zip(converted, circuit.resonators, strict=True)):
+        reaching = float((np.abs(light.from_laser[i]) * np.sqrt(largest)).sum() * np.sqrt(eq.NS))
+        if reaching < 1e-6 * whole * np.sqrt(2 * ring.bus_rate * eq.NS):  # by other rings or delays only
+            reaching = float(whole * np.sqrt(2 * ring.bus_rate * eq.NS))
+        floors.append(floor_of(rates, reaching, heat.thermal_resistance[i] * eq.UW))
+    return Rings(np.array([tuple(rates) for rates, _ in converted], dtype=float), fcd, np.array(floors))
+
+
+def internal_heat(heat: RingHeat) -> Any:
+    """The thermal states in internal units."""
+    from ..kernels import equations as eq
+    from .kernel import Heat
+
+    gain, rate = heat.gain * (eq.UW * eq.NS), heat.rate * eq.NS
+    return Heat(gain, rate, np.ascontiguousarray(heat.read), heat.curvature, heat.crossed)
+
+
+def internal_network(light: Light) -> Any:
+    """The waveguides in internal units: entries of M by row, without what round-off left."""
+    from ..kernels import equations as eq
+    from .kernel import Network
+    from .network import NOTHING
+
+    M = light.between
+    kept = np.abs(M) > NOTHING * np.abs(M).max(initial=0.0)
+    root = np.sqrt(eq.NS)
+    return Network(
+        start=np.concatenate([[0], np.cumsum(kept.sum(axis=1))]).astype(np.int64),
+        column=np.nonzero(kept)[1].astype(np.int64),
+        entry=np.ascontiguousarray(M[kept] * eq.NS),
+        order=order_of_rings(M),
+        from_laser=np.ascontiguousarray(light.from_laser * root),
+        from_delay=np.ascontiguousarray(light.from_delay * root),
+        seen_ring=np.ascontiguousarray(light.seen_ring * root),
+        seen_laser=np.ascontiguousarray(light.seen_laser),
+        seen_delay=np.ascontiguousarray(light.seen_delay),
+        delay=light.delay / eq.NS,
+    )
+
+
+def _units(rings: int, states: int) -> Array:
+    """What one internal unit of every state is in SI."""
+    from ..kernels import equations as eq
+
+    return np.concatenate([np.tile([eq.FJ**0.5, eq.FJ**0.5, eq.DENSITY], rings), np.ones(rings * states)])
+
+
+def _start(circuit: Circuit, heat: RingHeat, initial: xr.Dataset | None) -> Array:
+    """The state that a run begins with, in internal units."""
+    n, K = heat.gain.shape
+    if initial is None:
+        return np.zeros(n * (3 + K))
+    if any(w.delay > 0 for w in circuit.waveguides):
+        raise checks.InputError("initial: the light on its way through the delays of a circuit is not kept; start cold")
+    if "final_state" not in getattr(initial, "attrs", {}):
+        raise checks.InputError("initial has no final_state; give a Dataset from coupled.simulate_circuit")
+    values = checks.array("initial.attrs['final_state']", initial.attrs["final_state"])
+    if values.size != n * (3 + K):
+        raise checks.InputError(
+            f"initial has {values.size} states and this circuit {n * (3 + K)}; go on with the same circuit and model"
+        )
+    return np.asarray(values / _units(n, K))
+
+
+def _wanted(times: ArrayLike, duration: float) -> Array:
+    wanted = checks.array("times", times, increasing=True, hint="times are in s")
+    if wanted[0] < 0 or wanted[-1] > duration * (1 + 1e-12):
+        bad = wanted[0] if wanted[0] < 0 else wanted[-1]
+        raise checks.InputError(f"times reach {bad:g} s; they must lie between 0 and the duration of {duration:g} s")
+    return wanted
+
+
+def _explain(counts: NDArray[np.int64], reached: float, duration: float, rtol: float) -> None:
+    """Raise what an integration that gave up deserves."""
+    from . import kernel
+
+    at = f"t = {reached * 1e-9:g} s"
+    if counts[2] == kernel.STOPPED:
+        raise KeyboardInterrupt
+    if counts[2] == kernel.TOO_MANY_ROWS:
+        raise checks.InputError(f"the accepted steps up to {at} fill the memory; give the wanted times, times=...")
+    if counts[2] == kernel.TOO_MANY_STEPS:
+        raise checks.InputError(
+            f"duration = {duration:g} s takes more than {MAX_STEPS} steps at rtol = {rtol:g} (they reach {at}); "
+            "shorten it or loosen rtol"
+        )
+    raise RuntimeError(f"the integration found no step small enough at {at}")

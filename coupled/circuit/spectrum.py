@@ -1,0 +1,79 @@
+"""Spectra of a circuit at low power: no carriers, no heat, every detuning solved for itself."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arguments import check_axis
+from .circuit import Circuit
+from .network import light_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def spectrum(circuit: Circuit, detunings: ArrayLike, *, laser: str | None = None) -> xr.Dataset:
+    """Transmission from one laser to every port at low power.
+
+        [(gamma - i D) - M] a = i K^T G E l,      D_i = -2 pi (reference + detuning - f_i)
+
+    Parameters
+    ----------
+    circuit : Circuit
+    detunings : array, shape (n,), Hz
+        increasing; laser minus the circuit's reference frequency.
+    laser : str, optional
+        default the first one; its offset counts.
+
+    Returns
+    -------
+    xarray.Dataset
+        transmission (power at the port per power of the laser) and phase (rad) by port, and energy (J per W) by ring,
+        over detuning.
+
+    Raises
+    ------
+    InputError
+        detunings that do not increase, or a name that is no laser.
+
+    >>> import coupled
+    >>> at = coupled.spectrum(coupled.bus(coupled.borghi2021()), [0.0])
+    >>> at.transmission.sel(port="drop 1").round(4).values
+    array([0.8834])
+    """
+    import xarray as xr
+
+    from thermofem import checks
+
+    nu = check_axis("detunings", detunings)
+    names = [one.name for one in circuit.lasers]
+    k = 0 if laser is None else names.index(checks.choice("laser", laser, names))
+    rings, ports, D = circuit.resonators, circuit.ports, sum(w.delay > 0 for w in circuit.waveguides)
+    seen, fields = np.empty((len(ports), nu.size), dtype=complex), np.empty((len(rings), nu.size), dtype=complex)
+    for m, detuning in enumerate(nu + circuit.lasers[k].offset):
+        light = light_of(circuit, float(detuning))
+        turn = np.array([2 * np.pi * (float(circuit.frequency or 0) + detuning - ring.frequency) for ring in rings])
+        own = np.diag([ring.linear_rate for ring in rings] + 1j * turn)
+        # waves at the starts of the delayed waveguides are unknowns, too: u = A a + B l + P u
+        A, B, P = light.seen_ring[:D], light.seen_laser[:D, k], light.seen_delay[:D]
+        late = np.linalg.inv(np.eye(D) - P)
+        matrix = own - light.between - 1j * light.from_delay @ late @ A
+        a = np.linalg.solve(matrix, 1j * (light.from_laser[:, k] + light.from_delay @ late @ B))
+        u = late @ (A @ a + B)
+        waves = light.seen_ring @ a + light.seen_laser[:, k] + light.seen_delay @ u
+        seen[:, m], fields[:, m] = waves[D : D + len(ports)], a
+    return xr.Dataset(
+        {
+            "transmission": (("port", "detuning"), np.abs(seen) ** 2, {"units": "1", "long_name": "transmission"}),
+            "phase": (("port", "detuning"), np.angle(seen), {"units": "rad", "long_name": "phase"}),
+            "energy": (("ring", "detuning"), np.abs(fields) ** 2, {"units": "J/W", "long_name": "energy per power"}),
+        },
+        coords={
+            "port": list(ports),
+            "ring": list(circuit.names),
+            "detuning": ("detuning", nu, {"units": "Hz", "long_name": "detuning"}),
+        },
+    )

@@ -1,0 +1,361 @@
+"""Several rings: one ring alone, power balance, transfer matrices, delays, heat between rings, other solvers."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rings import RING, SECOND_ORDER
+from scipy.integrate import solve_ivp
+
+import coupled
+import thermofem as th
+from coupled.circuit.drive import detuning_of, internal_drive, powers_of
+from coupled.circuit.heat import heater_offsets, ring_heat
+from coupled.circuit.network import light_of
+from coupled.circuit.simulate import internal_heat, internal_network, internal_rings
+
+POWER, FAINT = 6.31e-3, 1e-12  # W; at the second nothing but the linear loss acts
+GAMMA = RING.linear_rate
+
+
+def pair(mutual: float = 250.0) -> th.StateSpace:
+    """Two rings that heat each other: second-order heat in each, one slow pole between them, symmetric."""
+    rate = np.array([*(1 / np.asarray(SECOND_ORDER.tau)), 1 / 12e-6])
+    own = np.array([*np.asarray(SECOND_ORDER.R), 300.0])
+    R = np.zeros((3, 2, 2))
+    R[:, 0, 0] = R[:, 1, 1] = own
+    R[2, 0, 1] = R[2, 1, 0] = mutual
+    blocks = [np.linalg.cholesky(m) for m in R]
+    B = np.vstack([block.T * np.sqrt(r) for block, r in zip(blocks, rate, strict=True)])
+    every = np.repeat(rate, 2)
+    return th.StateSpace(np.eye(6), -np.diag(every), B, B.T, inputs=("one", "two"), outputs=("one", "two"))
+
+
+def parts_of_run(circuit, thermal, inputs, duration, detuning=0.0):
+    """Compiled right-hand side of a circuit without delays, and its arguments."""
+    from coupled.circuit import integrate as compiled
+    from coupled.circuit.kernel import detunings_at, lasers_at
+
+    heat = ring_heat(thermal, len(circuit.names))
+    light = light_of(circuit)
+    powers = powers_of(circuit, inputs, duration)
+    frame, _ = detuning_of(circuit, detuning, duration)
+    drive = internal_drive(circuit, light, powers, frame, heater_offsets(heat, None, duration), duration)
+    rings = internal_rings(circuit, light, heat, drive.largest)
+    states, net = internal_heat(heat), internal_network(light)
+    laser, slope = (np.zeros(len(circuit.lasers), dtype=complex) for _ in range(2))
+    turned, bare, none = np.zeros(len(circuit.names)), np.zeros(len(circuit.names)), np.zeros(0, dtype=complex)
+
+    def f(t, y):
+        piece = int(np.clip(np.searchsorted(drive.edges, t, side="right") - 1, 0, drive.edges.size - 2))
+        lasers_at(drive, piece, t, laser, slope)
+        detunings_at(drive, piece, t, turned, bare)
+        return compiled.right_hand_side(y, laser, none, turned, rings, states, net)
+
+    return f, heat
+
+
+@pytest.mark.parametrize("detuning", [0.0, -12e9, [0.0, coupled.Sweep([0, 5e-6], [5e9, -5e9])]])
+def test_one_ring_on_a_bus_makes_the_steps_of_simulate(detuning):
+    wave = [4e-3, th.Pulse(power=2e-3, width=1e-6, start=1e-6)]
+    run = coupled.simulate_circuit(
+        coupled.bus(RING), SECOND_ORDER, inputs={"in": wave}, detuning=detuning, duration=5e-6
+    )
+    alone = coupled.simulate(RING, SECOND_ORDER, power=wave, detuning=detuning, duration=5e-6)
+    assert np.array_equal(run["time"], alone["time"])
+    for name in ("energy", "carriers", "delta_T", "absorbed"):
+        # the same kernel: round-off of the conversions
+        assert run[name].values[0] == pytest.approx(alone[name].values, rel=1e-9, abs=1e-12 * float(alone[name].max()))
+    for port, name in (("through", "through"), ("drop 1", "drop")):
+        expected = alone[name].values
+        assert run.output.sel(port=port).values == pytest.approx(expected, rel=0, abs=1e-11 * POWER)
+
+
+def test_rings_that_are_optically_and_thermally_separate_are_rings_alone():
+    """Two lasers, two rings, the kernel of circuits against that of a ring alone, at a tolerance far below 1e-7."""
+    other = replace(RING, frequency=RING.frequency + 5e9)
+    circuit = coupled.Circuit(
+        {"a": RING, "b": other}, (), [coupled.LaserPort("one", "a.in"), coupled.LaserPort("two", "b.in")]
+    )
+    times = np.linspace(0, 2e-6, 401)
+    run = coupled.simulate_circuit(
+        circuit, SECOND_ORDER, inputs={"one": POWER, "two": 4e-3}, duration=2e-6, rtol=1e-10, times=times
+    )
+    for name, ring, power, detuning in (("a", RING, POWER, 0.0), ("b", other, 4e-3, -5e9)):
+        alone = coupled.simulate(
+            ring, SECOND_ORDER, power=power, detuning=detuning, duration=2e-6, rtol=1e-11, times=times
+        )
+        for what in ("energy", "carriers", "delta_T"):
+            expected = alone[what].values
+            # 1e-10 a step, amplified by a self-pulsing cycle
+            assert run[what].sel(ring=name).values == pytest.approx(expected, rel=0, abs=3e-7 * expected.max())
+
+
+def test_power_is_conserved_at_every_time():
+    """Input = output + absorbed + scattered + lost + d(energy)/dt, the last by differences over 0.1 ps."""
+    rings = [replace(RING, scattering_rate=2e9), replace(RING, frequency=RING.frequency + 4e9), RING]
+    circuit = coupled.scissor(rings, phase=0.7, loss=0.4)
+    middle, step = np.linspace(1e-9, 0.8e-6, 60), 5e-14
+    times = np.sort(np.concatenate([middle - step, middle, middle + step]))
+    run = coupled.simulate_circuit(
+        circuit, SECOND_ORDER, inputs={"in": th.Sampled([0, 1e-6], [2e-3, 9e-3])}, duration=1e-6, rtol=1e-9, times=times
+    )
+    energy = run.energy.sum("ring").values
+    change = (energy[2::3] - energy[0::3]) / (2 * step)
+    now = run.isel(time=slice(1, None, 3))
+    left = now.output.sum("port") + (now.absorbed + now.scattered).sum("ring") + now.lost
+    # 1e-9 of the energies in 1e-13 s, and the third derivative of the energy: 2e-6 of the power is measured
+    assert left.values + change == pytest.approx(now.input.sum("laser").values, rel=2e-5, abs=0)
+    assert float(now.lost.min()) > 0
+
+
+def response(ring: coupled.RingResonator, nu: float) -> np.ndarray:
+    """(in, add) -> (through, drop) of a ring at low power."""
+    k = np.sqrt(2 * np.array([ring.bus_rate, ring.drop_bus_rate]))
+    D = -2 * np.pi * (RING.frequency + nu - ring.frequency)
+    return np.eye(2) - np.outer(k, k) / (ring.linear_rate - 1j * D)
+
+
+def scissor_by_transfer_matrices(rings, nu, phase, loss):
+    """Drop and through of a two-bus chain: (in, drop) -> (through, add) of every ring, multiplied."""
+    q = 10 ** (-loss / 20) * np.exp(-1j * phase)
+    chain = np.eye(2, dtype=complex)
+    for k, ring in enumerate(rings):
+        (a, b), (c, d) = response(ring, nu)
+        chain = np.array([[a - b * c / d, b / d], [-c / d, 1 / d]]) @ chain
+        if k < len(rings) - 1:
+            chain = np.diag([q, 1 / q]) @ chain  # in of the next; drop of the next = add / q
+    drop = -chain[1, 0] / chain[1, 1]  # nothing is added at the end
+    return chain[0, 0] + chain[0, 1] * drop, drop
+
+
+def crow_by_transfer_matrices(rings, nu):
+    """(in, through) -> (drop, add) of every ring; the next one's in is i times drop, add i times its through."""
+    chain = np.eye(2, dtype=complex)
+    for k, ring in enumerate(rings):
+        (a, b), (c, d) = response(ring, nu)
+        # through = a in + b add, drop = c in + d add
+        chain = np.array([[c - d * a / b, d / b], [-a / b, 1 / b]]) @ chain
+        if k < len(rings) - 1:
+            chain = np.array([[1j, 0], [0, 1 / 1j]]) @ chain
+    through = -chain[1, 0] / chain[1, 1]
+    return through, chain[0, 0] + chain[0, 1] * through
+
+
+THREE = [
+    RING,
+    replace(RING, frequency=RING.frequency + 6e9),
+    replace(RING, frequency=RING.frequency - 3e9, bus_rate=30e9),
+]
+
+
+@pytest.mark.parametrize("nu", [-25e9, -6e9, 0.0, 4e9, 17e9])
+def test_spectra_are_those_of_transfer_matrices(nu):
+    """Detuning by detuning, at a power that heats nothing; the run of 3 ns leaves exp(-100) of the start."""
+    for circuit, expected in (
+        (coupled.scissor(THREE, phase=0.6, loss=0.3), scissor_by_transfer_matrices(THREE, nu, 0.6, 0.3)),
+        (coupled.crow(THREE), crow_by_transfer_matrices(THREE, nu)),
+    ):
+        powers = np.abs(expected) ** 2
+        at = coupled.spectrum(circuit, [nu]).transmission.isel(detuning=0)
+        assert at.values == pytest.approx(powers, rel=1e-9, abs=1e-12)
+        run = coupled.simulate_circuit(
+            circuit, SECOND_ORDER, inputs={"in": FAINT}, detuning=nu, duration=3e-9, rtol=1e-9, times=[3e-9]
+        )
+        assert run.output.isel(time=0).values / FAINT == pytest.approx(powers, rel=0, abs=1e-6)
+
+
+def test_two_rings_that_heat_each_other_against_lsoda():
+    """The same equations by SciPy; crosstalk by extrapolation against crosstalk in the Jacobian."""
+    circuit = coupled.Circuit(
+        [RING, RING], (), [coupled.LaserPort("one", "ring 1.in"), coupled.LaserPort("two", "ring 2.in")]
+    )
+    inputs, times = {"one": POWER, "two": 3e-3}, np.linspace(0, 3e-6, 301)
+    run = coupled.simulate_circuit(circuit, pair(), inputs=inputs, duration=3e-6, rtol=1e-9, times=times)
+    f, heat = parts_of_run(circuit, pair(), inputs, 3e-6)
+    start = np.zeros(6 + heat.gain.size)
+    exact = solve_ivp(f, (0, 3e3), start, method="LSODA", rtol=1e-11, atol=1e-13, t_eval=times[1:] * 1e9)
+    x = exact.y[6:].reshape(2, -1, len(times) - 1)
+    rise = np.einsum("ijk,jkt->it", heat.read, x)
+    assert run.delta_T.values[:, 1:] == pytest.approx(rise, rel=0, abs=2e-6 * rise.max())
+    energy = (exact.y[[0, 3]] ** 2 + exact.y[[1, 4]] ** 2) * 1e-15
+    assert run.energy.values[:, 1:] == pytest.approx(energy, rel=0, abs=2e-5 * energy.max())
+
+
+def test_two_lasers_of_different_frequency_beat_as_lsoda_says():
+    circuit = coupled.Circuit(
+        [RING, replace(RING, frequency=RING.frequency + 40e9)],
+        [coupled.Waveguide("ring 1.through", "ring 2.in", phase=0.3)],
+        [coupled.LaserPort("one", "ring 1.in"), coupled.LaserPort("two", "ring 1.add", offset=40e9)],
+    )
+    inputs, times = {"one": 2e-3, "two": 1e-3}, np.linspace(0, 2e-9, 101)
+    run = coupled.simulate_circuit(circuit, SECOND_ORDER, inputs=inputs, duration=2e-9, rtol=1e-9, times=times)
+    f, heat = parts_of_run(circuit, SECOND_ORDER, inputs, 2e-9)
+    exact = solve_ivp(
+        f, (0, 2), np.zeros(6 + heat.gain.size), method="DOP853", rtol=1e-11, atol=1e-13, t_eval=times[1:] * 1e9
+    )
+    energy = (exact.y[[0, 3]] ** 2 + exact.y[[1, 4]] ** 2) * 1e-15
+    assert run.energy.values[:, 1:] == pytest.approx(energy, rel=0, abs=1e-6 * energy.max())
+
+
+def test_a_linear_delay_loop_has_its_closed_form():
+    """Until the light has gone round twice: exponentials, and one of them times t."""
+    delay, loss, phase = 0.3e-9, 2.0, 0.9
+    times = np.linspace(0, 2 * delay, 81)
+    run = coupled.simulate_circuit(
+        coupled.delay_loop(RING, delay, loss=loss, phase=phase), SECOND_ORDER, inputs={"in": FAINT}, detuning=3e9,
+        duration=2 * delay, rtol=1e-9, times=times,
+    )  # fmt: skip
+    ke, kd, s = np.sqrt(2 * RING.bus_rate), np.sqrt(2 * RING.drop_bus_rate), np.sqrt(FAINT)
+    eta = 10 ** (-loss / 20) * np.exp(-1j * phase - 2j * np.pi * 3e9 * delay)
+    rate = -1j * 2 * np.pi * 3e9 - GAMMA
+    A = -1j * ke * s / rate  # where a goes without feedback
+    first = A * (1 - np.exp(rate * times))
+    u = times - delay
+    force = 1j * ke * s + 1j * kd * eta * (s + 1j * ke * A)
+    grown = np.exp(rate * u)
+    second = A * (1 - np.exp(rate * delay)) * grown + force * (grown - 1) / rate + kd * ke * eta * A * u * grown
+    expected = np.where(times < delay, np.abs(first) ** 2, np.abs(second) ** 2)
+    assert run.energy.values[0] == pytest.approx(expected, rel=0, abs=1e-7 * expected.max())
+    add = np.where(times < delay, 0, eta * (s + 1j * ke * A * (1 - np.exp(rate * u))))
+    out = np.abs(add + 1j * kd * np.where(times < delay, first, second)) ** 2
+    later = np.abs(u) > 1e-14  # the power jumps there
+    assert run.output.values[0][later] == pytest.approx(out[later], rel=0, abs=1e-6 * FAINT)
+
+
+def test_a_nonlinear_delay_loop_against_the_method_of_steps():
+    """Each pass over the delay as an ordinary equation, by SciPy's DOP853 with its dense output for the past."""
+    delay, duration = 1e-9, 6e-9
+    times = np.linspace(0, duration, 121)
+    circuit = coupled.delay_loop(RING, delay, loss=1.0, phase=0.4)
+    run = coupled.simulate_circuit(
+        circuit, SECOND_ORDER, inputs={"in": 3e-3}, duration=duration, rtol=1e-9, times=times
+    )
+    f, heat = parts_of_run(coupled.bus(RING), SECOND_ORDER, {"in": 3e-3}, duration)
+    ke, kd, s = np.sqrt(2 * RING.bus_rate * 1e-9), np.sqrt(2 * RING.drop_bus_rate * 1e-9), np.sqrt(3e3)
+    eta, past, y = 10 ** (-1 / 20) * np.exp(-0.4j), None, np.zeros(3 + heat.gain.size)
+    for lap in range(6):
+
+        def g(t, y, past=past):
+            out = f(t, y)
+            if past is not None:
+                b = past.sol(t - 1.0)
+                push = 1j * kd * eta * (s + 1j * ke * (b[0] + 1j * b[1]))
+                out[0] += push.real
+                out[1] += push.imag
+            return out
+
+        past = solve_ivp(g, (lap, lap + 1.0), y, method="DOP853", rtol=1e-11, atol=1e-13, dense_output=True)
+        y = past.y[:, -1]
+        here = (times * 1e9 > lap) & (times * 1e9 <= lap + 1)
+        a = past.sol(times[here] * 1e9)
+        expected = (a[0] ** 2 + a[1] ** 2) * 1e-15
+        assert run.energy.values[0][here] == pytest.approx(expected, rel=0, abs=1e-6 * 2e-14)
+
+
+def test_averages_are_the_integrals_of_the_power():
+    circuit = coupled.scissor([RING, RING])
+    fine, coarse = np.linspace(0, 2e-9, 4001), np.linspace(0, 2e-9, 11)
+    inputs = {"in": th.SquareWave(power=2e-3, period=0.5e-9, duty=0.5)}
+    traces = coupled.simulate_circuit(circuit, SECOND_ORDER, inputs=inputs, duration=2e-9, rtol=1e-8, times=fine)
+    means = coupled.simulate_circuit(
+        circuit, SECOND_ORDER, inputs=inputs, duration=2e-9, rtol=1e-8, times=coarse, average=True
+    )
+    power = traces.output.sel(port="drop").values  # continuous, so that trapezoids of 0.5 ps are good to 1e-4
+    sums = np.add.reduceat((power[1:] + power[:-1]) / 2, np.arange(0, 4000, 400)) / 400
+    assert means.mean_output.sel(port="drop").values[1:] == pytest.approx(sums, rel=1e-3, abs=1e-8)
+
+
+def test_heaters_shift_and_a_switched_one_rises_as_its_model_says():
+    both = pair()
+    B = np.column_stack([both.B, 0.3 * both.B[:, 0]])
+    model = th.StateSpace(both.E, both.A, B, both.C, inputs=("one", "two", "heater"), outputs=("one", "two"))
+    circuit, times = coupled.bus([RING, RING]), np.linspace(0, 4e-6, 41)
+    dark = {"in": FAINT}
+    steady = coupled.simulate_circuit(circuit, model, inputs=dark, heaters={"heater": 1e-3}, duration=4e-6, times=times)
+    # the faint light adds less than 1e-8 K
+    assert steady.delta_T.values[:, -1] == pytest.approx(model.gain[:, 2] * 1e-3, rel=0, abs=1e-8)
+    wave = th.Pulse(power=1e-3, width=1e-6, start=0.5e-6)
+    run = coupled.simulate_circuit(circuit, model, inputs=dark, heaters={"heater": wave}, duration=4e-6, times=times)
+    for k, name in enumerate(("one", "two")):
+        expected = model.channel("heater", name).response(wave, times)
+        # cubics between samples: 1e-6; the closed form of the model is asked for 1e-5
+        assert run.delta_T.values[k] == pytest.approx(expected, rel=0, abs=1e-4 * expected.max())
+
+
+def test_a_run_goes_on_where_another_ended():
+    circuit, inputs = coupled.scissor([RING, RING]), {"in": POWER}
+    whole = coupled.simulate_circuit(circuit, SECOND_ORDER, inputs=inputs, duration=2e-7, rtol=1e-9, times=[2e-7])
+    half = coupled.simulate_circuit(circuit, SECOND_ORDER, inputs=inputs, duration=1e-7, rtol=1e-9)
+    rest = coupled.simulate_circuit(
+        circuit, SECOND_ORDER, inputs=inputs, duration=1e-7, rtol=1e-9, times=[1e-7], initial=half
+    )
+    assert rest.carriers.values == pytest.approx(whole.carriers.values, rel=1e-6, abs=0)
+
+
+def test_scatter_is_normal_and_reproducible():
+    circuit = coupled.bus([RING] * 400)
+    scattered = circuit.scattered(3e9, seed=4)
+    shift = np.array([ring.frequency for ring in scattered.resonators]) - RING.frequency
+    assert np.std(shift) == pytest.approx(3e9, rel=0.15, abs=0)  # 4 sigma of 400 draws
+    assert scattered.scattered(0.0).names == circuit.names
+    assert [r.frequency for r in circuit.scattered(3e9, seed=4).resonators] == [
+        r.frequency for r in scattered.resonators
+    ]
+    assert scattered.frequency == RING.frequency
+
+
+CASES = [
+    (lambda: coupled.Circuit([RING]), "no laser"),
+    (lambda: coupled.Circuit([RING], (), [coupled.LaserPort("in", "ring 1.out")]), "did you mean|known"),
+    (
+        lambda: coupled.Circuit([RING], (), [coupled.LaserPort(n, "ring 1.in") for n in "ab"]),
+        "'ring 1.in' is used twice",
+    ),
+    (lambda: coupled.Circuit([3], (), [coupled.LaserPort("in", "ring 1.in")]), "is a int; it must be a RingResonator"),
+    (lambda: coupled.Waveguide("ring 1.through", "ring 2.in", loss=-1), "loss = -1 must lie.*no gain"),
+    (lambda: coupled.Waveguide("a", "b", delay=1), "did you mean 1e-9"),
+    (lambda: coupled.crow([replace(RING, drop_rate=0.0)] * 2), "ring 1 has no second coupler"),
+    (lambda: light_of(looped()), "light piles up"),
+    (lambda: run(coupled.delay_loop(RING, 1e-15)), "shorter than 0.01 of the rings' photon lifetime"),
+    (lambda: run(coupled.bus(RING), inputs={"inn": 1e-3}), "did you mean 'in'"),
+    (lambda: run(coupled.bus(RING), inputs=1e-3), "inputs is a float"),
+    (lambda: run(coupled.bus([RING] * 3), thermal=pair()), "2 inputs and 2 outputs, the circuit 3 rings"),
+    (lambda: run(coupled.bus(RING), heaters={"heater": 1e-3}), "no heaters among its inputs"),
+    (lambda: run(RING), "circuit is a RingResonator"),
+    (lambda: run(coupled.delay_loop(RING, 1e-9), detuning=coupled.Sweep([0, 1e-8], [0, 1e9])), "detuning varies"),
+]
+
+
+def looped() -> coupled.Circuit:
+    """Two splitters in a ring of their own without loss."""
+    ways = [coupled.Waveguide("s.out 1", "s.in 1")]
+    lasers = [coupled.LaserPort("in", "ring 1.in")]
+    return coupled.Circuit([RING], ways, lasers, splitters=[coupled.Splitter("s", cross=0.0)])
+
+
+def run(circuit, *, inputs=None, thermal=SECOND_ORDER, **options):
+    given = {"in": 1e-3} if inputs is None else inputs
+    return coupled.simulate_circuit(circuit, thermal, inputs=given, duration=1e-8, **options)
+
+
+@pytest.mark.parametrize(("call", "words"), CASES)
+def test_what_cannot_be_is_refused_in_one_line(call, words):
+    with pytest.raises(th.InputError, match=words) as caught:
+        call()
+    assert "\n" not in str(caught.value)
+
+
+def test_a_circuit_file_is_the_circuit_that_it_documents(tmp_path):
+    from coupled.circuit import file
+
+    text = (file.__doc__ or "").split("```toml\n")[1].split("```")[0]
+    (tmp_path / "circuit.toml").write_text(text)
+    circuit = coupled.Circuit.from_toml(tmp_path / "circuit.toml")
+    assert circuit.names == ("a", "b")
+    assert circuit.resonators[0].frequency == pytest.approx(RING.frequency + 5e9, rel=1e-12, abs=0)
+    assert circuit.waveguides == (coupled.Waveguide("a.through", "b.in", loss=0.3, phase=0.5, delay=10e-12),)
+    assert circuit.ports == ("out", "a.drop", "b.drop", "s.out 1", "s.out 2")
+    (tmp_path / "wrong.toml").write_text(text.replace("delay", "dealy"))
+    with pytest.raises(th.InputError, match="waveguide number 1: key = 'dealy' is unknown; did you mean 'delay'"):
+        coupled.Circuit.from_toml(tmp_path / "wrong.toml")
