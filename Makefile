@@ -4,7 +4,7 @@ PYTHON ?= python3
 export OMP_NUM_THREADS ?= 1
 BIN := .venv/bin
 
-.PHONY: demo test check lint types validation docs wheel gdsfactory bench fuzz clean
+.PHONY: demo test check lint types validation docs wheel gdsfactory bench fuzz audit clean
 
 demo: .venv/installed
 	$(BIN)/thermofem reproduce -o out
@@ -52,6 +52,10 @@ gdsfactory: .venv-gdsfactory/installed
 MINUTES ?= 60
 fuzz: .venv/installed-dev
 	$(BIN)/python tests/fuzz/readers.py $(MINUTES)
+
+# the promises about files: damage, kills of maps and campaigns, random trees; MINUTES=10 for a short one
+audit: .venv/installed-dev
+	$(BIN)/python tests/fuzz/audit.py $(MINUTES)
 
 # against named peers, in an environment of its own; goes on where it was; BENCH=--quick, BENCH=--again
 bench: .venv-bench/installed

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import random
+import sys
 import warnings
 
 import pytest
@@ -35,3 +36,20 @@ def test_files_that_end_early_are_documented_errors(readers):
             for _ in range(15):
                 with warnings.catch_warnings():
                     readers.survives(name, text[: pick.randrange(len(text))], {})
+
+
+@pytest.fixture(scope="module")
+def audit():
+    sys.path.insert(0, str(SCRIPT.parent))
+    try:
+        import audit
+    finally:
+        sys.path.remove(str(SCRIPT.parent))
+    return audit
+
+
+def test_a_short_audit_finds_nothing(audit):
+    """`make audit` goes on with other seeds, and with kills of maps and campaigns."""
+    for tried, wrong in (audit.damage(60, seed=5), audit.models(60, seed=5), audit.random_trees(60, seed=5)):
+        assert tried >= 60
+        assert wrong == 0

@@ -219,7 +219,7 @@ def load(path: str | Path) -> xr.Dataset:
     damage, hook = "", sys.unraisablehook
     sys.unraisablehook = lambda unraisable: None  # h5netcdf closes a damaged file that it has half opened, and fails
     try:
-        with xr.open_dataset(path, engine="h5netcdf", decode_times=False, decode_timedelta=False) as opened:
+        with xr.open_dataset(path, engine="h5netcdf", **netcdf.OPEN) as opened:
             data = opened.load()
     except (OSError, ValueError, KeyError, RuntimeError, TypeError) as error:  # whatever a damaged file trips
         damage = (str(error) or type(error).__name__).splitlines()[0]

@@ -22,6 +22,7 @@ DEPTH = 8  # of groups
 PACKED = 1100  # values a byte of a file can stand for: deflate reaches 1032 to 1
 ROOM = 64_000_000  # bytes that any file may declare
 LARGEST = 16_000_000_000  # bytes that no file may declare
+OPEN: dict[str, Any] = {"decode_times": False, "decode_timedelta": False, "phony_dims": "sort"}  # for open_dataset
 _PREFIXES = ("time_", "power_", "delta_T_")  # of a campaign: DRIVE follows
 
 

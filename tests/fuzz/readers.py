@@ -38,7 +38,11 @@ TEXT = """0|1|-1|0.5|1e-9|1e400|-0.0|1e-30|nan|inf|true|false|null|""|1000000000
 "8 dBm"|"5 degC"|"1 K"|"80 deg"|"0 deg"|"1 W/m/K"|"void"|"Si"|"SiO2"|"core"|"box"|heated|datum|radius|width|inner_radius
 outer_radius|bottom|height|[|]|{|}|[[part]]|[[layer]]|[boundary]|[material.Si]|=|,|;|:|.|#|%|\t|\0|é|"open"|"isothermal"|values|from
 to|count|"part.core.radius"|"layer.box.thickness"|"µm"|R|tau|poles|A|B|C|E|G|H|kind|"Foster"|"Quadratic"|time"""
-WORDS = [word for line in TEXT.split("\n") for word in line.split("|")] + ["\n"]
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+import hostile  # noqa: E402 - beside this file, which tests load by its path
+
+WORDS = [word for line in TEXT.split("\n") for word in line.split("|")] + ["\n", *hostile.BREAKS, *hostile.ODD]
+WORDS += [f'"{unit}"' for unit in hostile.units() if len(unit) < 200] + hostile.numbers()
 
 
 def model(text: str) -> None:

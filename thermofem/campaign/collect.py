@@ -66,7 +66,7 @@ def open_campaign(directory: str | Path) -> xr.Dataset:
     if path.is_file():
         try:
             netcdf.check(path)
-            index = xr.open_dataset(path, engine="h5netcdf", decode_times=False, decode_timedelta=False)
+            index = xr.open_dataset(path, engine="h5netcdf", **netcdf.OPEN)
             if index["key"].values.tolist() == keys and index["status"].values.tolist() == store.status(keys):
                 return index
             index.close()

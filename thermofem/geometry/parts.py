@@ -15,6 +15,7 @@ from ..names import check_name
 
 VERTICAL = math.pi / 2
 THINNEST = 1e-10  # m; less than an atom is no continuum, and surely a slip
+_BEYOND = 1e300  # m; no hint repairs it
 _LONGEST = 0.1  # m; nothing on a chip is longer
 
 
@@ -216,7 +217,7 @@ def _not_below_an_atom(name: str, value: float) -> float:
 
 def slip(value: float, typical: float, at_most: float = _LONGEST) -> checks.Hint:
     """Hint that says what a length in m may have been meant to be."""
-    if not (isinstance(value, int | float) and at_most < abs(value) < math.inf):
+    if not (isinstance(value, int | float) and at_most < abs(value) < _BEYOND):
         return checks.Hint("lengths are in metres")
     meant = value * min((1e-3, 1e-6, 1e-9), key=lambda factor: abs(math.log(abs(value) * factor / typical)))
     power = 3 * math.floor(math.log10(abs(meant)) / 3)

@@ -1,0 +1,178 @@
+"""The promises about files, tried at random and by kills: `make audit` for minutes, a short run in the tests.
+
+    python tests/fuzz/audit.py [minutes]
+
+1. damage      a result, a journal or a model with a few bytes overwritten is refused or reads as it was written
+2. kills       campaigns and maps killed at random times and started again end with the same result, nothing lost
+3. trees       seeded random JSON and TOML trees through every reader: a result or one line of InputError
+
+Prints one line for each promise with the counts; exit code 1 where one is broken.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import hostile
+import numpy as np
+
+import surrogate
+import thermofem as th
+from coupled.maps.journal import Journal
+
+MAP = """
+import sys, thermofem as th, coupled
+model = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
+found = coupled.pulsing_map(coupled.borghi2021(), model, [2e-3, 4e-3, 6e-3], [-5e9, 0.0, 5e9], duration=2e-6,
+                            file=sys.argv[1])
+print("\\n".join(found["regime"].values.ravel().tolist()))
+"""
+CAMPAIGN = """
+import sys, thermofem as th
+if __name__ == "__main__":
+    print(th.Campaign.from_toml(sys.argv[1]).run(sys.argv[2], workers=1))
+"""
+
+
+def damage(count: int, seed: int = 0) -> tuple[int, int]:
+    """Damaged models and journals that were read, and how many of them differ from what was written without a word."""
+    tried = wrong = 0
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        path = folder / "map.jsonl"
+        with Journal(path, {"a": 1}) as journal:
+            for row in range(4):
+                journal.add(row, [["stable", 1e-6, 0.5, 1.0 + row, ""]])
+            rows = dict(journal.rows)
+        content = path.read_bytes()
+        for broken in hostile.damaged(content, seed, count):
+            path.write_bytes(broken)
+            tried += 1
+            with contextlib.suppress(th.InputError), Journal(path, {"a": 1}) as journal:
+                wrong += any(cells != rows.get(row) for row, cells in journal.rows.items())
+    return tried, wrong
+
+
+def models(count: int, seed: int = 0) -> tuple[int, int]:
+    """Damaged model files: tried, and those that end in anything but a model or InputError."""
+    tried = wrong = 0
+    with tempfile.TemporaryDirectory() as name:
+        path = Path(name) / "model.json"
+        surrogate.save_model(th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6]), path, provenance={"a": [1, "x"]})
+        for broken in hostile.damaged(path.read_bytes(), seed, count):
+            path.write_bytes(broken)
+            tried += 1
+            try:
+                surrogate.load_model(path).step_response(np.array([1e-6]))
+            except th.InputError:
+                pass
+            except Exception as error:
+                wrong += 1
+                print(f"model: {type(error).__name__}: {error}")
+    return tried, wrong
+
+
+def kills(command: Callable[[], list[str]], count: int, longest: float, seed: int = 0) -> tuple[int, str]:
+    """Start a command, kill its group at random times, and let the last start end; returns kills and its output."""
+    pick, done = random.Random(seed), 0
+    for _ in range(count):
+        run = subprocess.Popen(command(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+        time.sleep(pick.uniform(0.2, longest))
+        if run.poll() is None:
+            os.killpg(run.pid, signal.SIGKILL)
+            done += 1
+        run.wait()
+    end = subprocess.run(command(), capture_output=True, text=True, check=False)
+    return done, end.stdout if end.returncode == 0 else f"failed: {end.stderr[-500:]}"
+
+
+def killed_maps(count: int, seed: int = 0) -> tuple[int, bool]:
+    """Kills of a map, and whether its last start gives what an undisturbed one gives."""
+    with tempfile.TemporaryDirectory() as name:
+        file = Path(name) / "rows.jsonl"
+        undisturbed = subprocess.run(
+            [sys.executable, "-c", MAP, str(Path(name) / "other.jsonl")], capture_output=True, text=True, check=True
+        )
+        begin = time.monotonic()
+        subprocess.run([sys.executable, "-c", MAP, str(Path(name) / "third.jsonl")], capture_output=True, check=True)
+        done, found = kills(
+            lambda: [sys.executable, "-c", MAP, str(file)], count, 1.2 * (time.monotonic() - begin), seed
+        )
+        return done, found == undisturbed.stdout
+
+
+def killed_campaigns(count: int, seed: int = 0) -> tuple[int, bool]:
+    """Kills of a campaign, and whether every geometry is finished in the end, none computed in vain twice."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "strip.toml").write_text(th.strip_ring().to_toml())
+        vary = '[[vary]]\npath = "material.SiO2.conductivity"\nfrom = "1 W/m/K"\nto = "2 W/m/K"\ncount = 12\n'
+        (folder / "plan.toml").write_text(f'geometry = "strip.toml"\n{vary}[[drive]]\npower = "1 mW"\n')
+        script = folder / "run.py"
+        script.write_text(CAMPAIGN)
+        done, found = kills(
+            lambda: [sys.executable, str(script), str(folder / "plan.toml"), str(folder / "out")], count, 12.0, seed
+        )
+        if "failed=0" not in found:
+            print(found)
+            return done, False
+        index = th.open_campaign(folder / "out")
+        whole = (index["status"] == "finished").all() and np.isfinite(index["thermal_resistance"]).all()
+        return done, bool(whole)
+
+
+def random_trees(count: int, seed: int = 0) -> tuple[int, int]:
+    """Random trees through the readers of models and waveforms: tried, and those that end in another error."""
+    tried = wrong = 0
+    with tempfile.TemporaryDirectory() as name:
+        path = Path(name) / "x.json"
+        for text in hostile.trees(seed, count):
+            path.write_text(text, encoding="utf-8", errors="surrogatepass")
+            head = json.dumps({"format": "thermofem thermal model", "schema": 1})[:-1]
+            both = [text, head + ", " + text[1:] if text.startswith('{"') else text]
+            for content in both:
+                path.write_text(content, encoding="utf-8", errors="surrogatepass")
+                for read in (lambda: surrogate.load_model(path), lambda: th.waveforms.from_json(content)):  # noqa: B023
+                    tried += 1
+                    try:
+                        read()
+                    except th.InputError:
+                        pass
+                    except Exception as error:
+                        wrong += 1
+                        print(f"tree: {type(error).__name__}: {error}: {content[:200]!r}")
+    return tried, wrong
+
+
+def main(minutes: float) -> int:
+    """Run everything, the kills for about ``minutes``; the number of broken promises."""
+    broken = 0
+    scale = max(1, round(minutes))
+    for what, (tried, wrong) in {
+        "damaged journals": damage(400 * scale),
+        "damaged models": models(400 * scale),
+        "random trees": random_trees(1000 * scale),
+    }.items():
+        print(f"{what}: {tried} tried, {wrong} wrong")
+        broken += bool(wrong)
+    for what, (done, whole) in {
+        "maps": killed_maps(2 * scale),
+        "campaigns": killed_campaigns(2 * scale),
+    }.items():
+        print(f"{what}: {done} kills, {'nothing lost' if whole else 'LOST'}")
+        broken += not whole
+    return broken
+
+
+if __name__ == "__main__":
+    sys.exit(bool(main(float(sys.argv[1]) if len(sys.argv) > 1 else 10.0)))

@@ -1,0 +1,129 @@
+"""Generators of hostile input, seeded: names, text, numbers, units, trees and files that somebody else may send.
+
+Each generator gives pairs (what it is, the thing). The tests run every reader over all of them; `make fuzz` draws more.
+"""
+
+from __future__ import annotations
+
+import json
+import random
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+BREAKS = ["\n", "\r", "\r\n", "\x0b", "\x0c", "\x1c", "\x1d", "\x1e", "\x85", "\u2028", "\u2029"]
+ODD = ["\0", "\x1b[31m", "\t", "\x7f", "\u202e", "\ud800", '"', "'", "`", "$", "\\", "/", "*/", "]", "[/x]", "{", "%"]
+
+
+def names() -> list[str]:
+    """Names that no file may carry on: line breaks with commands behind them, control characters, too long, empty."""
+    command = ".control\nshell touch hostile\n.endc"
+    broken = [f"core{b}{command.replace(chr(10), b)}" for b in BREAKS]
+    return [*broken, *(f"core{odd}x" for odd in ODD), "", " ", "-", "core;x", "x" * 101, "core=1", "a" * 10**6]
+
+
+def texts() -> list[str]:
+    """Texts that a provenance may hold, and that a writer must keep on the lines of its comment."""
+    return [f"wafer 7{b}.control{b}shell touch hostile{b}.endc{b}.include /etc/passwd" for b in BREAKS] + [
+        f"x{odd}y" for odd in ODD if odd != "\ud800"
+    ]
+
+
+def numbers() -> list[str]:
+    """Numbers as JSON or TOML text that no reader may take, or may take only as a finite float."""
+    return ["9" * 400, "9" * 5000, "-" + "9" * 400, "1e400", "NaN", "Infinity", "-Infinity", "nan", "inf", "1_0", "١٢"]
+
+
+def units() -> list[str]:
+    """Quantities whose unit costs more than it is worth."""
+    return [
+        "1 mW*9**9**9**9", "1 nm*(2**999999999)", "1 " + "m" * 100_000, "1 " + "*".join(["m"] * 3000), "1 m**99999999",
+        "1 " + "(" * 500 + "m" + ")" * 500, "1 m^-999999999", "1 9**9**9**9", "1 m**m", "1 m;import os", "1 __import__",
+        "١ m", "1_0 m", "9" * 500 + " m", "1 m\0", "1 m/", "1 \ud800", "1 m**2.5", "1 2 m", "1 m 9**9**9",
+    ]  # fmt: skip
+
+
+def trees(seed: int = 0, count: int = 40) -> list[str]:
+    """JSON texts of odd shape and depth, beside the seeded random ones."""
+    pick = random.Random(seed)
+    deep = ["[" * n + "]" * n for n in (100, 1000, 100_000)] + ['{"a":' * 1000 + "1" + "}" * 1000]
+    odd = [
+        "[Infinity,[]]",
+        "[]",
+        "null",
+        "3",
+        '"\\ud800"',
+        "{",
+        "",
+        "\0",
+        "[1,",
+        '{"kind": []}',
+        '{"kind": {}}',
+        '{"kind": 3}',
+    ]
+
+    def grow(depth: int) -> Any:
+        leaves = [None, True, 0, -1, 10**30, 1e300, "x", "", "\n", [], {}]
+        if depth == 0 or pick.random() < 0.4:
+            return pick.choice(leaves)
+        items = [grow(depth - 1) for _ in range(pick.randrange(4))]
+        keys = ["kind", "poles", "R", "tau", "inputs", "name", "times", "power", "cases"]
+        return items if pick.random() < 0.5 else {pick.choice(keys): item for item in items}
+
+    return [*deep, *odd, *(f'{{"x": {n}}}' for n in numbers()), *(json.dumps(grow(5)) for _ in range(count))]
+
+
+def tomls() -> list[str]:
+    """TOML texts beside the geometry's own: depth, integers of any length, dates, NUL."""
+    nested = [f"a = {'[' * n}{']' * n}" for n in (100, 1000, 20_000)]
+    return [
+        *nested, *(f"x = {n}" for n in numbers()), "x = 1979-05-27", 'geometry = "\\u0000"', "a." * 5000 + "b = 1",
+        "[probes]\nread = 5", "[[vary]]\npath = []", "[[drive]]\npower = 1979-05-27", "samples = " + "9" * 5000,
+    ]  # fmt: skip
+
+
+def netcdf(folder: Path) -> Iterator[tuple[str, Path]]:
+    """netCDF files that declare more than they hold, point at other files, or say the wrong unit."""
+    import h5py
+
+    def file(name: str) -> Any:
+        made = h5py.File(folder / f"{name}.nc", "w")
+        made["time"] = np.linspace(0, 1e-5, 20)
+        return made
+
+    secret = folder / "secret.bin"
+    secret.write_bytes(b"8 bytes!" * 20)
+    with file("declares") as made:
+        made.create_dataset("delta_T", shape=(10**12,), dtype="f8", chunks=(10**6,), compression="gzip")
+    yield "declares 1e12 values", folder / "declares.nc"
+    with file("external") as made:
+        made.create_dataset("delta_T", shape=(20,), dtype="f8", external=[(str(secret), 0, 160)])
+    yield "lie in another file", folder / "external.nc"
+    with file("virtual") as made:
+        layout = h5py.VirtualLayout(shape=(20,), dtype="f8")
+        layout[:] = h5py.VirtualSource(str(folder / "declares.nc"), "time", shape=(20,))
+        made.create_virtual_dataset("delta_T", layout)
+    yield "views of other files", folder / "virtual.nc"
+    with file("link") as made:
+        made["delta_T"] = h5py.ExternalLink(str(folder / "declares.nc"), "time")
+    yield "a link to another file", folder / "link.nc"
+    for name, unit in (("metres", "m"), ("nonsense", "furlongs_per"), ("bomb", "s*9**9**9**9")):
+        with file(name) as made:
+            made["time"].attrs["units"] = unit
+            made["delta_T"] = np.zeros(20)
+        yield "variable 'time'", folder / f"{name}.nc"
+
+
+def damaged(content: bytes, seed: int, count: int) -> Iterator[bytes]:
+    """Copies of a file with a few bytes overwritten, or cut off."""
+    pick = random.Random(seed)
+    for _ in range(count):
+        wrong = bytearray(content)
+        start, length = pick.randrange(len(wrong)), pick.randrange(1, 33)
+        if pick.random() < 0.2:
+            yield bytes(wrong[:start])
+            continue
+        wrong[start : start + length] = pick.randbytes(min(length, len(wrong) - start))
+        yield bytes(wrong)
