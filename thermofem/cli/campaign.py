@@ -31,7 +31,7 @@ def run(file: Path, output: Path, *, workers: int | None, scheduler: str | None,
         summary = campaign.run(
             output,
             executor,
-            workers=workers or (None if scheduler else threads_wanted()),
+            workers=workers if workers is not None or scheduler else threads_wanted(),
             retry_failed=retry_failed,
             report=lambda summary: _show(progress, bar, summary),
         )

@@ -1,0 +1,122 @@
+"""`fit` on measured tables, `show`, and what every command shares; each run in this process."""
+
+from __future__ import annotations
+
+import inspect
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import surrogate
+import thermofem as th
+from thermofem.cli import app
+from thermofem.traces import read_trace
+
+MODEL = th.Foster(R=[2e3, 5e3], tau=[80e-9, 1.2e-6])
+WAVE = th.Pulse(1.3e-3, 4e-6)
+NOISE = 0.02  # K, of a swing of 8 K
+
+
+def trace(path, head, *, start, offset, samples=1501, factors=(1e6, 1.0), noise=NOISE, first=0.0):
+    t = np.linspace(first, 12e-6, samples)
+    rise = np.where(t >= start, MODEL.response(WAVE, np.maximum(t - start, 0)), 0.0)
+    y = offset + rise + noise * np.random.default_rng(1).standard_normal(samples)
+    rows = "".join(f"{a * factors[0]!r},{b * factors[1]!r}\n" for a, b in zip(t.tolist(), y.tolist(), strict=True))
+    path.write_text(head + rows)
+    return path
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+@pytest.mark.parametrize(
+    ("head", "settings"),
+    [
+        ("Time (us),T (K)\n", {"start": 0.0, "offset": 0.0}),
+        ("Time (us),T (degC)\n", {"start": 1.503e-6, "offset": 25.0}),
+        ("Model,DSO1012\nTime,CH1\nus,Volt\n", {"start": 1.0e-6, "offset": 0.5}),
+        ("t,dT\n", {"start": 2.37e-6, "offset": -3.0, "factors": (1.0, 1.0)}),
+        ("Time (us),CH1 (mV)\n", {"start": 0.0, "offset": 0.1, "factors": (1e6, 1e3), "first": -1e-6}),
+    ],
+)
+def test_offset_and_start_are_found(head, settings, tmp_path):
+    path = trace(tmp_path / "scope.csv", head, **settings)
+    found = read_trace(path, WAVE)
+    # the rows are 8 ns apart, and the front rises R_1 / tau_1 P = .26 K in that time, 13 times the noise
+    assert found.start == pytest.approx(settings["start"], abs=8e-9)
+    kelvin = 273.15 if "degC" in head else 0.0
+    # the mean of at least 90 rows errs by the noise over 9; without rows before, 4 times the noise counts as none
+    assert found.baseline == pytest.approx(settings["offset"] + kelvin, abs=4 * NOISE)
+    fit = surrogate.fit_foster(found.data, order=2)
+    # 8 ns of the start move tau_1 by at most 8 ns of 80; R_1 with it
+    np.testing.assert_allclose(fit.model.tau, MODEL.tau, rtol=0.1)
+    assert fit.model.thermal_resistance == pytest.approx(7e3, rel=0.01)
+    assert bool(found.warnings) == ("V" in head)
+
+
+def test_fit_a_table_and_show_its_model(tmp_path):
+    path = trace(tmp_path / "data.csv", "Time (us),T (K)\n", start=1e-6, offset=0.5)
+    model = tmp_path / "m.json"
+    drive = ["--pulse", "4 us", "--power", "1.3 mW"]
+    done = run("fit", path, *drive, "--kind", "foster", "--order", "2", "-o", model, "--json")
+    assert done.exit_code == 0, done.output
+    numbers = json.loads(done.stdout)
+    assert numbers["thermal_resistance"] == pytest.approx(7e3, rel=0.01)
+    assert "baseline" in done.stderr
+    card = json.loads(run("show", model, "--json").stdout)
+    assert [pole["tau"] for pole in card["poles"]] == surrogate.load_model(model).tau.tolist()
+    assert card["training"] == ["pulse 1.3 mW, 4 us, from rest"]
+    assert any("baseline" in line for line in card["assumed"])
+    named = ["--time", "Time (us)", "--temperature", "T"]
+    assert run("fit", path, *drive, *named, "--kind", "spectrum", "-o", model).exit_code == 0
+    assert surrogate.load_model(model).passive
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["fit", "three.csv", "--power", "1 mW"], "3 columns .a, b, c.; name two with --time and --temperature"),
+        (["fit", "three.csv", "--power", "1 mW", "--time", "a"], "--temperature is missing"),
+        (["fit", "two.csv"], "--power"),
+        (["fit", "two.csv", "--power", "1 mW", "--duty", "0.5"], "--duty 0.5 goes with --square"),
+        (["fit", "two.csv", "--power", "-1 mW"], "--power = '-1 mW' must not be negative; a power is needed"),
+        (["fit", "two.csv", "--power", "1 mW", "--pulse", "0 us"], "--pulse = '0 us' must be larger than zero"),
+        (["solve", "--duty", "1.5"], "--duty 1.5 goes with --square"),
+        (["solve", "--power", "8 dbm"], "did you mean 'dBm'"),
+        (["solve", "--power", "2 mw"], "did you mean 'mW'"),
+        (["solve", "--power", "1 mW*9**9**9**9"], "is not a unit"),
+    ],
+)
+def test_bad_options_say_what_fits(arguments, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "three.csv").write_text("a,b,c\n" + "".join(f"{k},{k % 3},{k % 5}\n" for k in range(20)))
+    (tmp_path / "two.csv").write_text("a,b\n" + "".join(f"{k}e-6,{k % 3}\n" for k in range(20)))
+    before = sorted(tmp_path.iterdir())
+    done = run(*arguments)
+    with pytest.raises(th.InputError, match=words):
+        raise done.exception
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_every_command_takes_the_shared_options():
+    for command in app.registered_commands:
+        options = inspect.signature(command.callback).parameters
+        assert {"json_", "quiet", "verbose", "threads"} <= set(options), command.callback.__name__
+
+
+@pytest.mark.parametrize("name", ["out[red]1.json", "[bold]x.json", "a[/b].json"])
+def test_a_path_is_no_markup(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a[").mkdir()
+    surrogate.save_model(MODEL, tmp_path / "m.json")
+    target = tmp_path / name.replace(".json", ".cir")
+    target.parent.mkdir(exist_ok=True)
+    done = run("export", "m.json", "--to", "spice", "-o", target)
+    assert done.exit_code == 0, done.output
+    assert target.exists()
+    assert str(target) in done.output
+    quiet = run("export", "m.json", "--to", "spice", "-o", target, "-q")
+    assert quiet.output == ""
