@@ -157,6 +157,19 @@ def test_nothing_is_wider_than_the_window(browser, file, width, scheme):
     page.close()
 
 
+@pytest.mark.parametrize(("width", "scheme"), [(390, "dark"), (1300, "light")])
+def test_accessible_by_the_rules_of_axe(browser, file, width, scheme):
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed")
+    page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme, bypass_csp=True)
+    page.goto(file.as_uri())
+    settled(page)
+    page.evaluate("document.getElementById('more').open = true")
+    report = axe.Axe().run(page).response
+    assert len(report["passes"]) > 20
+    assert [f"{v['id']}: {v['nodes'][0]['html'][:200]}" for v in report["violations"]] == []
+    page.close()
+
+
 def test_refused_models_say_what_to_do():
     ring = coupled.borghi2021()
     with pytest.raises(th.InputError, match="70 poles, at most 60"):

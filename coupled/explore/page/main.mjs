@@ -103,7 +103,7 @@ function build() {
   watchPlane();
   $("python").addEventListener("click", () => copy(pythonOf(state, data), "Python script"));
   $("command").addEventListener("click", () => copy(commandOf(state, data), "Command line"));
-  $("link").addEventListener("click", () => copy(`${location.href.split("#")[0]}#${hashOf(state)}`, "Link"));
+  $("link").addEventListener("click", () => copy(`${address()}#${hashOf(state)}`, "Link"));
   for (const button of document.querySelectorAll("button[data-save]")) {
     button.addEventListener("click", () => {
       const [id, kind] = button.dataset.save.split(" ");
@@ -436,6 +436,11 @@ function watchPlane() {
     take("detuning", Number((state.detuning + (steps[0] * (window.detuning[1] - window.detuning[0])) / fine).toPrecision(8)), true);
     take("power", Number((state.power + (steps[1] * (window.power[1] - window.power[0])) / fine).toPrecision(8)), true);
   });
+}
+
+/** Where the page lies; inside a report or a notebook it has no address of its own. */
+function address() {
+  return ["file:", "http:", "https:"].includes(location.protocol) ? location.href.split("#")[0] : "ring.html";
 }
 
 function recolour() {

@@ -189,7 +189,7 @@ export function step(machine, y, h, out) {
       damping = loss + fca * N + tpa * U;
     }
     const heat = 2 * (absorbed + fca * N + tpa * U) * U;
-    heatStage(machine, q, y, perH);
+    heatStage(machine, q, y, perH, out);
     const back = sum[0] + heat * G;
     r0 += -damping * ar - D * ai + u0 * back;
     r1 += -damping * ai + D * ar + drive + u1 * back;
@@ -209,64 +209,72 @@ export function step(machine, y, h, out) {
   out[0] = ar + k[end];
   out[1] = ai + k[end + 1];
   out[2] = N + k[end + 2];
-  for (let i = 0; i < n; i++) {
-    let x = y[3 + i] + k[end + 3 + i];
-    for (let j = 0; j < last; j++) x += a[last * stages + j] * k[j * m + 3 + i];
-    out[3 + i] = x;
-  }
+  for (let i = 0; i < n; i++) out[3 + i] += k[end + 3 + i]; // the states of the last stage, which stands on all others
   ends[0] = start;
   ends[1] = z + total[last];
 }
 
-/** What the poles do on their own in stage q, times their damping, and the sum of it. Six stages are written out. */
-function heatStage(machine, q, y, perH) {
+/**
+ * What the poles do on their own in stage q, times their damping, and the sum of it; the last stage also writes its
+ * states, from which the new ones follow. Each stage has a loop of its own: this is most of the work of a step.
+ */
+function heatStage(machine, q, y, perH, out) {
   const { n, m, stages, a, c, rate, k, damp } = machine;
   let sum = 0;
   const row = q * stages;
   const e = q * m + 3;
+  const a0 = a[row], a1 = a[row + 1], a2 = a[row + 2], a3 = a[row + 3], a4 = a[row + 4]; // prettier-ignore
+  const f0 = c[row] * perH, f1 = c[row + 1] * perH, f2 = c[row + 2] * perH, f3 = c[row + 3] * perH, f4 = c[row + 4] * perH; // prettier-ignore
+  const o1 = m + 3, o2 = 2 * m + 3, o3 = 3 * m + 3, o4 = 4 * m + 3; // prettier-ignore
   if (q === 0) {
     for (let i = 0; i < n; i++) {
       const v = -rate[i] * y[3 + i] * damp[i];
       k[e + i] = v;
       sum += v;
     }
-    machine.sum[0] = sum;
-    return;
-  }
-  const a0 = a[row], a1 = a[row + 1], a2 = a[row + 2], a3 = a[row + 3], a4 = a[row + 4]; // prettier-ignore
-  const f0 = c[row] * perH, f1 = c[row + 1] * perH, f2 = c[row + 2] * perH, f3 = c[row + 3] * perH, f4 = c[row + 4] * perH; // prettier-ignore
-  const o1 = m + 3, o2 = 2 * m + 3, o3 = 3 * m + 3, o4 = 4 * m + 3; // prettier-ignore
-  for (let i = 0; i < n; i++) {
-    const k0 = k[3 + i];
-    let state = y[3 + i] + a0 * k0;
-    let v = f0 * k0;
-    if (q > 1) {
-      const k1 = k[o1 + i];
-      state += a1 * k1;
-      v += f1 * k1;
-      if (q > 2) {
-        const k2 = k[o2 + i];
-        state += a2 * k2;
-        v += f2 * k2;
-        if (q > 3) {
-          const k3 = k[o3 + i];
-          state += a3 * k3;
-          v += f3 * k3;
-          if (q > 4) {
-            const k4 = k[o4 + i];
-            state += a4 * k4;
-            v += f4 * k4;
-            for (let j = 5; j < q; j++) {
-              state += a[row + j] * k[j * m + 3 + i];
-              v += c[row + j] * perH * k[j * m + 3 + i];
-            }
-          }
-        }
-      }
+  } else if (q === 1) {
+    for (let i = 0; i < n; i++) {
+      const k0 = k[3 + i];
+      const v = (f0 * k0 - rate[i] * (y[3 + i] + a0 * k0)) * damp[i];
+      k[e + i] = v;
+      sum += v;
     }
-    v = (v - rate[i] * state) * damp[i];
-    k[e + i] = v;
-    sum += v;
+  } else if (q === 2) {
+    for (let i = 0; i < n; i++) {
+      const k0 = k[3 + i], k1 = k[o1 + i]; // prettier-ignore
+      const v = (f0 * k0 + f1 * k1 - rate[i] * (y[3 + i] + a0 * k0 + a1 * k1)) * damp[i];
+      k[e + i] = v;
+      sum += v;
+    }
+  } else if (q === 3) {
+    for (let i = 0; i < n; i++) {
+      const k0 = k[3 + i], k1 = k[o1 + i], k2 = k[o2 + i]; // prettier-ignore
+      const v = (f0 * k0 + f1 * k1 + f2 * k2 - rate[i] * (y[3 + i] + a0 * k0 + a1 * k1 + a2 * k2)) * damp[i];
+      k[e + i] = v;
+      sum += v;
+    }
+  } else if (q === 4) {
+    for (let i = 0; i < n; i++) {
+      const k0 = k[3 + i], k1 = k[o1 + i], k2 = k[o2 + i], k3 = k[o3 + i]; // prettier-ignore
+      const state = y[3 + i] + a0 * k0 + a1 * k1 + a2 * k2 + a3 * k3;
+      const v = (f0 * k0 + f1 * k1 + f2 * k2 + f3 * k3 - rate[i] * state) * damp[i];
+      k[e + i] = v;
+      sum += v;
+    }
+  } else {
+    for (let i = 0; i < n; i++) {
+      const k0 = k[3 + i], k1 = k[o1 + i], k2 = k[o2 + i], k3 = k[o3 + i], k4 = k[o4 + i]; // prettier-ignore
+      let state = y[3 + i] + a0 * k0 + a1 * k1 + a2 * k2 + a3 * k3 + a4 * k4;
+      let v = f0 * k0 + f1 * k1 + f2 * k2 + f3 * k3 + f4 * k4;
+      for (let j = 5; j < q; j++) {
+        state += a[row + j] * k[j * m + 3 + i];
+        v += c[row + j] * perH * k[j * m + 3 + i];
+      }
+      v = (v - rate[i] * state) * damp[i];
+      out[3 + i] = state;
+      k[e + i] = v;
+      sum += v;
+    }
   }
   machine.sum[0] = sum;
 }

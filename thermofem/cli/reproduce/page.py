@@ -27,6 +27,8 @@ p { max-width: 44rem; margin: .5rem 0; }
 .panels { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 26rem), 1fr)); gap: 1.4rem; margin: 1rem 0; }
 figure { margin: 0; max-width: 34rem; }
 figure img { width: 100%; height: auto; display: block; }
+figure.explorer { max-width: none; } .explorer iframe { width: 100%; height: 56rem; border: 1px solid var(--line); border-radius: .4rem; }
+.paper { display: none; }
 table { border-collapse: collapse; width: 100%; font-size: .9rem; margin: 1rem 0; }
 th, td { text-align: left; vertical-align: top; padding: .45rem .6rem; border-bottom: 1px solid var(--line); }
 thead th { border-bottom: 2px solid var(--ink); }
@@ -49,6 +51,7 @@ a { color: var(--blue); overflow-wrap: anywhere; }
   .panels { grid-template-columns: 1fr 1fr; gap: 5mm; } figure { break-inside: avoid; max-width: none; }
   h2, h3, section > p { break-after: avoid; } tr { break-inside: avoid; } table { font-size: 8.5pt; }
   .soft, .where, figcaption, footer { font-size: 8pt; } section > p { break-inside: avoid; } a { color: inherit; text-decoration: none; }
+  .explorer { display: none; } .paper { display: block; }
   nav { display: none; } .lead, .note { border: 1px solid var(--line); }
 }
 """  # noqa: E501 - style sheets read better with a rule on one line
@@ -65,8 +68,12 @@ def page(
     claims: Sequence[Claim],
     pictures: Mapping[str, bytes],
     stages: Sequence[Stage],
+    explorer: str = "",
 ) -> str:
-    """The whole report; ``words`` are what stands in boxes at its top, and the sections."""
+    """The whole report; ``words`` are what stands in boxes at its top, and the sections.
+
+    ``explorer`` is the text of the page that computes the reference ring, the first figure.
+    """
     lead, sections = words
     links = [(f"#{_anchor(section)}", section.title) for section in sections]
     links += [("#numbers", "Every number"), ("#data", "Data")]
@@ -75,6 +82,7 @@ def page(
         f"<p>{html.escape(INTRODUCTION)}</p>",
         *(f'<p class="lead"><strong>{typeset(box.title)}</strong> {marked_up(box.text, results)}</p>' for box in lead),
         "<nav>" + "".join(f'<a href="{to}">{typeset(title)}</a> ' for to, title in links) + "</nav>",
+        _explorer(explorer) if explorer else "",
         *(_section(section, results, pictures) for section in sections),
         _table(claims, results),
         _data(results, stages),
@@ -88,6 +96,18 @@ def page(
         f"<title>thermofem: the paper reproduced</title>\n<style>{STYLE}</style>\n</head>\n<body>\n"
         + "\n".join(body)
         + "\n</body>\n</html>\n"
+    )
+
+
+def _explorer(text: str) -> str:
+    """The page that computes, in a frame; paper gets a sentence instead."""
+    return (
+        '<section id="explorer"><h2>The ring at work</h2><p>This figure computes. Drag the laser on the plane of power '
+        "and detuning, or move a slider: the ring is integrated in the page, with the same equations and coefficients "
+        'as below. The same page on its own: <a href="ring.html">ring.html</a>.</p>'
+        '<p class="paper">On paper this figure is left out.</p>'
+        f'<figure class="explorer"><iframe title="The reference ring, computed in the page" loading="lazy" '
+        f'src="data:text/html;charset=utf-8;base64,{base64.b64encode(text.encode()).decode()}"></iframe></figure></section>'
     )
 
 

@@ -45,7 +45,7 @@ def run(out: Path, settings: Settings | None = None) -> None:
     lead, sections = _words(settings, results)
     rows = [claim for claim in claims() if claim.known(results)]
     pictures = _draw(sections, results, figures)
-    text = page(results, (lead, sections), rows, pictures, stages)
+    text = page(results, (lead, sections), rows, pictures, stages, _explorer(out / "ring.html"))
     report = dataset.write_whole(out / "report.html", lambda path: path.write_text(text, encoding="utf-8"))
     _write_table(rows, results, data / "table.json")
     console.print(_printed(rows, results))
@@ -55,6 +55,16 @@ def run(out: Path, settings: Settings | None = None) -> None:
         f"numbers, netCDF and models in {data}/"
     )
     console.print(f"report: {report}")
+
+
+def _explorer(path: Path) -> str:
+    """Write the page that computes the reference ring, and return its text."""
+    import coupled
+
+    from ..explore import models_of_geometry
+
+    models, heat = models_of_geometry(None)
+    return coupled.explore(coupled.borghi2021(), models, path, heat=heat).html
 
 
 def _words(settings: Settings, results: Mapping[str, Result]) -> tuple[list[Section], list[Section]]:
