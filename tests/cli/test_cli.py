@@ -81,7 +81,7 @@ def test_solve_periodic(tmp_path):
         (["simulate", "good.toml"], "`thermofem reduce good.toml -o model.json` makes it from this"),
         (["fit", "good.toml"], "`thermofem solve good.toml -o heat.nc` makes it from this"),
         (["cite", "good.toml"], "good.toml holds a geometry, not data (netCDF) or a thermal model"),
-        (["map", "optics.toml"], "simulate, cosimulate, map and stability take it with --ring"),
+        (["map", "optics.toml"], "simulate, cosimulate, map, stability and explore take it with --ring"),
         (["solve", "optics.toml"], "holds the optics of a ring, not a geometry"),
         (["campaign", "good.toml"], "holds a geometry, not a campaign; thermofem solve"),
         (["reduce", "plan.toml"], "holds a campaign, not a geometry; thermofem campaign takes it"),

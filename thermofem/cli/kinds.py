@@ -9,10 +9,10 @@ from ..checks import InputError
 
 # kind -> what it is, and what takes it
 KINDS = {
-    "geometry": ("a geometry", "thermofem solve, reduce, validate and cosimulate take it"),
-    "ring": ("the optics of a ring", "thermofem simulate, cosimulate, map and stability take it with --ring"),
+    "geometry": ("a geometry", "thermofem solve, reduce, validate, cosimulate and explore take it"),
+    "ring": ("the optics of a ring", "thermofem simulate, cosimulate, map, stability and explore take it with --ring"),
     "campaign": ("a campaign", "thermofem campaign takes it"),
-    "model": ("a thermal model", "thermofem simulate, map, stability, validate, export and cite take it"),
+    "model": ("a thermal model", "thermofem simulate, map, stability, validate, explore, export and cite take it"),
     "data": ("data (netCDF)", "thermofem fit and cite take it"),
     "table": ("a table of numbers", "thermofem.read_csv makes training data of it, in Python"),
 }

@@ -10,8 +10,8 @@
 import { balance, energy, follow, reach, secular, spectrumAt } from "./equilibria.mjs";
 import { UW, driveOf } from "./ring.mjs";
 
-const ENERGIES = 120;
-const FREQUENCIES = 150;
+const ENERGIES = 240;
+const FREQUENCIES = 200;
 const BISECTIONS = 40;
 const JOIN = 0.3;
 

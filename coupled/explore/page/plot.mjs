@@ -87,8 +87,8 @@ export function panel(box, x, y, content, colours) {
     out += `<path d="M${at} ${top}V${bottom}" stroke="${colours.line}"/>`;
     if (!x.hidden) out += `<text x="${at}" y="${bottom + 15}" text-anchor="middle" ${text}>${escaped(fx(v))}</text>`;
   }
-  const fy = format(y, height, 36);
-  for (const v of ticksOf(y, height, 36)) {
+  const fy = format(y, height, 27);
+  for (const v of ticksOf(y, height, 27)) {
     const at = n1(y.scale(v));
     out += `<path d="M${left} ${at}H${left + width}" stroke="${colours.line}"/>`;
     out += `<text x="${left - 6}" y="${n1(y.scale(v) + 4)}" text-anchor="end" ${text}>${escaped(fy(v))}</text>`;
