@@ -77,7 +77,7 @@ def test_a_number_out_of_range_is_marked_and_not_taken(page):
 
 
 def test_the_laser_is_dragged_on_the_plane(page):
-    box = page.locator("#plane svg").bounding_box()
+    box = page.locator("#plane").bounding_box()  # its picture is replaced while one looks
     page.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 0.3 * box["height"])
     page.mouse.down()
     page.mouse.move(box["x"] + 0.75 * box["width"], box["y"] + 0.6 * box["height"], steps=5)

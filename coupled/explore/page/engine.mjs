@@ -36,7 +36,7 @@ function trace(request, rodas4, rodas5p) {
   return out;
 }
 
-/** The settled cycle that a pulsing trace tends to, or null; unequal pulses in a pattern are one cycle. */
+/** The stable cycle that a pulsing trace tends to, or null; unequal pulses in a pattern are one cycle. */
 function settle(system, drive, turn, y, found, quick, rodas4, rodas5p) {
   const rough = { method: rodas4, rtol: 1e-5 };
   const fine = quick ? { method: rodas4, rtol: 1e-6 } : { method: rodas5p, rtol: 1e-8 };
@@ -46,7 +46,7 @@ function settle(system, drive, turn, y, found, quick, rodas4, rodas5p) {
     const cycle = limitCycle(system, drive, turn, near, found.level, options);
     if (cycle) {
       const slowest = settling(cycle.multipliers);
-      return { ...cycle, slowest, stable: slowest < 1 };
+      return slowest < 1 ? { ...cycle, slowest } : null; // an unstable one is not where the ring settles
     }
     near = integrate(system, drive, turn, near, 20 * found.period, rough).y;
   }

@@ -253,7 +253,8 @@ function summary() {
     const now = cycle || found;
     const what = cycle ? "Self-pulsing, settled cycle" : `Self-pulsing, last cycle of ${state.duration} µs`;
     const memory = cycle ? ` A deviation shrinks to ${(100 * cycle.slowest).toPrecision(3)} % in one cycle.` : "";
-    return `${what}: period ${now.period.toPrecision(5)} ns, duty ${now.duty.toFixed(3)}, temperature swing ${now.swing.toPrecision(4)} K. ${points}.${memory}`;
+    const none = trace.request.settled && !cycle ? " No stable cycle was found near it: the pulses may not repeat." : "";
+    return `${what}: period ${now.period.toPrecision(5)} ns, duty ${now.duty.toFixed(3)}, temperature swing ${now.swing.toPrecision(4)} K. ${points}.${memory}${none}`;
   }
   const rest = states.find((p) => p.regime === "stable");
   if (found.regime === "stable") return `The ring comes to rest${rest ? ` at ΔT = ${shown.trace.rows.at(-1).toPrecision(4)} K` : ""}. ${points}.`;
