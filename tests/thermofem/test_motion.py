@@ -14,7 +14,7 @@ from thermofem.checks import InputError
 from thermofem.geometry import CrossSection
 from thermofem.heat.interface import split
 from thermofem.mesh import make, mesh_for
-from thermofem.mesh.motion import Motion, areas, moved, quality
+from thermofem.mesh.motion import Motion, moved, quality
 
 ROUND_OFF = 1e-12  # 16 ulps of the largest coordinate (60 um) over the smallest thickness (100 nm)
 
@@ -97,7 +97,7 @@ def test_nodes_doubled_along_a_contact_stay_together(strip_mesh):
     first, second = (moved(mesh, old, new) for mesh in (strip_mesh, doubled))
     pairs = {tuple(point) for point in np.round(second / 1e-18)}
     assert len(pairs) == len(first) < len(second)
-    assert areas(second, doubled.triangles).min() > 0
+    replace(doubled, points=second)  # it refuses triangles that turned over
 
 
 def test_a_mesh_that_cannot_follow_says_so(strip_mesh):

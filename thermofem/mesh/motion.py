@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from ..algebra.factor import factorize
 from ..checks import InputError
-from .triangles import Mesh
+from .triangles import Mesh, signed_areas
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
@@ -162,7 +162,7 @@ class Motion:
             (a, b), other = self._ends[on].T, 1 - axis
             share = (points[on, other] - corners[a, other]) / (corners[b, other] - corners[a, other])
             points[on, axis] = corners[a, axis] + share * (corners[b, axis] - corners[a, axis])
-        if areas(points, self._once.triangles).min() <= 0:
+        if signed_areas(points, self._once.triangles).min() <= 0:
             raise InputError("triangles of the mesh turn over on the way to the new geometry; make a new mesh")
         return np.asarray(points[self._place])
 
@@ -189,18 +189,11 @@ def moved(mesh: Mesh, old: CrossSection, new: CrossSection) -> Array:
     return Motion(mesh, old).moved(new)
 
 
-def areas(points: Array, triangles: NDArray[np.int64]) -> Array:
-    """Signed area of each triangle in m^2; positive where its corners run counterclockwise."""
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    u, v = b - a, c - a
-    return np.asarray(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) / 2
-
-
 def quality(points: Array, triangles: NDArray[np.int64]) -> Array:
     """4 sqrt(3) area over the sum of the squared edges: 1 for an equilateral triangle, 0 for a degenerate one."""
     a, b, c = (points[triangles[:, k]] for k in range(3))
     squares = sum(np.sum(edge**2, axis=1) for edge in (b - a, c - b, a - c))
-    return np.asarray(4 * np.sqrt(3) * areas(points, triangles) / squares)
+    return np.asarray(4 * np.sqrt(3) * signed_areas(points, triangles) / squares)
 
 
 def _rings(faces: tuple[Face, ...]) -> list[Array]:
@@ -221,7 +214,7 @@ def _stiffness(mesh: Mesh) -> Any:
 
     corners = mesh.points[mesh.triangles]
     edges = np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1)  # opposite to each corner
-    area = areas(mesh.points, mesh.triangles)
+    area = signed_areas(mesh.points, mesh.triangles)
     local = np.einsum("eix,ejx->eij", edges, edges) / (4 * area ** (1 + SOFT / 2))[:, None, None]
     rows, columns = (np.broadcast_to(t, local.shape) for t in (mesh.triangles[:, :, None], mesh.triangles[:, None, :]))
     return csr_matrix((local.ravel(), (rows.ravel(), columns.ravel())), shape=(len(mesh.points),) * 2)

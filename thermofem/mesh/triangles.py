@@ -104,6 +104,13 @@ def check_triangles(points: Any, triangles: Any, region: Any, names: tuple[str, 
         raise InputError(f"triangle {int(np.argmax(flat))} of the mesh has no area ({int(flat.sum())} of them)")
 
 
+def signed_areas(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Area of each triangle in m^2, positive where its corners run counterclockwise."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    u, v = b - a, c - a
+    return np.asarray(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) / 2
+
+
 def load(path: str | Path) -> Mesh:
     """Read a mesh that `Mesh.save` or gmsh wrote: triangles whose physical groups are named.
 

@@ -43,6 +43,8 @@ EARLIEST = 1.5  # the last shift over the inverse of the first wanted time
 FEWEST, ROUNDS = 2, 25  # first looked at, and left to the integrator
 OTHERS = 10.0  # weight of changes elsewhere than in the heated part, where they fall slowly (measured, see the tests)
 LOUDER = 10.0  # times all power before it: the heat before then hides nothing behind such an edge, so the shifts follow
+WATCHED = 20_000  # times at which the answer is watched where there are more than twice as many
+MOST, PER_PIECE = 500_000, 3300  # straight pieces of the power at most, and what each takes in bytes (measured)
 STALLED = 1e-2  # of the tolerance: below it a change counts as none, however slowly the changes fall
 
 
@@ -111,7 +113,7 @@ class Modal:
         times, kept = check_run(times, snapshots, rtol)
         if len(waves) != len(self.system.inputs) or not all(getattr(wave, "piecewise_linear", False) for wave in waves):
             return None  # the integrator says what is wrong
-        wanted = np.unique(np.concatenate([[0.0], times, kept]))
+        wanted = _thinned(np.unique(np.concatenate([[0.0], times, kept])), kept, _pieces(waves, times, kept))
         shown = wanted.searchsorted(kept)
         first, answers, last = _first(waves, wanted), list[Answer](), np.inf
         for rounds in range(FEWEST, ROUNDS):
@@ -137,7 +139,7 @@ class Modal:
         heat = _balance(found, ledger, waves, float(wanted[-1])) if isinstance(ledger, Ledger) else [np.nan] * 3
         return Trajectory(
             times=times,
-            outputs=found.outputs[wanted.searchsorted(times)],
+            outputs=_outputs(found, C, waves, times, wanted, periodic=periodic),
             final=found.basis.vectors @ found.z[-1],
             snapshots=found.z[shown] @ found.basis.vectors.T,
             heat_in=heat[0],
@@ -175,6 +177,59 @@ class Modal:
     def _cell(self) -> float:
         """About the rate of the fastest cell of the mesh."""
         return float((-self.system.A.diagonal() / self.system.E.diagonal()).max())
+
+
+def _pieces(waves: Sequence[Waveform], times: Array, kept: Array) -> NDArray[np.float64]:
+    """Breakpoints of the waveforms in s.
+
+    Raises
+    ------
+    InputError
+        more of them than fit into memory.
+    """
+    end = float(max(times.max(initial=0.0), kept.max(initial=0.0)))
+    edges = np.concatenate([wave.breakpoints(0.0, end) for wave in waves])
+    if edges.size > MOST:
+        raise checks.InputError(
+            f"the power has {edges.size} straight pieces until {end:g} s, which would take about "
+            f"{edges.size * PER_PIECE / 1e9:.0f} GB; at most {MOST} fit: give fewer samples or solve shorter runs"
+        )
+    return edges
+
+
+def _thinned(wanted: Array, kept: Array, edges: Array) -> Array:
+    """The times at which the answer is watched while the space grows: all, or `WATCHED` of them where there are more.
+
+    Evenly and geometrically spaced ones, the first after each edge, the last, and those of snapshots.
+    """
+    if wanted.size <= 2 * WATCHED:
+        return wanted
+    last = wanted.size - 1
+    even, early = np.linspace(0, last, WATCHED), np.geomspace(1, last, WATCHED // 4)
+    after = np.minimum(wanted.searchsorted(edges, side="right"), last)
+    chosen = np.unique(np.concatenate([even.astype(int), early.astype(int), after, wanted.searchsorted(kept)]))
+    return np.asarray(wanted[chosen])
+
+
+def _outputs(
+    found: Answer, C: Array, waves: Sequence[Waveform], times: Array, watched: Array, *, periodic: bool
+) -> Array:
+    """Outputs at all times, shape (times, outputs); a piece of the times after the other where not all were watched."""
+    place = np.minimum(watched.searchsorted(times), watched.size - 1)
+    if np.array_equal(watched[place], times):
+        return np.asarray(found.outputs[place])
+    rows, basis = C @ found.basis.vectors, found.basis
+    outputs = np.empty((times.size, len(C)))
+    edges = sum(wave.breakpoints(0.0, float(times[-1])).size for wave in waves)
+    length = max(WATCHED, edges)  # every piece begins at t = 0 again
+    for start in range(0, times.size, length):
+        piece = slice(start, start + length)
+        z = sum(
+            pole_responses(basis.rate, wave, times[piece], periodic=periodic) * column
+            for wave, column in zip(waves, basis.heating.T, strict=True)
+        )
+        outputs[piece] = z @ rows.T
+    return outputs
 
 
 def _first(waves: Sequence[Waveform], wanted: Array) -> float:
