@@ -85,6 +85,7 @@ _RATES = {
     "thermal_shift": "rad/s/K",
     "kerr_shift": "rad/s/J",
 }
+UNITS = {**_FIELDS, **_SRH, "thermal_energy": "eV", "tau": "s", "tau0": "s"}  # of every number of a ring that may vary
 _NEEDED = (
     "frequency", "bus_rate", "loss_rate", "refractive_index", "group_index", "thermo_optic", "fcd",
     "fca_cross_section", "tpa_coefficient", "tpa_confinement", "tpa_volume", "fca_confinement", "fca_volume",

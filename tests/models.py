@@ -41,8 +41,8 @@ def coarse_warm_fem() -> NonlinearSystem:
     mesh, d = coarse(growth=300)
     flows, contents = [], []
     for regions, k, c, k_law, c_law in (
-        ((0, 2), 130, 2330 * 700, th.Power(-1.3), th.Power(0.4)),
-        ((1,), 1.38, 2203 * 703, th.Power(0.3), th.Polynomial((1e-3,))),
+        ((0, 2), 130, 2330 * 700, th.PowerLaw(-1.3), th.PowerLaw(0.4)),
+        ((1,), 1.38, 2203 * 703, th.PowerLaw(0.3), th.Polynomial((1e-3,))),
     ):
         cells = np.isin(mesh.region, regions)
         flows.append((conduction(d.basis, k * cells), k_law))

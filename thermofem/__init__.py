@@ -22,7 +22,7 @@ from .geometry import (
 )
 from .heat import Discretization, HeatProblem, assemble, discretize
 from .heat.derivatives import derivatives
-from .materials import Material, Polynomial, Power, Table, silicon_film
+from .materials import Material, Polynomial, PowerLaw, Table, silicon_film
 from .mesh import Mesh
 from .models import Foster, OutputMap, OutsideTrainingWarning, Quadratic, StateSpace, ThermalModel
 from .solve import solve, solve_periodic
@@ -51,7 +51,7 @@ __all__ = [
     "Part",
     "PiecewiseCubic",
     "Polynomial",
-    "Power",
+    "PowerLaw",
     "Probe",
     "Pulse",
     "Quadratic",
@@ -85,8 +85,16 @@ __all__ = [
 ]
 
 
+_RENAMED = {"Power": "PowerLaw"}  # old name -> new name; the old names go with the next release
+
+
 def __getattr__(name: str) -> _Any:
-    """A waveform that joined by its file alone."""
+    """Return a waveform that joined by its file alone, or an object by its old name, with a warning."""
+    if name in _RENAMED:
+        import warnings
+
+        warnings.warn(f"thermofem.{name} is now thermofem.{_RENAMED[name]}", DeprecationWarning, stacklevel=2)
+        return globals()[_RENAMED[name]]
     if name in waveforms.KINDS:
         return waveforms.KINDS[name]
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

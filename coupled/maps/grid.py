@@ -13,6 +13,7 @@ from thermofem import checks
 
 from ..arguments import check_axis, check_ring
 from ..resonator import RingResonator
+from ..ring_toml import UNITS
 from ..unknowns import optical_names, varied
 
 Array = NDArray[np.float64]
@@ -44,16 +45,9 @@ class Grid:
 
         about = {"power": dataset.describe("input_power"), "detuning": dataset.describe("detuning")}
         return {
-            name: (name, axis, about.get(name, {"units": UNITS.get(name, "1"), "long_name": name.replace("_", " ")}))
+            name: (name, axis, about.get(name, {"units": UNITS[name] or "1", "long_name": name.replace("_", " ")}))
             for name, axis in zip(self.names, self.axes, strict=True)
         }
-
-
-UNITS = {
-    "frequency": "Hz", "bus_rate": "1/s", "loss_rate": "1/s", "scattering_rate": "1/s", "second_bus_rate": "1/s",
-    "thermo_optic": "1/K", "fca_cross_section": "m^2", "tpa_coefficient": "m/W", "tpa_volume": "m^3",
-    "fca_volume": "m^3", "kerr_coefficient": "m^2/W", "tau0": "s", "tau_n": "s", "tau_p": "s", "tau": "s",
-}  # fmt: skip
 
 
 def grid_of(

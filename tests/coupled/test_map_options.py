@@ -15,7 +15,9 @@ import surrogate
 import thermofem as th
 from coupled.maps.quick import pulse
 from coupled.plot import plot_map
+from coupled.ring_toml import UNITS
 from coupled.thermal import long_enough
+from coupled.unknowns import optical_names
 from thermofem.cli import app
 
 RING = coupled.borghi2021()
@@ -215,3 +217,8 @@ def test_commands(tmp_path):
     ):
         with pytest.raises(th.InputError, match=message):
             CliRunner().invoke(app, ["map", *start, *wrong], catch_exceptions=False)
+
+
+@pytest.mark.parametrize("ring", [coupled.borghi2021(), coupled.vanvaerenbergh2012()], ids=lambda ring: ring.name)
+def test_every_number_that_may_be_varied_has_a_unit(ring):
+    assert optical_names(ring) <= UNITS.keys()

@@ -11,7 +11,7 @@ from sections import HEATER, STRIP, says
 from thermofem.checks import InputError
 from thermofem.geometry import CrossSection, strip_ring
 from thermofem.geometry.parts import INSULATED, ISOTHERMAL, OPEN, Boundary, Probe
-from thermofem.materials import Polynomial, Power
+from thermofem.materials import Polynomial, PowerLaw
 from thermofem.materials.library import LIBRARY
 
 
@@ -35,7 +35,7 @@ def test_every_table_of_the_file_arrives():
     assert geometry.interfaces[0].resistance == 1e-8
     assert geometry.top == Boundary("convection", 1e4)
     silicon = geometry.material_of("core")
-    assert (silicon.conductivity_law, silicon.conductivity) == (Power(-1.3, 300.0), 130.0)
+    assert (silicon.conductivity_law, silicon.conductivity) == (PowerLaw(-1.3, 300.0), 130.0)
     assert geometry.material_of("heater") is LIBRARY["TiN"]
     with pytest.raises(InputError, match="region = 'coer' is unknown; did you mean 'core'"):
         geometry.material_of("coer")
@@ -164,7 +164,7 @@ def test_laws_in_toml():
     silicon, oxide = geometry.material_of("core"), geometry.material_of("box")
     assert silicon.conductivity_law == Polynomial((-3e-3, 5e-6), 293.15)
     assert (silicon.specific_heat, silicon.specific_heat_law.values) == (712, (556, 712, 790))
-    assert (oxide.conductivity, oxide.conductivity_z, oxide.conductivity_law) == (1.38, 1.1, Power(0.3))
+    assert (oxide.conductivity, oxide.conductivity_z, oxide.conductivity_law) == (1.38, 1.1, PowerLaw(0.3))
     assert CrossSection.from_toml_text(geometry.to_toml()) == geometry
 
 

@@ -4,7 +4,7 @@ import pytest
 from scipy.integrate import quad
 
 from thermofem.checks import InputError
-from thermofem.materials import Polynomial, Power, Table
+from thermofem.materials import Polynomial, PowerLaw, Table
 from thermofem.materials.library import LIBRARY, Material, find, silicon_film
 
 
@@ -100,8 +100,8 @@ def test_laws_of_temperature_are_those_of_the_tables():
 @pytest.mark.parametrize(
     "law",
     [
-        Power(-1.3),
-        Power(-1.0, 350.0),
+        PowerLaw(-1.3),
+        PowerLaw(-1.0, 350.0),
         Polynomial((1e-3, -2e-6, 1e-9)),
         Table((250, 300, 350, 500), (3.0, 2.0, 1.5, 1.2)),
     ],
@@ -113,7 +113,7 @@ def test_a_law_is_one_at_its_reference_and_its_integral_is_its_integral(law):
         expected = quad(law.factor, start, start + rise, points=[300, 350, 500] if rise > 0 else None, epsabs=1e-12)[0]
         assert law.integral(start, rise) == pytest.approx(expected, rel=1e-9)  # quad's own error
     # small rises do not cancel away: integral -> factor * rise, next term 1e-6 K * |f'|/2 < 1e-8
-    tiny = 1e-6 if isinstance(law, Power) else 1e-3
+    tiny = 1e-6 if isinstance(law, PowerLaw) else 1e-3
     assert law.integral(310.0, tiny) == pytest.approx(float(law.factor(310.0)) * tiny, rel=2e-5)
 
 
@@ -123,6 +123,6 @@ def test_a_table_is_held_beyond_its_ends():
 
 
 def test_laws_no_material_has():
-    for bad in (lambda: Power(1000.0), lambda: Power(-1.3, 0.0), lambda: Table((300, 300), (1, 1))):
+    for bad in (lambda: PowerLaw(1000.0), lambda: PowerLaw(-1.3, 0.0), lambda: Table((300, 300), (1, 1))):
         with pytest.raises(InputError):
             bad()

@@ -12,7 +12,7 @@ from grids import facets_where, tensor_mesh
 from models import coarse_warm_fem, warm_fem
 
 import thermofem as th
-from thermofem.materials import Power
+from thermofem.materials import PowerLaw
 from thermofem.models import NonlinearSystem
 from thermofem.transient import integrate, integrate_periodic, newton_stages
 from thermofem.transient.nonlinear import lift, rows
@@ -36,7 +36,7 @@ def rod(n, k=2.0, c=3.0):
     return th.discretize(mesh, k, c, held=facets_where(mesh, lambda r, z: np.isclose(z % 1, 0)))
 
 
-@pytest.mark.parametrize("law", [Power(-1.3), Power(0.8), th.Polynomial((2e-3, 1e-5))], ids=str)
+@pytest.mark.parametrize("law", [PowerLaw(-1.3), PowerLaw(0.8), th.Polynomial((2e-3, 1e-5))], ids=str)
 def test_kirchhoff_slab_in_closed_form(law):
     """Heated evenly, q = P/pi: g(T) = q z (1 - z)/(2 k), so that the mean of g is q/(12 k), at the nodes exactly."""
     d = rod(8)
@@ -53,7 +53,7 @@ def test_kirchhoff_slab_in_closed_form(law):
 def test_static_strip_follows_kirchhoff_where_one_law_rules_all():
     """With k ~ 1/T in everything the Kirchhoff variable g solves the linear problem: T = T0 exp(g/T0)."""
     strip = th.strip_ring()
-    law = Power(-1.0, strip.ambient)
+    law = PowerLaw(-1.0, strip.ambient)
     materials = tuple(replace(th.materials.find(name), conductivity_law=law) for name in ("Si", "SiO2"))
     warm, cold = th.assemble(replace(strip, materials=materials)), th.assemble(strip)
     power = 10e-3
@@ -151,7 +151,7 @@ def test_manufactured_transient_follows_the_tolerance_in_time():
 def test_rows_and_directional_derivative_are_those_of_the_whole():
     """`rows` drops laws where their columns cancel; `derivative` is the Jacobian without its matrix."""
     d = rod(8)
-    flow = lift([(d.stiffness, Power(-1.3, 250.0))], 0 * d.stiffness, d.free, T0)  # not 1 at the ambient
+    flow = lift([(d.stiffness, PowerLaw(-1.3, 250.0))], 0 * d.stiffness, d.free, T0)  # not 1 at the ambient
     x, v = np.random.default_rng(1).uniform(0, 100, (2, d.free.size))
     drain = np.ones((1, d.mass.shape[0]))
     drain[0, d.held] = 0
@@ -247,7 +247,7 @@ def test_ambient_temperature_is_respected():
 
 def test_where_no_steady_state_exists_it_says_so():
     strip = th.strip_ring()
-    runaway = tuple(replace(th.materials.find(n), conductivity_law=Power(-3.0)) for n in ("Si", "SiO2"))
+    runaway = tuple(replace(th.materials.find(n), conductivity_law=PowerLaw(-3.0)) for n in ("Si", "SiO2"))
     heat = th.assemble(replace(strip, materials=runaway))
     # g is bounded by T0/2 = 147 K: 40 mW would need 315 K of it
     with pytest.raises(th.InputError, match=r"power = 0.04 W: no steady state"):

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .. import checks
 from ..checks import InputError
-from ..materials.laws import Law, Power
+from ..materials.laws import Law, PowerLaw
 from .regions import outlines
 
 if TYPE_CHECKING:
@@ -253,7 +253,7 @@ def _law(path: str, material: Material, law: Law, kind: str, key: str, T0: float
         if material.conductivity_z is None:
             raise InputError(f"path {path!r}: {material.name!r} conducts alike along r and z; give it a z first")
         return material.conductivity_z, unit, f, 0.0
-    if key in ("exponent", "reference") and isinstance(law, Power):
+    if key in ("exponent", "reference") and isinstance(law, PowerLaw):
         if key == "exponent":
             return law.exponent, "", 0.0, f * math.log(T0 / law.reference)
         return law.reference, "K", 0.0, -law.exponent * f / law.reference
@@ -265,7 +265,7 @@ def _ambient(geometry: CrossSection) -> Change:
     T0 = geometry.ambient
 
     def slope(law: Law) -> float:
-        if isinstance(law, Power):
+        if isinstance(law, PowerLaw):
             return law.exponent * float(law.factor(T0)) / T0
         return float(law.factor(T0 + _STEP) - law.factor(T0 - _STEP)) / (2 * _STEP)
 

@@ -32,10 +32,10 @@ class Law(Protocol):
 
 
 @dataclass(frozen=True)
-class Power:
+class PowerLaw:
     """f(T) = (T/reference)^exponent; the exponent 0 is a constant property.
 
-    >>> round(float(Power(-1.3).factor(400.0)), 3)
+    >>> round(float(PowerLaw(-1.3).factor(400.0)), 3)
     0.688
     """
 
@@ -154,9 +154,9 @@ def _area(table: Table, start: float) -> Any:
     return area
 
 
-CONSTANT = Power()
+CONSTANT = PowerLaw()
 
 
 def is_constant(law: Law) -> bool:
     """Whether the property does not depend on temperature at all."""
-    return isinstance(law, Power) and law.exponent == 0
+    return isinstance(law, PowerLaw) and law.exponent == 0

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from .. import checks
-from .laws import CONSTANT, Law, Power, Table, is_constant
+from .laws import CONSTANT, Law, PowerLaw, Table, is_constant
 
 VOID = "void"  # the name of what is not there: never meshed, its walls insulated
 
@@ -33,8 +33,8 @@ class Material:
     specific_heat : float, J/kg/K
     source : str
         where the values come from and how far they can be trusted.
-    conductivity_law, specific_heat_law : Power, Polynomial or Table
-        see `thermofem.materials.laws`; constant by default, ``Power(-1.3)`` for the conductivity of bulk silicon.
+    conductivity_law, specific_heat_law : PowerLaw, Polynomial or Table
+        see `thermofem.materials.laws`; constant by default, ``PowerLaw(-1.3)`` for the conductivity of bulk silicon.
     conductivity_z : float, W/m/K
         along z; None where it is the same. The law holds for both directions.
 
@@ -105,7 +105,7 @@ def silicon_film(thickness: float) -> Material:
         specific_heat=712.0,
         source=f"148 W/m/K of bulk silicon ({_INCROPERA}) reduced by surface scattering, k/(1 + 3 L/(8 d)), with L = "
         "300 nm, a typical mean free path (100..300 nm); an estimate, good to some 20 %",
-        conductivity_law=Power(-1.3 / (1 + x)),
+        conductivity_law=PowerLaw(-1.3 / (1 + x)),
     )
 
 

@@ -17,7 +17,7 @@ from typing import Any
 
 from .. import quantity
 from ..checks import InputError, finite
-from .laws import CONSTANT, Law, Polynomial, Power, Table
+from .laws import CONSTANT, Law, Polynomial, PowerLaw, Table
 from .library import Material
 
 PROPERTIES = ("conductivity", "density", "specific_heat")
@@ -62,7 +62,7 @@ def _law(given: dict[str, Any], unit: str, of: str) -> Law:
     if kinds == {"polynomial"}:
         return Polynomial(_list(given["polynomial"], None, f"{of}: polynomial"), **reference)
     if kinds <= {"exponent"}:
-        return Power(given["exponent"], **reference) if kinds else CONSTANT
+        return PowerLaw(given["exponent"], **reference) if kinds else CONSTANT
     raise InputError(
         f"{of}: give exponent, or polynomial, or temperature with values (given: {', '.join(sorted(kinds))})"
     )
@@ -82,7 +82,7 @@ def write_property(material: Material, key: str, unit: str) -> str:
     items = {"value": _text(value, unit)}
     if key == "conductivity" and material.conductivity_z is not None:
         items["z"] = _text(material.conductivity_z, unit)
-    if isinstance(law, Power) and law != CONSTANT:
+    if isinstance(law, PowerLaw) and law != CONSTANT:
         items["exponent"] = repr(law.exponent)
     elif isinstance(law, Polynomial):
         items["polynomial"] = repr(list(law.coefficients))

@@ -61,7 +61,7 @@ def save_model(model: ThermalModel, path: str | Path, *, provenance: Mapping[str
     """
     if provenance is None and isinstance(model, HasModel):
         provenance = model.provenance
-    kind: Any = bare(model)
+    kind: Any = model if type(model) in KINDS.values() else bare(model)
     name = type(kind).__name__
     if KINDS.get(name) is not type(kind):
         raise checks.InputError(f"a {name} has no JSON form; the kinds that have one: {', '.join(sorted(KINDS))}")
