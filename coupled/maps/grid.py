@@ -45,7 +45,7 @@ class Grid:
 
         about = {"power": dataset.describe("input_power"), "detuning": dataset.describe("detuning")}
         return {
-            name: (name, axis, about.get(name, {"units": UNITS[name] or "1", "long_name": name.replace("_", " ")}))
+            name: (name, axis, about.get(name, {"units": UNITS.get(name) or "1", "long_name": name.replace("_", " ")}))
             for name, axis in zip(self.names, self.axes, strict=True)
         }
 
