@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofem.materials.laws import Power
+from thermofem.materials.laws import PowerLaw
 from thermofem.materials.library import Material
 
 from .box import Box
@@ -74,7 +74,7 @@ def _material(material: Material, given: dict[str, Array], T0: Array) -> tuple[A
 
     def factor(kind: str) -> Array:
         law = getattr(material, f"{kind}_law")
-        if not isinstance(law, Power):
+        if not isinstance(law, PowerLaw):
             return np.asarray(law.factor(T0))
         exponent = given.get(f"{kind}.exponent", law.exponent)
         reference = given.get(f"{kind}.reference", law.reference)
