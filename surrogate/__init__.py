@@ -7,7 +7,9 @@ from thermofem.models.lumped import BORGHI2021_HEAT_CAPACITY, newton, second_ord
 from thermofem.models.network import Network, gate
 
 from .array import ArrayReduction, reduce_array
+from .calibrate import Calibration, calibrate
 from .decay import Decay, fit_decay
+from .design import Design, design
 from .export import export_model
 from .family import Certified, Family, load_family, train_family
 from .fit import Fit, fit_foster, fit_newton, fit_second_order
@@ -19,14 +21,17 @@ from .sindy import SindyFit, fit_sindy
 from .sindy_quadratic import fit_sindy_quadratic
 from .spectrum import fit_spectrum
 from .truncate import Truncation, balanced_truncation
+from .uncertainty import uncertainty
 from .validate import compare, held_out_drives, period_error, square_waves, valid_range, validity
 
 __all__ = [
     "BORGHI2021_HEAT_CAPACITY",
     "ArrayReduction",
+    "Calibration",
     "Cauer",
     "Certified",
     "Decay",
+    "Design",
     "Family",
     "Fit",
     "Ladder",
@@ -37,8 +42,10 @@ __all__ = [
     "SindyFit",
     "Truncation",
     "balanced_truncation",
+    "calibrate",
     "cauer",
     "compare",
+    "design",
     "export_model",
     "fit_decay",
     "fit_foster",
@@ -67,6 +74,7 @@ __all__ = [
     "structure_function",
     "train_all",
     "train_family",
+    "uncertainty",
     "valid_range",
     "validity",
     "verdict",

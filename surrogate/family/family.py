@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -131,6 +132,11 @@ class Family:
             a parameter missing or unknown, or a value outside the box.
         """
         a, b = self._channel(heated, read)
+        return self._foster(self.members.member(self.box.row(values)).modes(), a, b)
+
+    def at(self, values: Mapping[str, float]) -> Foster:
+        """`model` of the first channel with the parameters in a mapping."""
+        a, b = self._channel(None, None)
         return self._foster(self.members.member(self.box.row(values)).modes(), a, b)
 
     def system(self, **values: float) -> StateSpace:

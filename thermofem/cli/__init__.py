@@ -19,6 +19,7 @@ from .cite import cite
 from .cosimulate import cosimulate
 from .explore import explore
 from .export import export
+from .family import calibrate, design, family, uncertainty
 from .fit import fit
 from .show import show
 
@@ -140,7 +141,7 @@ def campaign(
     return run(file, output, workers=workers, scheduler=scheduler, retry_failed=retry_failed)
 
 
-for command in (fit, models.reduce, models.validate):
+for command in (fit, models.reduce, models.validate, family, design, uncertainty, calibrate):
     app.command(rich_help_panel=MODELS)(command)
 app.command(rich_help_panel=LIGHT)(models.simulate)
 app.command("map", rich_help_panel=LIGHT)(maps.map_)

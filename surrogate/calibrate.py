@@ -1,0 +1,185 @@
+"""Calibration: geometry and materials from measured thermal traces, on a family of models."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem import CrossSection, Foster, checks
+from thermofem.dataset import drive_of
+
+from .design import _ends, family_over
+from .family import Certified, Family
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+STEP = 1e-4  # of a range, of central differences of the responses
+STARTS = 4  # of Gauss-Newton
+BLIND = 0.3  # of a range: a combination whose standard error is larger is not seen by the data
+ON_EDGE = 1e-6  # of a range
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """Parameters of a geometry that explain measured traces best.
+
+    Attributes
+    ----------
+    values, standard_errors : dict from parameter to float; SI
+    covariance : array, shape (p, p)
+        in the order of ``values``.
+    residual : float, K
+        rms over all samples.
+    reduced_chi_square : float
+        residual over noise, squared, per degree of freedom; about 1 where ``noise`` is right and the model explains
+        the data. nan without noise.
+    unseen : tuple of str
+        combinations of parameters that the data cannot tell apart, in words.
+    active : tuple of str
+        parameters at an end of their range.
+    certified : Certified
+        the member on its own mesh.
+    family : Family
+    """
+
+    values: dict[str, float]
+    standard_errors: dict[str, float]
+    covariance: Array = field(repr=False)
+    residual: float
+    reduced_chi_square: float
+    unseen: tuple[str, ...]
+    active: tuple[str, ...]
+    certified: Certified = field(repr=False)
+    family: Family = field(repr=False)
+
+    @property
+    def model(self) -> Foster:
+        """The thermal model with these parameters."""
+        return self.family.at(self.values)
+
+
+def calibrate(
+    geometry: CrossSection | Family,
+    data: xr.Dataset | Sequence[xr.Dataset],
+    free: Mapping[str, tuple[float, float]] | None = None,
+    *,
+    noise: float | None = None,
+    tolerance: float = 1e-3,
+) -> Calibration:
+    """Fit geometry and material parameters to thermal traces.
+
+        min over the box of sum over samples of (delta_T(t; p) - measured)^2/noise^2,    covariance = noise^2 (J^T J)^-1
+
+    by Gauss-Newton (trust region with bounds, SciPy) from several starts, on the derivatives of a family's members.
+
+    Parameters
+    ----------
+    geometry : CrossSection or Family
+        of a CrossSection a family is trained over ``free``.
+    data : Dataset or list of Dataset
+        as `thermofem.load` and `thermofem.read_csv` give them, under any power; from rest or periodic.
+    free : dict from parameter to (low, high), SI
+        default all parameters of a family over their box.
+    noise : float, K
+        standard deviation of a sample; without it that of the residual is taken.
+    tolerance : float
+        of a family that is trained here; keep it below the relative noise of the mean of all samples.
+
+    Raises
+    ------
+    InputError
+        fewer samples than parameters, ranges outside the family's box, or data without a drive.
+    """
+    from scipy.optimize import least_squares
+
+    family = family_over(geometry, free, tolerance)
+    low, high = _bounds(family, free)
+    datasets: Any = [data] if hasattr(data, "delta_T") else data
+    drives = [drive_of(one) for one in datasets]
+    if not drives:
+        raise checks.InputError("data is empty; give at least one Dataset")
+    measured = np.concatenate([drive.rise for drive in drives])
+    if measured.size <= len(low):
+        raise checks.InputError(f"{measured.size} samples do not determine {len(low)} parameters; give more of both")
+    scale = checks.positive("noise", noise, unit="K") if noise is not None else float(np.std(measured)) or 1.0
+
+    def values_of(x: Array) -> dict[str, float]:
+        row = low + np.clip(x, 0, 1) * (high - low)
+        return {name: float(value) for name, value in zip(family.names, row, strict=True)}
+
+    def predicted(x: Array) -> Array:
+        model = family.at(values_of(x))
+        each = [
+            model.periodic_response(d.wave, d.times.size) if d.periodic else model.response(d.wave, d.times)
+            for d in drives
+        ]
+        return np.concatenate(each)
+
+    def misfit(x: Array) -> Array:
+        return (predicted(x) - measured) / scale
+
+    def jacobian(x: Array) -> Array:
+        columns = []
+        for k in range(x.size):
+            ends = np.array([max(x[k] - STEP, 0.0), min(x[k] + STEP, 1.0)])
+            pair = [predicted(np.where(np.arange(x.size) == k, end, x)) for end in ends]
+            columns.append((pair[1] - pair[0]) / (ends[1] - ends[0]) / scale)
+        return np.column_stack(columns)
+
+    shares = np.random.default_rng(0).uniform(0.15, 0.85, (STARTS - 1, len(low)))
+    starts = np.vstack([np.full(len(low), 0.5), shares])
+    ends = [
+        least_squares(misfit, start, jacobian, bounds=(0, 1), xtol=1e-12, ftol=1e-14, gtol=1e-12) for start in starts
+    ]
+    best = min(ends, key=lambda end: float(end.cost))
+    x, left = np.asarray(best.x), np.asarray(best.fun)
+    freedom = measured.size - len(low)
+    variance = 1.0 if noise is not None else float(left @ left) / freedom
+    covariance, unseen = _covariance(jacobian(x), variance, family.names)
+    span = high - low
+    found = values_of(x)
+    errors = np.sqrt(np.diag(covariance)) * span
+    return Calibration(
+        values=found,
+        standard_errors={name: float(error) for name, error in zip(family.names, errors, strict=True)},
+        covariance=covariance * np.outer(span, span),
+        residual=float(np.sqrt(np.mean((left * scale) ** 2))),
+        reduced_chi_square=float(left @ left) / freedom if noise is not None else np.nan,
+        unseen=unseen,
+        active=tuple(n for n, y in zip(family.names, x, strict=True) if y <= ON_EDGE or y >= 1 - ON_EDGE),
+        certified=family.certify(**found),
+        family=family,
+    )
+
+
+def _bounds(family: Family, free: Mapping[str, tuple[float, float]] | None) -> tuple[Array, Array]:
+    low, high = family.box.low.copy(), family.box.high.copy()
+    for name in free or {}:
+        k = family.names.index(checks.choice("parameter", name, family.names))
+        a, b = _ends(name, (free or {})[name])
+        slack = 1e-9 * (high[k] - low[k])
+        if not low[k] - slack <= a < b <= high[k] + slack:
+            raise checks.InputError(f"{name} = ({a:g}, {b:g}) must lie inside the family's {low[k]:g} .. {high[k]:g}")
+        low[k], high[k] = max(a, low[k]), min(b, high[k])
+    return low, high
+
+
+def _covariance(J: Array, variance: float, names: Sequence[str]) -> tuple[Array, tuple[str, ...]]:
+    """Covariance in shares of the ranges, and the combinations whose standard error exceeds `BLIND`."""
+    _, s, vt = np.linalg.svd(J, full_matrices=False)
+    size = np.sqrt(variance) / np.maximum(s, 1e-12 * s[0] if s[0] > 0 else 1e-300)
+    covariance = (vt.T * size**2) @ vt
+    unseen = []
+    for error, direction in zip(size, vt, strict=True):
+        if error > BLIND:
+            direction = direction * np.sign(direction[np.abs(direction).argmax()])
+            terms = [f"{value:+.2f} {name}" for name, value in zip(names, direction, strict=True) if abs(value) > 0.1]
+            unseen.append(f"{' '.join(terms)} (shares of the ranges): known to {error:.1g} of the range only")
+    return covariance, tuple(unseen)
