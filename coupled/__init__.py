@@ -14,6 +14,7 @@ from .circuit import (
     simulate_circuit,
     spectrum,
 )
+from .cycles.derivatives import cycle_derivatives
 from .cycles.limit_cycle import limit_cycle
 from .equilibria.boundaries import fold_curves, hopf_curves
 from .equilibria.steady import steady_states
@@ -63,6 +64,7 @@ __all__ = [
     "carrier_decay",
     "cosimulate",
     "crow",
+    "cycle_derivatives",
     "delay_loop",
     "explore",
     "fit_carrier_decay",

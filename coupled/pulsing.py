@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -20,7 +20,8 @@ Array = NDArray[np.float64]
 DUTY_LEVEL = 0.45  # of the drop power between its minimum and its maximum; the paper's definition, caption of Fig. 6
 QUIET = 1e-4  # relative range of the carriers that is no oscillation (at least ten times rtol)
 SETTLED = 0.02  # relative change of an amplitude, or of the carriers at the end, that counts as none
-GONE, LEFT = 0.2, 0.8  # shares of the last amplitude: heading for less, it dies away; for more, it goes on
+STEADY_PERIOD = 1e-5  # relative change of the period from cycle to cycle that counts as none
+GONE = 0.2  # share of the last amplitude: an oscillation that heads for less dies away
 FINE = 12  # samples that a cycle needs at least
 THINNED = 40  # steps of the integration to one sample: fewer samples may show a slow beat instead of the pulses
 LONGEST_PATTERN = 4  # unequal pulses that repeat together
@@ -32,6 +33,8 @@ class Regime(StrEnum):
     SELF_PULSING = "self-pulsing"
     STABLE = "stable"
     SLOW_TRANSIENT = "slow transient"
+    DRIVEN = "driven"
+    """Power, detuning or a heater varies in the half of the trace that is judged: what is seen is the answer to it."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,7 @@ class Pulsing:
     Attributes
     ----------
     regime : Regime
-        equal to "self-pulsing", "stable" or "slow transient".
+        equal to "self-pulsing", "stable", "slow transient" or "driven".
     reason : str
         why, in words.
     period : float, s
@@ -56,6 +59,11 @@ class Pulsing:
         largest to smallest drop power of the last cycle; nan unless it pulses.
     pattern : int
         pulses in a period: 1, or more where large and small ones alternate.
+    drift : float
+        relative change of the period from the last one to the one before; nan unless it pulses. `limit_cycle` has the
+        period that it leads to.
+    suggested_duration : float, s
+        how long a run should be that is to show what becomes of a slow transient; nan for others.
     """
 
     regime: Regime
@@ -66,14 +74,18 @@ class Pulsing:
     cycles: int
     extinction: float = float("nan")
     pattern: int = 1
+    drift: float = float("nan")
+    suggested_duration: float = float("nan")
 
 
 def pulsing(run: xr.Dataset) -> Pulsing:
     """Classify a trace of `simulate` by its carriers and measure its last cycle.
 
     Cycles are counted where the carriers rise through the middle of their range, since the drop power has two maxima a
-    cycle. The trace pulses if it has two complete cycles, goes on to its end, and its amplitude does not head for zero;
-    it is a slow transient if it is still under way, for instance within a period longer than the trace.
+    cycle. The trace pulses if it has two complete cycles, goes on to its end, and its amplitude has stopped falling. It
+    is a slow transient if it is still under way: in a falling oscillation, or within a period longer than the trace.
+    A run whose light or heaters vary in its second half is driven. The period is that of the last cycle of a transient;
+    ``drift`` says by how much it still moves.
 
     Parameters
     ----------
@@ -104,7 +116,12 @@ def pulsing(run: xr.Dataset) -> Pulsing:
             f"ask for {steps // THINNED} times or more, or for none, which keeps every step"
         )
     rtol = float(run.attrs.get("rtol", 0))
-    return classify(t, N, drop, dT, rtol=rtol, every_step=steps == t.size - 1)
+    found = classify(t, N, drop, dT, rtol=rtol, every_step=steps == t.size - 1)
+    moving = _varying(run, t)
+    if not moving:
+        return found
+    answer = f"{found.cycles} cycles in the answer" if found.regime == Regime.SELF_PULSING else found.reason
+    return replace(found, regime=Regime.DRIVEN, reason=f"{moving} varies: {answer}")
 
 
 def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, every_step: bool = False) -> Pulsing:
@@ -130,16 +147,22 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     if samples < FINE and not every_step:
         raise checks.InputError(f"a cycle has {samples:.0f} samples; the sampling is too coarse, {FINE} are needed")
     heights = np.array([np.ptp(N[i:j]) for i, j in pairwise(edges)])
-    together = pattern(heights, waits[:-1])
+    together = pattern(heights, waits[:-1], noise)
     tops = heights[heights.size % together :].reshape(-1, together).max(axis=1)
     limit, seen = amplitude_limit(tops), f"{heights.size} cycles of "
     if limit < GONE * tops[-1]:
         return _quiet(Regime.STABLE, seen + "an oscillation that dies away", swing, heights.size)
-    if not limit >= LEFT * tops[-1]:
-        words = seen + "an oscillation still falling, to where is not clear: simulate longer"
-        return _quiet(Regime.SLOW_TRANSIENT, words, swing, heights.size)
+    wanted = _until_settled(tops, float(t[-1] - t[0]))
+    if not abs(limit / tops[-1] - 1) <= SETTLED or tops[-1] < (1 - SETTLED) * tops[-2:].max():
+        words = f"{seen}an oscillation still falling, to where is not clear: simulate {wanted:.2g} s"
+        return replace(_quiet(Regime.SLOW_TRANSIENT, words, swing, heights.size), suggested_duration=wanted)
+    if together == 1 and _alternate(heights):
+        words = f"{seen}unequal pulses, too few to tell whether they repeat: simulate {wanted:.2g} s"
+        return replace(_quiet(Regime.SLOW_TRANSIENT, words, swing, heights.size), suggested_duration=wanted)
     change = limit / tops[tops.size // 3] - 1
     begin, end = float(up[-1 - together]), float(up[-1])
+    before = begin - float(up[-1 - 2 * together]) if up.size > 2 * together else end - begin
+    drift = (end - begin) / before - 1
     last = (t >= begin) & (t <= end)
     low, high = drop[last].min(), drop[last].max()
     return Pulsing(
@@ -148,30 +171,69 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
         + ("steady" if abs(change) < SETTLED else "growing" if change > 0 else "still falling")
         + " amplitude"
         + (f", in a pattern of {together}" if together > 1 else "")
-        + (", whose period still changes" if abs(waits[-2] / waits[-2 - together] - 1) > SETTLED else ""),
+        + (f", whose period still changes by {100 * drift:+.2g} % a cycle" if abs(drift) > STEADY_PERIOD else ""),
         period=end - begin,
         duty=_duty(t, drop, begin, end),
         swing=float(np.ptp(dT[last])),
         cycles=heights.size,
         extinction=float(10 * np.log10(high / low)) if low > 0 else float("inf"),
         pattern=together,
+        drift=drift,
     )
 
 
-def pattern(heights: Array, waits: Array) -> int:
+def _until_settled(tops: Array, passed: float) -> float:
+    """How long a run should be, s, for amplitudes that change by a constant factor; 2 to 50 times as long as it was."""
+    steps = np.abs(np.diff(tops[-3:]))
+    ratio = steps[-1] / steps[0] if steps.size == 2 and steps[0] > 0 else 1.0
+    if not 0 < ratio < 1:
+        return float(f"{10 * passed:.1e}")
+    cycles = np.log(0.1 * SETTLED * tops[-1] / max(steps[-1], 1e-300)) / np.log(ratio)
+    return float(f"{passed * min(max(1 + cycles / tops.size, 2.0), 50.0):.1e}")
+
+
+def _alternate(heights: Array) -> bool:
+    """Whether the last pulses are larger and smaller in turn, and not by less and less."""
+    steps = np.diff(heights[-4:])
+    turned = steps.size >= 2 and bool(np.all(steps[1:] * steps[:-1] < 0))
+    return turned and abs(steps[-1]) > SETTLED * heights[-1] and abs(steps[-1]) > 0.5 * abs(steps[-2])
+
+
+def _varying(run: xr.Dataset, t: Array) -> str:
+    """What of light and heaters varies in the second half of a run, in words; empty where nothing does."""
+    late = t >= (t[0] + t[-1]) / 2
+    names = {"input_power": "the power", "detuning": "the detuning"}
+    names |= {
+        str(name): f"the power of {str(name)[12:]}" for name in run.variables if str(name).startswith("input_power_")
+    }
+    moving = [
+        words
+        for name, words in names.items()
+        if name in run.variables and run[name].dims == ("time",) and np.ptp(run[name].values[late]) > 0
+    ]
+    return " and ".join(moving)
+
+
+def pattern(heights: Array, waits: Array, noise: float = QUIET) -> int:
     """How many cycles repeat together: the smallest number after which heights and lengths return, or 1 if none does.
 
-    Three repetitions are needed, so that a drift is no pattern.
+    Three repetitions are needed, so that a drift is no pattern. Pulses that differ by less than 2 % count as unequal,
+    too, where they return five times as well after several: near a period doubling the difference is small.
     """
-    for together in range(1, LONGEST_PATTERN + 1):
-        if heights.size < 3 * together:
-            return 1
-        if all(
-            np.all(np.abs(x[-2 * together :] - x[-3 * together : -together]) <= SETTLED * x[-3 * together :].max())
-            for x in (heights, waits)
-        ):
-            return together
+    misses = [_miss(heights, waits, k) for k in range(1, LONGEST_PATTERN + 1)]
+    for k, miss in enumerate(misses, start=1):
+        if miss <= SETTLED:
+            better = [j for j in range(k + 1, LONGEST_PATTERN + 1) if misses[j - 1] < 0.2 * miss]
+            return better[0] if better and miss > 10 * noise else k
     return 1
+
+
+def _miss(heights: Array, waits: Array, together: int) -> float:
+    """How far heights and lengths are from those ``together`` cycles before, relative to the largest; or infinity."""
+    if heights.size < 3 * together:
+        return np.inf
+    pairs = [(x[-2 * together :], x[-3 * together : -together]) for x in (heights, waits)]
+    return max(float(np.max(np.abs(new - old)) / max(new.max(), old.max())) for new, old in pairs)
 
 
 def crossings(t: Array, x: Array, level: float) -> Array:

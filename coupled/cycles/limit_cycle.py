@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,7 +81,7 @@ def limit_cycle(
     check_ring(ring)
     check_power(power)
     check_detuning(detuning)
-    small: Any = compact(model)
+    small = compact(model)
     p = problem(ring, small, float(power), float(detuning))
     found = settled(p, np.zeros(p.units.size)) if guess is None else from_guess(p, guess)
     return dataset_of(p, found)

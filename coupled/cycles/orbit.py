@@ -105,7 +105,9 @@ def around(p: Problem, y: Array, T: float, pulses: int) -> tuple[Array, Array] |
     return np.concatenate(parts), y
 
 
-def shoot(p: Problem, y: Array, T: float, pulses: int = 1) -> Orbit | None:
+def shoot(
+    p: Problem, y: Array, T: float, pulses: int = 1, error: float = POLYNOMIAL, shots: int = SHOTS
+) -> Orbit | None:
     """Close an orbit from a state on it whose carriers rise, near ``T`` ns; None where Newton's method finds none.
 
     Far from the orbit every step integrates anew until the carriers return, so that the pulses stay where the equations
@@ -114,7 +116,7 @@ def shoot(p: Problem, y: Array, T: float, pulses: int = 1) -> Orbit | None:
     from ..kernels import orbits
 
     way = scheme()
-    for _ in range(SHOTS):
+    for _ in range(shots):
         found = around(p, y, T, pulses)
         if found is None:
             return None
@@ -126,7 +128,7 @@ def shoot(p: Problem, y: Array, T: float, pulses: int = 1) -> Orbit | None:
             return None
         share = min(1.0, LARGEST_CHANGE * abs(Y[:, -1, 3:]).max() / max(np.abs(first[3:]).max(), 1e-30))
         if move < NEAR:
-            closed = settle(p, Orbit(y + first, Y + change, tau, T + turn, np.empty((0, 0)), move))
+            closed = settle(p, Orbit(y + first, Y + change, tau, T + turn, np.empty((0, 0)), move), error)
             if closed is not None:
                 return closed
         y = y + share * first
@@ -140,7 +142,8 @@ def settle(p: Problem, trial: Orbit, error: float = POLYNOMIAL) -> Orbit | None:
     way = scheme()
     y, Y, tau, T = trial[:4]
     unit = error ** (1 / (way.c.size + 1))
-    tolerance = 1e-3  # on the first mesh; it is the trace's, not the orbit's
+    fine = error <= POLYNOMIAL
+    tolerance = 1e-3 if fine else CLOSE_ENOUGH  # the first mesh is the trace's, and good for a rough answer
     for _ in range(8):
         y, Y, T, M, closed, move = orbits.close(y, Y, tau, T, p.at, way, tolerance, STEPS)
         if not closed or not T > 0:

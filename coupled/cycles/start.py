@@ -7,7 +7,7 @@ transient goes on, up to twice as long every time, until it rests or pulses as t
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from thermofem.checks import InputError
 
 from ..pulsing import crossings
-from .orbit import Orbit, Problem, run, shoot
+from .orbit import POLYNOMIAL, Orbit, Problem, run, shoot
 
 Array = NDArray[np.float64]
 
@@ -27,6 +27,10 @@ FLAT = 1e-5  # relative range of the carriers below which an orbit is a fixed po
 MOST_PULSES = 4
 
 
+class RestError(InputError):
+    """The ring comes to rest at a stable fixed point."""
+
+
 class Settled(NamedTuple):
     """A cycle and how many pulses it has."""
 
@@ -34,8 +38,13 @@ class Settled(NamedTuple):
     pulses: int
 
 
-def settled(p: Problem, y: Array, begin: str = "a cold ring") -> Settled:
+def settled(
+    p: Problem, y: Array, begin: str = "a cold ring", points: Array | None = None, error: float = POLYNOMIAL
+) -> Settled:
     """Return the cycle on which a ring settles from the state ``y``.
+
+    ``points`` are its stable fixed points where they are known, rows (U, N, dT) in internal units; ``error`` is that of
+    the polynomials between the stages.
 
     Raises
     ------
@@ -43,7 +52,7 @@ def settled(p: Problem, y: Array, begin: str = "a cold ring") -> Settled:
         it comes to rest, or does not repeat itself within the longest transient.
     """
     passed, duration, said = 0.0, FIRST, "no pulse"
-    rest: Array | None = None  # stable fixed points, rows (U, N, dT), once they are needed
+    rest = points
     while passed < max(LONGEST, SLOWEST * _slowest(p)):
         rows, y, _ = run(p, y, duration)
         passed += duration
@@ -54,18 +63,18 @@ def settled(p: Problem, y: Array, begin: str = "a cold ring") -> Settled:
         ups = crossings(t, N, level) if t.size >= 4 else np.empty(0)
         ups = ups[ups >= duration / 4]
         if ups.size >= 3 and high - low > FLAT * high:
-            found, said = _close(p, y, float(np.diff(ups)[-1]), level)
+            found, said = _close(p, y, float(np.diff(ups)[-1]), level, error)
             if found is not None:
-                rest = _stable_points(p) if rest is None else rest
+                rest = stable_points(p) if rest is None else rest
                 if rest.size == 0 or abs(_range(found.orbit) - (high - low)) <= AGREE * (high - low):
                     return found
                 said = "the pulses still change"
         if high - low <= REST * high:
-            rest = _stable_points(p) if rest is None else rest
+            rest = stable_points(p) if rest is None else rest
             last = np.array([rows[-1, 1] ** 2 + rows[-1, 2] ** 2, rows[-1, 3], rows[-1, 4]])
             for point in rest:
                 if np.all(np.abs(last - point) <= REST * point):
-                    raise InputError(
+                    raise RestError(
                         f"no limit cycle at power = {p.power:g} W, detuning = {p.detuning:g} Hz: within "
                         f"{passed / 1e3:.3g} us {begin} comes to rest at a stable fixed point, {point[0]:.4g} fJ and "
                         f"{point[2]:.4g} K; give guess= a cycle nearby where one may lie beside it"
@@ -77,14 +86,14 @@ def settled(p: Problem, y: Array, begin: str = "a cold ring") -> Settled:
     )
 
 
-def _close(p: Problem, y: Array, T: float, level: float) -> tuple[Settled | None, str]:
+def _close(p: Problem, y: Array, T: float, level: float, error: float) -> tuple[Settled | None, str]:
     """The stable cycle near a trace that pulses every ``T`` ns through ``level``, of one pulse or a few; or why not."""
     _, y, met = run(p, y, 4 * T, level)
     if not met:
         return None, "the pulses end"
     pulses, said = 1, ""
     while pulses <= MOST_PULSES:
-        orbit = shoot(p, y, T, pulses)
+        orbit = shoot(p, y, T, pulses, error)
         if orbit is None:
             return None, said or "the pulses do not repeat"
         if _range(orbit) <= FLAT * orbit.Y[:, :, 2].max():
@@ -119,12 +128,12 @@ def _slowest(p: Problem) -> float:
     return float(1 / p.at.thermal.slowest)
 
 
-def _stable_points(p: Problem) -> Array:
-    """The stable fixed points, rows (U, N, dT) in internal units."""
+def stable_points(p: Problem, at: Any = None) -> Array:
+    """The stable fixed points, rows (U, N, dT) in internal units; ``at`` as `equilibria.steady.internal` returns it."""
     from ..equilibria import balance, spectrum
     from ..equilibria.steady import absorbable, internal, kind_of
 
-    at = internal(p.ring, p.model, absorbable(p.ring, p.power))
+    at = at or internal(p.ring, p.model, absorbable(p.ring, p.power))
     rest = (p.at.drive, at.rates, at.fcd, at.static)
     U, D = balance.fixed_points(
         p.at.detuning, *rest, balance.turning_points(balance.reach(p.at.detuning, *rest), *rest)

@@ -341,6 +341,97 @@ def _warm_of(start, Y, tau, T, ring, scheme):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def flows(states: Array, ring: Ring) -> Array:
+    """Return dy/dt at every row of ``states``."""
+    out = np.empty_like(states)
+    for k in range(states.shape[0]):
+        out[k] = equations.right_hand_side(states[k], ring.drive, ring.detuning, ring.rates, ring.fcd, ring.thermal)
+    return out
+
+
+@compiled
+def respond(start: Array, Y: Array, tau: Array, T: float, ring: Ring, scheme: Scheme, forcing: Array) -> Any:
+    """Return what each of q parameters does to a closed orbit at fixed fractions of its period.
+
+    ``forcing``, shape (N, s, m, q), are the derivatives of dy/dt by them at the stages. Returns the changes of the
+    period, shape (q,), of the start, shape (q, m), and of the stages, shape (q, N, s, m).
+    """
+    m, count = start.size, forcing.shape[3]
+    number, s = Y.shape[:2]
+    M, intervals, _ = linearize(start, Y, tau, T, ring, scheme, forcing)
+    matrix, right = np.zeros((m + 1, m + 1)), np.zeros((m + 1, count))
+    f = equations.right_hand_side(start, ring.drive, ring.detuning, ring.rates, ring.fcd, ring.thermal)
+    for i in range(m):
+        for j in range(m):
+            matrix[i, j] = M[i, j]
+        matrix[i, i] -= 1.0
+        matrix[i, m], matrix[m, i] = M[i, m + 1], f[i]
+        for q in range(count):
+            right[i, q] = -M[i, m + 2 + q]
+    found = np.linalg.solve(matrix, right)
+    turns, starts, changes = np.empty(count), np.empty((count, m)), np.empty((count, number, s, m))
+    extras = np.zeros(2 + count)
+    for q in range(count):
+        extras[:] = 0.0
+        extras[1], extras[2 + q] = found[m, q], 1.0
+        turns[q] = found[m, q]
+        starts[q] = found[:m, q]
+        substitute(starts[q], extras, intervals, Y, changes[q])
+        heat_of(starts[q], changes[q], turns[q], Y, tau, T, ring, scheme, forcing[:, :, :, q], start)
+    return turns, starts, changes
+
+
+def heat_of(
+    first: Array,
+    change: Array,
+    turn: float,
+    Y: Array,
+    tau: Array,
+    T: float,
+    ring: Ring,
+    scheme: Scheme,
+    forcing: Array,
+    start: Array,
+) -> None:
+    """Write the changes of a network's heat between the ends of the intervals to ``change``."""
+
+
+@overload(heat_of, strict=False)
+def _heat_of(first, change, turn, Y, tau, T, ring, scheme, forcing, start):  # type: ignore[no-untyped-def]
+    def network(first, change, turn, Y, tau, T, ring, scheme, forcing, start):  # type: ignore[no-untyped-def]
+        number, s, m = Y.shape
+        poles, rates = ring.thermal.poles, ring.rates
+        matrix, right, dP = np.empty((s, s)), np.empty(s), np.empty(s)
+        P = np.empty(s)
+        for k in range(number):
+            h = T * (tau[k + 1] - tau[k])
+            for j in range(s):
+                y, d = Y[k, j], change[k, j]
+                U, dU = y[0] * y[0] + y[1] * y[1], 2.0 * (y[0] * d[0] + y[1] * d[1])
+                P[j] = equations.absorbed_power(U, y[2], rates)
+                dP[j] = 2.0 * (rates.absorbed + rates.fca * y[2] + 2.0 * rates.tpa * U) * dU
+                dP[j] += 2.0 * rates.fca * d[2] * U
+            for i in range(m - 3):
+                g, r = poles[0, i], poles[1, i]
+                for j in range(s):
+                    right[j] = first[3 + i] if k == 0 else change[k - 1, s - 1, 3 + i]
+                    for p in range(s):
+                        matrix[j, p] = h * r * scheme.A[j, p]
+                        push = g * dP[p] + forcing[k, p, 3 + i] + turn / T * (g * P[p] - r * Y[k, p, 3 + i])
+                        right[j] += h * scheme.A[j, p] * push
+                    matrix[j, j] += 1.0
+                solved = np.linalg.solve(matrix, right)
+                for j in range(s - 1):
+                    change[k, j, 3 + i] = solved[j]
+
+    def full(first, change, turn, Y, tau, T, ring, scheme, forcing, start):  # type: ignore[no-untyped-def]
+        pass
+
+    heat = ring.types[ring.fields.index("thermal")]
+    return kinds.chosen(heat, network, full)
+
+
+@compiled
 def relax(start: Array, Y: Array, tau: Array, T: float, ring: Ring, scheme: Scheme) -> None:
     """Bring heat to its periodic state under the power that the orbit absorbs, in ``start`` and ``Y``."""
     n, step = start.size - 3, 1e-3
@@ -360,6 +451,6 @@ def relax(start: Array, Y: Array, tau: Array, T: float, ring: Ring, scheme: Sche
     warm(start, Y, tau, T, ring, scheme)
 
 
-for kernel in (look, passes, relax, along, correct, close, densities, interpolate, sizes, moved):
+for kernel in (flows, respond, look, passes, relax, along, correct, close, densities, interpolate, sizes, moved):
     for module in (collocation, equations, kinds):
         forget_if_older(kernel, str(module.__file__))

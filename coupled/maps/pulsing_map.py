@@ -28,6 +28,7 @@ from ..thermal import Compact, compact, long_enough
 from .grid import Grid, Point, grid_of
 from .journal import Journal
 from .quick import pulse
+from .settled import settled_row
 from .stability_map import stable_points
 
 if TYPE_CHECKING:
@@ -60,14 +61,19 @@ def pulsing_map(
     detunings: ArrayLike,
     *,
     vary: Mapping[str, ArrayLike] | None = None,
-    duration: float = 20e-6,
+    settled: bool | None = None,
+    duration: float | None = None,
     rtol: float = 1e-5,
     follow: Follow | str | None = None,
     file: str | Path | None = None,
     executor: Executor | None = None,
     progress: bool = False,
 ) -> xr.Dataset:
-    """Integrate every point of a map and classify its trace: `simulate` and `pulsing` for each.
+    """Return what the ring does at every point of a map: the settled cycle, or what a transient from cold shows.
+
+    By default every point has the numbers of the cycle that the ring settles on from cold, as `limit_cycle` finds it.
+    With ``settled=False``, or where a duration is given, a trace of that length is integrated and classified instead:
+    `simulate` and `pulsing` for each, as an experiment with a shutter sees it.
 
     Parameters
     ----------
@@ -81,9 +87,12 @@ def pulsing_map(
     vary : mapping of str to array, optional
         other axes: numbers of the ring or its carriers, as `identify` names them. A map has two axes, so with one here
         give the power or the detuning as one number, with two both.
-    duration : float, s
+    settled : bool, optional
+        whether the numbers are those of settled cycles; by default True unless ``duration`` or ``follow`` is given.
+    duration : float, s, optional
+        of the traces, where they are not settled; 20 us by default.
     rtol : float
-        of `simulate`.
+        of `simulate`, for traces.
     follow : "up" or "down", optional
         begin each point of the second axis where the one before, or after, ended, as a laser does that is stepped up or
         down; the two maps differ where there is hysteresis. By default every point begins cold.
@@ -100,8 +109,8 @@ def pulsing_map(
     xarray.Dataset
         over power (W) and detuning (Hz), or the axes given: regime ("self-pulsing", "stable", "slow transient" or
         "failed"), period (s, nan unless it pulses), duty, swing (K) and reason, in words; a point that cannot be
-        integrated says why there. ``attrs["suggested_duration"]`` (s) is there where points are slow transients
-        and the runs were short for the model's heat.
+        integrated says why there. ``attrs["settled"]`` is 1 or 0. ``attrs["suggested_duration"]`` (s) is there where
+        points of a map of traces are slow transients and the runs were short for the model's heat.
 
     Raises
     ------
@@ -119,11 +128,18 @@ def pulsing_map(
     from thermofem import dataset
 
     grid = grid_of(ring, powers, detunings, vary)
+    if settled is None:
+        settled = duration is None and follow is None
+    elif settled and not (duration is None and follow is None):
+        raise checks.InputError("settled=True goes with neither duration nor follow, which belong to traces")
+    duration = 20e-6 if duration is None else duration
     check_duration(duration)
     checks.between("rtol", rtol, 1e-13, 1e-3, hint="1e-5 gives periods to 1e-4")
     order = None if follow is None else Follow(checks.choice("follow", str(follow), [str(way) for way in Follow]))
     small = compact(model)
-    attrs = provenance("pulsing map", ring, small) | {"duration": float(duration), "rtol": float(rtol), **grid.fixed}
+    attrs = provenance("pulsing map", ring, small) | {"settled": int(settled), **grid.fixed}
+    if not settled:
+        attrs |= {"duration": float(duration), "rtol": float(rtol)}
     if order is not None:
         attrs["follow"] = str(order)
     journal = Journal(file, _identity(attrs, grid, small), partial(_fits, grid))
@@ -132,9 +148,12 @@ def pulsing_map(
         for _ in journal.rows:
             advance()
         watches = new_watch(len(grid.rows))
-        jobs = {
-            pool.submit(_row, small, grid.rows[k], float(duration), float(rtol), order, watches[k]): k for k in left
-        }
+        jobs = {}
+        for k in left:
+            if settled:
+                jobs[pool.submit(_settled, small, grid.rows[k], watches[k])] = k
+            else:
+                jobs[pool.submit(_row, small, grid.rows[k], float(duration), float(rtol), order, watches[k])] = k
         try:
             for job in as_completed(jobs):
                 journal.add(jobs[job], [list(cell) for cell in job.result()])
@@ -144,13 +163,10 @@ def pulsing_map(
             for job in jobs:
                 job.cancel()
     rows = [[_Cell(*cell) for cell in journal.rows[k]] for k in range(len(grid.rows))]
-    stable = stable_points(small, grid)
-    rows = [
-        [_checked(cell, n) for cell, n in zip(row, points, strict=True)]
-        for row, points in zip(rows, stable, strict=True)
-    ]
-    if any(cell.regime == Regime.SLOW_TRANSIENT for row in rows for cell in row) and long_enough(small) > duration:
-        attrs["suggested_duration"] = long_enough(small)
+    if not settled:
+        rows = _traced(rows, small, grid)
+        if any(cell.regime == Regime.SLOW_TRANSIENT for row in rows for cell in row) and long_enough(small) > duration:
+            attrs["suggested_duration"] = long_enough(small)
     columns = {name: [[getattr(cell, name) for cell in row] for row in rows] for name in _Cell._fields}
     variables: dict[str, Any] = {
         name: (grid.names, np.array(columns[name]), dataset.describe(name))
@@ -215,6 +231,17 @@ def _possible(cell: _Cell) -> bool:
     ranges = ((cell.period, 0.0, np.inf), (cell.duty, 0.0, 1.0), (cell.swing, 0.0, np.inf))
     known = all(np.isnan(value) or low <= value <= high for value, low, high in ranges)
     return known and cell.period != 0 and (cell.regime != Regime.SELF_PULSING or np.isfinite(cell.period))
+
+
+def _settled(model: Any, points: list[Point], watch: NDArray[np.float64]) -> list[_Cell]:
+    """All points of one row, each as the cycle that the ring settles on."""
+    return [_Cell(*found) for found in settled_row(model, points, watch)]
+
+
+def _traced(rows: list[list[_Cell]], model: Any, grid: Grid) -> list[list[_Cell]]:
+    """The rows of a map of traces; none of them rests where no fixed point is stable."""
+    stable = stable_points(model, grid)
+    return [[_checked(cell, n) for cell, n in zip(*both, strict=True)] for both in zip(rows, stable, strict=True)]
 
 
 def _row(

@@ -32,7 +32,10 @@ def map_(
     power: Power = "3 dBm, 10 dBm",
     detuning: Detuning = "-30 GHz, 30 GHz",
     points: Annotated[str, typer.Option(help="Number of powers and of detunings.")] = "20, 20",
-    duration: Annotated[str, typer.Option(help="Length of each run.")] = "20 us",
+    duration: Annotated[
+        str | None,
+        typer.Option(help="Length of a run from a cold ring; without it, settled cycles."),
+    ] = None,
     follow: Annotated[
         str | None, typer.Option(help="up or down: step the laser through the detunings, without resetting the ring.")
     ] = None,
@@ -42,12 +45,12 @@ def map_(
     figure: Figure = None,
     output: Out = Path("map.nc"),
 ) -> dict[str, Any]:
-    """Integrate every point of a map over power and detuning: regime, period, duty cycle, swing."""
+    """Map the self-pulsing over power and detuning: regime, period, duty cycle, swing."""
     import coupled
 
     check_outputs([output, figure, resume], inputs=[model], images=[figure])
     resonator, thermal, axes = _setting(model, ring, power, detuning, points)
-    length = _quantity(duration, "s", "--duration")
+    length = None if duration is None else _quantity(duration, "s", "--duration")
     say_ring(resonator, ring)
     found = coupled.pulsing_map(
         resonator, thermal, *axes, duration=length, follow=follow, file=resume, progress=True

@@ -1,0 +1,103 @@
+"""The numbers a cycle depends on, by name: of the ring and its carriers, of the laser, and of a thermal network."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem import Foster, OutputMap, Quadratic, checks
+
+from ..resonator import RingResonator
+from ..thermal import Compact
+from ..unknowns import LIFETIMES, optical_names, varied
+from .orbit import Problem, problem
+
+Array = NDArray[np.float64]
+
+STEP = 1e-5  # of a number: its square is the truncation, 1e-16 over it the round-off
+LASER = ("power", "detuning")
+FROM_ZERO = {"scattering_rate": 1e6, "kerr_coefficient": 1e-20, "detuning": 1e3}  # steps of numbers that may be 0
+
+
+def parameter_names(ring: RingResonator, model: Compact) -> list[str]:
+    """Every name that `changed` knows; "R1" and "tau1" are those of the first pole of a network."""
+    own = sorted(optical_names(ring) - {"rates"})
+    shifts = [f"fcd{k + 1}" for k in range(len(ring.fcd))]
+    order = 0 if isinstance(model, Quadratic) else _poles_of(model).order
+    poles = [f"{name}{k + 1}" for name in ("R", "tau") for k in range(order)]
+    return [*LASER, *own, *shifts, *poles]
+
+
+def value_of(p: Problem, name: str) -> float:
+    """Return a number of a problem, in SI."""
+    checks.choice("a parameter", name, parameter_names(p.ring, p.model))
+    if name in LASER:
+        return float(getattr(p, name))
+    kind, number = _pole(name)
+    if kind == "fcd":
+        return float(p.ring.fcd[number][0])
+    if kind:
+        return float(np.asarray(getattr(_poles_of(p.model), kind))[number])
+    return float(getattr(p.ring if hasattr(p.ring, name) else p.ring.carriers, name))
+
+
+def changed(p: Problem, name: str, value: float) -> Problem:
+    """Return the problem with another value of a number."""
+    ring, model, laser = p.ring, p.model, {"power": p.power, "detuning": p.detuning}
+    kind, number = _pole(name)
+    if name in LASER:
+        laser[name] = value
+    elif kind == "fcd":
+        terms = [(value, term[1]) if k == number else term for k, term in enumerate(ring.fcd)]
+        ring = replace(ring, fcd=tuple(terms))
+    elif kind:
+        model = _network_with(model, kind, number, value)
+    else:
+        ring = varied(ring, {name: value})
+    return problem(ring, model, **laser)
+
+
+def slope(p: Problem, name: str, states: Array) -> Array:
+    """Return d(dy/dt)/d(parameter) at ``states``, shape (.., m), in internal units over SI, by differences."""
+    value = value_of(p, name)
+    h = STEP * abs(value) or FROM_ZERO.get(name, 0.0)
+    if h == 0:
+        raise checks.InputError(f"{name} is 0 and has no step for differences; give it a small value")
+    both_ways = value != 0 or name == "detuning"
+    ends = [_flows(changed(p, name, value + step), states) for step in ((h, -h) if both_ways else (h, 2 * h))]
+    if both_ways:
+        return np.asarray((ends[0] - ends[1]) / (2 * h))
+    return np.asarray((4 * ends[0] - ends[1] - 3 * _flows(p, states)) / (2 * h))
+
+
+def _flows(p: Problem, states: Array) -> Array:
+    from ..kernels import orbits
+
+    return np.asarray(orbits.flows(np.ascontiguousarray(states), p.at))
+
+
+def _pole(name: str) -> tuple[str, int]:
+    """Split "R1", "tau12" or "fcd2" into its kind and a number from 0; ("", 0) for another name."""
+    for kind in ("R", "tau", "fcd"):
+        rest = name.removeprefix(kind)
+        if rest != name and rest.isdigit() and rest != "0" and name not in (*LIFETIMES, "tau0"):
+            return kind, int(rest) - 1
+    return "", 0
+
+
+def _poles_of(model: Compact) -> Foster:
+    """The network of a model that has one."""
+    if isinstance(model, Quadratic):
+        raise checks.InputError("a quadratic model has no poles R and tau; name numbers of the ring or of the laser")
+    return model.linear if isinstance(model, OutputMap) else model
+
+
+def _network_with(model: Compact, kind: str, number: int, value: float) -> Compact:
+    """The network, or the output map over one, with another R or tau."""
+    linear = _poles_of(model)
+    R, tau = np.array(linear.R, dtype=float), np.array(linear.tau, dtype=float)
+    (R if kind == "R" else tau)[number] = value
+    poles = Foster(R=R, tau=tau)
+    return replace(model, linear=poles) if isinstance(model, OutputMap) else poles
