@@ -23,6 +23,7 @@ from ..parameters.borghi2021 import borghi2021
 from ..parameters.vanvaerenbergh2012 import vanvaerenbergh2012
 from ..resonator import RingResonator
 from . import bundle, contents
+from .geometries import family_of
 from .section import section_of
 
 if TYPE_CHECKING:
@@ -64,13 +65,14 @@ class Page:
 
 def explore(
     ring: RingResonator,
-    models: ThermalModel | Mapping[str, ThermalModel],
+    models: ThermalModel | Mapping[str, ThermalModel] | None = None,
     path: str | Path | None = None,
     *,
     power: float = 10**0.8 * 1e-3,
     detuning: float = 0.0,
     heat: HeatProblem | None = None,
     reference: str | None = None,
+    family: Any = None,
 ) -> Page:
     """Write one HTML file that computes the dynamics of a ring in the browser, without a network or a server.
 
@@ -92,6 +94,10 @@ def explore(
     reference : str, optional
         name of the model that judges the others' period errors; by default the first reduction.
 
+    family : surrogate.Family, optional
+        sliders for its first three parameters; its member is the first thermal model. Between the points of a grid the
+        step response is linear; the page states the error.
+
     Returns
     -------
     Page
@@ -112,8 +118,10 @@ def explore(
     """
     check_power(power)
     check_detuning(detuning)
-    given = models if isinstance(models, Mapping) else {"model": models}
-    own = contents.models_of(models)
+    if models is None and family is None:
+        raise checks.InputError("models is missing; give a thermal model, several by name, or a family")
+    given = models if isinstance(models, Mapping) else {"model": models} if models is not None else {}
+    own = [] if models is None else contents.models_of(models)
     names = [model["name"] for model in own]
     reduction = next((name for name, model in zip(names, given.values(), strict=True) if hasattr(model, "basis")), None)
     if reference is not None:
@@ -128,6 +136,12 @@ def explore(
     for other in (borghi2021(), borghi2021().with_lumped_fcd(), vanvaerenbergh2012()):
         if other.name not in known:
             rings.append(contents.ring_of(other))
+    grid = family_of(family) if family is not None else None
+    if grid:
+        middle = [(p["low"] + p["high"]) / 2 for p in grid["parameters"] if p["moved"]]
+        start |= {f"p{k}": value * _scale(grid["parameters"][k]["unit"])[0] for k, value in enumerate(middle)}
+        own.append({"name": "member of the family", "R": grid["R"][0], "tau": grid["tau"], "coefficient": 0.0, "family": True})  # fmt: skip  # noqa: E501
+        start["model"] = len(own) - 1
     everything = own + contents.paper_models()
     found = dict(zip(names, given.values(), strict=True)).get(reduction) if reduction else None
     data = {
@@ -141,12 +155,32 @@ def explore(
         "reference": _step(heat) if heat is not None else None,
         "section": section_of(heat, found) if heat is not None and found is not None else None,
         "cycles": _has_limit_cycle(),
+        "family": grid
+        and grid
+        | {
+            "scale": [_scale(p["unit"])[0] for p in grid["parameters"]],
+            "units": [_scale(p["unit"])[1] for p in grid["parameters"]],
+        },
     }
     text = _filled(data)
     written = None
     if path is not None:
         written = write_whole(path, lambda target: target.write_text(text, encoding="utf-8"))
     return Page(text, written)
+
+
+def _scale(unit: str) -> tuple[float, str]:
+    """The factor from SI to what a person reads, and its unit."""
+    return (1e6, "µm") if unit == "m" else (1.0, unit)
+
+
+def _family_fields(grid: dict[str, Any] | None) -> str:
+    """The fields of a family's parameters, and how well the page knows its members."""
+    if not grid:
+        return ""
+    fields = [_field(f"p{k}", html.escape(p["name"]), html.escape(grid["units"][k])) for k, p in enumerate(grid["parameters"]) if p["moved"]]  # fmt: skip  # noqa: E501
+    words = f"Interpolated between members: steps within {100 * grid['error']:.2g} % of the thermal resistance."
+    return "\n".join(fields) + f'<p class="soft">{words}</p>'
 
 
 def _has_limit_cycle() -> bool:
@@ -174,6 +208,7 @@ def _filled(data: dict[str, Any]) -> str:
         "style": bundle.text_of("page/page.css"),
         **{name: "\n".join(_field(key, *words) for key, words in group.items()) for name, group in FIELDS.items()},
         **{f"save_{name}": _save(target, name == "traces") for name, target in FIGURES.items()},
+        "geometry": _family_fields(data["family"]),
         "modes": str(len(section["modes"]) if section else 0),
         "footer": f"Written by thermofem {html.escape(__version__)}. The equations are those of coupled.simulate; "
         "ticks by d3-scale (ISC licence, Mike Bostock). This file needs no network.",

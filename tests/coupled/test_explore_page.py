@@ -185,3 +185,44 @@ def test_the_file_is_small_and_needs_nothing_else():
     text = coupled.explore(coupled.borghi2021(), MODELS).html
     assert len(text.encode()) < 2_000_000
     assert not re.search(r"""(src|href)=["'](https?:)?//""", text)
+
+
+class Stack:
+    """A family in the form of `surrogate.Family`: more oxide makes the core warmer and slower."""
+
+    names = ("box", "width")
+
+    class box:  # noqa: N801
+        low, high, units = np.array([1e-6, 0.4e-6]), np.array([3e-6, 0.6e-6]), ("m", "m")
+
+    def model(self, box, width):
+        return th.Foster(R=[1500 * 0.45e-6 / width, 2e3 + 2e9 * box], tau=[50e-9, 1.2e-6 * (box / 2e-6)])
+
+
+@pytest.fixture(scope="module")
+def family_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("family") / "ring.html"
+    coupled.explore(coupled.borghi2021(), path=path, family=Stack())
+    return path
+
+
+def test_a_family_moves_the_geometry(browser, family_file):
+    """The page's member has the member's R_th, which is linear in the oxide here, and the copied script its poles."""
+    page = browser.new_page(bypass_csp=True)
+    page.goto(family_file.as_uri())
+    settled(page)
+    before = page.evaluate("ringPage.shown.trace.pulsing.period")
+    page.fill("#p0", "2.7")
+    page.fill("#p1", "0.4")
+    page.wait_for_function("ringPage.shown.trace.request.quick === false && ringPage.state().p0 === 2.7 && ringPage.state().p1 === 0.4 && Math.abs(ringPage.shown.trace.request.model.R.reduce((a, b) => a + b) - 9087) < 20", timeout=60_000)  # fmt: skip  # noqa: E501
+    model = page.evaluate("ringPage.shown.trace.request.model")
+    exact = Stack().model(box=2.7e-6, width=0.4e-6)
+    assert sum(model["R"]) == pytest.approx(exact.thermal_resistance, rel=2e-3)  # width enters as 1/width
+    times = np.geomspace(1e-9, 1e-4, 30)
+    steps = th.Foster(R=model["R"], tau=model["tau"]).step_response(times)
+    stated = float(re.search(r"within ([\d.e-]+) %", page.inner_text("body"))[1]) / 100
+    assert np.abs(steps - exact.step_response(times)).max() < 1.5 * stated * exact.thermal_resistance
+    assert page.evaluate("ringPage.shown.trace.pulsing.period") != pytest.approx(before, rel=1e-3)
+    page.fill("#p0", "9")
+    assert "from 1 to 3 µm" in page.inner_text("#p0-problem")
+    page.close()

@@ -22,7 +22,9 @@ POLES = 5  # of the trained Foster network
 def explore(
     inputs: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="[MODEL.json... | GEOMETRY.toml]", help="What heats; default: the reference strip."),
+        typer.Argument(
+            metavar="[MODEL.json... | GEOMETRY.toml | FAMILY.json]", help="What heats; default: the reference strip."
+        ),
     ] = None,
     ring: Annotated[str, typer.Option(help=RING)] = DEFAULT_RING,
     power: Annotated[str, typer.Option(help="Power in the bus waveguide when the page opens.")] = "8 dBm",
@@ -42,16 +44,30 @@ def explore(
     check_outputs([output], inputs=[*given, Path(ring)])
     if output.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"--output = {output} must end in .html, so that a browser opens it")
-    for path in given:
+    family = _family(given)
+    for path in given if family is None else []:
         expect(path, "model", "geometry")
     at_power = quantity.parse(power, "W", name="--power")
     at_detuning = quantity.parse(detuning, "Hz", name="--detuning")
     resonator = ring_of(ring)
     say_ring(resonator, ring)
-    models, heat = _models(given, accuracy)
+    models, heat = _models(given, accuracy) if family is None else (None, None)
     with working("writing the page"):
-        page = coupled.explore(resonator, models, output, power=at_power, detuning=at_detuning, heat=heat)
+        page = coupled.explore(
+            resonator, models, output, power=at_power, detuning=at_detuning, heat=heat, family=family
+        )
     print(f"wrote {output} ({len(page.html) / 1e3:.0f} kB); open it in a browser")
+
+
+def _family(given: list[Path]) -> Any:
+    """The family of geometries that is given, or None."""
+    import surrogate
+
+    if len(given) != 1 or given[0].suffix.lower() != ".json" or not given[0].is_file():
+        return None
+    if '"thermofem family' not in given[0].read_text(encoding="utf-8", errors="replace")[:400]:
+        return None
+    return surrogate.load_family(given[0])
 
 
 def _models(given: list[Path], accuracy: float) -> tuple[dict[str, ThermalModel], HeatProblem | None]:

@@ -7,7 +7,7 @@ import { engineOf } from "./engine.mjs";
 import { balance, steadyStates, survey } from "./equilibria.mjs";
 import { cold, integrate, methodOf } from "./rosenbrock.mjs";
 import { DENSITY, FJ, NS, UW, absorbedPower, derivedRates, driveOf, dropRate, systemOf, turnOf } from "./ring.mjs";
-import { FIELDS, hashOf, objection, ringOf, stateOf, valueOf, watts } from "./state.mjs";
+import { FIELDS, addFamilyFields, hashOf, modelOf, objection, ringOf, stateOf, valueOf, watts } from "./state.mjs";
 import { theme } from "./plot.mjs";
 import { mapImage, phaseFigure, planeFigure, tracesFigure, transmissionFigure } from "./figures.mjs";
 import { errorFigure, fieldImage, sectionFigure, spectrumFigure, stepFigure } from "./thermal.mjs";
@@ -28,6 +28,7 @@ let timer = 0;
 function start() {
   data = JSON.parse($("data").textContent);
   data.section = data.section && decoded(data.section);
+  if (data.family) addFamilyFields(data.family);
   const code = $("code").textContent;
   ask = {
     trace: channel(code, data.tableaus, gotTrace),
@@ -140,6 +141,7 @@ function span(name) {
   if (name === "power") return [window.power[0] - 7, window.power[1] + 5];
   if (name === "detuning") return [2.5 * window.detuning[0], 2.5 * window.detuning[1]];
   if (name === "duration") return [1, 100];
+  if (/^p\d$/.test(name)) return [FIELDS[name].low, FIELDS[name].high];
   const own = valueOf(name, { ...state, [name]: null }, data);
   if (name === "lifetime") return [own / 30, own * 10];
   return [own / 5, own * 5];
@@ -153,7 +155,9 @@ function take(name, value, fromSlider) {
   if (problem) return;
   state = { ...state, [name]: value };
   fill(fromSlider ? null : name);
-  changed({ ring: ["loadedQ", "intrinsicQ", "lifetime"].includes(name) });
+  if (/^p\d$/.test(name)) state.model = data.models.findIndex((model) => model.family);
+  $("model").value = String(state.model);
+  changed({ ring: !["power", "detuning", "duration"].includes(name) });
 }
 
 /** Write the state into the fields, but not into the one that is being typed in. */
@@ -181,7 +185,7 @@ function set(change, what) {
 
 /** Ask for everything that depends on what has changed: rough at once, exact when the slider rests. */
 function changed({ ring = false }) {
-  const light = { ring: ringOf(state, data), model: data.models[state.model], power: watts(state.power), detuning: state.detuning * 1e9 };
+  const light = { ring: ringOf(state, data), model: modelOf(state, data), power: watts(state.power), detuning: state.detuning * 1e9 };
   const window = data.rings[state.ring].window;
   const trace = { ...light, kind: "trace", duration: state.duration * 1e-6, settled: state.view === "cycle" };
   if (ring) {
@@ -330,9 +334,9 @@ function present() {
 }
 
 function paintHeat(colours) {
-  const models = data.models.filter((model, k) => !model.hidden || k === state.model);
+  const models = data.models.map((model, k) => (k === state.model ? modelOf(state, data) : model)).filter((model, k) => k === state.model || !(model.hidden || model.family));
   const { period, duty } = present();
-  const chosen = models.indexOf(data.models[state.model]);
+  const chosen = models.findIndex((model) => model.name === data.models[state.model].name);
   put("step", stepFigure(widthOf("step"), 380, { models, chosen, reference: data.reference }, colours));
   put("spectrum", spectrumFigure(widthOf("spectrum"), 380, { models, chosen, period }, colours));
   if (!$("error-figure").hidden) {
@@ -466,7 +470,7 @@ async function copy(text, what) {
 function traceTable() {
   const { t, U, N, dT } = stretch();
   const ring = ringOf(state, data);
-  const system = systemOf(ring, data.models[state.model]);
+  const system = systemOf(ring, modelOf(state, data));
   const rows = ["time_s,energy_J,carriers_per_m3,delta_T_K,drop_W,absorbed_W"];
   for (let i = 0; i < t.length; i++) {
     const drop = 2 * dropRate(ring) * NS * U[i] * UW;

@@ -1,6 +1,6 @@
 // The present view as a Python script and as a command line; numbers with all their digits.
 
-import { watts, ringOf } from "./state.mjs";
+import { modelOf, ringOf, watts } from "./state.mjs";
 
 /** A number as Python reads it back, bit for bit. */
 function number(x) {
@@ -25,7 +25,7 @@ const CHARGE = 1.602176634e-19;
 /** A Python script that runs the present view. */
 export function pythonOf(state, data) {
   const ring = ringOf(state, data);
-  const model = data.models[state.model];
+  const model = modelOf(state, data);
   const c = ring.carriers;
   const pair = (x) => `(${x.map(number).join(", ")})`;
   const carriers = c.tau !== undefined ? `coupled.ConstantLifetime(${number(c.tau)})` : `coupled.ShockleyReadHall(\n        ${Object.entries(c).map(([k, v]) => `${k}=${number(v)}`).join(", ")},\n    )`;
@@ -99,5 +99,5 @@ export function modelFileOf(model) {
 export function commandOf(state, data) {
   const file = (name, text) => `cat > ${name} <<'END_OF_FILE'\n${text}END_OF_FILE\n`;
   const command = `thermofem simulate model.json --ring ring.toml --power "${watts(state.power)} W" --detuning "${state.detuning * 1e9} Hz" --duration "${state.duration * 1e-6} s" --rtol 1e-6 -o traces.nc`;
-  return file("ring.toml", tomlOf(ringOf(state, data))) + file("model.json", modelFileOf(data.models[state.model])) + `${command}\n`;
+  return file("ring.toml", tomlOf(ringOf(state, data))) + file("model.json", modelFileOf(modelOf(state, data))) + `${command}\n`;
 }

@@ -51,6 +51,36 @@ export function ringOf(state, data) {
   return ring;
 }
 
+/** Fields for the parameters of a family that the page moves: p0, p1, p2. */
+export function addFamilyFields(family) {
+  family.parameters.forEach((p, k) => {
+    const scale = family.scale[k];
+    if (p.moved) FIELDS[`p${k}`] = { label: p.name, unit: family.units[k], low: p.low * scale, high: p.high * scale };
+  });
+}
+
+/** The thermal model of a state: one that was given, or the member of the family at its parameters. */
+export function modelOf(state, data) {
+  const given = data.models[state.model];
+  if (!given.family) return given;
+  const { parameters, points, R, scale } = data.family;
+  const moved = parameters.filter((p) => p.moved);
+  const at = moved.map((p, k) => ((state[`p${k}`] / scale[k] - p.low) / (p.high - p.low)) * (points - 1));
+  const base = at.map((x) => Math.min(Math.max(Math.floor(x), 0), points - 2));
+  const out = new Array(data.family.tau.length).fill(0);
+  for (let corner = 0; corner < 2 ** moved.length; corner++) {
+    let [weight, index] = [1, 0];
+    moved.forEach((_, k) => {
+      const upper = (corner >> k) & 1;
+      weight *= upper ? at[k] - base[k] : 1 - (at[k] - base[k]);
+      index = index * points + base[k] + upper;
+    });
+    R[index].forEach((value, i) => (out[i] += weight * value));
+  }
+  const kept = out.map((_, i) => i).filter((i) => out[i] > 0);
+  return { ...given, R: kept.map((i) => out[i]), tau: kept.map((i) => given.tau[i]) };
+}
+
 /** Power in W of a level in dBm. */
 export function watts(dBm) {
   return 1e-3 * 10 ** (dBm / 10);
@@ -86,7 +116,8 @@ export function stateOf(hash, fallback, data) {
   within("model", data.models.length);
   if (given.has("ring")) for (const name of RING_FIELDS) state[name] = null;
   if (VIEWS.includes(given.get("view"))) state.view = given.get("view");
-  for (const name of ["intrinsicQ", "loadedQ", "power", "detuning", "lifetime", "duration"]) {
+  for (const name of ["intrinsicQ", "loadedQ", "power", "detuning", "lifetime", "duration", "p0", "p1", "p2"]) {
+    if (!FIELDS[name]) continue;
     if (given.has(name) && given.get(name) !== "" && objection(name, Number(given.get(name)), state, data) === "") state[name] = Number(given.get(name));
   }
   return state;

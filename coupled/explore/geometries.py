@@ -1,0 +1,71 @@
+"""A family of geometries for the page: members on a grid, on common time constants."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem import checks
+
+Array = NDArray[np.float64]
+
+POINTS = {1: 17, 2: 9, 3: 6}  # of the grid along each parameter
+TAU = np.geomspace(1e-9, 1e-4, 31)  # s; six a decade
+TIMES = np.geomspace(2e-10, 1e-3, 90)  # s, at which steps are fitted
+CHECKED = 24  # random members that the error is measured on
+
+
+def family_of(family: Any) -> dict[str, Any]:
+    """Return the grid of a `surrogate.Family`: R_i >= 0 on fixed time constants, linear between the points.
+
+    Every point is fitted to the step response of its member by nonnegative least squares with its R_th, so what lies
+    between is a mixture of steps: passive, and as far off as steps are from linear in the parameters. ``error`` is the
+    largest deviation found on random members, relative to R_th. More than three parameters: the others stay at the
+    middle of their range.
+    """
+    checks.has("family", family, "names", "box", "model", hint="surrogate.train_family or load_family makes one")
+    low, high = (np.asarray(getattr(family.box, name), dtype=float) for name in ("low", "high"))
+    names, units = list(family.names), list(family.box.units)
+    moved = min(len(names), 3)
+    points = POINTS[moved]
+    middle = dict(zip(names, (low + high) / 2, strict=True))
+    axes = [np.linspace(low[k], high[k], points) for k in range(moved)]
+    rows = np.array([_shares(family.model(**(middle | dict(zip(names, at, strict=False))))) for at in product(*axes)])
+    draw = np.random.default_rng(1)
+    error = 0.0
+    for _ in range(CHECKED):
+        share = draw.uniform(0, 1, moved)
+        values = dict(zip(names, low[:moved] + share * (high - low)[:moved], strict=False))
+        exact = family.model(**(middle | values))
+        found = -np.expm1(-TIMES[:, None] / TAU) @ interpolated(rows, share, points)
+        error = max(error, float(np.abs(found - exact.step_response(TIMES)).max() / exact.thermal_resistance))
+    parameters = [
+        {"name": names[k], "unit": units[k], "low": low[k], "high": high[k], "moved": k < moved}
+        for k in range(len(names))
+    ]
+    return {"parameters": parameters, "points": points, "tau": TAU.tolist(), "R": rows.tolist(), "error": error}
+
+
+def interpolated(rows: Array, share: Array, points: int) -> Array:
+    """Return the R_i at fractions ``share`` of the ranges, multilinear between the points of the grid."""
+    out = np.zeros(rows.shape[1])
+    at = share * (points - 1)
+    base = np.minimum(np.floor(at).astype(int), points - 2)
+    for corner in product((0, 1), repeat=share.size):
+        weight = np.prod(np.where(corner, at - base, 1 - (at - base)))
+        index = int(np.ravel_multi_index(tuple(base + corner), (points,) * share.size))
+        out += weight * rows[index]
+    return out
+
+
+def _shares(model: Any) -> Array:
+    """R_i >= 0 on the common time constants, with the member's R_th."""
+    from scipy.optimize import nnls
+
+    total = model.thermal_resistance
+    A = np.vstack([-np.expm1(-TIMES[:, None] / TAU), 100 * np.ones(TAU.size)])
+    found, _ = nnls(A, np.append(model.step_response(TIMES), 100 * total) / total)
+    return np.asarray(found * total / found.sum())
