@@ -198,9 +198,13 @@ def save(data: xr.Dataset, path: str | Path) -> Path:
         no Dataset, or the folder does not exist or cannot be written.
     """
     checks.has("data", data, "data_vars", hint="a Dataset is needed; surrogate.save_model writes models")
+    import h5netcdf
+    from xarray.backends import H5NetCDFStore
+
     encoding = {name: {"zlib": True} for name, v in data.data_vars.items() if v.size > 1000}
     whole = io.BytesIO()  # in memory first: HDF5 swallows the error of a disk that fills up while it closes a file
-    data.to_netcdf(whole, engine="h5netcdf", encoding=encoding)
+    with h5netcdf.File(whole, "w") as file:  # `to_netcdf` loads all of dask for its locks, where that is installed
+        data.dump_to_store(H5NetCDFStore(file), encoding=encoding)
     return write_whole(path, lambda p: p.write_bytes(whole.getbuffer()))
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .. import dataset, quantity
+from .. import checks, dataset, quantity
 from ..checks import InputError
 from .kinds import expect
 from .output import note
@@ -15,6 +15,10 @@ from .output import working as working
 if TYPE_CHECKING:
     from coupled import RingResonator
 
+    from ..models import ThermalModel
+
+HEATED = "Part that takes the heat, of a model of several parts."
+READ = "Part that is read, of a model of several parts."
 DEFAULT_RING = "borghi2021"
 RING = "Ring file (TOML), or borghi2021, borghi2021-lumped for Newton's law, or vanvaerenbergh2012."
 
@@ -56,3 +60,23 @@ def say_ring(ring: RingResonator, given: str) -> None:
 def longer(duration: float) -> str:
     """What to type where a run ends before it says what the ring does; ``duration`` in s, of `thermal.long_enough`."""
     return f'try --duration "{quantity.write(duration, "s")}": ten times what a step of this heat takes to 95 %'
+
+
+def model_of(path: Path, heated: str | None = None, read: str | None = None) -> ThermalModel:
+    """The thermal model of a file; of one with several inputs or outputs, the pair that --heated and --read name.
+
+    Raises
+    ------
+    InputError
+        no model; several inputs or outputs and no choice, or a name that is none of them.
+    """
+    import surrogate
+
+    model: ThermalModel = surrogate.load_model(path)
+    for option, given, names in (("--heated", heated, model.inputs), ("--read", read, model.outputs)):
+        if given is not None:
+            checks.choice(option, given, names)
+        elif len(names) > 1:
+            raise InputError(f"{path} has several parts ({', '.join(names)}); pick one with {option}")
+    channel = getattr(model, "channel", None)
+    return channel(heated, read) if channel is not None else model

@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from .. import checks
-from .files import DEFAULT_RING, RING, check_outputs, longer, ring_of, say_ring, working
+from .files import DEFAULT_RING, HEATED, READ, RING, check_outputs, longer, model_of, ring_of, say_ring, working
 from .kinds import expect
 from .output import say
 
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 Model = Annotated[Path, typer.Argument(help="Thermal model (JSON).")]
 Ring = Annotated[str, typer.Option(help=RING)]
+Heated = Annotated[str | None, typer.Option(help=HEATED)]
+Read = Annotated[str | None, typer.Option(help=READ)]
 Power = Annotated[str, typer.Option(help="First and last power in the bus waveguide.")]
 Detuning = Annotated[str, typer.Option(help="First and last laser minus cold resonance.")]
 Figure = Annotated[Path | None, typer.Option(help="Also draw into this image.")]
@@ -29,6 +31,8 @@ Out = Annotated[Path, typer.Option("--output", "-o", help="File (netCDF) to writ
 def map_(
     model: Model,
     ring: Ring = DEFAULT_RING,
+    heated: Heated = None,
+    read: Read = None,
     power: Power = "3 dBm, 10 dBm",
     detuning: Detuning = "-30 GHz, 30 GHz",
     points: Annotated[str, typer.Option(help="Number of powers and of detunings.")] = "20, 20",
@@ -49,7 +53,7 @@ def map_(
     import coupled
 
     check_outputs([output, figure, resume], inputs=[model], images=[figure])
-    resonator, thermal, axes = _setting(model, ring, power, detuning, points)
+    resonator, thermal, axes = _setting((model, heated, read), ring, power, detuning, points)
     length = None if duration is None else _quantity(duration, "s", "--duration")
     say_ring(resonator, ring)
     found = coupled.pulsing_map(
@@ -61,6 +65,8 @@ def map_(
 def stability(
     model: Model,
     ring: Ring = DEFAULT_RING,
+    heated: Heated = None,
+    read: Read = None,
     power: Power = "3 dBm, 10 dBm",
     detuning: Detuning = "-30 GHz, 30 GHz",
     points: Annotated[str, typer.Option(help="Number of powers and of detunings.")] = "100, 100",
@@ -71,7 +77,7 @@ def stability(
     import coupled
 
     check_outputs([output, figure], inputs=[model], images=[figure])
-    resonator, thermal, axes = _setting(model, ring, power, detuning, points)
+    resonator, thermal, axes = _setting((model, heated, read), ring, power, detuning, points)
     say_ring(resonator, ring)
     with working("finding fixed points and their eigenvalues; the first run on a machine compiles for some seconds"):
         found = coupled.stability_map(resonator, thermal, *axes)
@@ -79,12 +85,10 @@ def stability(
 
 
 def _setting(
-    model: Path, ring: str, power: str, detuning: str, points: str
+    model: tuple[Path, str | None, str | None], ring: str, power: str, detuning: str, points: str
 ) -> tuple[RingResonator, ThermalModel, tuple[Any, Any]]:
     """Ring, model and axes; powers evenly spaced in dBm."""
-    import surrogate
-
-    expect(model, "model")
+    expect(model[0], "model")
     low, high = _ends(power, "W", "--power")
     checks.positive("--power", low, unit="W")
     try:
@@ -94,7 +98,7 @@ def _setting(
     if not (2 <= n <= 2000 and 2 <= m <= 2000):
         raise checks.InputError(f"--points = {points!r} must lie between 2 and 2000")
     axes = np.geomspace(low, high, n), np.linspace(*_ends(detuning, "Hz", "--detuning"), m)
-    return ring_of(ring), surrogate.load_model(model), axes
+    return ring_of(ring), model_of(*model), axes
 
 
 def _ends(text: str, unit: str, name: str) -> tuple[float, float]:

@@ -10,7 +10,7 @@ import typer
 
 from .. import checks
 from .bar import Bar
-from .files import DEFAULT_RING, RING, check_outputs, longer, ring_of, say_ring
+from .files import DEFAULT_RING, HEATED, READ, RING, check_outputs, longer, model_of, ring_of, say_ring
 from .kinds import expect
 from .output import say, show, working
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-    from ..models import ThermalModel
 
 Out = Annotated[Path, typer.Option("--output", "-o", help="File to write.")]
 Figure = Annotated[Path | None, typer.Option(help="Also draw into this image.")]
@@ -183,19 +182,20 @@ def simulate(
     duration: Annotated[str, typer.Option(help="Length of the run, from a cold start.")] = "20 us",
     rtol: Annotated[float, typer.Option(help="Relative error of a step.")] = 1e-6,
     ring: Annotated[str, typer.Option(help=RING)] = DEFAULT_RING,
+    heated: Annotated[str | None, typer.Option(help=HEATED)] = None,
+    read: Annotated[str | None, typer.Option(help=READ)] = None,
     figure: Figure = None,
     output: Out = Path("traces.nc"),
 ) -> dict[str, Any]:
     """Drive a ring with a thermal model: traces, and whether and how it pulses."""
     import coupled
-    import surrogate
     from coupled.thermal import long_enough
 
     from .. import dataset, quantity
 
     check_outputs([output, figure], inputs=[model, Path(ring)], images=[figure])
     expect(model, "model")
-    thermal: ThermalModel = surrogate.load_model(model)
+    thermal = model_of(model, heated, read)
     resonator = ring_of(ring)
     settings: dict[str, Any] = {
         "power": quantity.not_negative(power, "W", name="--power"),
