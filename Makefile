@@ -53,9 +53,10 @@ MINUTES ?= 60
 fuzz: .venv/installed-dev
 	$(BIN)/python tests/fuzz/readers.py $(MINUTES)
 
-# the promises about files: damage, kills of maps and campaigns, random trees; MINUTES=10 for a short one
+# the promises, broken on purpose: damaged files, kills, random trees; bounds of random reductions; MINUTES=10 for a short one
 audit: .venv/installed-dev
 	$(BIN)/python tests/fuzz/audit.py $(MINUTES)
+	$(BIN)/python tests/audit/reductions.py 1500
 
 # against named peers, in an environment of its own; goes on where it was; BENCH=--quick, BENCH=--again
 bench: .venv-bench/installed

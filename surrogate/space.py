@@ -47,8 +47,8 @@ class Space(krylov.Space):
 
     @property
     def exhausted(self) -> bool:
-        """Whether the basis holds the ports but for round-off; Phi is then lost in it (`certify_defect`)."""
-        return bool(np.linalg.norm(self.remainder) <= EXHAUSTED * np.linalg.norm(self.B))
+        """Whether the basis holds every port but for round-off; Phi is then lost in it (`certify_defect`)."""
+        return not _left(self.remainder, self.B).any()
 
     @property
     def defect(self) -> Array:
@@ -57,15 +57,29 @@ class Space(krylov.Space):
         return np.asarray(self.K @ (self.V @ Z) - (self.MV @ Z) * rate)
 
     def solve(self, j: int) -> Array:
-        """(K + s_j M)^-1 times what the basis leaves of the ports."""
-        self.solves += self.remainder.shape[1]
-        return self._apply(j, self.remainder)
+        """(K + s_j M)^-1 times what the basis leaves of the ports (`Projection.remainder`)."""
+        columns = self.projection.remainder if self.order else self.remainder
+        self.solves += columns.shape[1]
+        return self.apply(j, columns)
 
-    def static(self, columns: Array) -> Array:
-        """K^-1 times columns; the first of the other shifts loses its factors to it."""
-        return self._apply(0, columns)
+    def next_residual(self) -> tuple[float, Array]:
+        """The next shift s in turn: largest error of a port's own channel there, in K/W, and the columns that mend it.
 
-    def _apply(self, j: int, columns: Array) -> Array:
+        The columns are (K + s M)^-1 times the residual at s: the same direction as `solve`, above round-off for longer.
+        """
+        j = 1 + self.turn % self.growing
+        self.turn += 1
+        Y = self.projection.ports / (self.projection.rate + self.shifts[j])[:, None]
+        left = self.remainder - self.defect @ Y
+        left = left[:, np.linalg.norm(left, axis=0) > EXHAUSTED * np.linalg.norm(self.B, axis=0)]
+        self.solves += left.shape[1]
+        columns = self.apply(j, left)
+        return float(np.einsum("ij,ij->j", left, columns).max(initial=0.0)), columns
+
+    def apply(self, j: int, columns: Array) -> Array:
+        """(K + s_j M)^-1 times columns."""
+        if not columns.shape[1]:
+            return columns
         return np.column_stack([self._pencil.solve(self.shifts[j], 1.0, column) for column in columns.T])
 
     def solve_next(self) -> tuple[int, Array]:
@@ -84,8 +98,34 @@ class Space(krylov.Space):
             raise checks.InputError(
                 f"-A is not positive definite (a mode grows at {-rate[0]:g} 1/s); is a boundary held?"
             )
-        self.projection = Projection(rate, Z.T @ self.inside, self.remainder, self.MV, Z)
+        Q, T = _independent(self.remainder, self.B)
+        self.projection = Projection(rate, Z.T @ self.inside, Q, self.MV, Z, T, self.V)
         return True
+
+
+def _left(remainder: Array, ports: Array) -> NDArray[np.bool_]:
+    """Which ports the basis does not hold to round-off."""
+    return np.asarray(np.linalg.norm(remainder, axis=0) > EXHAUSTED * np.linalg.norm(ports, axis=0))
+
+
+def _independent(remainder: Array, ports: Array) -> tuple[Array, Array]:
+    """Q and T of the remainder: its columns made independent, those of nearly equal ports too.
+
+    A port that the basis holds to round-off has no share; one port is left as it is.
+    """
+    from scipy.linalg import qr
+
+    if remainder.shape[1] == 1:
+        return remainder, np.eye(1)
+    left = _left(remainder, ports)
+    if not left.any():
+        return remainder, np.eye(remainder.shape[1])
+    size = np.linalg.norm(remainder[:, left], axis=0)
+    Q, T, order = qr(remainder[:, left] / size, mode="economic", pivoting=True)
+    kept = np.abs(T.diagonal()) > EXHAUSTED
+    shares = np.zeros((int(kept.sum()), remainder.shape[1]))
+    shares[:, np.flatnonzero(left)[order]] = T[kept] * size[order]
+    return np.ascontiguousarray(Q[:, kept]), shares
 
 
 def _static(tolerance: float) -> int:

@@ -4,6 +4,7 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 import pytest
+from audit import reductions
 from scipy.sparse import diags
 from scipy.sparse.linalg import splu
 from surrogate_systems import discretized, geometries, strip
@@ -13,6 +14,7 @@ import thermofem as th
 from surrogate.certificate import PER_DECADE, ROUND_OFF, certify
 from surrogate.reduce import _parts
 from surrogate.space import Space
+from thermofem.algebra.krylov import orthonormal
 
 GEOMETRIES = list(geometries(8))
 FREQUENCY = np.geomspace(1e3, 1e12, 50)
@@ -249,3 +251,26 @@ def test_the_bound_holds_where_the_basis_holds_the_ports_to_round_off(n, ports):
         assert error < rom.error_bound + 1e-12
         assert rom.error_bound <= 1e-7
         assert small.order <= n
+
+
+def test_bounds_of_random_pencils_hold_and_no_tolerance_is_refused_falsely():
+    """The first of the 1500 of `make audit`, and ports that differ by 1e-1 to 1e-12."""
+    cases = [reductions.case(seed) for seed in range(15)] + [
+        reductions.nearly_equal(10.0**-k, k) for k in (3, 6, 9, 12)
+    ]
+    for one in cases:
+        found = reductions.judge(one)
+        assert not found.refusal, (one.name, found.refusal)
+        assert found.ratio <= 1, one.name
+
+
+@pytest.mark.parametrize("d", [1e-5, 1e-9, 1e-13])
+def test_nearly_equal_columns_give_an_orthonormal_basis(d):
+    rng = np.random.default_rng(1)
+    M = diags(rng.uniform(0.1, 10, 200)).tocsr()
+    V = orthonormal(rng.standard_normal((200, 5)), M, np.empty((200, 0)), np.empty((200, 0)), smallest=1e-20)
+    b = rng.standard_normal(200)
+    W = np.column_stack([b, b * (1 + d * rng.standard_normal(200)), V @ np.ones(5) + d * rng.standard_normal(200)])
+    new = orthonormal(W, M, V, M @ V, smallest=1e-28)
+    whole = np.column_stack([V, new])
+    assert np.abs(whole.T @ (M @ whole) - np.eye(whole.shape[1])).max() < 1e-14

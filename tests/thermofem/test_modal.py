@@ -283,3 +283,17 @@ def test_powers_of_too_many_pieces_are_refused_before_they_fill_the_memory(monke
     times = np.linspace(0.0, 1e-6, 1000)
     with pytest.raises(th.InputError, match=r"has 998 straight pieces .* would take about 0 GB; at most 500 fit"):
         th.solve(th.assemble(th.strip_ring()), th.Sampled(times, np.sin(1e7 * times) ** 2), times)
+
+
+@pytest.mark.parametrize("rtol", [1e-2, 1e-4, 1e-6])
+def test_a_space_that_cannot_grow_is_no_settled_one(rtol):
+    """Rates whose heat hardly reaches the last hundred states: the space stopped growing with an error of 7e-2."""
+    rates = np.append(1e5 * np.geomspace(1, 1e5, 200), np.geomspace(1e4, 1e6, 100))
+    gains = np.append(np.ones(200), np.full(100, 1e-6)) * rates
+    read = np.append(np.zeros(200), np.ones(100))
+    system = th.StateSpace(np.eye(300), -np.diag(rates), np.sqrt(gains)[:, None], (read * np.sqrt(gains))[None])
+    times = np.geomspace(1e-9, 1e-5, 30)
+    rise = system.response(th.Constant(1e-3), times, rtol=rtol)
+    exact = 1e-3 * -np.expm1(-times[:, None] * rates) @ (read * gains / rates)
+    # relative to the largest so far, or to a tenth of what the field would mean at the probe (`esdirk.FAR`)
+    assert np.abs(rise - exact).max() <= 2 * rtol * exact[-1]

@@ -227,6 +227,10 @@ def check_heat_flow(system: LinearSystem) -> None:
 def orthonormal(W: Array, M: Any, V: Array, MV: Array, *, most: int | None = None, smallest: float) -> Array:
     """What the columns of W add to an M-orthonormal basis V, M-orthonormal itself.
 
+    Gram-Schmidt column by column, the one that adds most first, each orthogonalised again after it was scaled: so
+    nearly equal columns give orthonormal ones to round-off (eigenvectors of their Gram matrix, which knows lengths to
+    1e-8 only, did not).
+
     Parameters
     ----------
     W : array, shape (n, p)
@@ -243,19 +247,26 @@ def orthonormal(W: Array, M: Any, V: Array, MV: Array, *, most: int | None = Non
     InputError
         M not positive definite.
     """
-    MW = M @ W
-    size = np.einsum("ij,ij->j", W, MW)
+    size = np.einsum("ij,ij->j", W, M @ W)
     if np.any(size <= 0):
         raise checks.InputError("E is not positive definite; every heat capacity must be positive")
-    W, MW = W / np.sqrt(size), MW / np.sqrt(size)
+    W = W / np.sqrt(size)
     for _ in range(2):  # once more removes what round-off left
-        inside = MV.T @ W
-        W, MW = W - V @ inside, MW - MV @ inside
-    value, vector = np.linalg.eigh(symmetric_part(W.T @ MW))
-    kept = value > smallest
-    if most is not None:
-        kept[: max(0, kept.size - most)] = False
-    return np.asarray(W @ (vector[:, kept] / np.sqrt(value[kept])))
+        W = W - V @ (MV.T @ W)
+    room = W.shape[1] if most is None else min(most, W.shape[1])
+    found, heavy = np.empty((W.shape[0], room)), np.empty((W.shape[0], room))
+    for k in range(room):
+        left = np.einsum("ij,ij->j", W, M @ W)
+        pivot = int(np.argmax(left))
+        if left[pivot] <= smallest:
+            return found[:, :k]
+        w = W[:, pivot] / np.sqrt(left[pivot])
+        for _ in range(2):  # what is left may be 1e-8 of a column: its round-off along the basis goes out again
+            w = w - V @ (MV.T @ w) - found[:, :k] @ (heavy[:, :k].T @ w)
+            w = w / np.sqrt(w @ (M @ w))
+        found[:, k], heavy[:, k] = w, M @ w
+        W = W - np.outer(w, heavy[:, k] @ W)
+    return found
 
 
 def symmetric_part(matrix: Array) -> Array:

@@ -101,8 +101,8 @@ class Modal:
         Returns
         -------
         Trajectory or None
-            None where a power is not straight between its breakpoints, the system is none of heat flow, or the answer
-            has not settled after `ROUNDS` rounds.
+            None where a power is not straight between its breakpoints, the system is none of heat flow, the space
+            cannot grow, or the answer has not settled after `ROUNDS` rounds.
 
         Raises
         ------
@@ -116,11 +116,15 @@ class Modal:
         wanted = _thinned(np.unique(np.concatenate([[0.0], times, kept])), kept, _pieces(waves, times, kept))
         shown = wanted.searchsorted(kept)
         first, answers, last = _first(waves, wanted), list[Answer](), np.inf
+        grown: set[int] = set()
         for rounds in range(FEWEST, ROUNDS):
             try:
                 space, size = self._grown(rounds, first)
             except checks.InputError:  # E or -A is not definite
                 return None
+            if size in grown and size < self.system.order:
+                return None  # the space cannot grow, so no change of the answer says that it has settled
+            grown.add(size)
             basis = space.basis(size, None if ledger is None else np.ones(self.system.order))
             if basis.rate[0] <= 0:  # a mode that grows: no heat flow
                 return None
