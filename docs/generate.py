@@ -167,13 +167,13 @@ What `--help` after each command says, too. Quantities are text with a unit, as 
 mistake is one line that names it, and exit code 2. `thermofem --version` prints the version,
 `thermofem --install-completion` teaches the shell the commands.
 
-Exit codes: 0 done, 1 `doctor` found something missing, 2 bad input or a file that cannot be read or written, 130 interrupted.
+Exit codes: 0 done, 1 `doctor` found something missing, 2 bad input or an unusable file, 130 interrupted.
 With `--json` every command prints its numbers in SI as one JSON object on standard output; words go to standard error.
 
 | stage | takes | gives | commands |
 |---|---|---|---|
 | heat | geometry (TOML) | training data (netCDF) | [solve](#solve), [campaign](#campaign) |
-| compact models | data or a measured table, or the geometry | model (JSON) | [fit](#fit), [reduce](#reduce), [show](#show) |
+| compact models | data, table or geometry | model (JSON) | [fit](#fit), [reduce](#reduce), [show](#show) |
 | judging | model or geometry | error curves | [validate](#validate) |
 | ring and light | model, `--ring` (TOML) | traces | [simulate](#simulate) |
 | | | maps | [map](#map), [stability](#stability) |
