@@ -12,7 +12,7 @@ from thermofem import checks
 
 Array = NDArray[np.float64]
 
-POINTS = {1: 17, 2: 9, 3: 6}  # of the grid along each parameter
+POINTS = {1: 33, 2: 13, 3: 8}  # of the grid along each parameter
 TAU = np.geomspace(1e-9, 1e-4, 31)  # s; six a decade
 TIMES = np.geomspace(2e-10, 1e-3, 90)  # s, at which steps are fitted
 CHECKED = 24  # random members that the error is measured on
@@ -32,21 +32,34 @@ def family_of(family: Any) -> dict[str, Any]:
     moved = min(len(names), 3)
     points = POINTS[moved]
     middle = dict(zip(names, (low + high) / 2, strict=True))
-    axes = [np.linspace(low[k], high[k], points) for k in range(moved)]
+    logs = [bool(log) for log in getattr(family.box, "logarithmic", [False] * len(names))]
+    spaced = [np.geomspace if log else np.linspace for log in logs]
+    axes = [spaced[k](low[k], high[k], points) for k in range(moved)]
     rows = np.array([_shares(family.model(**(middle | dict(zip(names, at, strict=False))))) for at in product(*axes)])
     draw = np.random.default_rng(1)
     error = 0.0
     for _ in range(CHECKED):
         share = draw.uniform(0, 1, moved)
-        values = dict(zip(names, low[:moved] + share * (high - low)[:moved], strict=False))
+        values = {names[k]: _at(share[k], low[k], high[k], logs[k]) for k in range(moved)}
         exact = family.model(**(middle | values))
         found = -np.expm1(-TIMES[:, None] / TAU) @ interpolated(rows, share, points)
         error = max(error, float(np.abs(found - exact.step_response(TIMES)).max() / exact.thermal_resistance))
     parameters = [
-        {"name": names[k], "unit": units[k], "low": low[k], "high": high[k], "moved": k < moved}
+        {"name": names[k], "unit": units[k], "low": low[k], "high": high[k], "moved": k < moved, "log": logs[k]}
         for k in range(len(names))
     ]
-    return {"parameters": parameters, "points": points, "tau": TAU.tolist(), "R": rows.tolist(), "error": error}
+    return {
+        "parameters": parameters,
+        "points": points,
+        "tau": TAU.tolist(),
+        "R": [[float(f"{x:.7g}") for x in row] for row in rows],
+        "error": error,
+    }
+
+
+def _at(share: float, low: float, high: float, log: bool) -> float:
+    """The value at a fraction of a range."""
+    return float(low * (high / low) ** share if log else low + share * (high - low))
 
 
 def interpolated(rows: Array, share: Array, points: int) -> Array:

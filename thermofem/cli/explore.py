@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -63,9 +64,7 @@ def _family(given: list[Path]) -> Any:
     """The family of geometries that is given, or None."""
     import surrogate
 
-    if len(given) != 1 or given[0].suffix.lower() != ".json" or not given[0].is_file():
-        return None
-    if '"thermofem family' not in given[0].read_text(encoding="utf-8", errors="replace")[:400]:
+    if len(given) != 1 or not zipfile.is_zipfile(given[0]):  # families are archives of arrays, models are text
         return None
     return surrogate.load_family(given[0])
 

@@ -65,7 +65,8 @@ export function modelOf(state, data) {
   if (!given.family) return given;
   const { parameters, points, R, scale } = data.family;
   const moved = parameters.filter((p) => p.moved);
-  const at = moved.map((p, k) => ((state[`p${k}`] / scale[k] - p.low) / (p.high - p.low)) * (points - 1));
+  const share = (value, p) => (p.log ? Math.log(value / p.low) / Math.log(p.high / p.low) : (value - p.low) / (p.high - p.low));
+  const at = moved.map((p, k) => share(state[`p${k}`] / scale[k], p) * (points - 1));
   const base = at.map((x) => Math.min(Math.max(Math.floor(x), 0), points - 2));
   const out = new Array(data.family.tau.length).fill(0);
   for (let corner = 0; corner < 2 ** moved.length; corner++) {
