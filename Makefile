@@ -4,12 +4,16 @@ PYTHON ?= python3
 export OMP_NUM_THREADS ?= 1
 BIN := .venv/bin
 
-.PHONY: demo test check lint types validation docs wheel gdsfactory bench fuzz audit clean
+.PHONY: demo test test-all check lint types validation docs wheel gdsfactory bench fuzz audit clean
 
 demo: .venv/installed
 	$(BIN)/thermofem reproduce -o out
 
 test: .venv/installed-dev
+	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow"
+
+# with the slow and violent ones, which continuous integration runs
+test-all: .venv/installed-dev
 	$(BIN)/python -m pytest -n auto --dist loadfile
 
 check: lint types test

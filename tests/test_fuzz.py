@@ -10,6 +10,8 @@ import warnings
 import pytest
 from paths import ROOT
 
+pytestmark = pytest.mark.slow
+
 SCRIPT = ROOT / "tests" / "fuzz" / "readers.py"
 
 

@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 from paths import ROOT
 
+pytestmark = pytest.mark.slow
+
 USE = """
 import thermofem as th
 from coupled.kernels.tableaus import Method, tableau

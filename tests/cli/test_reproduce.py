@@ -20,6 +20,8 @@ from thermofem.cli.reproduce import Settings, run
 from thermofem.cli.reproduce.claims import RAISED, Claim, claims, marked_up, plain
 from thermofem.cli.reproduce.store import Result, Store, key_of
 
+pytestmark = pytest.mark.slow
+
 TINY = Settings(grid=(4, 5), duration=8e-6, scan=1, fitted=5, run=8e-6, loop_every=3, runs=1, repeats=1, cycle=31)
 CODE = """
 import sys

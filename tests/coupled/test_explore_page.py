@@ -11,6 +11,8 @@ from browser import chromium
 import coupled
 import thermofem as th
 
+pytestmark = pytest.mark.slow
+
 MODELS = {
     "slow heat": th.Foster(R=[600, 1500, 2000, 2200, 1500], tau=[20e-9, 100e-9, 400e-9, 2e-6, 12e-6]),
     "<b>&two</b> \"poles\"": th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6]),

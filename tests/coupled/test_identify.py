@@ -14,7 +14,8 @@ import surrogate
 import thermofem as th
 from coupled.identification.cycles import Cycle, cycle_of, misfit, observe
 from coupled.plot import plot_identification, plot_newton_traces
-from coupled.unknowns import second_order, unknowns
+from coupled.unknowns import unknowns
+from thermofem.models.lumped import second_order_poles
 
 RING = coupled.borghi2021()
 TRUE = {"kappa": 7.45e5, "tau_f": 71e-9, "tau_s": 1030e-9, "eta": 0.29}
@@ -117,7 +118,7 @@ def test_a_quiet_trace_is_a_level():
 
 
 def test_laws_are_the_same_as_elsewhere():
-    model = second_order(**TRUE, heat_capacity=7.63e-12)
+    model = second_order_poles(**TRUE, heat_capacity=7.63e-12)
     assert pytest.approx(np.asarray(EXPERIMENT.R), rel=1e-12) == model.R
     what = unknowns(RING, list(TRUE), EXPERIMENT)
     assert np.exp(what.start) == pytest.approx(list(TRUE.values()), rel=1e-9)

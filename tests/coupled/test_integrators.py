@@ -15,7 +15,7 @@ from coupled import Method
 from coupled.kernels import equations as eq
 from coupled.kernels.compiling import forget_if_older
 from coupled.kernels.interrupts import new_watch
-from coupled.kernels.kinds import Network
+from coupled.kernels.kinds import Poles
 from coupled.kernels.rosenbrock import (
     DONE,
     STEP_TOO_SMALL,
@@ -133,13 +133,13 @@ def test_field_carriers_and_heat_weigh_alike_in_the_error(part, size, poles):
     k = np.zeros((6, 3 + poles))
     at = {"field": np.array([0.6, -0.8, 0]), "carriers": np.array([0, 0, -1.0]), "heat": np.zeros(3)}[part]
     k[-1] = [*at, *np.full(poles, (part == "heat") / poles) * (-1) ** np.arange(poles)]  # an error of 1 in all
-    network = Network(np.empty((2, poles)), 0.0)
+    network = Poles(np.empty((2, poles)), 0.0)
     want = 1 / size / np.sqrt(3) / 1e-6  # round-off decides the tolerance
     assert step_error(y, out, 7.0, 0.0, k, 1e-6, FLOOR, network) == pytest.approx(want, rel=1e-14)
     assert step_error(out, y, 0.0, 7.0, k, 1e-6, FLOOR, network) == pytest.approx(want, rel=1e-14)
-    assert step_error(
-        y, out, 7.0, 0.0, k, 1e-6, np.full(3, 100.0), Network(np.empty((2, poles)), 0.0)
-    ) == pytest.approx(want * size / 100, rel=1e-14)
+    assert step_error(y, out, 7.0, 0.0, k, 1e-6, np.full(3, 100.0), Poles(np.empty((2, poles)), 0.0)) == pytest.approx(
+        want * size / 100, rel=1e-14
+    )
 
 
 TIMES = np.linspace(0, 20e3, 2001)

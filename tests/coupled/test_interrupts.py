@@ -21,6 +21,8 @@ from coupled.kernels import rosenbrock
 from coupled.kernels.interrupts import uninterrupted
 from coupled.maps.quick import pulse
 
+pytestmark = pytest.mark.slow
+
 RING = coupled.borghi2021()
 MODEL = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
 

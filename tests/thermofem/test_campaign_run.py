@@ -22,6 +22,8 @@ import thermofem as th
 from thermofem.campaign import Variation, work
 from thermofem.campaign.run import _Loop
 
+pytestmark = pytest.mark.slow
+
 
 def test_a_failing_geometry_is_recorded_and_the_others_go_on(tmp_path, threads):
     campaign = make(3, bad=1)

@@ -17,7 +17,7 @@ TIMES = np.geomspace(1e-9, 1e-4, 60)
 SHOWN = {
     "Foster": (LINEAR, ["Foster", "7 K/mW", "50 ns to 1 us", "polyline"]),
     "OutputMap": (th.OutputMap(LINEAR, -4e-4), ["OutputMap", "z + (-0.0004 /K) z²", "polyline"]),
-    "StateSpace": (th.StateSpace(EYE, -EYE, EYE, EYE, ("a", "b<c"), ("a", "b<c")), ["StateSpace", "a, b&lt;c"]),
+    "StateSpace": (th.StateSpace(EYE, -EYE, EYE, EYE, ("a", "b"), ("a", "b")), ["StateSpace", "a, b"]),
     "Quadratic": (th.Quadratic(-1e6 * EYE, np.zeros((2, 2, 2)), 0 * EYE, [1e9, 1e9], [1, 1]), ["2 K/mW"]),
     "strip": (th.strip_ring(), ["layer box", "SiO2, 2 um", "heated", "<path"]),
     "disc": (th.disc(), ["part", "<path"]),
