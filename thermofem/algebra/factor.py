@@ -72,8 +72,24 @@ class Pencil:
         self._asked = (0.0, 0.0), (0.0, 0.0)  # the last combination, and its key
         self._own: dict[tuple[float, float], Solve] = {}
         self._seen: dict[tuple[float, float], int] = {}
+        self._spare: list[Any] = []  # qdldl's solvers with an ordering and a symbolic factorization for these places
         self._lock = threading.Lock()
         self.factorizations = 0
+
+    def inherit(self, other: Pencil) -> None:
+        """Take over the factors of another pencil with the same places: their ordering and symbolic part are kept.
+
+        The other one makes its factors again if it is asked once more. Nothing happens where the places differ.
+        """
+        if self is other or not np.array_equal(self._places, other._places) or _qdldl(self._shape[0]) is None:
+            return
+        with other._lock:
+            solvers = [*other._spare, *(solve.__self__ for solve in other._own.values())]  # type: ignore[attr-defined]
+            solvers += [] if other._shared is None else [other._shared]
+            other._spare, other._shared, other._there = [], None, None
+            other._own.clear()
+        with self._lock:
+            self._spare += solvers
 
     def places(self, matrix: Any) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
         """Where the entries of a symmetric matrix on and above its diagonal stand in `replace`, and their values."""
@@ -133,6 +149,8 @@ class Pencil:
 
     def _replace(self, key: tuple[float, float], matrix: Any) -> None:
         """The numbers of another combination in the shared place."""
+        if self._shared is None and self._spare:
+            self._shared = self._spare.pop()
         if self._shared is None:
             self._shared = _qdldl(self._shape[0]).Solver(matrix, upper=True)
         else:
@@ -143,7 +161,13 @@ class Pencil:
         """A factorization of its own."""
         if len(self._own) >= CACHE:
             del self._own[next(iter(self._own))]
-        self._own[key] = solve = factorize(matrix, upper=True)
+        if self._spare:
+            solver = self._spare.pop()
+            solver.update(matrix, upper=True)
+            solve: Solve = solver.solve
+        else:
+            solve = factorize(matrix, upper=True)
+        self._own[key] = solve
         return solve
 
 

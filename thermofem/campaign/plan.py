@@ -170,6 +170,7 @@ class Campaign:
             read=self.read,
             accuracy=self.accuracy,
             rtol=self.rtol,
+            base=self.geometry if self.variations else "",
         )
 
     def run(

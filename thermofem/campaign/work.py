@@ -42,6 +42,8 @@ class Task:
         the varied quantities as JSON.
     schedules, heated, read, accuracy, rtol
         as in `Campaign`.
+    base : str
+        text of the geometry file whose mesh is moved to this geometry where that keeps the accuracy; "" for none.
     """
 
     key: str
@@ -52,6 +54,7 @@ class Task:
     read: tuple[str, ...]
     accuracy: float
     rtol: float
+    base: str = ""
 
 
 @dataclass(frozen=True)
@@ -115,9 +118,9 @@ def compute(task: Task) -> Outcome:
 
 def _assemble(task: Task) -> HeatProblem:
     from ..geometry import CrossSection
-    from ..heat import assemble
+    from .follow import assemble_like
 
-    heat = assemble(CrossSection.from_toml_text(task.geometry), task.accuracy)
+    heat = assemble_like(task.base, CrossSection.from_toml_text(task.geometry), task.accuracy)
     heat.channels(task.heated or heat.heated[0], task.read or None)
     return heat
 

@@ -1,0 +1,43 @@
+"""Members of a campaign on moved meshes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import thermofem as th
+from thermofem.campaign import follow
+from thermofem.campaign.follow import Leader, assemble_like
+
+
+@pytest.fixture(scope="module")
+def leader():
+    return Leader(th.strip_ring(), 1e-3)
+
+
+@pytest.mark.parametrize("changes", [{"radius": 5e-6, "width": 550e-9}, {"radius": 11e-6, "box": 1.2e-6}])
+def test_a_member_on_the_moved_mesh_keeps_the_accuracy(leader, changes, needs_mesher):
+    geometry, times = th.strip_ring(**changes), np.geomspace(1e-9, 1e-4, 26)
+    heat, fine = leader.follow(geometry), th.assemble(geometry, 1e-4)
+    assert np.array_equal(heat.mesh.triangles, leader.motion.mesh.triangles)
+    assert heat.mesh_error() <= 1e-3
+    own, exact = (th.solve(each, th.Constant(1.0), times, rtol=1e-5).delta_T.values for each in (heat, fine))
+    assert np.abs(own / exact - 1).max() < 1e-3
+    # factors that were taken over from the member before give the same answer as new ones
+    alone = th.assemble(geometry, 1e-3).thermal_resistance()
+    assert heat.thermal_resistance() == pytest.approx(alone, rel=1e-3)
+
+
+def test_factors_are_inherited_and_the_one_before_makes_its_own_again(leader):
+    first, second = leader.follow(th.strip_ring(width=460e-9)), leader.follow(th.strip_ring(width=470e-9))
+    again = first.discretization.factors.solve(0.0, 1.0, first.system.B[:, 0])
+    assert first.system.C[0] @ again == pytest.approx(first.thermal_resistance(), rel=1e-9)
+    assert second.thermal_resistance() < first.thermal_resistance()
+
+
+def test_a_member_whose_mesh_cannot_follow_gets_its_own(leader, needs_mesher, monkeypatch):
+    assert leader.follow(th.heated_ring()) is None  # other faces
+    monkeypatch.setattr(follow, "FLATTEST", 0.99)
+    assert leader.follow(th.strip_ring(radius=5e-6)) is None
+    heat = assemble_like(th.strip_ring().to_toml(), th.heated_ring(), 1e-2)
+    assert heat.heated == ("core", "heater")
