@@ -43,8 +43,7 @@ from typing import Any
 from thermofem import checks, quantity, toml_file
 from thermofem.checks import InputError
 
-from ..resonator import RingResonator
-from ..ring_toml import BASES
+from ..resonator import PUBLISHED, RingResonator
 from .circuit import Circuit
 from .parts import Detector, LaserPort, Splitter, Waveguide
 
@@ -121,9 +120,9 @@ def _ring(values: dict[str, Any], folder: Path | None) -> RingResonator:
     """The ring of a table: a published set or a file, its resonance shifted."""
     where = f"ring {values['name']!r}"
     if ("base" in values) == ("file" in values):
-        raise InputError(f"{where}: give base (one of {', '.join(BASES)}) or file")
+        raise InputError(f"{where}: give base (one of {', '.join(PUBLISHED)}) or file")
     if "base" in values:
-        ring = BASES[checks.choice(f"{where}: base", values["base"], BASES)]()
+        ring = PUBLISHED[checks.choice(f"{where}: base", values["base"], PUBLISHED)]()
     else:
         ring = RingResonator.from_toml((folder or Path()) / values["file"])
     return replace(ring, frequency=ring.frequency + values.get("shift", 0.0))
