@@ -27,7 +27,8 @@ def table(content: Mapping[str, Any], which: str, dimensions: int) -> NDArray[np
     try:
         found = np.array(content[which], dtype=float)
     except ValueError:
-        raise checks.InputError(f"{which} must be a rectangular table of numbers") from None
+        raise checks.InputError(f"{which} must hold rectangular tables of numbers") from None
     if found.ndim != dimensions:
-        raise checks.InputError(f"{which} has {found.ndim} dimensions; {dimensions} are needed")
+        needed = {1: "a list of numbers", 2: "a table of rows"}[dimensions]
+        raise checks.InputError(f"{which} has {found.ndim} dimensions; {needed} is needed")
     return checks.numbers(which, found)
