@@ -105,8 +105,8 @@ def valid_range(curve: xr.Dataset, *, within: float = 0.1) -> tuple[float, float
     """Shortest and longest period (s) of the widest stretch where |relative error| <= ``within``.
 
     Its ends are interpolated between the curve's periods, in their logarithm; where the curve ends within, so does the
-    stretch. A stretch of less than an octave, `OCTAVE`, is none (unless it is the whole curve): every error curve that
-    changes sign is within any limit for a moment, and a period is known from the model only. (nan, nan) without one.
+    stretch. A stretch of less than an octave, `OCTAVE`, does not count unless it is the whole curve: an error that
+    crosses zero is small at one period only, and that period is not known beforehand. (nan, nan) if there is none.
     """
     checks.positive("within", within, hint="0.1 is ten percent")
     if not {"period", "relative_error"} <= set(getattr(curve, "variables", ())):

@@ -188,7 +188,7 @@ def choice(name: str, value: str, choices: Iterable[str], *, hint: str = "") -> 
 
 
 def symmetric(name: str, matrix: Any, *, hint: str = "") -> None:
-    """Raise InputError unless a matrix, dense or sparse, is symmetric and finite but for what assembly leaves of it."""
+    """Raise InputError unless a matrix, dense or sparse, is finite, and symmetric up to round-off."""
     mirrored = matrix.T
     if getattr(matrix, "format", "") in ("csr", "csc") and matrix.nnz and matrix.has_canonical_format:
         mirrored = mirrored.asformat(matrix.format)

@@ -148,7 +148,7 @@ def drive_of(data: xr.Dataset) -> Drive:
     if times.size < FEWEST:
         raise checks.InputError(f"data has {times.size} samples; at least {FEWEST} are needed to train anything")
     if np.ptp(rise) <= 0:
-        raise checks.InputError("data.delta_T does not move; there is nothing to train on")
+        raise checks.InputError("data.delta_T is constant; training needs a temperature that varies")
     if "waveform" in data.attrs:
         wave = waveforms.from_json(data.attrs["waveform"])
         _check_power(data, wave, times)

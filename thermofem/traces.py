@@ -197,7 +197,7 @@ def _rise(table: Table, place: int, given: str | None, said: list[str], warned: 
 def _start(t: Array, y: Array, wave: Waveform, given: float | None, said: list[str]) -> float:
     """When the heating begins, on the file's clock."""
     if np.ptp(y) <= 0:
-        raise InputError("the temperature is constant; there is nothing to train on")
+        raise InputError("the temperature is constant; training needs a temperature that varies")
     if given is not None:
         if not t[0] <= given < t[-1]:
             raise InputError(f"the start of the heating at {given:g} s is outside the table, {t[0]:g} to {t[-1]:g} s")

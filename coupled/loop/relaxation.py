@@ -110,7 +110,7 @@ class Relaxation:
             if (stop - start) / 2 < SHORTEST:
                 raise checks.InputError(
                     f"the co-simulation stops at t = {start:g} s: {reason} even in a window of {stop - start:g} s; "
-                    "does the corrector answer the same when asked the same?"
+                    "does the corrector return the same result for the same power?"
                 )
             self.index, self.level = 2 * self.index, self.level + 1
 

@@ -27,7 +27,7 @@ System = TypeVar("System", bound=Any)  # a dataclass that is a LinearSystem
 SHIFTS = 4  # 0, and three from 30 times the slowest to 300 times the fastest of `rates`
 ROOM = 32  # columns that a space has room for at first
 CYCLES = 5  # 20 fields a heated part: Z(f) within 2e-5 of R_th up to 3 GHz (measured on strip, rib, heated ring)
-REFUSAL = "the system is none of heat flow: E and -A must be symmetric and positive definite"
+REFUSAL = "E and -A must be symmetric and positive definite, as for every heat problem"
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from .plan import Campaign, Case
 
 DEATHS = 2  # of the worker that had a geometry to itself, before it is given up
-FOREIGN = 64  # tasks under way on an Executor whose size is not ours to know
+FOREIGN = 64  # limit of pending tasks for a user-supplied executor
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What a file holds, and which command takes it: a word for who gave one kind in the place of another."""
+"""The kind of an input file; report a file of the wrong kind, with the command that takes it."""
 
 from __future__ import annotations
 

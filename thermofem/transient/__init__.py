@@ -1,4 +1,4 @@
-"""Full-order transients: in closed form, stepped, with stages for k(T) and c_p(T), and over windows of time."""
+"""Full-order transients: in closed form, by time stepping, with k(T) and c_p(T), and over successive time windows."""
 
 from .integration import integrate, integrate_periodic
 from .trajectory import Ledger

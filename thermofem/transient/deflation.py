@@ -1,17 +1,18 @@
-"""The full-order field advanced over windows of time under a power that spikes, at the price of a smooth one.
+"""Windowed integration of the full-order field whose cost does not depend on fast spikes of the power.
 
-The field is x = V z + r. A few fields V (`krylov`) follow the power in closed form, spikes and all; the rest
+The field is x = V z + r. The amplitudes z of a few fields V (`krylov`) follow the power in closed form, including
+its spikes. The remainder r obeys
 
     d/dt [E r + H(x) - E x] = (B - E V V^T B) P - D z - K r - [F(x) - K x],    D = K V - E V diag(rate)
 
-is the full-order problem itself, only that r is small and smooth, so a tolerance in kelvin lets it be integrated in
-long steps (ESDIRK, as `thermofem.transient`). Nothing is left out: with any V, even none, x solves the full equations;
-V decides the work. F and H are those of `nonlinear`; where nothing depends on temperature they are K x, E x.
+which is the full-order problem. Because r is small and smooth, a tolerance in kelvin allows long steps (ESDIRK, as in
+`thermofem.transient`). The method is exact for any V, even an empty one; V only changes the work. F and H are those of
+`nonlinear`; without temperature dependence they are K x and E x.
 
-Within a step the power enters r through its best cubic, so its energy is exact. What the cubic leaves, P - P_3, moves
-the output by at most about max|P - P_3| times what V leaves of the impedance at the time scales of the step and below,
-|H - H_V|(1/(gamma h)); this, the embedded error estimate and the error of the interpolation inside the step, taken at
-its third stage, are each held below a share of the tolerance.
+Within a step the power enters r through its best cubic approximation P_3, which preserves the energy. The difference
+P - P_3 changes the output by at most about max|P - P_3| |H - H_V|(1/(gamma h)), the part of the impedance that V does
+not contain, at the time scales of the step and below. This error, the embedded error estimate and the error of the
+interpolation at the third stage are each kept below a fixed share of the tolerance.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ class State:
     time : float, s
     z, r : array, shape (k,) and (n,)
     slope : array, shape (n,)
-        E^-1 d/dt of what stands in brackets in the module's equation, as the last step left it.
+        E^-1 times the time derivative in the equation of the module, at the end of the last step.
     source : array, shape (inputs + k,)
         the P and z that this slope was computed with.
     step : float, s

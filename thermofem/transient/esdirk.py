@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 _R2 = np.sqrt(2.0)
 GAMMA = 0.25
 FINEST_FIT = 1e-8  # of a smooth power by a cubic, relative to its peak
-FAR = 0.1  # of its share in the field: below it, a probe's own value is no measure of its error
+FAR = 0.1  # of a probe's steady share of the field: the smallest scale to which the probe's error is relative
 STAGE_TIMES = np.array([0, 1 / 2, (2 - _R2) / 4, 5 / 8, 26 / 25, 1])
 STAGES = np.zeros((6, 6))  # strictly lower part; the diagonal is GAMMA
 STAGES[1, 0] = 1 / 4
@@ -65,7 +65,7 @@ _EXTRAPOLATE = np.array(
 
 
 class Stepper:
-    """One linear system and its waveforms, with the factorizations of E - shift A; counts what it does.
+    """One linear system and its waveforms, with the factorizations of E - shift A and counts of solves and steps.
 
     ``factors``: those of E and -A where the caller keeps them.
     """
@@ -120,8 +120,8 @@ class Stepper:
     def resolves(self, t: float, h: float) -> bool:
         """Whether no smooth power changes too fast for a step from ``t`` to ``t + h``.
 
-        Between two knots a power is one cubic within rtol; a step of twice the shortest such interval that it touches
-        samples the power on both sides of what happens there, so the error estimate sees it.
+        Between two knots a power equals one cubic within rtol. A step of at most twice the shortest interval that it
+        touches samples the power on both sides of every fast change, so the error estimate includes it.
         """
         if not self._knots.size:
             return True

@@ -2,11 +2,10 @@
 
 Between two breakpoints of the waveforms (a piece of length L) every step is L/4^k for some k, so there are few step
 sizes, every factorization of E - gamma h A is used many times, and each breakpoint is met exactly. The error is
-controlled on every output and, in the energy norm, on the whole field; each is measured against the largest value it
-has had, an output also against a tenth (`esdirk.FAR`) of what it would be if the field of that size had its steady
-shape: what first reaches a probe far from the heat must not rule the steps. From rest the first step reaches for the
-first wanted time of the piece, which sets that scale: heat spreads with the square root of time, and nobody sees the
-scales below the first wanted one.
+controlled on every output and, in the energy norm, on the whole field. Each error is relative to the largest value so
+far; for an output that value is at least a tenth (`esdirk.FAR`) of the output of a steady field of the same norm. The
+small early signal at distant probes therefore does not set the step size. From rest the first step ends at the first
+wanted time of the piece: heat spreads with the square root of time, and shorter time scales are not observed.
 """
 
 from __future__ import annotations
@@ -259,8 +258,8 @@ class _Control:
     def first_rung(self, length: float, wanted: float) -> int:
         """Rung of the first step.
 
-        No longer than the first wanted time, than 16 times the last piece's first step, nor than the shortest rise: an
-        L-stable step across a whole transient ends right but knows nothing of what lies inside, nor does its estimate.
+        At most the first wanted time, 16 times the first step of the last piece, and the shortest rise time. An
+        L-stable step across a whole transient is accurate at its end only; its interior and its estimate are not.
         """
         first = min(wanted, 16 * self.first_step, self.shortest_rise)
         return max(0, int(np.ceil(np.log(length / first) / np.log(4) - 1e-9)))
@@ -322,7 +321,7 @@ class _Record:
         self.heat_out += energy * (self.ledger.direct if self.ledger else 0.0)
 
     def trajectory(self, x: Array) -> Trajectory:
-        """Close the books."""
+        """Return the trajectory with its energy balance."""
         s, audited = self.stepper, self.ledger is not None
         return Trajectory(
             times=self.times,

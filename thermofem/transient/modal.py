@@ -1,14 +1,13 @@
-"""Linear transients under straight-line powers, in closed form on a few fields that are grown until they suffice.
+"""Linear transients under piecewise-linear powers, in closed form on a Krylov basis that grows until it converges.
 
     x(t) = V z(t),    dz/dt = -rate z + V^T B P(t)          V^T M V = 1,  V^T K V = diag(rate)
 
-V is a rational Krylov space (`krylov.Rounds`); between the breakpoints of the waveforms P is a straight line and every
-z an exponential. Nothing is stepped, so only V can be wrong. Two more rounds through the shifts bring the heated part
-about thirty times, any other part and the field about five times nearer to the full-order answer (measured). What they
-change is thus many times what is missing, as long as the changes fall: the space grows until two changes in a row are
-below the tolerance at every wanted time, the second below half of the first; one alone may be an error that changes its
-sign. With the constant field in V the energy balance closes to round-off: it is a test function of the heat equation
-then.
+V is a rational Krylov basis (`krylov.Rounds`). Between the breakpoints of the waveforms P is a straight line and every
+z a sum of exponentials. There is no time step, so the basis is the only source of error. Two more rounds through the
+shifts reduce the error of the heated part about thirty times, and that of other parts and of the field about five times
+(measured). As long as successive changes fall they overestimate the remaining error. Growth stops after two consecutive
+changes below the tolerance at every wanted time, the second below half of the first; a single small change may be an
+error that changes its sign. The constant field is in V, so the energy balance closes to round-off.
 
 Sources: V. Druskin, L. Knizhnerman, M. Zaslavsky, SIAM J. Sci. Comput. 31, 3760 (2009) (rational Krylov spaces for
 parabolic problems); A. Ruhe, Linear Algebra Appl. 58, 391 (1984).
@@ -50,7 +49,7 @@ STALLED = 1e-2  # of the tolerance: below it a change counts as none, however sl
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What one size of the space says at every wanted time: z, shape (times, k), and outputs."""
+    """The solution on one basis at every wanted time: z, shape (times, k), and the outputs."""
 
     basis: Basis
     z: Array
@@ -101,8 +100,8 @@ class Modal:
         Returns
         -------
         Trajectory or None
-            None where a power is not straight between its breakpoints, the system is none of heat flow, the space
-            cannot grow, or the answer has not settled after `ROUNDS` rounds.
+            None where a power is not straight between its breakpoints, E or -A is not symmetric positive definite, the
+            space cannot grow, or the answer has not converged after `ROUNDS` rounds.
 
         Raises
         ------
@@ -126,7 +125,7 @@ class Modal:
                 return None  # the space cannot grow, so no change of the answer says that it has settled
             grown.add(size)
             basis = space.basis(size, None if ledger is None else np.ones(self.system.order))
-            if basis.rate[0] <= 0:  # a mode that grows: no heat flow
+            if basis.rate[0] <= 0:  # a growing mode: -A is not positive definite
                 return None
             z = sum(
                 pole_responses(basis.rate, wave, wanted, periodic=periodic) * column

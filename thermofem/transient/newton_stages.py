@@ -250,7 +250,7 @@ class _Nodal:
 
 
 class _Neighbour:
-    """The symmetric neighbour of the derivative of a `Lift`, as values in the places of a `Pencil`."""
+    """The symmetric approximation of the derivative of a `Lift`, as values in the places of a `Pencil`."""
 
     def __init__(self, lift: Lift, pencil: Pencil) -> None:
         self.ambient, self.laws = lift.ambient, []

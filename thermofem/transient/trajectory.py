@@ -1,4 +1,4 @@
-"""What a transient gives back, and the books of its heat."""
+"""The result of a transient and its energy balance."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Ledger:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """What a transient gives back.
+    """The result of a transient.
 
     Attributes
     ----------
