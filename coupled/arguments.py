@@ -1,4 +1,4 @@
-"""What the functions of the package check of the numbers they are given."""
+"""Checks of the numerical arguments of the package's functions."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from thermofem.waveforms import bounds
 from .inputs import pieces
 from .resonator import RingResonator
 
-SHORTEST = 1e-15  # s; the equations are those of an envelope, which knows no single cycle of the light
+SHORTEST = 1e-15  # s; the equations hold for the envelope of the field, so not within an optical cycle
 
-ROUND_OFF = 1e-7  # of the largest power: what the cubic fit of a function may fall below zero
+ROUND_OFF = 1e-7  # of the largest power: how far a cubic fit of a function may undershoot zero
 
 Array = NDArray[np.float64]
 
@@ -79,7 +79,7 @@ def detuning_in_time(detuning: Any, duration: float) -> Any:
 
 
 def _is_number(value: Any) -> bool:
-    """Whether an input is meant as a constant; what is neither that nor a function of time is named as no number."""
+    """Whether an input is a constant; the caller reports everything that is neither a number nor a function of time."""
     return not (callable(value) or isinstance(value, list | tuple) or hasattr(value, "breakpoints"))
 
 

@@ -1,6 +1,6 @@
-"""Light that changes with time: power and detuning of the laser as piecewise cubics, which the integration lands on.
+"""Laser power and detuning as piecewise cubics of time; the integration ends a step at every edge.
 
-Whatever drives a ring is a number, a waveform (`th.Function` for any function of time), a piecewise polynomial, or a
+An input of a ring is a number, a waveform (`th.Function` for any function of time), a piecewise polynomial, or a
 list of these, which add: a bias with a pulse on it is ``[2e-3, th.Pulse(power=1e-3, width=10e-9, start=5e-6)]``.
 """
 
@@ -26,7 +26,7 @@ DEGREE = 3
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """A detuning, or anything of either sign, through given samples, straight between them: a laser that sweeps.
+    """A detuning (or another signed quantity) that is linear between given samples, such as a swept laser.
 
     Keeps the contract of `thermofem.waveforms`; two samples at one time make a jump.
 
@@ -129,7 +129,7 @@ def add(parts: list[Pieces]) -> Pieces:
 
 
 def joint(*parts: Pieces) -> Array:
-    """The edges of all of them; closer ones than a round-off of the window are one."""
+    """The union of all edges; edges closer than round-off of the window are merged."""
     edges = np.unique(np.concatenate([part.edges for part in parts]))
     hair = 4e-16 * np.abs(edges[[0, -1]]).max()
     keep = np.concatenate([[True], np.diff(edges) > hair])

@@ -13,7 +13,7 @@ from thermofem import checks
 
 @dataclass(frozen=True)
 class ConstantLifetime:
-    """dN/dt = -N/tau: what most rings are modelled with, and right where carriers are swept out or few.
+    """dN/dt = -N/tau: the usual model, accurate at low carrier density and where carriers are swept out.
 
     Parameters
     ----------

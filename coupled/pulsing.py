@@ -1,4 +1,4 @@
-"""Does a trace pulse, and how: regime, period, duty cycle and swing."""
+"""Classify a trace, and measure period, duty cycle and swing of its pulses."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ DUTY_LEVEL = 0.45  # of the drop power between its minimum and its maximum; the 
 QUIET = 1e-4  # relative range of the carriers that is no oscillation (at least ten times rtol)
 SETTLED = 0.02  # relative change of an amplitude, or of the carriers at the end, that counts as none
 STEADY_PERIOD = 1e-5  # relative change of the period from cycle to cycle that counts as none
-GONE = 0.2  # share of the last amplitude: an oscillation that heads for less dies away
+GONE = 0.2  # share of the last amplitude: an oscillation whose limit is smaller decays to rest
 FINE = 12  # samples that a cycle needs at least
 THINNED = 40  # steps of the integration to one sample: fewer samples may show a slow beat instead of the pulses
 LONGEST_PATTERN = 4  # unequal pulses that repeat together
 
 
 class Regime(StrEnum):
-    """What a trace does at its end."""
+    """The behaviour of a trace at its end."""
 
     SELF_PULSING = "self-pulsing"
     STABLE = "stable"
@@ -81,9 +81,9 @@ class Pulsing:
 def pulsing(run: xr.Dataset) -> Pulsing:
     """Classify a trace of `simulate` by its carriers and measure its last cycle.
 
-    Cycles are counted where the carriers rise through the middle of their range, since the drop power has two maxima a
-    cycle. The trace pulses if it has two complete cycles, goes on to its end, and its amplitude has stopped falling. It
-    is a slow transient if it is still under way: in a falling oscillation, or within a period longer than the trace.
+    A cycle begins where the carriers rise through the middle of their range, because the drop power has two maxima per
+    cycle. The trace is self-pulsing if it has two complete cycles, oscillates until its end, and its amplitude does not
+    fall. It is a slow transient if the oscillation still decays or the trace is shorter than two periods.
     A run whose light or heaters vary in its second half is driven. The period is that of the last cycle of a transient;
     ``drift`` says by how much it still moves.
 
@@ -193,14 +193,14 @@ def _until_settled(tops: Array, passed: float) -> float:
 
 
 def _alternate(heights: Array) -> bool:
-    """Whether the last pulses are larger and smaller in turn, and not by less and less."""
+    """Whether large and small pulses alternate at the end with a difference that does not decay."""
     steps = np.diff(heights[-4:])
     turned = steps.size >= 2 and bool(np.all(steps[1:] * steps[:-1] < 0))
     return turned and abs(steps[-1]) > SETTLED * heights[-1] and abs(steps[-1]) > 0.5 * abs(steps[-2])
 
 
 def _varying(run: xr.Dataset, t: Array) -> str:
-    """What of light and heaters varies in the second half of a run, in words; empty where nothing does."""
+    """Names of the inputs that vary in the second half of a run; empty if none does."""
     late = t >= (t[0] + t[-1]) / 2
     names = {"input_power": "the power", "detuning": "the detuning"}
     names |= {
@@ -215,7 +215,7 @@ def _varying(run: xr.Dataset, t: Array) -> str:
 
 
 def pattern(heights: Array, waits: Array, noise: float = QUIET) -> int:
-    """How many cycles repeat together: the smallest number after which heights and lengths return, or 1 if none does.
+    """Number of cycles in one period of the pulse pattern: heights and lengths repeat after it; 1 if nothing repeats.
 
     Three repetitions are needed, so that a drift is no pattern. Pulses that differ by less than 2 % count as unequal,
     too, where they return five times as well after several: near a period doubling the difference is small.
@@ -283,7 +283,7 @@ def _duty(t: Array, drop: Array, begin: float, end: float) -> float:
 
 
 def _under_way(t: Array, N: Array, swing: float, cycles: int) -> Pulsing:
-    """A trace with fewer than two cycles, or whose cycles have ended: at rest, or still moving."""
+    """Classify a trace with fewer than two cycles, or whose oscillation has ended, as stable or as a slow transient."""
     tail = N[t >= t[-1] - (t[-1] - t[0]) / 4]
     before, after = np.diff(np.interp(t[-1] - (t[-1] - t[0]) * np.array([1 / 4, 1 / 8, 0]), t, N))
     ratio = np.clip(after / before, 0, 0.95) if before else 0.0

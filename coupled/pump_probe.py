@@ -1,4 +1,4 @@
-"""Free carriers after a pump pulse: their decay, the lifetime at every instant, and what such a decay determines."""
+"""Decay of free carriers after a pump pulse, their lifetime over time, and the fit of a measured decay."""
 
 from __future__ import annotations
 

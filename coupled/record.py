@@ -1,4 +1,4 @@
-"""What a run is stored as: its traces in SI, and where they come from."""
+"""Contents of the Dataset of a run: traces in SI and provenance."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ Array = NDArray[np.float64]
 
 
 def origin(kind: str, ring: RingResonator) -> dict[str, Any]:
-    """What every Dataset of the package says of itself: its kind and its ring."""
+    """Attributes of every Dataset of the package: its kind and its ring."""
     return dataset.stamp(kind) | {"ring": ring.name, "ring_parameters": json.dumps(asdict(ring))}
 
 
 def provenance(ring: RingResonator, light: dict[str, Any], duration: float) -> dict[str, Any]:
-    """What every run says of its ring and its laser."""
+    """Attributes of every run: ring and laser."""
     return {
         **origin("coupled", ring),
         **{name: value for name, value in light.items() if isinstance(value, float)},
@@ -34,7 +34,7 @@ def provenance(ring: RingResonator, light: dict[str, Any], duration: float) -> d
 
 
 def traces(ring: RingResonator, run: Window, light: dict[str, Any]) -> dict[str, Array]:
-    """Everything that is drawn over time, in SI."""
+    """All time traces of a run, in SI."""
     U = np.abs(run.field) ** 2
     stop = max(float(run.reached), float(run.time[-1]))
     at = {

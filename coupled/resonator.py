@@ -1,4 +1,4 @@
-"""The ring as light and carriers see it: every number a caller may vary, and the rates that follow from them."""
+"""Optical and carrier parameters of a ring, and the rates that follow from them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _VOLUME_HINT = "volumes are in m^3 (1 um^3 is 1e-18)"
 
 @dataclass(frozen=True)
 class RingResonator:
-    """Silicon ring on one bus or two: resonance, losses, and the ways in which its own light detunes and damps it.
+    """Silicon ring on one or two buses: resonance, losses, and nonlinear detuning and damping.
 
         da/dt = [i D - gamma] a + i sqrt(2 gamma_e P),                       |a|^2 = U in J
         D     = -(w0/n0) [(dn/dT) dT + S(N)] - kerr U - 2 pi detuning,       S(N) = sum_k c_k N^p_k
@@ -114,7 +114,7 @@ class RingResonator:
             checks.between(f"{kind}_confinement", getattr(self, f"{kind}_confinement"), 0, 2)
             volume = getattr(self, f"{kind}_volume")
             checks.between(f"{kind}_volume", volume, 1e-22, 1e-12, unit="m^3", hint=_VOLUME_HINT)
-        for name in ("loss_rate", "drop_rate", "scattering_rate"):  # none, or one that is no slip of a unit
+        for name in ("loss_rate", "drop_rate", "scattering_rate"):  # zero, or in a range that excludes errors of units
             if getattr(self, name) != 0 and not (name == "drop_rate" and self.drop_rate is None):
                 checks.between(name, getattr(self, name), 1e5, 1e13, unit="1/s", hint=_RATE_HINT)
         hint = "silicon has 4.5e-18 m^2/W"
@@ -232,7 +232,7 @@ class RingResonator:
         perimeter: float | None = None,
         mode_area: float | None = None,
     ) -> RingResonator:
-        """Return a ring from what a transmission spectrum and a layout tell.
+        """Return a ring from quantities that a transmission spectrum and a layout give.
 
             gamma = w0/(2 Q_L),   gamma_i + gamma_s = w0/(2 Q_i),   V = perimeter x mode_area
 

@@ -1,4 +1,4 @@
-"""The ring file: TOML text with units in, a `RingResonator` out.
+"""Read a ring file, TOML with units, into a `RingResonator`.
 
 ```toml
 name = "rib ring 3"

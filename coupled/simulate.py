@@ -1,4 +1,4 @@
-"""Light into a ring: the time traces of energy, carriers, temperature and port powers."""
+"""Time traces of a driven ring: energy, carriers, temperature and port powers."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def simulate(
 
 
 def check_method(method: Method | str | None) -> Method | None:
-    """Return the method that is meant, by name or member."""
+    """Return the integration method of a name or member."""
     if method is None:
         return None
     return Method(checks.choice("method", str(method).lower(), [m.value for m in Method]))

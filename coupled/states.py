@@ -1,4 +1,4 @@
-"""What a ring holds at one moment: light, carriers and heat, from which a run can go on."""
+"""The state of a ring at one time (field, carriers, heat), from which a run can continue."""
 
 from __future__ import annotations
 

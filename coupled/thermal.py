@@ -16,7 +16,7 @@ NEEDED = (
     "a thermal model is needed: thermofem.Foster, StateSpace, OutputMap or Quadratic, a Network or Cauer ladder, a fit "
     "or a reduction; coupled.cosimulate takes the FEM itself"
 )
-SETTLING = 10  # times what a step of heat takes to its last 5 %
+SETTLING = 10  # times the time in which the step response reaches 95 %
 LARGEST = 500  # poles; a certified reduction needs 10 to 40, and the time of a step grows with their number
 
 
@@ -89,12 +89,12 @@ def attributes(model: Compact) -> dict[str, Any]:
 
 
 def long_enough(model: ThermalModel) -> float:
-    """How long a run from cold should be, s, so that it says whether a ring with this heat pulses.
+    """Duration in s of a run from cold that is long enough to tell whether the ring pulses.
 
-    Ten times what a step of heating takes to 95 % of its rise, in two digits. Measured on 54 points, 3 to 10 dBm or a
-    fifth of it, of the rings of 2021 and 2012 with the second-order equation, ten and a hundred times as slow, and
-    reductions of the reference strip, ten times as slow, and of one over a cavity: no point was a slow transient then;
-    up to two were after half of that, 30 of the cavity's after 20 us.
+    Ten times the time in which the step response reaches 95 % of its static value, rounded to two digits. Measured on
+    54 points (powers of 3 to 10 dBm and a fifth of them; the rings of 2021 and 2012 with the second-order equation,
+    also ten and a hundred times slower, and reductions of two geometries): with this duration no point was a slow
+    transient, with half of it up to two were. For the ring over a cavity 30 points were after 20 us.
     """
     small, times = compact(model), np.geomspace(1e-10, 1.0, 10_001)
     left = np.flatnonzero(small.step_response(times) < 0.95 * small.thermal_resistance)

@@ -1,4 +1,4 @@
-"""What `identify` may vary: fields of the ring, of its carriers and of the thermal law, by name, in logarithms."""
+"""Free parameters of `identify`: fields of the ring, of its carriers and of the thermal law, as logarithms."""
 
 from __future__ import annotations
 

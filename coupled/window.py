@@ -1,4 +1,4 @@
-"""One window of time through a ring, from a given state: what `simulate` and the co-simulation are made of."""
+"""Integration of a ring over one time window from a given state; `simulate` and the co-simulation use it."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Event(NamedTuple):
 
 
 class Window(NamedTuple):
-    """What `advance` returns, in SI. The rows are the accepted steps, or the wanted times."""
+    """Result of `advance` in SI; rows are the accepted steps or the wanted times."""
 
     time: Array
     field: NDArray[np.complex128]
@@ -207,7 +207,7 @@ def constant_laser(start: float, stop: float, drive: float, detuning: float) -> 
 
 
 def check_end(counts: NDArray[np.int64], reached: float, duration: float, rtol: float) -> None:
-    """Raise where an integration gave up; ``reached`` in ns, ``duration`` in s."""
+    """Raise if an integration did not reach its end; ``reached`` in ns, ``duration`` in s."""
     from .kernels import rosenbrock
 
     if counts[2] == rosenbrock.TOO_MANY_STEPS:
@@ -224,8 +224,8 @@ def check_end(counts: NDArray[np.int64], reached: float, duration: float, rtol: 
 def floor_of(rates: Rates, drive: float, thermal_resistance: float) -> Array:
     """Sizes of field, carriers and temperature, in internal units, below which errors are not relative to them.
 
-    A thousandth of what the ring would hold on resonance if its loss stayed that of the cold one, or of 1e23 carriers
-    per m^3 and 10 K where that is less: far below what shifts the resonance by its width.
+    A thousandth of the values on resonance with the loss of the cold ring, but at most a thousandth of 1e23 carriers
+    per m^3 and of 10 K. These values are far below those that shift the resonance by its width.
     """
     U = (drive / rates.loss) ** 2
     N = rates.tau0 * (rates.a / rates.b if rates.b > 0 else 1.0) * rates.g * U**2

@@ -1,1 +1,1 @@
-"""FEM in the loop: a small model predicts, the full-order problem corrects."""
+"""Co-simulation with the full-order FEM: a small thermal model predicts, the FEM corrects."""

@@ -1,14 +1,14 @@
-"""What keeps a co-simulation right: a program that knows how hot the core gets, and the FEM as one of them.
+"""Correctors of a co-simulation: programs that compute the temperature of the core, the FEM among them.
 
-Contract of a `Corrector` (COMSOL behind a socket, NGSolve, a measured device: anything that keeps it may be one):
+Contract of a `Corrector`. Any object that satisfies it can be used: COMSOL behind a socket, NGSolve, a measured device.
 
 1. ``corrector.advance(times, power)`` returns the mode-averaged rise dT in K at ``times`` (s, increasing), under the
    absorbed power ``power(t)`` in W, which may be called with any times between the first and the last.
 2. It starts from the accepted state, which belongs to ``times[0]``. It may be called again for the same window, or for
    a shorter one, with another power: each call starts from the same accepted state.
 3. ``corrector.accept()`` makes the end of the last call the accepted state. The first window starts at t = 0.
-4. What else heats the device (a heater, a neighbour) is the corrector's own affair.
-5. ``corrector.summary()`` returns numbers worth keeping with the result; it may be left out.
+4. The corrector itself includes all other heat sources, such as a heater or a neighbouring ring.
+5. ``corrector.summary()`` returns numbers that are stored with the result; this method is optional.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ SHARE = 0.3  # of the tolerance of the co-simulation, for the FEM's own steps
 
 
 class Corrector(Protocol):
-    """Power in, temperature out, window by window; the numbered contract stands in the module's docstring."""
+    """Absorbed power in, temperature out, window by window; the docstring of the module has the numbered contract."""
 
     def advance(self, times: Array, power: Waveform) -> Array:
         """Rise in K at ``times`` from the accepted state."""
@@ -60,7 +60,7 @@ class FEM:
     field_times : array, s
         when the whole temperature field is kept.
     cycles : int
-        size of the Krylov basis (`thermofem.transient.krylov`); it decides the work, not the answer.
+        size of the Krylov basis (`thermofem.transient.krylov`); it changes the work, not the result.
     """
 
     def __init__(
@@ -131,7 +131,7 @@ class FEM:
         return foster(self.basis.reduced(self.linear).channel(self.heated, self.heated))
 
     def background(self, times: Array, reduced: StateSpace | None = None) -> Array:
-        """Rise in K that a reduction with all inputs, by default the Krylov one, expects from the heaters."""
+        """Rise in K caused by the heaters, from a reduced model with all inputs (default: the Krylov reduction)."""
         reduced, rise = reduced or self.basis.reduced(self.linear), np.zeros(np.size(times))
         for name, wave in self.heaters.items():
             if name in reduced.inputs:
@@ -139,7 +139,7 @@ class FEM:
         return rise
 
     def summary(self) -> dict[str, Any]:
-        """What the FEM is and did, and its heat balance in J."""
+        """Size of the FEM, number of steps and solves, and its heat balance in J."""
         s, state = self.field.stepper, self.state
         stored = self.field.stored(state)
         scale = max(abs(state.heat_in), abs(stored), abs(state.heat_out))

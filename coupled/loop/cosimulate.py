@@ -48,8 +48,9 @@ def cosimulate(
 ) -> xr.Dataset:
     """Switch the laser on at t = 0 on a cold, empty ring and integrate it together with the full-order heat problem.
 
-    The equations are those of `simulate`; its thermal model only predicts. Window by window (`relaxation`) the
-    corrector takes the absorbed power, and the difference of temperatures is fed back until it is below ``tolerance``.
+    The equations are those of `simulate`; the thermal model only predicts. In each time window (`relaxation`) the
+    corrector receives the absorbed power and returns the temperature. The difference from the predicted temperature is
+    fed back, and the window is repeated until the difference is below ``tolerance``.
 
     Parameters
     ----------
@@ -60,7 +61,7 @@ def cosimulate(
     power, detuning, duration : W, Hz, s
         as in `simulate`: numbers or waveforms.
     predictor : ThermalModel, optional
-        any model that `simulate` takes; it decides the work, not the answer. A StateSpace may have the heaters as
+        any model that `simulate` takes; it changes the work, not the result. A StateSpace may have the heaters as
         further inputs. Default: for a HeatProblem a Krylov reduction of it, otherwise `NO_PREDICTOR`.
     tolerance : float, K
         largest difference left between the temperature that the light sees and the corrector's.
@@ -137,7 +138,7 @@ def _over(wave: Any, duration: float) -> Any:
 
 
 def _background(corrector: Any, predictor: ThermalModel | None) -> Callable[[Array], Array] | None:
-    """What heaters do to the ring, as far as the predictor or the corrector's own reduction knows."""
+    """Rise caused by the heaters, from the predictor or from the corrector's own reduction."""
     if not isinstance(corrector, FEM) or not corrector.heaters:
         return None
     if isinstance(predictor, StateSpace):
@@ -190,7 +191,7 @@ def _dataset(
 
 
 def _summary(corrector: Any) -> Mapping[str, Any]:
-    """What a corrector says of itself, if it does, as attributes that a file can hold."""
+    """The summary of a corrector, if it has one, checked so that a file can hold it."""
     said = corrector.summary() if callable(getattr(corrector, "summary", None)) else {}
     if not isinstance(said, Mapping):
         raise checks.InputError(f"corrector.summary() returned a {type(said).__name__}; a dict of numbers is needed")
@@ -203,7 +204,7 @@ def _summary(corrector: Any) -> Mapping[str, Any]:
 
 
 def _joined(parts: list[Passed]) -> Window:
-    """All windows as one, with the corrector's temperature; times where two meet stand once."""
+    """All windows as one, with the corrector's temperature; shared end points appear once."""
 
     def together(name: str) -> Any:
         return np.concatenate([getattr(part.run, name)[(k > 0) :] for k, part in enumerate(parts)])

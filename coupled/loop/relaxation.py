@@ -1,12 +1,12 @@
 """Windowed waveform relaxation: a small model predicts, a `Corrector` corrects, the difference is fed back.
 
-In a window the light sees dT = dT_predictor + delta(t). Pass k integrates light and carriers with delta_k, hands the
-absorbed power to the corrector, and finds how far the temperature that the light saw was from the one it made:
+In a window the temperature of the ring is dT = dT_predictor + delta(t). Pass k integrates light and carriers with
+delta_k, gives the absorbed power to the corrector, and compares the two temperatures:
 
     delta_{k+1}(t) = delta_k(t) + [dT_corrector(t) - dT_k(t)]
 
-until that bracket is below the tolerance everywhere. It contracts the faster the better the predictor and the shorter
-the window; windows halve when it is slow and double when a few passes do.
+until the bracket is below the tolerance everywhere. The iteration converges faster with a better predictor and with a
+shorter window. Windows are halved when it converges slowly and doubled when a few passes suffice.
 
 Source: E. Lelarasmee, A. E. Ruehli, A. L. Sangiovanni-Vincentelli, IEEE Trans. CAD 1, 131 (1982) (waveform relaxation).
 """
@@ -55,7 +55,7 @@ class Passed(NamedTuple):
 
 @dataclass
 class Relaxation:
-    """A co-simulation under way.
+    """The state of a running co-simulation.
 
     Attributes
     ----------
@@ -95,11 +95,11 @@ class Relaxation:
 
     @property
     def time(self) -> float:
-        """How far it is, s."""
+        """The accepted time in s."""
         return self.duration * self.index / 2**self.level
 
     def advance(self) -> Passed:
-        """Take one window, as long as the relaxation likes it."""
+        """Advance by one window, shortened until its relaxation converges."""
         while True:
             start, stop = self.time, self.duration * (self.index + 1) / 2**self.level
             found, reason = self._window(start, stop)
@@ -115,7 +115,7 @@ class Relaxation:
             self.index, self.level = 2 * self.index, self.level + 1
 
     def _window(self, start: float, stop: float) -> tuple[Passed | None, str]:
-        """Relax one window; None and the reason where it is too long."""
+        """Relax one window; None and the reason if it does not converge."""
         offset: Any = self._guess(start, stop)
         last = np.inf
         for passes in range(1, MOST_PASSES + 1):
@@ -152,7 +152,7 @@ class Relaxation:
         return None, f"{MOST_PASSES} passes leave {last:.2g} K"
 
     def _guess(self, start: float, stop: float) -> Any:
-        """The discrepancy before the first pass: as it was, and what is known of it."""
+        """Initial discrepancy of a window: constant, plus the known rise by heaters."""
         if self.background is None:
             return self.rest
         times = np.linspace(start, stop, 33)
@@ -177,7 +177,7 @@ class Relaxation:
 
 
 def _answer(rise: Any) -> Array:
-    """What a corrector returned, as an array of our own: it may fill the same one again."""
+    """A copy of the array that a corrector returned, which the corrector may reuse; checked."""
     try:
         if np.iscomplexobj(rise):
             raise TypeError
@@ -190,12 +190,12 @@ def _answer(rise: Any) -> Array:
 
 
 def _hopeful(change: float, last: float, tolerance: float, left: int) -> bool:
-    """Whether the passes that are left will do at the present rate."""
+    """Whether the remaining passes suffice at the present rate of convergence."""
     return change < last and np.log(tolerance / change) / np.log(change / last) <= left
 
 
 def _spline(times: Array, values: Array, allowed: float) -> Any:
-    """A cubic spline through as few of the samples as leave less than ``allowed`` at the others."""
+    """A cubic spline through a few of the samples, with an error below ``allowed`` at the others."""
     from scipy.interpolate import CubicHermiteSpline
 
     slope = np.gradient(values, times, edge_order=2 if times.size > 2 else 1)
