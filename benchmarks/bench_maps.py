@@ -62,8 +62,10 @@ def main() -> None:
         dense = seconds(lambda r=ring, m=model: numpy_eigenvalues(r, m, 1000), repeats) * count / 1000
         hopf = seconds(lambda r=ring, m=model: coupled.hopf_curves(r, m, *fine), repeats)
         fold = seconds(lambda r=ring, m=model: coupled.fold_curves(r, m, *fine), repeats)
-        integrated = seconds(lambda r=ring, m=model: coupled.pulsing_map(r, m, *coarse), repeats)
-        same = coupled.overlap(coupled.pulsing_map(ring, model, *coarse), coupled.stability_map(ring, model, *coarse))
+        integrated = seconds(lambda r=ring, m=model: coupled.pulsing_map(r, m, *coarse, duration=20e-6), repeats)
+        same = coupled.overlap(
+            coupled.pulsing_map(ring, model, *coarse, duration=20e-6), coupled.stability_map(ring, model, *coarse)
+        )
         ratio = (integrated / 400) / (stability / 40_000)
         print(
             f"{name:16}{stability:9.2f} s{dense / stability:8.1f}x{hopf:8.3f}{fold:8.4f}"

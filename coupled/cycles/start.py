@@ -21,7 +21,8 @@ Array = NDArray[np.float64]
 
 FIRST, LONGEST = 4e3, 2e6  # ns
 SLOWEST = 30  # of the slowest heat, what a transient may take where that is longer
-REST = 1e-3  # relative distance from a stable fixed point that is none, and range of the carriers
+REST = 5e-3  # relative distance from a stable fixed point, and range of the carriers, from which a ring goes to rest
+FALLING = 0.95  # of its amplitude, from one quarter of a transient to the next, an oscillation that dies away
 AGREE = 0.2  # relative difference of two amplitudes that are taken for the same
 FLAT = 1e-5  # relative range of the carriers below which an orbit is a fixed point
 MOST_PULSES = 4
@@ -39,12 +40,17 @@ class Settled(NamedTuple):
 
 
 def settled(
-    p: Problem, y: Array, begin: str = "a cold ring", points: Array | None = None, error: float = POLYNOMIAL
+    p: Problem,
+    y: Array,
+    begin: str = "a cold ring",
+    points: Array | None = None,
+    error: float = POLYNOMIAL,
+    longest: float = LONGEST,
 ) -> Settled:
     """Return the cycle on which a ring settles from the state ``y``.
 
     ``points`` are its stable fixed points where they are known, rows (U, N, dT) in internal units; ``error`` is that of
-    the polynomials between the stages.
+    the polynomials between the stages, ``longest`` the longest transient in ns.
 
     Raises
     ------
@@ -53,7 +59,7 @@ def settled(
     """
     passed, duration, said = 0.0, FIRST, "no pulse"
     rest = points
-    while passed < max(LONGEST, SLOWEST * _slowest(p)):
+    while passed < max(longest, SLOWEST * _slowest(p)):
         rows, y, _ = run(p, y, duration)
         passed += duration
         t, N = rows[:, 0], rows[:, 3]
@@ -62,14 +68,18 @@ def settled(
         level = (low + high) / 2
         ups = crossings(t, N, level) if t.size >= 4 else np.empty(0)
         ups = ups[ups >= duration / 4]
-        if ups.size >= 3 and high - low > FLAT * high:
+        third, fourth = _spread(N[(t >= duration / 2) & (t < 0.75 * duration)]), _spread(N[t >= 0.75 * duration])
+        if fourth < FALLING * third and (rest is None or rest.size):
+            rest = stable_points(p) if rest is None else rest
+        falls = rest is not None and rest.size > 0 and fourth < FALLING * third  # to rest, or to where it is soon
+        if ups.size >= 3 and high - low > FLAT * high and not falls:
             found, said = _close(p, y, float(np.diff(ups)[-1]), level, error)
             if found is not None:
                 rest = stable_points(p) if rest is None else rest
                 if rest.size == 0 or abs(_range(found.orbit) - (high - low)) <= AGREE * (high - low):
                     return found
                 said = "the pulses still change"
-        if high - low <= REST * high:
+        if high - low <= REST * high and fourth <= third + FLAT * high:
             rest = stable_points(p) if rest is None else rest
             last = np.array([rows[-1, 1] ** 2 + rows[-1, 2] ** 2, rows[-1, 3], rows[-1, 4]])
             for point in rest:
@@ -84,6 +94,11 @@ def settled(
         f"no settled cycle at power = {p.power:g} W, detuning = {p.detuning:g} Hz: {passed / 1e3:.4g} us from {begin} "
         f"do not lead to one ({said}); give guess= a cycle nearby"
     )
+
+
+def _spread(values: Array) -> float:
+    """Largest less smallest of values, of which a ring at rest may give none."""
+    return float(np.ptp(values)) if values.size else 0.0
 
 
 def _close(p: Problem, y: Array, T: float, level: float, error: float) -> tuple[Settled | None, str]:

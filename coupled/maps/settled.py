@@ -20,6 +20,7 @@ from ..pulsing import Regime
 from .grid import Point
 
 ROUGH = 1e-4  # error of the polynomials between the stages, for periods to better than 1e-6
+LONGEST = 3e5  # ns, a transient from a cold ring
 NEIGHBOUR_SHOTS = 3  # along traces, from a neighbour's cycle
 
 Found = tuple[str, float, float, float, str]
@@ -51,7 +52,7 @@ def _point(p: Problem, still: NDArray[np.float64], before: Settled | None) -> tu
             found = Settled(near, 1)
     if found is None:
         try:
-            found = settled(p, np.zeros(p.units.size), points=still, error=ROUGH)
+            found = settled(p, np.zeros(p.units.size), points=still, error=ROUGH, longest=LONGEST)
         except RestError as rest:
             return (str(Regime.STABLE), np.nan, np.nan, 0.0, str(rest)), None
         except checks.InputError as error:

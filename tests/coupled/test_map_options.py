@@ -174,7 +174,7 @@ def test_a_slow_ring_asks_for_longer_runs_and_then_shows_what_it_does(tmp_path):
         10 * np.log(20) * 12e-6, rel=0.015
     )  # half of the second digit, and a grid of .2 %
     assert long_enough(th.OutputMap(slow, 1e-3)) == long_enough(slow)
-    short = coupled.pulsing_map(RING, slow, P, NU)
+    short = coupled.pulsing_map(RING, slow, P, NU, settled=False)
     assert "slow transient" in short.regime
     assert short.attrs["suggested_duration"] == long_enough(slow)
     again = coupled.pulsing_map(RING, slow, P, NU, duration=short.attrs["suggested_duration"])
@@ -182,7 +182,7 @@ def test_a_slow_ring_asks_for_longer_runs_and_then_shows_what_it_does(tmp_path):
     assert "suggested_duration" not in again.attrs
     surrogate.save_model(slow, tmp_path / "slow.json")
     given = [str(tmp_path / "slow.json"), "-o", str(tmp_path / "out.nc")]
-    for command in (["map", "--points", "2, 3"], ["simulate", "--duration", "2 us"]):
+    for command in (["map", "--points", "2, 3", "--duration", "20 us"], ["simulate", "--duration", "2 us"]):
         done = CliRunner().invoke(app, [command[0], *given, *command[1:]])
         assert done.exit_code == 0, done.output
         assert 'try --duration "360 us": ten times' in done.output

@@ -27,7 +27,23 @@ DETUNINGS = np.array([-10e9, 0.0, 30e9])
 
 @pytest.fixture(scope="module")
 def small():
-    return coupled.pulsing_map(RING, EXPERIMENT, POWERS, DETUNINGS)
+    return coupled.pulsing_map(RING, EXPERIMENT, POWERS, DETUNINGS, settled=False)
+
+
+def test_a_map_holds_settled_cycles(small):
+    found = coupled.pulsing_map(RING, EXPERIMENT, POWERS, DETUNINGS)
+    assert found.attrs["settled"] == 1
+    assert small.attrs["settled"] == 0
+    assert coupled.overlap(found, small) == 1
+    for power in POWERS[1:]:
+        for detuning in DETUNINGS[:2]:
+            cycle = coupled.limit_cycle(RING, EXPERIMENT, power=power, detuning=detuning)
+            at = found.sel(power=power, detuning=detuning)
+            assert float(at.period) == pytest.approx(cycle.attrs["period"], rel=1e-6)
+            assert float(at.duty) == pytest.approx(cycle.attrs["duty"], abs=1e-4)  # error of the polynomials there
+            assert float(at.swing) == pytest.approx(cycle.attrs["swing"], rel=1e-4)
+    with pytest.raises(th.InputError, match="settled=True goes with neither"):
+        coupled.pulsing_map(RING, EXPERIMENT, POWERS, DETUNINGS, settled=True, duration=1e-6)
 
 
 def test_every_point_is_its_own_run(small):
@@ -64,7 +80,7 @@ class Pickling(Executor):
 
 def test_any_executor_will_do_and_a_bar_may_be_drawn(small, capsys):
     executor = Pickling()
-    assert coupled.pulsing_map(RING, EXPERIMENT, POWERS, DETUNINGS, executor=executor).identical(small)
+    assert coupled.pulsing_map(RING, EXPERIMENT, POWERS, DETUNINGS, settled=False, executor=executor).identical(small)
     assert executor.jobs == POWERS.size
     assert capsys.readouterr().out == ""
     coupled.pulsing_map(RING, EXPERIMENT, POWERS[:1], DETUNINGS[:1], duration=1e-7, progress=True)
@@ -81,7 +97,7 @@ def test_a_dask_cluster_is_an_executor(small):
         cluster.get_client() as client,
         client.get_executor() as executor,
     ):
-        found = coupled.pulsing_map(RING, EXPERIMENT, POWERS, DETUNINGS, executor=executor)
+        found = coupled.pulsing_map(RING, EXPERIMENT, POWERS, DETUNINGS, settled=False, executor=executor)
     assert found.identical(small)
 
 
@@ -94,7 +110,7 @@ def test_a_failing_point_stores_its_reason_and_spares_the_others(small, monkeypa
         return pulse(*setting, power=power, detuning=detuning, **options)
 
     monkeypatch.setattr(maps, "pulse", sometimes)
-    found = coupled.pulsing_map(RING, EXPERIMENT, POWERS, DETUNINGS)
+    found = coupled.pulsing_map(RING, EXPERIMENT, POWERS, DETUNINGS, settled=False)
     failed = found.regime == "failed"
     assert int(failed.sum()) == 1
     assert str(found.reason.values[1, 1]) == "the integration found no step small enough"
