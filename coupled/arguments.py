@@ -66,6 +66,11 @@ def power_in_time(power: Any, duration: float) -> Any:
 def detuning_in_time(detuning: Any, duration: float) -> Any:
     """Return a constant detuning as a float and anything else as `Pieces`; InputError where it is out of range."""
     found = None if _is_number(detuning) else pieces("detuning", detuning, 0.0, float(duration))
+    if type(detuning) in (list, tuple) and sum(_is_number(part) for part in detuning) > 1:
+        raise checks.InputError(
+            f"detuning is a list of {len(detuning)} with several numbers; a list adds up to one laser, so two lasers "
+            "cannot be given in this way: give one number, with waveforms where it varies"
+        )
     ends = [detuning] if found is None else bounds(found)
     values = [checks.finite("detuning", nu, unit="Hz") for nu in ends]
     largest = max(values, key=abs)

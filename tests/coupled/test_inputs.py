@@ -233,3 +233,10 @@ def test_slips_are_named(change, message):
 def test_methods_go_by_name():
     run = coupled.simulate(RING, SECOND_ORDER, power=1e-3, duration=1e-8, method="Rodas4", rtol=1e-8)
     assert run.attrs["method"] == "rodas4"
+
+
+def test_two_lasers_are_not_added_up_to_one():
+    with pytest.raises(th.InputError, match="two lasers cannot be given in this way"):
+        coupled.simulate(
+            coupled.borghi2021(), th.Foster([7800.0], [1e-6]), power=[1e-3, 1e-3], detuning=[0.0, 20e9], duration=1e-8
+        )
