@@ -110,7 +110,7 @@ class ArrayReduction:
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """What `surrogate.save_model` keeps beside the model."""
+        """Provenance that `surrogate.save_model` writes with the model."""
         bound, places = self.error_bound, self.positions.tolist()
         return {"method": "array reduction", "tolerance": self.tolerance, "error_bound": bound, "positions": places}
 

@@ -56,7 +56,7 @@ class Fit(HasModel):
     training : tuple of str
         the drive of each Dataset; the parameters mean little without it.
     notes : tuple of str
-        time constants that the data can't see.
+        time constants that the data do not determine.
     geometry : str or None
         TOML of the cross-section, where the data carries it.
     swarm_residual : float or None, K
@@ -75,7 +75,7 @@ class Fit(HasModel):
     swarm_residual: float | None = None
 
     def _repr_html_(self) -> str:
-        """What a notebook shows."""
+        """HTML for notebooks."""
         from thermofem.display import card
 
         rows = [(k, f"{v:.4g} ± {self.standard_errors[k]:.1g}") for k, v in self.parameters.items()]
@@ -85,7 +85,7 @@ class Fit(HasModel):
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """What `surrogate.save_model` keeps beside the model."""
+        """Provenance that `surrogate.save_model` writes with the model."""
         return {
             "method": "fit",
             "training": list(self.training),
@@ -242,7 +242,7 @@ def fit_foster(
 
 @dataclass(frozen=True, eq=False)
 class Training:
-    """The drives of the data and what their Datasets say about themselves."""
+    """The training data and the attributes of their Datasets."""
 
     problem: Problem
     names: tuple[str, ...]
@@ -288,7 +288,7 @@ class Training:
         return found, residual
 
     def check_explained(self, relative_residual: float) -> None:
-        """Refuse data of which even the best poles explain next to nothing."""
+        """Refuse data that even the best poles do not explain."""
         spread = np.concatenate([(d.rise - d.rise.mean()) / d.swing for d in self.problem.drives])
         explained = 1 - relative_residual**2 / float(np.mean(spread**2))
         if explained < EXPLAINED:

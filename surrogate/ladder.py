@@ -1,4 +1,4 @@
-"""Every compact model of one geometry, from one pole to the certified reduction, and which of them suffices where."""
+"""Train all compact models of one geometry, from one pole to the certified reduction, and compare them."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ SAMPLES = 301  # of the periodic state that Newton and the second order are trai
 
 @dataclass(frozen=True, eq=False)
 class Ladder:
-    """Compact models of one geometry, by name, and what they are judged by.
+    """Compact models of one geometry, by name, and the reference model.
 
     Attributes
     ----------
@@ -153,7 +153,7 @@ def _sindy(heat: HeatProblem, part: str, power: float) -> ThermalModel:
 
 
 def shells(heat: HeatProblem, part: str, power: float) -> tuple[xr.Dataset, list[float]]:
-    """What `fit_sindy` wants: rises of a part and of shells around it under a telegraph, and their static gains (K/W).
+    """Training data of `fit_sindy`: rises of a part and of shells around it, and their static gains in K/W.
 
     From a certified reduction with all of them as outputs, in closed form, sampled every 2 ns for 40 us.
     """

@@ -1,4 +1,4 @@
-"""Pictures of the thermal model of several rings: who heats whom, how much, and how late."""
+"""Pictures of the thermal model of several rings: size and delay of the crosstalk."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ class Optimum:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Samples of one or several drives, each divided by its swing, and what is known beforehand.
+    """Samples of one or several drives, each divided by its swing, and prior knowledge.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class Problem:
         object.__setattr__(self, "target", target)
 
     def columns(self, log_rate: Array) -> Array:
-        """Answer of every pole at every sample, in swings per unit gain; last the static-gain row."""
+        """Response of every pole at every sample, in swings per unit gain; last the static-gain row."""
         rate = np.exp(log_rate)
         answers = [pole_responses(rate, d.wave, d.times, periodic=d.periodic) for d in self.drives]
         phi = np.concatenate(answers) * self.weight[:, None]

@@ -75,7 +75,7 @@ class QuadraticReduction(HasModel):
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """What `surrogate.save_model` keeps beside the model."""
+        """Provenance that `surrogate.save_model` writes with the model."""
         method = "quadratic Galerkin reduction"
         return {"method": method, "power_W": self.power, "static_error": self.static_error}
 

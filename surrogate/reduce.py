@@ -67,7 +67,7 @@ class Reduction(HasModel):
     solves: int
 
     def _repr_html_(self) -> str:
-        """What a notebook shows."""
+        """HTML for notebooks."""
         from thermofem.display import card
 
         bound = f"below {self.error_bound:.1e} of R_th at every frequency"
@@ -75,7 +75,7 @@ class Reduction(HasModel):
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """What `surrogate.save_model` keeps beside the model."""
+        """Provenance that `surrogate.save_model` writes with the model."""
         method = "rational Krylov reduction"
         bound, shifts = self.error_bound, self.shifts.tolist()
         return {"method": method, "tolerance": self.tolerance, "error_bound": bound, "shifts": shifts}

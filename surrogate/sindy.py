@@ -1,4 +1,4 @@
-"""Sparse identification (SINDy) of a thermal network from temperatures in and around the core, gated.
+"""Sparse identification (SINDy) of a thermal network from temperatures in and around the core, with an acceptance test.
 
 States are the mean rises of the core and of oxide shells around it, the control is the absorbed power:
 
@@ -72,7 +72,7 @@ class SindyFit(HasModel, Generic[Identified]):
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """What `surrogate.save_model` keeps beside the model."""
+        """Provenance that `surrogate.save_model` writes with the model."""
         method = "SINDy, weak form, static gains imposed"
         reach, error = self.model.largest_rise, self.residual
         return {"method": method, "equations": list(self.equations), "largest_rise_K": reach, "residual_K": error}
@@ -228,7 +228,7 @@ def read_probes(data: xr.Dataset) -> tuple[Array, Array, Waveform, tuple[str, ..
 
 
 def _equations(A: Array, b: Array, names: tuple[str, ...]) -> tuple[str, ...]:
-    """The network as a person writes it."""
+    """The equations of the network as text."""
     lines = []
     for row, gain, name in zip(A, b, names, strict=True):
         terms = [f"{a:+.4g} T[{other}]" for a, other in zip(row, names, strict=True) if a != 0]

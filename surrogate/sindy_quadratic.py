@@ -188,7 +188,7 @@ def _parameters(model: Quadratic) -> dict[str, float]:
 
 
 def _equations(model: Quadratic, names: tuple[str, ...]) -> tuple[str, ...]:
-    """The network as a person writes it."""
+    """The equations of the network as text."""
     n = len(names)
     terms = [f"T[{name}]" for name in names] + [f"T[{name}]^2" for name in names] + ["P", f"T[{names[0]}] P"]
     table = np.column_stack([model.A, np.stack([model.H[:, j, j] for j in range(n)], axis=1), model.B, model.G[:, 0]])

@@ -1,4 +1,4 @@
-"""The rational Krylov space of a reduction: grown one shift at a time, with what its certificate needs.
+"""The rational Krylov space of a reduction, extended one shift at a time, with the data of its certificate.
 
 It begins with some solves at s = 0, which give the static gain and the slowest rate, and goes on with two or three
 shifts in turn: the factors of K then make place for those of the first.

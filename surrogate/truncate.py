@@ -62,7 +62,7 @@ class Truncation(HasModel):
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """What `surrogate.save_model` keeps beside the model."""
+        """Provenance that `surrogate.save_model` writes with the model."""
         return {"method": "balanced truncation, static gain restored", "error_bound": self.error_bound}
 
     def lift(self, states: ArrayLike) -> Array:

@@ -1,4 +1,4 @@
-"""Uncertainty: what fabrication tolerances make of a property of a ring, and which parameter matters."""
+"""Uncertainty of a property of a ring under fabrication tolerances, with the sensitivity to each parameter."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far a compact model can be trusted: period error, held-out drives, range of validity.
+"""Accuracy of compact models: period error, held-out drives, range of validity.
 
 Source of the period error: Borghi et al., Opt. Express 29, 4363 (2021), Section 6 and Fig. 7.
 """
@@ -257,7 +257,7 @@ def _length(drive: Waveform) -> float:
 
 
 def _words(drive: Waveform) -> str:
-    """A drive in few words, as labels show it."""
+    """A short label of a drive."""
     match drive:
         case SquareWave():
             return f"square {drive.period * 1e6:.3g} us, duty {drive.duty:.2g}"

@@ -1,4 +1,4 @@
-"""Errors a person can act on: argument, value, rule and hint in one line."""
+"""Checks of arguments; their errors name argument, value, rule and hint in one line."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class InputError(ValueError):
 
 
 class MissingLibraryError(ImportError):
-    """A library that this call needs cannot be loaded; the message names it and what brings it."""
+    """A library that this call needs cannot be loaded; the message names it and how to install it."""
 
 
 def finite(name: str, value: Any, *, unit: str = "", hint: str = "") -> float:
@@ -155,13 +155,13 @@ def _floats(value: ArrayLike) -> NDArray[np.float64]:
 
 
 def has(name: str, value: Any, *attributes: str, hint: str) -> None:
-    """Raise InputError unless ``value`` has the attributes: it is another kind of thing."""
+    """Raise InputError unless ``value`` has the attributes; otherwise it is an object of the wrong type."""
     if not all(hasattr(value, attribute) for attribute in attributes):
         raise InputError(f"{name} is a {type(value).__name__}; {hint}")
 
 
 def path(name: str, value: Any) -> Path:
-    """Return ``value`` as a Path, or raise InputError: it is no name of a file or folder."""
+    """Return ``value`` as a Path, or raise InputError if it is not the name of a file or folder."""
     try:
         found = Path(value)
     except TypeError:
@@ -172,7 +172,7 @@ def path(name: str, value: Any) -> Path:
 
 
 def progress(value: Any) -> None:
-    """Raise InputError unless what is to show the progress is a function, or nothing."""
+    """Raise InputError unless ``progress`` is a function or None."""
     if value is not None and not callable(value):
         raise InputError(f"progress = {shown(value)} must be a function; it is called with the time in s")
 

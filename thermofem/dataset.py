@@ -120,7 +120,7 @@ def build(
 
 
 def stamp(kind: str) -> dict[str, Any]:
-    """What every Dataset says of itself: schema, version of the code, and its kind."""
+    """Attributes of every Dataset: schema, version of the code, and kind."""
     return {"schema": SCHEMA, "thermofem_version": __version__, "kind": kind}
 
 
@@ -130,7 +130,7 @@ def describe(name: str) -> dict[str, str]:
 
 
 def drive_of(data: xr.Dataset) -> Drive:
-    """Read the drive and the answer out of a Dataset.
+    """Read the drive and the response from a Dataset.
 
     Raises
     ------
@@ -163,7 +163,7 @@ def drive_of(data: xr.Dataset) -> Drive:
 
 
 def _words(wave: waveforms.Waveform) -> str:
-    """A waveform in few words: 'SquareWave 2 mW, 1 us, duty 0.33'."""
+    """A short description of a waveform: 'SquareWave 2 mW, 1 us, duty 0.33'."""
     match wave:
         case waveforms.SquareWave():
             return f"square wave {wave.power * 1e3:g} mW, {wave.period * 1e6:g} us, duty {wave.duty:.3g}"

@@ -1,4 +1,4 @@
-"""What a notebook shows of a model, a fit or a geometry: a small table and a picture, as HTML without any library."""
+"""HTML tables and pictures of models, fits and geometries, for notebooks."""
 
 from __future__ import annotations
 

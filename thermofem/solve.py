@@ -1,4 +1,4 @@
-"""From a heat problem and a heating waveform to training data."""
+"""Training data from a heat problem and a waveform of the heating power."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ def solve_periodic(
 
 
 def _check(heat: HeatProblem, wave: Waveform, heated: str | None, method: str) -> str:
-    """Name of the heated part, with the kinds of the arguments checked: slips are easy, the errors inside are not."""
+    """Name of the heated part, after a check of the types of the arguments."""
     if not isinstance(heat, HeatProblem):
         raise checks.InputError(f"heat is a {type(heat).__name__}; th.assemble(geometry) makes the HeatProblem")
     if isinstance(wave, type) or not hasattr(wave, "breakpoints"):
@@ -182,7 +182,7 @@ def _dataset(
 
 
 def _provenance(heat: HeatProblem, run: Trajectory, heated: str, read: str, rtol: float) -> dict[str, Any]:
-    """What made the data: geometry, mesh, materials, solver, energy balance."""
+    """Provenance of the data: geometry, mesh, materials, solver, energy balance."""
     materials = {heat.geometry.material_of(name).name: heat.geometry.material_of(name).source for name in heat.regions}
     mesh_error, domain_error = heat.errors(heated, read)
     return {

@@ -1,4 +1,4 @@
-"""Tables of other people's data: a COMSOL probe table or an oscilloscope trace becomes a Dataset like our own.
+"""Import of tables (a COMSOL probe table, an oscilloscope trace) as a Dataset with the layout of `thermofem.dataset`.
 
 What is read: columns divided by commas, semicolons, tabs or spaces, after any header. The last header line with as many
 cells as the table names its columns; a line of bare units below it counts too. Lines that begin with % or # are header.
@@ -90,7 +90,7 @@ def read_csv(
     start: str | float | None = None,
     edges: str | None = None,
 ) -> xr.Dataset:
-    """Read a table of time, power and temperature into a Dataset that trains like our own.
+    """Read a table of time, power and temperature into a Dataset that can be used for training.
 
         t = time - start,    delta_T = temperature - ambient
 

@@ -22,7 +22,7 @@ def text_of(path: str | Path, kind: str) -> str:
 
 
 def read(path: str | Path, kind: str, read_text: Callable[[str], T]) -> T:
-    """What ``read_text`` makes of the text of a file; its InputError then begins with the file."""
+    """Return ``read_text`` of the text of a file; an InputError names the file first."""
     text = text_of(path, kind)
     try:
         return read_text(text)

@@ -39,7 +39,7 @@ def factorize(matrix: Any, *, upper: bool = False) -> Solve:
 
 
 def _qdldl(unknowns: int) -> Any:
-    """The module, where it is installed and the better choice."""
+    """The qdldl module if it is installed and faster for this size, else None."""
     if unknowns > QDLDL_LIMIT:
         return None
     try:
@@ -52,8 +52,8 @@ def _qdldl(unknowns: int) -> Any:
 class Pencil:
     """Solves with a E + b K for any a, b >= 0, where E and K are the capacity and conduction of one heat problem.
 
-    All share one fill-reducing ordering: in a first place the numbers of the last combination replace those of the one
-    before; combinations that keep coming back get a factorization of their own. Safe to share between threads.
+    All combinations share one fill-reducing ordering. A shared factorization is updated with the numbers of the last
+    combination; a combination that is used repeatedly gets its own. Safe to share between threads.
     """
 
     def __init__(self, E: Any, K: Any) -> None:
@@ -92,7 +92,7 @@ class Pencil:
             self._spare += solvers
 
     def places(self, matrix: Any) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """Where the entries of a symmetric matrix on and above its diagonal stand in `replace`, and their values."""
+        """Indices (as used by `replace`) and values of the entries of a symmetric matrix on and above its diagonal."""
         place, data = _upper_triangle(matrix)
         return np.searchsorted(self._places, place), data
 
@@ -130,7 +130,7 @@ class Pencil:
             return self._shared.solve(rhs)
 
     def keep(self, a: float, b: float) -> Solve:
-        """Solves with (a E + b K), with a factorization of its own from now on."""
+        """Return the solver of (a E + b K), with a factorization that is kept."""
         key = _key(a, b)
         with self._lock:
             if key in self._own:
@@ -172,7 +172,7 @@ class Pencil:
 
 
 def _key(a: float, b: float) -> tuple[float, float]:
-    """Both to nine digits."""
+    """The pair rounded to nine digits, as a key of the cache."""
     return float(f"{a:.8e}"), float(f"{b:.8e}")
 
 

@@ -1,9 +1,9 @@
-"""A few fields that hold almost all of what a heat problem does: a rational Krylov space in modal form.
+"""A rational Krylov space in modal form: a few fields that approximate the response of a heat problem.
 
-The space collects (K + s_j M)^-1 R for a few real shifts s_j taken in turn, R being what the space so far leaves of
-the heat vectors; a rotation then makes V^T M V = 1 and V^T K V = diag(rate). It carries no bound of its error
-(`surrogate.reduce` gives one): it speeds up what is exact with any fields, see `thermofem.transient.deflation`, or is
-grown until an answer no longer moves, see `thermofem.transient.modal`.
+The space collects (K + s_j M)^-1 R for a few real shifts s_j in turn, where R is the part of the heat vectors outside
+the present space. A rotation then gives V^T M V = 1 and V^T K V = diag(rate). The space has no error bound
+(`surrogate.reduce` has one). `thermofem.transient.deflation` uses it where any basis gives the exact result;
+`thermofem.transient.modal` extends it until the result converges.
 
 Source: A. Ruhe, Linear Algebra Appl. 58, 391 (1984).
 """
@@ -53,7 +53,7 @@ class Basis:
 
 
 class Space:
-    """Fields that are M-orthonormal, with K projected on them and what they leave of the heat vectors B.
+    """M-orthonormal fields, with K projected on them and the part of the heat vectors B outside their span.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ class Space:
         return self._MV[:, : self.order]
 
     def extend(self, W: Array) -> bool:
-        """Add what is new in the columns of W; False when the space holds them already, or everything."""
+        """Add the part of the columns of W outside the space; False if there is none."""
         room = self.M.shape[0] - self.order
         W = W[:, W.any(axis=0)]  # nothing is left of heat that the space holds to the last digit
         if room == 0 or W.shape[1] == 0:
@@ -185,7 +185,7 @@ def krylov(system: LinearSystem, cycles: int = CYCLES) -> Basis:
 
 
 def rates(system: LinearSystem, static: Solve) -> tuple[float, float]:
-    """The slowest and the fastest rate in 1/s at which the heated parts answer: gain/content, and initial slope/gain.
+    """Slowest and fastest rate in 1/s of the response of the heated parts: gain/content and initial slope/gain.
 
     Raises
     ------
@@ -217,7 +217,7 @@ def slopes(M: Any, B: Array) -> Array:
 
 
 def check_heat_flow(system: LinearSystem) -> None:
-    """Raise InputError unless E and A are symmetric: the factors take one triangle for both."""
+    """Raise InputError unless E and A are symmetric: the factorization reads one triangle only."""
     from scipy.sparse import csr_matrix
 
     for name, matrix in (("E", system.E), ("A", system.A)):
@@ -225,7 +225,7 @@ def check_heat_flow(system: LinearSystem) -> None:
 
 
 def orthonormal(W: Array, M: Any, V: Array, MV: Array, *, most: int | None = None, smallest: float) -> Array:
-    """What the columns of W add to an M-orthonormal basis V, M-orthonormal itself.
+    """M-orthonormal basis of the part of the columns of W outside the M-orthonormal basis V.
 
     Gram-Schmidt column by column, the one that adds most first, each orthogonalised again after it was scaled: so
     nearly equal columns give orthonormal ones to round-off (eigenvectors of their Gram matrix, which knows lengths to

@@ -1,4 +1,4 @@
-"""The axisymmetric heat equation on a meshed cross-section: matrices, probes, and how far they can be off."""
+"""The axisymmetric heat equation on a meshed cross-section: matrices, probes and error estimates."""
 
 from .problem import Discretization, HeatProblem, assemble, discretize
 

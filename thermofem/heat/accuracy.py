@@ -1,4 +1,4 @@
-"""How far a thermal resistance and a step response can be off by their mesh.
+"""Estimates of the mesh error of a thermal resistance and a step response.
 
 For functionals c of the heated part and d of what is read, real s >= 0, u = (K + s M)^-1 c and w the same for d,
 
@@ -39,7 +39,7 @@ SATURATION = 2.0  # the exact energy over what the cubic functions add, at most 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Estimated errors of some channels at every shift, relative to what they are judged by.
+    """Estimated errors of some channels at every shift, relative to their reference values.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class Estimate:
 
 
 class MeshError:
-    """Estimates the error that the mesh makes in the channels of one heat problem.
+    """Estimates the mesh error in the channels of one heat problem.
 
     Parameters
     ----------

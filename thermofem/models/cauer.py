@@ -1,6 +1,6 @@
 """Foster network to Cauer ladder and back, and the structure function of a heat path.
 
-A Cauer ladder is what heat meets on its way: a capacity C_1 at the source, a resistance R_1, a capacity C_2, ...,
+A Cauer ladder follows the heat path: a capacity C_1 at the source, a resistance R_1, a capacity C_2, ...,
 
     Z(s) = 1 / (s C_1 + 1 / (R_1 + 1 / (s C_2 + 1 / (R_2 + ...))))
 

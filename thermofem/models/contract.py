@@ -168,7 +168,7 @@ def check_single(system: Any) -> None:
 
 
 class OutsideTrainingWarning(UserWarning):
-    """A model is asked for rises that its training did not reach."""
+    """A response exceeds the largest temperature rise of the model's training."""
 
 
 def warn_beyond(rise: Array, trained: float | None) -> Array:

@@ -25,8 +25,8 @@ class Foster:
 
         Z(s) = sum_i R_i / (1 + s tau_i),    dx_i/dt = (R_i P - x_i) / tau_i,    dT = sum_i x_i
 
-    The canonical small form of every linear thermal model. A negative R_i is allowed (a fit may give one) but then the
-    network is not passive, which ``passive`` tells.
+    The canonical small form of every linear thermal model. A negative R_i is allowed (a fit may give one); the network
+    is then not passive, see ``passive``.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class Foster:
         object.__setattr__(self, "tau", tau[order])
 
     def _repr_html_(self) -> str:
-        """What a notebook shows."""
+        """HTML for notebooks."""
         from ..display import model_card
 
         return model_card(self, order=self.order, tau=self.tau)
@@ -73,7 +73,7 @@ class Foster:
 
     @property
     def passive(self) -> bool:
-        """Whether every R_i >= 0, so that no waveform can draw heat from nothing."""
+        """Whether every R_i >= 0: the network then never releases more heat than it absorbed."""
         return bool(np.all(np.asarray(self.R) >= 0))
 
     @property

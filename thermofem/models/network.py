@@ -22,7 +22,7 @@ STATIC = 1e-3  # largest error of the static gain that passes
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """An identified linear network: a `ThermalModel` that knows how far its training went.
+    """An identified linear network with the largest temperature rise of its training.
 
     Attributes
     ----------

@@ -54,7 +54,7 @@ class OutputMap(AtSmallPower):
         check_rise(self.largest_rise)
 
     def _repr_html_(self) -> str:
-        """What a notebook shows."""
+        """HTML for notebooks."""
         from ..display import model_card
 
         notes = [("output map", f"z + ({self.coefficient:.3g} /K) z²")]

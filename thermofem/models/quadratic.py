@@ -28,7 +28,7 @@ _TINY = np.finfo(float).tiny
 
 @dataclass(frozen=True, eq=False)
 class Quadratic:
-    """Quadratic thermal system: what k(T) and c_p(T) look like in a small basis, and a polynomial SINDy network.
+    """Quadratic thermal system: a reduced model with k(T) and c_p(T), or a polynomial SINDy network.
 
         dx/dt = A x + H[x, x] + (G x) P + B P,      dT = C x,      H[x, x]_i = sum_jk H_ijk x_j x_k
 
@@ -49,7 +49,7 @@ class Quadratic:
     ------
     InputError
         shapes that do not fit, numbers that are not finite, H not symmetric, A not stable; a response that leaves the
-        range in which the system has one (a quadratic one may run away).
+        range in which the system has one (a quadratic system may diverge).
     """
 
     A: Array
@@ -80,7 +80,7 @@ class Quadratic:
         check_rise(self.largest_rise)
 
     def _repr_html_(self) -> str:
-        """What a notebook shows."""
+        """HTML for notebooks."""
         from ..display import model_card
 
         return model_card(self, order=self.order)

@@ -65,13 +65,13 @@ class StateSpace:
                 raise checks.InputError(f"{name} has shape {getattr(self, name).shape}; {shape} is needed")
 
     def _repr_html_(self) -> str:
-        """What a notebook shows."""
+        """HTML for notebooks."""
         from ..display import model_card
 
         return model_card(self, order=self.order)
 
     def __getstate__(self) -> dict[str, Any]:
-        """The fields alone: what is kept between runs stays in this process."""
+        """Pickle the fields only; cached results are not copied to other processes."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @property

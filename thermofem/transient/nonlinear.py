@@ -35,7 +35,7 @@ class Lift:
     Attributes
     ----------
     matrix : sparse, shape (rows, n + sum of nodes)
-        its first n columns belong to what follows no law.
+        the first n columns hold the part that does not depend on temperature.
     laws : tuple of (law, nodes)
         nodes: array of int, which unknowns the law is taken at.
     ambient : float, K
