@@ -5,7 +5,8 @@ Contract of a `Corrector`. Any object that satisfies it can be used: COMSOL behi
 1. ``corrector.advance(times, power)`` returns the mode-averaged rise dT in K at ``times`` (s, increasing), under the
    absorbed power ``power(t)`` in W, which may be called with any times between the first and the last.
 2. It starts from the accepted state, which belongs to ``times[0]``. It may be called again for the same window, or for
-   a shorter one, with another power: each call starts from the same accepted state.
+   a shorter one, with another power: each call starts from the same accepted state, so its first value is the last
+   accepted one, 0 K at t = 0. `coupled.cosimulate` checks that.
 3. ``corrector.accept()`` makes the end of the last call the accepted state. The first window starts at t = 0.
 4. The corrector itself includes all other heat sources, such as a heater or a neighbouring ring.
 5. ``corrector.summary()`` returns numbers that are stored with the result; this method is optional.

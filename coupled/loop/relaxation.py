@@ -36,6 +36,7 @@ MOST_PASSES = 16
 FEW, MANY = 4, 8  # passes up to which windows double, and above which they halve: least work (measured)
 ROWS = 1000  # steps of the light beyond which a window does not double
 SHORTEST = 1e-12  # s; windows below are given up
+STARTS = 10.0  # tolerances by which the first value of a window may differ from the last accepted one
 HOTTEST = 1e5  # K; no solid is
 KNOTS = 0.02  # share of the tolerance that thinning the discrepancy may cost
 
@@ -84,6 +85,7 @@ class Relaxation:
     background: Callable[[Array], Array] | None = None
     index: int = 0
     level: int = 0
+    accepted: float = 0.0  # the corrector's temperature at the accepted time, K
     rest: float = 0.0  # discrepancy at the accepted time, less the background
     first_step: float = 0.0
     passes: int = 0
@@ -134,6 +136,7 @@ class Relaxation:
                     f"corrector.advance returned an array of shape {rise.shape} for {run.time.size} times; "
                     "one temperature each is needed"
                 )
+            self._check_start(start, passes, float(rise[0]))
             change = float(np.abs(rise - run.delta_T).max())
             if not np.isfinite(change):
                 return None, f"the corrector's temperature is not finite (pass {passes})"
@@ -151,6 +154,20 @@ class Relaxation:
             offset = self._fed_back(run, offset, rise - run.delta_T)
         return None, f"{MOST_PASSES} passes leave {last:.2g} K"
 
+    def _check_start(self, start: float, passes: int, first: float) -> None:
+        """InputError unless the corrector begins a window where the accepted one ended, at 0 K before the first."""
+        if not abs(first - self.accepted) > STARTS * self.tolerance:  # nan is told elsewhere
+            return
+        if start == 0 and passes == 1 and not self.abandoned:
+            raise checks.InputError(
+                f"corrector.advance returned {first:.6g} K at t = 0, before anything is heated; it must return the "
+                "rise over ambient temperature, which starts at 0 K"
+            )
+        raise checks.InputError(
+            f"corrector.advance returned {first:.6g} K at t = {start:g} s, where the accepted window ended at "
+            f"{self.accepted:.6g} K; each call must start from the accepted state, which only accept() moves"
+        )
+
     def _guess(self, start: float, stop: float) -> Any:
         """Initial discrepancy of a window: constant, plus the known rise by heaters."""
         if self.background is None:
@@ -167,7 +184,7 @@ class Relaxation:
         self.corrector.accept()
         self.state, self.first_step = found.run.final, found.run.step
         self.index += 1
-        self.rest = found.rest
+        self.rest, self.accepted = found.rest, float(found.delta_T[-1])
         if self.background is not None:
             self.rest -= float(self.background(np.array([self.time]))[0])
         if found.passes > MANY:

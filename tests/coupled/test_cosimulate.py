@@ -260,3 +260,32 @@ def test_bad_input_is_named(change, message):
     arguments = {"heat": coarse_fem(), "power": MW, "duration": 1e-8} | change
     with pytest.raises(th.InputError, match=message):
         coupled.cosimulate(RING, arguments.pop("heat"), **arguments)
+
+
+class Absolute(Exact):
+    """Broken: temperatures over absolute zero instead of rises."""
+
+    def advance(self, times, power):
+        return super().advance(times, power) + 293.15
+
+
+class Impatient(Exact):
+    """Broken: every call moves the accepted state."""
+
+    def advance(self, times, power):
+        rise = super().advance(times, power)
+        self.state = self.tried
+        return rise
+
+
+@pytest.mark.parametrize(
+    ("broken", "message"),
+    [
+        (Absolute, r"returned 293.15 K at t = 0, before anything is heated; .* rise over ambient"),
+        (Impatient, r"each call must start from the accepted state, which only accept\(\) moves"),
+    ],
+)
+def test_a_corrector_that_breaks_its_contract_is_named(broken, message):
+    """Once they were believed: 293 K, and 7.38 K where 3.68 K is right."""
+    with pytest.raises(th.InputError, match=message):
+        coupled.cosimulate(RING, broken(NETWORK), power=MW, duration=1e-6)
