@@ -147,7 +147,7 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     if samples < FINE and not every_step:
         raise checks.InputError(f"a cycle has {samples:.0f} samples; the sampling is too coarse, {FINE} are needed")
     heights = np.array([np.ptp(N[i:j]) for i, j in pairwise(edges)])
-    together = pattern(heights, waits[:-1], noise)
+    together = pattern(heights, waits[:-1])
     tops = heights[heights.size % together :].reshape(-1, together).max(axis=1)
     limit, seen = amplitude_limit(tops), f"{heights.size} cycles of "
     if limit < GONE * tops[-1]:
@@ -163,6 +163,7 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     begin, end = float(up[-1 - together]), float(up[-1])
     before = begin - float(up[-1 - 2 * together]) if up.size > 2 * together else end - begin
     drift = (end - begin) / before - 1
+    unequal = _miss(heights, waits[:-1], together)
     last = (t >= begin) & (t <= end)
     low, high = drop[last].min(), drop[last].max()
     return Pulsing(
@@ -171,6 +172,7 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
         + ("steady" if abs(change) < SETTLED else "growing" if change > 0 else "still falling")
         + " amplitude"
         + (f", in a pattern of {together}" if together > 1 else "")
+        + (f", pulses that still differ by {100 * unequal:.2g} %" if 10 * noise < unequal < np.inf else "")
         + (f", whose period still changes by {100 * drift:+.2g} % a cycle" if abs(drift) > STEADY_PERIOD else ""),
         period=end - begin,
         duty=_duty(t, drop, begin, end),
@@ -214,17 +216,15 @@ def _varying(run: xr.Dataset, t: Array) -> str:
     return " and ".join(moving)
 
 
-def pattern(heights: Array, waits: Array, noise: float = QUIET) -> int:
-    """Number of cycles in one period of the pulse pattern: heights and lengths repeat after it; 1 if nothing repeats.
+def pattern(heights: Array, waits: Array) -> int:
+    """How many cycles repeat together: the smallest number after which heights and lengths return, or 1 if none does.
 
-    Three repetitions are needed, so that a drift is no pattern. Pulses that differ by less than 2 % count as unequal,
-    too, where they return five times as well after several: near a period doubling the difference is small.
+    Three repetitions are needed, so that a drift is no pattern. Pulses that differ by less than 2 % count as equal: an
+    oscillation that settles looks like a pattern, too.
     """
-    misses = [_miss(heights, waits, k) for k in range(1, LONGEST_PATTERN + 1)]
-    for k, miss in enumerate(misses, start=1):
-        if miss <= SETTLED:
-            better = [j for j in range(k + 1, LONGEST_PATTERN + 1) if misses[j - 1] < 0.2 * miss]
-            return better[0] if better and miss > 10 * noise else k
+    for together in range(1, LONGEST_PATTERN + 1):
+        if _miss(heights, waits, together) <= SETTLED:
+            return together
     return 1
 
 
