@@ -15,6 +15,7 @@ from .family import Certified, Family, load_family, train_family
 from .fit import Fit, fit_foster, fit_newton, fit_second_order
 from .ladder import Ladder, judge, train_all, verdict
 from .output_map import fit_output_map, output_map
+from .pole_derivatives import pole_derivatives
 from .quadratic import QuadraticReduction, reduce_quadratic
 from .reduce import Reduction, reduce
 from .sindy import SindyFit, fit_sindy
@@ -65,6 +66,7 @@ __all__ = [
     "newton",
     "output_map",
     "period_error",
+    "pole_derivatives",
     "reduce",
     "reduce_array",
     "reduce_quadratic",

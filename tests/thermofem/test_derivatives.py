@@ -290,3 +290,28 @@ def test_reach_is_where_the_mesh_tangles():
     reach = d.reach.item()
     assert min(smallest(0.999 * reach), smallest(-0.999 * reach)) > 0
     assert min(smallest(1.001 * reach), smallest(-1.001 * reach)) < 0
+
+
+def test_poles_of_a_reduction_move_as_those_of_a_moved_mesh():
+    import surrogate
+
+    path = "layer.box.thickness"
+    found = surrogate.reduce(STRIP.system, 1e-4)
+    d = surrogate.pole_derivatives(STRIP, found, [path])
+    velocity = vertex_velocities(STRIP.geometry, STRIP.mesh, [change(STRIP.geometry, path)], roles=("core",))[0]
+    step = 1e-4 * 2e-6
+    pair = []
+    for sign in (1, -1):  # the same basis on the moved mesh
+        heat = moved(STRIP, th.strip_ring(box=2e-6 + sign * step), velocity, sign * step)
+        E, A = (found.basis.T @ (x @ found.basis) for x in (heat.system.E, heat.system.A))
+        port = heat.system.B[:, 0] @ found.basis
+        pair.append(th.StateSpace((E + E.T) / 2, (A + A.T) / 2, port[:, None], port[None]))
+    from thermofem.models import foster
+
+    up, down = (foster(one) for one in pair)
+    # a central difference errs by 1e-8 of the second derivative; fast poles are relative to their own size
+    slope = (np.asarray(up.tau) - np.asarray(down.tau)) / (2 * step)
+    np.testing.assert_allclose(d.tau[0], slope, rtol=1e-4, atol=1e-6 * np.abs(slope).max())
+    slope = (np.asarray(up.R) - np.asarray(down.R)) / (2 * step)
+    np.testing.assert_allclose(d.R[0], slope, rtol=1e-4, atol=1e-6 * np.abs(slope).max())
+    assert d.thermal_resistance.item() == pytest.approx(d.R.sum().item(), rel=1e-9)

@@ -1,0 +1,77 @@
+"""Derivatives of the poles of a certified reduction with respect to the parameters of the geometry."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem import Foster, HeatProblem, checks
+from thermofem.heat.derivatives import changes_of, project
+from thermofem.heat.projected import ModalDerivative
+from thermofem.heat.tangent import tangent
+from thermofem.heat.velocity import vertex_velocities
+
+from .reduce import Reduction
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+SIMPLE = 1e-6  # relative distance of neighbouring rates below which a pole is not simple
+
+
+def pole_derivatives(heat: HeatProblem, reduction: Reduction, parameters: str | Sequence[str]) -> xr.Dataset:
+    """Derivatives of every R_i and tau_i of a reduction, exact for its basis.
+
+    Parameters
+    ----------
+    heat : HeatProblem
+        that was reduced.
+    reduction : Reduction
+        of ``heat.system``, or of one of its channels.
+    parameters : str or sequence of str
+        paths, as of `thermofem.derivatives`.
+
+    Returns
+    -------
+    xarray.Dataset
+        over "parameter" and "pole" (tau increasing): R (K/W per unit) and tau (s per unit), nan where a pole is not
+        simple; over "parameter": thermal_resistance.
+
+    Raises
+    ------
+    InputError
+        a reduction with several channels, one of another problem, or a path without a derivative.
+    """
+    import xarray as xr
+
+    model = reduction.model
+    if not isinstance(model, Foster):
+        raise checks.InputError("pole_derivatives needs one input and one output; reduce heat.channels(heated, read)")
+    if reduction.basis.shape[0] != heat.unknowns:
+        raise checks.InputError(f"the reduction has {reduction.basis.shape[0]} unknowns and heat {heat.unknowns}")
+    heated, read = model.inputs[0], model.outputs[0]
+    d = heat.discretization
+    b, c = (d.means[name][d.free] for name in (heated, read))
+    V = reduction.basis / np.sqrt(np.einsum("nk,nk->k", reduction.basis, d.E @ reduction.basis))
+    rate = 1 / np.asarray(model.tau)
+    changes = changes_of(heat, parameters)
+    velocities = vertex_velocities(heat.geometry, heat.mesh, changes, roles=(*heat.heated, read))
+    tangents = [tangent(heat, one, v, (heated, read)) for one, v in zip(changes, velocities, strict=True)]
+    modal = ModalDerivative(rate, V.T @ b, V.T @ c, *project(tangents, (heated, read), d.free, V))
+    of_R, of_tau = modal.poles()
+    apart = np.abs(rate[:, None] / rate - 1) + np.eye(rate.size)
+    double = apart.min(axis=1) < SIMPLE
+    of_R[:, double], of_tau[:, double] = np.nan, np.nan
+    return xr.Dataset(
+        {
+            "R": (("parameter", "pole"), of_R, {"units": "K/W per unit of the parameter"}),
+            "tau": (("parameter", "pole"), of_tau, {"units": "s per unit of the parameter"}),
+            "thermal_resistance": ("parameter", modal.resistance(), {"units": "K/W per unit of the parameter"}),
+        },
+        coords={"parameter": [one.name for one in changes], "unit": ("parameter", [one.unit for one in changes])},
+    )
