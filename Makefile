@@ -4,7 +4,7 @@ PYTHON ?= python3
 export OMP_NUM_THREADS ?= 1
 BIN := .venv/bin
 
-.PHONY: demo test test-all check lint types validation docs wheel gdsfactory bench fuzz audit clean
+.PHONY: demo test test-slow check lint types validation docs wheel gdsfactory bench fuzz audit clean
 
 demo: .venv/installed
 	$(BIN)/thermofem reproduce -o out
@@ -12,9 +12,9 @@ demo: .venv/installed
 test: .venv/installed-dev
 	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow"
 
-# with the slow and violent ones, which continuous integration runs
-test-all: .venv/installed-dev
-	$(BIN)/python -m pytest -n auto --dist loadfile
+# the slow and violent tests: continuous integration runs them after `make test`
+test-slow: .venv/installed-dev
+	$(BIN)/python -m pytest -n auto --dist loadfile -m slow
 
 check: lint types test
 
