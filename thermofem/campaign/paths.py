@@ -16,7 +16,7 @@ _HINT = 'write it as "part.core.width", "layer.box.thickness", "material.SiO2.co
 
 
 def place(table: dict[str, Any], path: str, text: str) -> None:
-    """Set one value of a geometry file's table in place; whether the key exists is left to the geometry's own reader.
+    """Set one value of a geometry file's table in place; the reader of the geometry checks whether the key exists.
 
     Raises
     ------

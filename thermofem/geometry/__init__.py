@@ -1,4 +1,4 @@
-"""The cross-section of a ring in (r, z): what is where, how overlaps resolve, and the file that says so."""
+"""The cross-section of a ring in (r, z): layers, parts and their overlaps, and the geometry file."""
 
 from .cross_section import CrossSection
 from .gdsfactory_import import from_gdsfactory

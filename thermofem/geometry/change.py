@@ -1,4 +1,4 @@
-"""What one parameter of a geometry changes: the derivative of outlines, materials and surfaces per unit of it.
+"""Derivatives of outlines, materials and surfaces with respect to one parameter of a geometry.
 
 A path names the parameter as in a campaign: "part.core.radius", "layer.box.thickness", "material.SiO2.conductivity".
 Several paths may form one parameter; they then change together, each by the same amount.

@@ -1,4 +1,4 @@
-"""How the corners of the subdivision move when outlines move.
+"""Motion of the corners of the subdivision when outlines move.
 
 Every edge between two faces is drawn by one or several outlines. Its velocity along the normal is that of the outline
 that draws it after a small motion in either direction; the velocity of a corner follows from the edges that meet there.

@@ -106,7 +106,7 @@ class CrossSection:
             seen[probe.name] = f"probe {probe.name!r}"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows."""
+        """HTML for notebooks."""
         from ..display import section_card
 
         return section_card(self)
@@ -159,7 +159,7 @@ class CrossSection:
         return self.subdivision.on_side(side, np.asarray(r, dtype=float), np.asarray(z, dtype=float))
 
     def opened(self) -> CrossSection:
-        """The same stack, going on beyond its bottom and outer side (`parts.Boundary`, "open").
+        """The same stack, continued beyond its bottom and outer side (`parts.Boundary`, "open").
 
         >>> strip_ring().opened().bottom.kind
         'open'

@@ -1,4 +1,4 @@
-"""Where a copy of a part beside the axis may lie: the stack must be laterally uniform there.
+"""Allowed places of a copy of a part off the axis: the stack must be laterally uniform there.
 
 The axisymmetric field is that of one ring alone on a uniform stack. A copy reads it at another place. Of the heated
 ring nothing may reach that place but the layers, and parts that cover the whole domain.

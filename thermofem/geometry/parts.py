@@ -111,7 +111,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Boundary:
-    """What one side of the cross-section does: "isothermal" (held at ambient), "insulated", "convection" or "open".
+    """Boundary condition on one side: "isothermal" (held at ambient), "insulated", "convection" or "open".
 
     Convection carries off ``coefficient`` * (T - ambient) per area; ``coefficient`` is in W/m^2/K. Beyond an open side
     the material goes on: far from the heat T - ambient falls as 1/d, with d the distance from the axis at the height of
@@ -132,7 +132,7 @@ class Boundary:
 
     @property
     def holds(self) -> bool:
-        """Whether it ties the temperature to ambient, so that a steady state exists."""
+        """Whether it couples the side to the ambient temperature, so that a steady state exists."""
         return self.kind != "insulated"
 
 
@@ -153,7 +153,7 @@ class Interface:
 
 @dataclass(frozen=True)
 class Probe:
-    """Something to be read beside layers and parts: a shell around a part, or a copy of a part beside the axis.
+    """An additional readout: a shell around a part, or a copy of a part off the axis.
 
     A shell is everything within ``shell`` of the part that is not the part itself, voids left out. A copy stands for a
     neighbouring ring, which reads the same axisymmetric field off its axis; give either ``shell`` or ``distance``.
@@ -205,7 +205,7 @@ def ring(radius: float, width: float, *, of: str = "") -> tuple[float, float]:
 
 
 def length(name: str, value: float, *, typical: float) -> float:
-    """A length in m that is no less than an atom and fits on a chip; the hint repairs a slip of units."""
+    """Check that a length in m lies between the sizes of an atom and of a chip; the hint corrects the unit."""
     return _not_below_an_atom(name, checks.positive(name, value, unit="m", at_most=_LONGEST, hint=slip(value, typical)))
 
 
@@ -216,7 +216,7 @@ def _not_below_an_atom(name: str, value: float) -> float:
 
 
 def slip(value: float, typical: float, at_most: float = _LONGEST) -> checks.Hint:
-    """Hint that says what a length in m may have been meant to be."""
+    """Hint with the length in m that was probably meant."""
     if not (isinstance(value, int | float) and at_most < abs(value) < _BEYOND):
         return checks.Hint("lengths are in metres")
     meant = value * min((1e-3, 1e-6, 1e-9), key=lambda factor: abs(math.log(abs(value) * factor / typical)))

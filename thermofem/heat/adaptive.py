@@ -1,4 +1,4 @@
-"""Refinement of a mesh where its estimated error is, until the error of every judged channel is below the target.
+"""Mesh refinement at the largest estimated errors, until the error of every judged channel is below the target.
 
 At every shift whose error is above `AIM` of the target the triangles with the largest shares are divided: as few of
 them as bring the sum down to `AIM` if dividing leaves `LEFT` of a share, or those with `BULK` of the sum where even all
@@ -20,7 +20,7 @@ BULK = 0.8  # of the sum
 
 
 def marked(estimate: Estimate, target: float) -> NDArray[np.bool_]:
-    """Which triangles to divide."""
+    """Select the triangles to divide."""
     chosen = np.zeros(0, dtype=bool)
     for channel, errors in estimate.errors.items():
         own = target / max(estimate.weights[channel], 1e-12)

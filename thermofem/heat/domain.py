@@ -1,4 +1,4 @@
-"""How far a thermal resistance is off because the domain ends, against the same stack going on.
+"""Error of a thermal resistance caused by the finite domain, relative to a stack that continues beyond it.
 
 See `parts.Boundary`, "open".
 """
@@ -25,7 +25,7 @@ _told: set[tuple[float, float]] = set()
 
 
 def domain_error(heat: HeatProblem, heated: str, read: str) -> float:
-    """Relative change of R_th if the stack went on beyond its bottom and outer side.
+    """Relative change of R_th if the stack continued beyond its bottom and outer side.
 
     Sides with convection are mounts, not cuts, and stay as they are. Measured: against a domain of 2 mm the open
     sides of the reference strip leave 9e-5 where its own leave 3.3e-3.
@@ -50,7 +50,7 @@ def domain_error(heat: HeatProblem, heated: str, read: str) -> float:
 
 
 def warn_of_domain(geometry: CrossSection, domain: float, accuracy: float) -> None:
-    """Say in the log, once for each size of domain, that its end moves R_th by more than the accuracy; and the remedy.
+    """Log, once for each size of domain, that its end changes R_th by more than the accuracy, and the remedy.
 
     A warning above `NOTABLE`, information below: a ring on a finite chip or on a mount is no mistake.
     """

@@ -1,4 +1,4 @@
-"""What cubic elements add to quadratic ones: one function on every edge, one in every triangle.
+"""The additional functions of cubic elements: one on every edge, one in every triangle.
 
     l_a l_b (l_a - l_b) on the edge a b,    l_0 l_1 l_2 inside
 
@@ -196,7 +196,7 @@ class Enrichment:
         return found
 
     def _sum(self, each: Array) -> Array:
-        """Add up what the triangles hold for each cubic function; shapes (triangles, 4, n) and (functions, n)."""
+        """Sum the triangles into each cubic function; shapes (triangles, 4, n) and (functions, n)."""
         count = self.functions.N - self.functions.quadratic
         places = self.cubic.ravel()
         return np.stack(
@@ -205,7 +205,7 @@ class Enrichment:
 
 
 def _surface(functions: Functions, d: Discretization, conductivity: Array) -> Any:
-    """Rows of the cubic functions in what surfaces add to the stiffness; None where there are none."""
+    """Rows of the cubic functions in the surface terms of the stiffness; None without such terms."""
     import skfem
 
     surfaces = d.surfaces

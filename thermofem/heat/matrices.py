@@ -29,7 +29,7 @@ def _none() -> Facets:
 
 @dataclass(frozen=True, eq=False)
 class Surfaces:
-    """What happens on facets, numbered as scikit-fem does on the same mesh.
+    """Boundary conditions and contacts on facets, numbered as scikit-fem does on the same mesh.
 
     Attributes
     ----------
@@ -288,7 +288,7 @@ def volume(basis: Any, inside: NDArray[np.bool_]) -> Array:
 
 
 def surface_terms(basis: Any, conductivity: ArrayLike, surfaces: Surfaces) -> Any:
-    """What convection, open sides and contacts add to the stiffness, sparse."""
+    """Terms of convection, open sides and contacts in the stiffness, sparse."""
     import skfem
     from scipy.sparse import csr_matrix
 

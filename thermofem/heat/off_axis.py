@@ -1,4 +1,4 @@
-"""Means over a copy of a part beside the axis: what a neighbouring ring reads of the axisymmetric field.
+"""Means of the axisymmetric field over a copy of a part off the axis, such as a neighbouring ring.
 
 The copy's centre lies at the distance d from the axis. A point (r, phi) of the copy is at rho from the axis, so
 

@@ -1,4 +1,4 @@
-"""What is read beside layers and parts, as functionals of the field: shells around parts, and copies off the axis."""
+"""Probes as functionals of the field: shells around parts, and copies of parts off the axis."""
 
 from __future__ import annotations
 

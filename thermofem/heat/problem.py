@@ -48,7 +48,7 @@ log = logging.getLogger("thermofem")
 
 @dataclass(frozen=True, eq=False)
 class HeatProblem:
-    """The heat problem of one cross-section: what `assemble` gives back.
+    """The heat problem of one cross-section, as returned by `assemble`.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class HeatProblem:
         return f"HeatProblem({self.geometry.name!r}, {size}, heated {', '.join(self.heated)})"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows."""
+        """HTML for notebooks."""
         from ..display import card, section_card
 
         rows = [
@@ -136,7 +136,7 @@ class HeatProblem:
 
     @cached_property
     def nonlinear(self) -> bool:
-        """Whether k or c_p of a material that is there depend on temperature."""
+        """Whether k or c_p of any material in the geometry depends on temperature."""
         return any(self.geometry.material_of(name).varies for name in self.regions)
 
     def model(
@@ -166,7 +166,7 @@ class HeatProblem:
 
     @cached_property
     def ledger(self) -> Ledger | NonlinearLedger:
-        """What closes the energy balance of a transient of `model`."""
+        """Terms of the energy balance of a transient of `model`."""
         if not self.nonlinear:
             return self.discretization.ledger
         d = self.discretization
@@ -255,14 +255,14 @@ class HeatProblem:
         return found
 
     def mesh_error(self, heated: str | None = None, read: str | None = None) -> float:
-        """Relative error of R_th and of the step from 1 ns on that the mesh makes, see `thermofem.heat.accuracy`."""
+        """Relative mesh error of R_th and of the step response from 1 ns on, see `thermofem.heat.accuracy`."""
         key = "mesh", *self._channel(heated, read)
         if key not in self._estimated:
             self.estimate(key[1:])
         return self._estimated[key]
 
     def errors(self, heated: str | None = None, read: str | None = None) -> tuple[float, float]:
-        """`mesh_error`, and the relative change of R_th if the stack went on, see `thermofem.heat.domain`.
+        """`mesh_error`, and the relative error of R_th by the finite domain, see `thermofem.heat.domain`.
 
         Where the end of the domain moves R_th by more than ``accuracy`` the log says so, once for each size of domain.
         """

@@ -1,4 +1,4 @@
-"""Means over shells around a part: everything within a distance of it, whatever triangles the shell's edge cuts."""
+"""Means over shells around a part: all points within a distance of it; triangles may be cut by its edge."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How fast the vertices of a mesh move with each parameter of its geometry."""
+"""Velocities of the mesh vertices with respect to each parameter of the geometry."""
 
 from __future__ import annotations
 

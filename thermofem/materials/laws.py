@@ -22,7 +22,7 @@ COLDEST, HOTTEST = 1.0, 1e4  # K; no law is asked beyond
 
 
 class Law(Protocol):
-    """What a law can do; T in K."""
+    """Interface of a temperature law; T in K."""
 
     def factor(self, T: ArrayLike) -> Array:
         """f(T)."""
