@@ -27,6 +27,7 @@ WAVES = {
     "Pulse": th.Pulse(P, width=1.5e-6, start=0.4e-6),
     "SquareWave": th.SquareWave(P, period=0.7e-6, duty=1 / 3),
     "Sampled": th.Sampled([0, 1e-6, 1e-6, 9e-6], [0, P, P / 2, 0]),
+    "Symbols": th.Symbols([0.2, 1, 0, 0.7], rate=1e6, power=P, bias=1e-4, mask=(0.5, 1), noise=0.05, seed=1),
     "Telegraph": th.Telegraph(P, 0.5e-6, 5e-6, seed=3),
     "Chirp": th.Chirp(P, 0.3e-6, 2e-6, 7e-6),
     "PiecewiseCubic": th.PiecewiseCubic([0, 2e-6, 9e-6], [[0, 300.0, 1e8, -5e13], [0.9e-3, -100.0, 0, 0]]),

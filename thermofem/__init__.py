@@ -28,7 +28,18 @@ from .models import Foster, OutputMap, OutsideTrainingWarning, Quadratic, StateS
 from .solve import solve, solve_periodic
 from .tables import read_csv
 from .version import __version__ as __version__
-from .waveforms import Chirp, Constant, Function, PiecewiseCubic, Pulse, Sampled, SquareWave, Telegraph, Waveform
+from .waveforms import (
+    Chirp,
+    Constant,
+    Function,
+    PiecewiseCubic,
+    Pulse,
+    Sampled,
+    SquareWave,
+    Symbols,
+    Telegraph,
+    Waveform,
+)
 
 __all__ = [
     "Boundary",
@@ -58,6 +69,7 @@ __all__ = [
     "Sampled",
     "SquareWave",
     "StateSpace",
+    "Symbols",
     "Table",
     "Telegraph",
     "ThermalModel",

@@ -201,3 +201,37 @@ def test_a_cubic_fit_is_as_near_as_it_says():
     wave = th.Function(lambda t: 1e-3 * (1 + np.sin(3e6 * t) * np.exp(-t / 4e-6)))
     t = np.random.default_rng(1).uniform(0, 20e-6, 10_000)
     assert np.abs(cubic_pieces(wave, 0, 20e-6)(t) - wave(t)).max() < 2e-8 * 2e-3
+
+
+def test_symbols_are_held_masked_and_noisy():
+    wave = th.Symbols([0, 1, 0.5], rate=1e9, power=2e-3, bias=1e-3, mask=(1.0, 0.5), start=1e-9)
+    middle = 1e-9 + (np.arange(6) + 0.5) * 0.5e-9
+    assert wave(middle) == pytest.approx([1e-3, 1e-3, 3e-3, 2e-3, 2e-3, 1.5e-3], rel=1e-12, abs=0)
+    assert wave([0.5e-9, 4.5e-9]).tolist() == [1e-3, 1e-3]  # the bias, before and after
+    assert wave.breakpoints(0, 5e-9) == pytest.approx(
+        [2e-9, 2.5e-9, 3.5e-9, 4e-9], rel=1e-12, abs=0
+    )  # equal neighbours
+    assert wave.mean(1e-9, 4e-9) == pytest.approx(wave(middle).mean(), rel=1e-12, abs=0)
+    noisy = [th.Symbols(np.ones(20_000), rate=1e9, power=2e-3, bias=2e-3, noise=0.1, seed=s) for s in (1, 1, 2)]
+    times = (np.arange(20_000) + 0.5) * 1e-9
+    assert np.array_equal(noisy[0](times), noisy[1](times))
+    assert not np.array_equal(noisy[0](times), noisy[2](times))
+    assert noisy[0](times).std() == pytest.approx(2e-4, rel=0.03, abs=0)  # five sigma of 20 000 draws
+    assert wave.samples(2).size == 12
+    assert wave.samples()[-1] == wave.stop == pytest.approx(4e-9)
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"values": [0, -1]}, r"values\[1\] = -1 is negative; use bias"),
+        ({"mask": [1, -1]}, r"mask\[1\] = -1 is negative"),
+        ({"rate": 0}, "rate = 0 must lie between"),
+        ({"power": 20}, "did you mean 2e-3"),
+        ({"seed": 1.5}, "whole number from 0"),
+        ({"values": np.ones(30_000_000)}, "30000000 nodes"),
+    ],
+)
+def test_symbols_that_cannot_be(fields, words):
+    with pytest.raises(th.InputError, match=words):
+        th.Symbols(**({"values": [0, 1], "rate": 1e9, "power": 1e-3} | fields))

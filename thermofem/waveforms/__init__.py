@@ -37,6 +37,7 @@ from .piecewise_cubic import PiecewiseCubic
 from .pulse import Pulse
 from .sampled import Sampled
 from .square_wave import SquareWave
+from .symbols import Symbols
 from .telegraph import Telegraph
 
 __all__ = [
@@ -50,6 +51,7 @@ __all__ = [
     "Pulse",
     "Sampled",
     "SquareWave",
+    "Symbols",
     "Telegraph",
     "Waveform",
     "bounds",
