@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..kernels import equations
-from ..kernels.compiling import compiled, forget_if_older, inner
+from ..kernels.compiling import compiled, forget_if_older
 from ..kernels.equations import Array, Rates, absorbed_power, dispersion, optics, optics_jacobian
 from ..kernels.tableaus import Tableau
 from . import kernel
@@ -107,7 +107,7 @@ def jacobian(y: Array, detuning: Array, rings: Rings, heat: Heat, net: Network) 
     return out
 
 
-@inner
+@compiled
 def growing(y: Array, detuning: Array, rings: Rings, heat: Heat, net: Network) -> float:
     """Return the modulus of the fastest mode that grows, in 1/ns, or 0 where all decay.
 
@@ -150,7 +150,7 @@ class Course(NamedTuple):
     value: Array  # shape (3, N)
 
 
-@inner
+@compiled
 def extrapolate(course: Course, known: int, t: float, value: Array, slope: Array) -> None:
     """Write the parabola through the last values at ``t``, and its slope; fewer points give a line or a constant."""
     for i in range(value.size):
@@ -166,7 +166,7 @@ def extrapolate(course: Course, known: int, t: float, value: Array, slope: Array
                 slope[i] += second * (2.0 * t - course.time[0] - course.time[1])
 
 
-@inner
+@compiled
 def observe(net: Network, fields: Complex, laser: Complex, delayed: Complex, out: Complex) -> None:
     """Write the observed waves in sqrt(uW)."""
     for q in range(out.size):
@@ -193,7 +193,7 @@ class Now(NamedTuple):
     slope: Array
 
 
-@inner
+@compiled
 def waves_between(
     f: float, t: float, h: float, piece: int, y: Array, out: Array, k: Array, d: Array, drive: Drive, net: Network,
     past: Array, cubics: Complex, filled: int, now: Now,
@@ -208,7 +208,7 @@ def waves_between(
     observe(net, now.fields, now.laser, now.delayed, now.waves)
 
 
-@inner
+@compiled
 def keep_row(
     rows: Array, at: int, f: float, t: float, h: float, y: Array, out: Array, k: Array, total: Array, d: Array,
     before: Array, after: Array, other: Array, other_new: Array, heat: Heat, now: Now, energy: Array,
@@ -227,7 +227,7 @@ def keep_row(
         rows[at, 1 + 4 * n + 2 * now.waves.size + q] = energy[q]
 
 
-@inner
+@compiled
 def cubic_through(p0: complex, p1: complex, p2: complex, p3: complex) -> tuple[complex, complex, complex, complex]:
     """Return the cubic through values at 0, 1/3, 2/3 and 1, constant term first."""
     c1 = -5.5 * p0 + 9.0 * p1 - 4.5 * p2 + p3
@@ -437,7 +437,7 @@ def integrate(
     return rows[:row], y, t, np.array([accepted, rejected, DONE])
 
 
-@inner
+@compiled
 def _energy(nodes: Complex, f: float) -> float:
     """Return the integral of |wave|^2 from 0 to ``f`` of a step of length 1, the wave a cubic through its nodes."""
     c0, c1, c2, c3 = cubic_through(
@@ -459,6 +459,6 @@ def heating(rows: Array, rates: Array) -> Array:
     return out
 
 
-for compiled_kernel in (right_hand_side, jacobian, integrate, heating):
+for compiled_kernel in (right_hand_side, jacobian, growing, integrate, heating):
     for module in (equations, kernel):
         forget_if_older(compiled_kernel, str(module.__file__))

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from ..kernels import algebra, equations
 from ..kernels.algebra import factorize, inverse, solve
-from ..kernels.compiling import compiled, forget_if_older, inlined, inner
+from ..kernels.compiling import compiled, forget_if_older, inlined
 from ..kernels.equations import Array, Rates, dispersion, optics, optics_jacobian
 from ..kernels.tableaus import Tableau
 
@@ -116,7 +116,7 @@ def detunings_at(drive: Drive, piece: int, t: float, values: Array, slopes: Arra
         slopes[i] = d[1] + u * (2.0 * d[2] + u * 3.0 * d[3])
 
 
-@inner
+@compiled
 def delayed_at(
     t: float, delay: Array, past: Array, cubics: Complex, filled: int, wave: Complex, slope: Complex
 ) -> None:
@@ -172,7 +172,7 @@ class Space(NamedTuple):
     backs: Array  # (N,)
 
 
-@inner
+@compiled
 def workspace(n: int, poles: int) -> Space:
     """Return a new workspace for ``n`` rings of ``poles`` thermal states."""
     e = np.empty
@@ -251,7 +251,7 @@ def _solve(net: Network, w: Space) -> None:
             w.right[3 * i + p] = w.inverses[i, p, 0] * r0 + w.inverses[i, p, 1] * r1 + w.inverses[i, p, 2] * r2
 
 
-@inner
+@compiled
 def step(
     y: Array, h: float, inputs: Complex, input_slopes: Complex, detuning: Array, detuning_slopes: Array, rings: Rings,
     heat: Heat, net: Network, method: Tableau, out: Array, k: Array, x: Array, total: Array, w: Space,
@@ -329,7 +329,7 @@ def step(
                 out[at + p] += f * x[j, i, p]
 
 
-@inner
+@compiled
 def neighbours(y: Array, heat: Heat, out: Array) -> None:
     """Write what the other rings add to the temperature of each, in K."""
     n, K = heat.gain.shape
@@ -345,7 +345,7 @@ def neighbours(y: Array, heat: Heat, out: Array) -> None:
         out[i] = total
 
 
-@inner
+@compiled
 def step_error(
     y: Array,
     out: Array,
@@ -380,7 +380,7 @@ def step_error(
     return math.sqrt(worst / 3.0) / rtol
 
 
-@inner
+@compiled
 def moved(y: Array, out: Array, rings: Rings, w: Space) -> float:
     """Return by how much of its size a step moves the state of any ring."""
     most = 0.0
@@ -403,6 +403,6 @@ def dense(x: float, y0: float, y1: float, k: Array, d: Array) -> float:
     return (1.0 - x) * y0 + x * (y1 + (1.0 - x) * (d1 + x * (d2 + x * d3)))
 
 
-for kernel in (lasers_at, detunings_at):
+for kernel in (step, workspace, step_error, moved):
     for module in (equations, algebra):
         forget_if_older(kernel, str(module.__file__))

@@ -11,8 +11,6 @@ from numba import njit
 _FAST = {"contract", "reassoc", "nsz", "arcp"}
 
 compiled = njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
-# Called by compiled code only: no way in from Python, which takes as long to compile as the function itself.
-inner = njit(nogil=True, error_model="numpy", fastmath=_FAST, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 inlined = njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST, forceinline=True)
 
 

@@ -1,0 +1,38 @@
+"""A SCISSOR of three rings: its transmission at low power against the detuning, and its pulses at high power.
+
+python examples/scissor.py [picture.png]
+"""
+
+import sys
+from dataclasses import replace
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import coupled
+import surrogate
+import thermofem as th
+from coupled.plot_circuit import plot_circuit, plot_ports, plot_rings
+
+one = coupled.borghi2021()
+array = surrogate.reduce_array(
+    th.assemble(th.strip_ring(outer_radius=150e-6)), [(k * 25e-6, 0) for k in range(3)], tolerance=1e-3
+)
+figure, axes = plt.subplots(2, 2, figsize=(11, 6), layout="constrained")
+detunings = np.linspace(-40e9, 40e9, 801)
+for sigma, style in ((0.0, "-"), (8e9, "--")):
+    circuit = coupled.scissor([one] * 3, phase=0.5, loss=0.05).scattered(sigma, seed=2)
+    lines = coupled.spectrum(circuit, detunings).transmission
+    for port, colour in (("through", "#0072B2"), ("drop", "#D55E00")):
+        label = port if sigma == 0 else f"{port}, resonances scattered by 8 GHz"
+        axes[0, 1].plot(detunings * 1e-9, lines.sel(port=port), style, color=colour, label=label, lw=1)
+axes[0, 1].set(xlabel="detuning (GHz)", ylabel="transmission at low power")
+axes[0, 1].legend(frameon=False, fontsize="small")
+
+circuit = coupled.scissor([one, replace(one, frequency=one.frequency - 3e9), one], phase=0.5, loss=0.05)
+plot_circuit(circuit, axes[0, 0])
+run = coupled.simulate_circuit(circuit, array, inputs={"in": 8e-3}, duration=6e-6, rtol=1e-5)
+plot_rings(run, ax=axes[1, 0])
+plot_ports(run, axes[1, 1])
+print(f"{run.attrs['steps']} steps; hottest {float(run.delta_T.max()):.2f} K")
+figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "scissor.png", dpi=150)
