@@ -46,6 +46,7 @@ def test_members_agree_with_their_own_meshes(family):
         assert off <= family.predicted_error(radius=radius, width=width, box=box) < 2e-3
 
 
+@pytest.mark.slow
 def test_random_members_are_passive_and_rise_monotonically(family):
     rows = family.box.draw(500, seed=11)
     for row in rows:
@@ -131,6 +132,7 @@ def test_members_outside_the_box_and_wrong_names_are_refused(family):
         family.thermal_resistance(radius=np.full(2, 7e-6), width=np.full(3, 500e-9), box=2e-6)
 
 
+@pytest.mark.slow
 def test_open_sides_contacts_convection_and_two_heated_parts():
     base = th.heated_ring(cladding=1.5e-6)
     geometry = th.CrossSection(
@@ -164,6 +166,7 @@ def test_open_sides_contacts_convection_and_two_heated_parts():
     assert family.system(**values).outputs == ("core", "heater")
 
 
+@pytest.mark.slow
 def test_leaning_walls_and_shells_move_the_mesh(tmp_path):
     geometry = th.CrossSection(
         "trapezoid",

@@ -82,6 +82,7 @@ def synthetic(family: surrogate.Family, truth: dict[str, float], noise: float, s
     return th.dataset.build(times, rise, th.Constant(1e-3))
 
 
+@pytest.mark.slow
 def test_calibration_recovers_the_truth_with_honest_errors(family):
     truth = {"radius": 6.2e-6, "width": 470e-9, "box": 2.2e-6}
     pulls, chi = [], []
