@@ -60,6 +60,7 @@ fuzz: .venv/installed-dev
 # the promises, broken on purpose: damaged files, kills, random trees; bounds of random reductions; MINUTES=10 for a short one
 audit: .venv/installed-dev
 	$(BIN)/python tests/fuzz/audit.py $(MINUTES)
+	$(BIN)/python tests/audit/accuracy.py 200
 	$(BIN)/python tests/audit/reductions.py 1500
 
 # against named peers, in an environment of its own; goes on where it was; BENCH=--quick, BENCH=--again

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from paths import ROOT
 
 import thermofem as th
 from thermofem.heat import domain, problem
@@ -149,3 +150,13 @@ def test_a_probe_has_its_own_estimate():
     assert heat.errors(read="near")[0] < 1e-3
     change = abs(heat.thermal_resistance(read="near") / fine.thermal_resistance(read="near") - 1)
     assert change < 1e-3
+
+
+@pytest.mark.parametrize("seed", [7, 43])
+def test_a_random_cross_section_keeps_the_promise(seed, needs_mesher, monkeypatch):
+    """Two of those of `make audit`; 43 erred by 1.11e-3 before the error between two shifts had a margin (`PEAK`)."""
+    monkeypatch.syspath_prepend(str(ROOT / "tests" / "audit"))
+    import accuracy
+
+    for channel, true, estimated in accuracy.audit(seed, 1e-3):
+        assert true < 1e-3 or estimated > 1e-3, channel

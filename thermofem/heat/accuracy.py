@@ -35,6 +35,7 @@ Channel = tuple[str, str]  # heated, read
 SLOWEST, FASTEST = 5, 9  # powers of ten of the shifts in 1/s: of an ordinary chip, and of the step at 1 ns
 FAINT = 1e-2  # of R_th: what another part feels less of is not worth a finer mesh
 SATURATION = 2.0  # the exact energy over what the cubic functions add, at most (tests/audit/accuracy.py)
+PEAK = 1.2  # between 0 and the last shift: what the error of the step may exceed its average over a decade by
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +92,7 @@ class MeshError:
         return np.append(10.0 ** np.arange(FASTEST, first - 1, -1), 0.0)
 
     def estimate(self, channels: tuple[Channel, ...]) -> Estimate:
-        """Estimate the errors of some channels: `SATURATION` |a(u_3 - u, w_3 - w)| / Z.
+        """Estimate the errors of some channels: `SATURATION` (and `PEAK`) times |a(u_3 - u, w_3 - w)| / Z.
 
         Relative to Z(s) for a part that is heated and read. Where another part is read nothing has arrived early on,
         and the error is relative to its R_th; there the shares count with their absolute values, as they may cancel.
@@ -108,12 +109,14 @@ class MeshError:
             total, share = self.enrichment.added(s, found, load)
             totals.append(total)
             shares.append(share)
+        between = (self.shifts > 0) & (self.shifts < self.shifts.max())
+        factor = SATURATION * np.where(between, PEAK, 1.0)
         errors, local, weights = {}, {}, {}
         for heated, read in channels:
             i, j = names.index(heated), names.index(read)
             scale = np.array([v[j, i] for v in values]) if i == j else np.full(len(values), values[-1][j, i])
-            each = SATURATION * np.abs([share[j, i] for share in shares]) / np.abs(scale)[:, None]
-            whole = SATURATION * np.abs([total[j, i] for total in totals]) / np.abs(scale)
+            each = factor[:, None] * np.abs([share[j, i] for share in shares]) / np.abs(scale)[:, None]
+            whole = factor * np.abs([total[j, i] for total in totals]) / np.abs(scale)
             errors[heated, read] = whole if i == j else np.maximum(whole, each.sum(axis=1))
             local[heated, read] = each
             gain, own = abs(values[-1][j, i]), values[-1][i, i]
