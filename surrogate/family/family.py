@@ -182,8 +182,8 @@ class Family:
 
             floor + factor * (difference between all functions and the first 70 % of them)
 
-        The floor is the error of the mesh and the factor the largest ratio that held-out members showed, both with half
-        as much on top; of 300 random members none was further off (measured on the families of the tests).
+        The floor is the error of the mesh and the factor the largest ratio over the held-out members, both with half as
+        much on top. It is an estimate from those few members and no bound; `certify` measures one member.
         """
         return self._predicted(self.members.member(self.box.row(values)))
 

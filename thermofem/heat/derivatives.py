@@ -72,8 +72,9 @@ def derivatives(
         of the parameter; ``reach``, the largest change in either direction before the moved mesh tangles, in the same
         unit. The attributes hold the thermal resistance itself. At small power where conductivities depend on T.
 
-        Within 1e-10 of complex steps on the same mesh; within 1e-3 of differences of converged meshes at
-        accuracy 1e-4 (measured on strip, rib and heated rings).
+        Against complex steps on the same mesh: R_th within 1e-10, Z(f) within 1e-8, the step response within 1e-6.
+        Against differences of converged meshes at accuracy 1e-4, for the reference strip: radius 4e-5, width 6e-5,
+        buried oxide 1.1e-4, cladding 1.5e-4 (measured).
 
     Raises
     ------
