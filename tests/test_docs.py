@@ -76,7 +76,7 @@ def test_every_block_runs_and_prints_what_stands_there(page, tmp_path, monkeypat
             Path(title).write_text(content, encoding="utf-8")
         elif language == "python":
             with contextlib.redirect_stdout(io.StringIO()) as out:
-                exec(compile(content, str(page), "exec"), scope)
+                exec(compile(content, str(page), "exec", dont_inherit=True), scope)
             printed = out.getvalue()
         elif language == "sh":
             for line in content.splitlines():
