@@ -173,7 +173,7 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
         + " amplitude"
         + (f", in a pattern of {together}" if together > 1 else "")
         + (f", pulses that still differ by {100 * unequal:.2g} %" if 10 * noise < unequal < np.inf else "")
-        + (f", whose period still changes by {100 * drift:+.2g} % a cycle" if abs(drift) > STEADY_PERIOD else ""),
+        + (f", each cycle {100 * drift:+.2g} % longer than the last" if abs(drift) > STEADY_PERIOD else ""),
         period=end - begin,
         duty=_duty(t, drop, begin, end),
         swing=float(np.ptp(dT[last])),
