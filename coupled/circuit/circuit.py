@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import checks
+from thermofem import checks, toml_file
 
 from ..resonator import RingResonator
+from . import file
 from .parts import IN, OUT, SPLITTER_IN, SPLITTER_OUT, Detector, LaserPort, Splitter, Waveguide, check_name
 
 MOST = 1000  # rings
@@ -149,9 +150,8 @@ class Circuit:
         InputError
             a file that cannot be read, unknown or missing keys, or what `Circuit` refuses.
         """
-        from .file import read_file
-
-        return read_file(path)
+        folder = checks.path("path", path).parent
+        return toml_file.read(path, "circuit", lambda text: cls(**file.fields(text, folder)))
 
 
 def _named(rings: Any) -> dict[str, RingResonator]:

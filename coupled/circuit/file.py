@@ -44,7 +44,6 @@ from thermofem import checks, quantity, toml_file
 from thermofem.checks import InputError
 
 from ..resonator import PUBLISHED, RingResonator
-from .circuit import Circuit
 from .parts import Detector, LaserPort, Splitter, Waveguide
 
 _TEXT, _NUMBER = "text", "number"
@@ -59,14 +58,8 @@ _NEEDED = {"ring": ("name",), "waveguide": ("start", "stop"), "splitter": ("name
            "detector": ("name", "start")}  # fmt: skip
 
 
-def read_file(path: str | Path) -> Circuit:
-    """Read a circuit file; see `Circuit.from_toml`."""
-    folder = checks.path("path", path).parent
-    return toml_file.read(path, "circuit", lambda text: read_text(text, folder))
-
-
-def read_text(text: str, folder: Path | None = None) -> Circuit:
-    """Read the text of a circuit file; ring files are looked for in ``folder``."""
+def fields(text: str, folder: Path | None = None) -> dict[str, Any]:
+    """The fields of the `Circuit` that the text of a circuit file describes; ring files are in ``folder``."""
     table = toml_file.parse(text)
     for key in table:
         checks.choice("the circuit file: key", key, ["name", "frequency", "ring", *_KINDS])
@@ -80,15 +73,15 @@ def read_text(text: str, folder: Path | None = None) -> Circuit:
             raise InputError(f"ring {values['name']!r} is there twice; every ring needs its own name")
         rings[values["name"]] = _ring(values, folder)
     parts = {kind: tuple(make(**v) for v in _tables(table, kind, keys)) for kind, (make, keys) in _KINDS.items()}
-    return Circuit(
-        rings=rings,
-        waveguides=parts["waveguide"],
-        lasers=parts["laser"],
-        detectors=parts["detector"],
-        splitters=parts["splitter"],
-        frequency=None if frequency is None else quantity.parse(frequency, "Hz", name="frequency"),
-        name=name,
-    )
+    return {
+        "rings": rings,
+        "waveguides": parts["waveguide"],
+        "lasers": parts["laser"],
+        "detectors": parts["detector"],
+        "splitters": parts["splitter"],
+        "frequency": None if frequency is None else quantity.parse(frequency, "Hz", name="frequency"),
+        "name": name,
+    }
 
 
 def _tables(table: dict[str, Any], kind: str, keys: dict[str, str]) -> list[dict[str, Any]]:

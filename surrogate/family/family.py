@@ -14,6 +14,7 @@ from thermofem import Foster, StateSpace, checks
 from thermofem.heat.projected import ModalDerivative
 
 from ..reduce import reduce
+from . import files
 from .box import Box
 from .certify import Certified, certified
 from .reduced import LineTerms, Modes, Small, difference
@@ -257,9 +258,7 @@ class Family:
 
     def save(self, path: str | Path) -> Path:
         """Write the family as one file, whole or not at all; `surrogate.load_family` reads it without a mesher."""
-        from .files import save
-
-        return save(self, path)
+        return files.save(self, path)
 
     def _channel(self, heated: str | None, read: str | None) -> tuple[int, int]:
         a = checks.choice("heated", heated or self.inputs[0], self.inputs)
@@ -277,3 +276,18 @@ def coarse_difference(small: Small, heated: int) -> float:
     """How much a member changes from the first part of the functions to all of them."""
     count = max(1, int(COARSER * small.K.shape[0]))
     return difference(small.first(count).modes(), small.modes(), heated)
+
+
+def load_family(path: str | Path) -> Family:
+    """Read a family that `Family.save` wrote.
+
+    Raises
+    ------
+    InputError
+        no such file, not a family, or one of a newer version.
+    """
+    fields = files.read(path)
+    numbers = fields["error"]
+    error = HeldOut([numbers["worst"]])
+    error.median, error.count = numbers["median"], numbers["count"]
+    return Family(**{**fields, "error": error})

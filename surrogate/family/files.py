@@ -103,8 +103,8 @@ def _campaign(campaign: Campaign) -> dict[str, Any]:
     return {"name": campaign.name, "geometry": geometry, "heated": heated, "read": read, "variations": variations}
 
 
-def load_family(path: str | Path) -> Family:
-    """Read a family that `Family.save` wrote.
+def read(path: str | Path) -> dict[str, Any]:
+    """Read the fields of a family that `Family.save` wrote; ``error`` as a dict of its numbers.
 
     Raises
     ------
@@ -126,31 +126,28 @@ def load_family(path: str | Path) -> Family:
     if content.get("schema") != SCHEMA:
         raise checks.InputError(f"{path} has schema {content.get('schema')!r}; this version reads {SCHEMA}")
     try:
-        return _family(content, arrays)
+        return _fields(content, arrays)
     except (KeyError, ValueError, IndexError, TypeError) as error:
         raise checks.InputError(f"{path} is not a complete family: {error}") from None
 
 
-def _family(content: dict[str, Any], arrays: dict[str, Array]) -> Family:
-    from .family import Family, HeldOut
-
+def _fields(content: dict[str, Any], arrays: dict[str, Array]) -> dict[str, Any]:
     box = _box(content, arrays)
     inputs, outputs = tuple(content["inputs"]), tuple(content["outputs"])
     ports = tuple(dict.fromkeys((*inputs, *outputs)))
-    e = content["error"]
-    error = HeldOut([e["worst"]])
-    error.median, error.count = float(e["median"]), int(e["count"])
-    return Family(
-        box=box,
-        inputs=inputs,
-        outputs=outputs,
-        tolerance=float(content["tolerance"]),
-        members=_lines(content, arrays, box) if content["engine"] == "lines" else _moved(content, arrays, box, ports),
-        error=error,
-        floor=float(content["floor"]),
-        factor=float(content["factor"]),
-        provenance=dict(content["provenance"]),
-    )
+    lines = content["engine"] == "lines"
+    error = content["error"]
+    return {
+        "box": box,
+        "inputs": inputs,
+        "outputs": outputs,
+        "tolerance": float(content["tolerance"]),
+        "members": _lines(content, arrays, box) if lines else _moved(content, arrays, box, ports),
+        "error": {"worst": float(error["worst"]), "median": float(error["median"]), "count": int(error["count"])},
+        "floor": float(content["floor"]),
+        "factor": float(content["factor"]),
+        "provenance": dict(content["provenance"]),
+    }
 
 
 def _box(content: dict[str, Any], arrays: dict[str, Array]) -> Box:

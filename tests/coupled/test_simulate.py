@@ -200,7 +200,7 @@ def large_system():
         ({"times": [2e-6, 1e-6]}, "increase"),
         ({"times": []}, "empty"),
         ({"model": large_system()}, "reduce it first"),
-        ({"model": Nonlinear()}, "compact thermal model"),
+        ({"model": Nonlinear()}, "a thermal model is needed"),
         ({"model": th.Foster(R=[9e3, -1e3], tau=[1e-7, 1e-6])}, "passive"),
         ({"ring": EXPERIMENT}, "RingResonator"),
     ],
