@@ -12,7 +12,7 @@ demo: .venv/installed
 test: .venv/installed-dev
 	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow"
 
-# the slow and violent tests: continuous integration runs them after `make test`
+# the slow and violent tests, which `make test` leaves out
 test-slow: .venv/installed-dev
 	$(BIN)/python -m pytest -n auto --dist loadfile -m slow
 

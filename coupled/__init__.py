@@ -1,5 +1,9 @@
 """Optics, free carriers and heat of a silicon ring together: time traces and self-pulsing."""
 
+from importlib import import_module as _import_module
+from typing import TYPE_CHECKING as _TYPE_CHECKING
+from typing import Any as _Any
+
 from .carriers import ShockleyReadHall
 from .circuit import (
     Circuit,
@@ -14,8 +18,6 @@ from .circuit import (
     simulate_circuit,
     spectrum,
 )
-from .cycles.derivatives import cycle_derivatives
-from .cycles.limit_cycle import limit_cycle
 from .equilibria.boundaries import fold_curves, hopf_curves
 from .equilibria.steady import steady_states
 from .equilibria.transmission import power_for_drop, sweep, transmission
@@ -88,3 +90,16 @@ __all__ = [
     "van_vaerenbergh_q",
     "vanvaerenbergh2012",
 ]
+
+if _TYPE_CHECKING:
+    from .cycles.derivatives import cycle_derivatives
+    from .cycles.limit_cycle import limit_cycle
+
+_CYCLES = {"cycle_derivatives": ".cycles.derivatives", "limit_cycle": ".cycles.limit_cycle"}
+
+
+def __getattr__(name: str) -> _Any:
+    """Import the solvers of cycles, and with them Numba, when they are first used: a bare import stays light."""
+    if name in _CYCLES:
+        return getattr(_import_module(_CYCLES[name], __name__), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -28,7 +28,6 @@ from ..thermal import Compact, compact, long_enough
 from .grid import Grid, Point, grid_of
 from .journal import Journal
 from .quick import pulse
-from .settled import settled_row
 from .stability_map import stable_points
 
 if TYPE_CHECKING:
@@ -235,6 +234,8 @@ def _possible(cell: _Cell) -> bool:
 
 def _settled(model: Any, points: list[Point], watch: NDArray[np.float64]) -> list[_Cell]:
     """All points of one row, each as the cycle that the ring settles on."""
+    from .settled import settled_row  # with Numba, when it is first used
+
     return [_Cell(*found) for found in settled_row(model, points, watch)]
 
 

@@ -210,8 +210,8 @@ def test_it_gives_up_with_a_reason_instead_of_running_for_ever():
 
 
 def test_machine_code_older_than_what_it_calls_is_forgotten(tmp_path):
-    kernel = SimpleNamespace(__name__="run", stats=SimpleNamespace(cache_path=str(tmp_path)))
-    names = ("called.py", "here.run-7.py311.nbi", "here.other-7.py311.nbi")
+    kernel = SimpleNamespace(__module__="kernels.here", stats=SimpleNamespace(cache_path=str(tmp_path)))
+    names = ("called.py", "here.run-7.py311.nbi", "there.run-7.py311.nbi")
     called, index, other = (tmp_path / name for name in names)
     for path, age in ((called, 0), (index, 1), (other, -1)):  # seconds by which the edit of called.py is older
         path.touch()

@@ -34,9 +34,11 @@ def test_results_are_what_solve_computes(tmp_path, threads):
             heat = th.assemble(th.CrossSection.from_toml_text(text))
             assert heat.geometry.material_of("box").conductivity == data.oxide[case]
             expected = th.solve(heat, th.Constant(1e-3), TIMES, read=("core", "box"))
-            assert np.array_equal(data.delta_T_step[case], expected.delta_T)
+            # a member may use the moved mesh of its neighbour: two meshes, each within 1e-3
+            largest = float(expected.delta_T.max())
+            assert data.delta_T_step[case].values == pytest.approx(expected.delta_T.values, rel=0, abs=2e-3 * largest)
             resistances = [heat.thermal_resistance("core", name) for name in ("core", "box")]
-            assert data.thermal_resistance[case].values.tolist() == resistances
+            assert data.thermal_resistance[case].values.tolist() == pytest.approx(resistances, rel=2e-3)
     with xr.open_dataset(tmp_path / "training.nc", engine="h5netcdf") as training:
         assert training.features.dims == ("case", "feature")
         assert training.features.values[:, 0].tolist() == [1.0, 1.2, 1.4]

@@ -144,7 +144,7 @@ def test_energy_balance_closes_to_round_off_of_the_solves():
     assert data.attrs["heat_in"] == pytest.approx(10e-9, rel=1e-12, abs=0)
     assert 0 < data.attrs["heat_out"] < data.attrs["heat_in"]
     # a linear invariant, kept by every Runge-Kutta method whatever the step; solves have ~1e-12 relative error
-    assert abs(data.attrs["heat_imbalance"]) < 1e-10
+    assert abs(data.attrs["heat_imbalance"]) < 1e-9  # 400 solves, each to about 1e-12
 
 
 def test_energy_balance_notices_a_source_that_is_not_the_waveform():

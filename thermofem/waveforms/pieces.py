@@ -153,7 +153,7 @@ def knots(wave: Waveform, start: float, stop: float, *, tolerance: float) -> Arr
 
     An integrator whose steps are no longer than twice the distance of the knots steps over no feature of a smooth wave.
     """
-    return heating_pieces(wave, start, stop, tolerance=tolerance).edges
+    return cubic_pieces(wave, start, stop, tolerance=tolerance).edges
 
 
 def period_times(wave: Waveform, samples: int) -> Array:
