@@ -50,7 +50,7 @@ def limit_cycle(
         laser minus cold resonance.
     guess : Dataset or State, optional
         where to start: another cycle of this function, near which any cycle is returned, stable or not; a run of
-        `simulate` or a State, from which the ring settles; a point of `hopf_curves`. By default a cold ring.
+        `simulate` or a State, from which the ring settles. By default a cold ring.
 
     Returns
     -------
