@@ -31,11 +31,19 @@ def coarse(growth: float = 8) -> tuple[th.Mesh, th.Discretization]:
     return mesh, th.discretize(mesh, k, c, held=held)
 
 
+@cache
 def coarse_fem() -> th.StateSpace:
     """An exact model of itself."""
     return coarse()[1].state_space(("core",), ("core",))
 
 
+@cache
+def coarse_poles() -> th.Foster:
+    """All its poles, by diagonalization."""
+    return foster(coarse_fem())
+
+
+@cache
 def coarse_warm_fem() -> NonlinearSystem:
     """The same with k and c_p of every region following laws around 300 K."""
     mesh, d = coarse(growth=300)
@@ -63,15 +71,17 @@ def warm_fem() -> th.HeatProblem:
     return th.assemble(replace(th.strip_ring(), materials=materials))
 
 
+@cache
 def reduced_fem() -> th.Foster:
     """Its certified reduction."""
     return surrogate.reduce(coarse_fem(), tolerance=1e-4).model
 
 
+@cache
 def fit_of_step() -> surrogate.Fit:
     """A fit of five poles to a step of it."""
     times = np.geomspace(1e-9, 60e-6, 120)
-    step = 1e-3 * foster(coarse_fem()).step_response(times)
+    step = 1e-3 * coarse_poles().step_response(times)
     return surrogate.fit_foster(th.dataset.build(times, step, th.Constant(1e-3)), order=5)
 
 
@@ -84,6 +94,7 @@ def state_space(poles: th.Foster) -> th.StateSpace:
     return th.StateSpace(np.eye(n), (A + A.T) / 2, b[:, None], b[None])
 
 
+@cache
 def quadratic() -> th.Quadratic:
     """Three poles whose rates fall by a few percent at 100 K, and with the power."""
     rate, R = np.array([2e7, 2e6, 1e5]), np.array([1000.0, 4000.0, 3000.0])
@@ -102,6 +113,7 @@ def identified_network() -> surrogate.Network:
     return surrogate.Network(A, b, ("core", "near", "far"), poles, largest_rise=20.0)
 
 
+@cache
 def identified_quadratic() -> surrogate.SindyFit:
     """A fit of a polynomial network to a chain whose conductances depend on temperature."""
     return surrogate.fit_sindy_quadratic([dataset(wave) for wave in WAVES], **known())
@@ -113,14 +125,14 @@ def ladder() -> surrogate.Ladder:
     return surrogate.train_all(th.assemble(th.strip_ring(), accuracy=1e-2), names=["Newton", "second order"])
 
 
-MODELS = {
+_MAKERS = {
     "newton": lambda: surrogate.newton(tau_th=275e-9),
     "second order": lambda: surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1200e-9, eta=0.31),
     "foster of five": lambda: th.Foster(R=[600, 1500, 2500, 2000, 1200], tau=[3e-9, 30e-9, 200e-9, 1.5e-6, 8e-6]),
     "fem": coarse_fem,
     "fem, reduced": reduced_fem,
     "foster, trained": lambda: fit_of_step().model,
-    "fem, diagonalised": lambda: foster(coarse_fem()),
+    "fem, diagonalised": coarse_poles,
     "fem, k(T) and c_p(T)": coarse_warm_fem,
     "output map": lambda: th.OutputMap(reduced_fem(), -4e-4),
     "quadratic": quadratic,
@@ -130,10 +142,11 @@ MODELS = {
     "SINDy network": identified_network,
     "SINDy network, quadratic": lambda: identified_quadratic().model,
     "state space, small": lambda: state_space(reduced_fem()),
-    "a fit": lambda: fit_of_step(),
+    "a fit": fit_of_step,
     "a fit, quadratic": identified_quadratic,
     "a reduction": lambda: surrogate.reduce(coarse_fem(), tolerance=1e-4),
     "a truncation": lambda: surrogate.balanced_truncation(coarse_fem(), 5),
-    "a quadratic reduction": lambda: surrogate.reduce_quadratic(coarse_warm_fem(), 38e-3),
+    "a quadratic reduction": lambda: surrogate.reduce_quadratic(coarse_warm_fem(), 38e-3, tolerance=1e-3),
     "an entry of a ladder": lambda: ladder().models["second order"],
 }
+MODELS = {name: cache(make) for name, make in _MAKERS.items()}  # each is made once a process: they are frozen

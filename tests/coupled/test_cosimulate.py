@@ -210,8 +210,7 @@ def test_matrices_that_are_not_symmetric_are_refused():
 
 
 def test_the_result_says_what_it_took():
-    """Passes, solves and CPU time of both sides; a simulated microsecond at 6253 unknowns costs 0.1 to 0.2 s where
-    0.5 s are asked."""
+    """Passes, solves and the CPU time of both sides; how fast that is stands in benchmarks/."""
     heat, drive = th.assemble(th.strip_ring(), 1e-4), {"power": MW, "tolerance": 1e-3}
     coupled.cosimulate(RING, heat, duration=10e-9, **drive)  # compiles, and orders the matrix
     begin = process_time()
@@ -224,7 +223,7 @@ def test_the_result_says_what_it_took():
     assert said["largest_discrepancy"] == run.discrepancy.max() <= 1e-3
     assert said["fem_solves"] >= 5 * said["fem_steps"] > 0  # a solve for every stage
     assert 0 < said["cpu_optics"] < said["cpu_corrector"]
-    assert said["cpu_optics"] + said["cpu_corrector"] < spent < 0.5 * 3
+    assert said["cpu_optics"] + said["cpu_corrector"] < spent
 
 
 def test_progress_reaches_the_end():

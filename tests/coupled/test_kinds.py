@@ -6,13 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from chain import WAVES, dataset, known
-from models import MODELS, coarse_warm_fem
+from models import MODELS
 from rings import BENT, LINEAR, RING, SECOND_ORDER, state
 from scipy.integrate import solve_ivp
 
 import coupled
-import surrogate
 import thermofem as th
 from coupled import Method
 from coupled.kernels import equations as eq
@@ -92,15 +90,12 @@ def test_a_quadratic_model_without_its_quadratic_part_is_the_network():
     assert b.carriers.values == pytest.approx(a.carriers.values, rel=1e-6)
 
 
-CONTRACT = {name: model for name, model in MODELS.items() if not name.startswith("fem,") or name == "fem, reduced"} | {
-    "fem with k(T), reduced": lambda: surrogate.reduce_quadratic(coarse_warm_fem(), 38e-3).model,
-    "polynomial SINDy": lambda: surrogate.fit_sindy_quadratic([dataset(wave) for wave in WAVES], **known()).model,
-}
+CONTRACT = [name for name in MODELS if not name.startswith("fem") or name == "fem, reduced"]
 
 
-@pytest.mark.parametrize("name", sorted(CONTRACT.keys() - {"fem"}))
+@pytest.mark.parametrize("name", CONTRACT)
 def test_every_compact_model_of_the_contract_goes_all_the_way(name):
-    model = CONTRACT[name]()
+    model = MODELS[name]()
     end = coupled.simulate(RING, model, power=0.4e-3, duration=200e-6).isel(time=-1)  # twenty slowest time constants
     rest = coupled.steady_states(RING, model, power=0.4e-3)
     assert rest.regime.values == ["stable"]
