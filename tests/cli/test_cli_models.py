@@ -63,7 +63,7 @@ shell = "0.8 um"
 
 def test_fit_identifies_a_sindy_network_from_shells(folder):
     (folder / "shells.toml").write_text(th.strip_ring().to_toml() + SHELLS)
-    drive = ["--square", "1 us", "--duration", "40 us", "--samples", "20001"]
+    drive = ["--square", "1 us", "--duration", "20 us", "--samples", "10001"]
     reads = ["--read", "core", "--read", "near", "--read", "far"]
     for arguments in (
         ["solve", "shells.toml", *drive, *reads, "-o", "shells.nc"],

@@ -262,10 +262,10 @@ def random_ring(seed):
 
 
 def test_no_verdict_at_the_edge_is_contradicted_by_a_run_six_times_as_long():
-    """What 20 us at rtol 1e-6 say of 30 random rings, where it is hardest to say; 120 us at 1e-8 are the judge."""
+    """What 20 us at rtol 1e-6 say of some 16 random rings, where it is hardest to say; 120 us at 1e-8 are the judge."""
     said = {"self-pulsing": 0, "stable": 0, "slow transient": 0}
     times = np.linspace(100e-6, 120e-6, 4001)
-    for ring, model, power, detuning in filter(None, map(random_ring, range(4, 48))):
+    for ring, model, power, detuning in filter(None, map(random_ring, range(4, 28))):
         found = coupled.pulsing_map(ring, model, [power], [detuning], duration=20e-6, rtol=1e-6)
         regime, reason, period = (found[name].values.item() for name in ("regime", "reason", "period"))
         said[regime] += 1
@@ -278,5 +278,5 @@ def test_no_verdict_at_the_edge_is_contradicted_by_a_run_six_times_as_long():
             # a length may change by 2 % from one cycle to the next, and some cycles are still to come
             up = crossings(times, late, (late.min() + late.max()) / 2)
             assert period == pytest.approx((up[-1] - up[0]) / (up.size - 1), rel=0.05)
-    assert min(said["self-pulsing"], said["stable"]) >= 6
+    assert min(said["self-pulsing"], said["stable"]) >= 3
     assert said["slow transient"] <= sum(said.values()) / 2

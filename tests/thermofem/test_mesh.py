@@ -233,7 +233,7 @@ def test_a_gap_in_the_mesh_is_noticed(needs_mesher, monkeypatch):
 
 
 @given(random_parts())
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=60, deadline=None)
 def test_any_overlap_is_meshed_with_exact_volumes(needs_mesher, parts):
     try:
         geometry = on_oxide(*parts)
