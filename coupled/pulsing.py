@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import checks
+from thermofem.record import Record
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -78,7 +79,7 @@ class Pulsing:
     suggested_duration: float = float("nan")
 
 
-def pulsing(run: xr.Dataset) -> Pulsing:
+def pulsing(run: xr.Dataset | Record) -> Pulsing:
     """Classify a trace of `simulate` by its carriers and measure its last cycle.
 
     A cycle begins where the carriers rise through the middle of their range, because the drop power has two maxima per
@@ -201,7 +202,7 @@ def _alternate(heights: Array) -> bool:
     return turned and abs(steps[-1]) > SETTLED * heights[-1] and abs(steps[-1]) > 0.5 * abs(steps[-2])
 
 
-def _varying(run: xr.Dataset, t: Array) -> str:
+def _varying(run: xr.Dataset | Record, t: Array) -> str:
     """Names of the inputs that vary in the second half of a run; empty if none does."""
     late = t >= (t[0] + t[-1]) / 2
     names = {"input_power": "the power", "detuning": "the detuning"}
@@ -299,7 +300,7 @@ def _quiet(regime: Regime, reason: str, swing: float, cycles: int = 0) -> Pulsin
     return Pulsing(regime, reason, float("nan"), float("nan"), swing, cycles)
 
 
-def _values(run: xr.Dataset, name: str) -> Array:
+def _values(run: xr.Dataset | Record, name: str) -> Array:
     """One variable as an array."""
     if name not in getattr(run, "variables", {}):
         raise checks.InputError(f"run has no variable {name!r}; give a Dataset from coupled.simulate")

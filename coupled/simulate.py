@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermofem import checks
+from thermofem import checks, dataset
 from thermofem.models import ThermalModel
+from thermofem.record import Record, column
 
 from .arguments import check_run, detuning_in_time, power_in_time
 from .inputs import Input
@@ -106,10 +107,29 @@ def simulate(
     >>> print(f"{coupled.pulsing(run).period * 1e9:.1f} ns, {coupled.pulsing(run).swing:.2f} K")
     686.0 ns, 5.90 K
     """
-    import xarray as xr
+    record = run_of(
+        ring, model, power=power, detuning=detuning, duration=duration, rtol=rtol, times=times, method=method,
+        initial=initial, event=event, adiabatic=adiabatic, progress=progress,
+    )  # fmt: skip
+    return record.dataset()
 
-    from thermofem import dataset
 
+def run_of(
+    ring: RingResonator,
+    model: ThermalModel,
+    *,
+    power: Input,
+    detuning: Input = 0.0,
+    duration: float = 20e-6,
+    rtol: float = 1e-6,
+    times: ArrayLike | None = None,
+    method: Method | str | None = None,
+    initial: State | xr.Dataset | None = None,
+    event: Event | None = None,
+    adiabatic: bool = False,
+    progress: Callable[[float], None] | None = None,
+) -> Record:
+    """`simulate` without xarray: the same as a Record."""
     check_run(ring, duration, rtol)
     light = {"input_power": power_in_time(power, duration), "detuning": detuning_in_time(detuning, duration)}
     wanted = NO_TIMES if times is None else _wanted(times, duration)
@@ -123,10 +143,10 @@ def simulate(
         detuning=light["detuning"], rtol=rtol, method=chosen, times=wanted, event=event,
         adiabatic=adiabatic, progress=progress,
     )  # fmt: skip
-    return xr.Dataset(
-        {name: ("time", values, dataset.describe(name)) for name, values in traces(ring, run, light).items()},
-        coords={"time": ("time", run.time, dataset.describe("time"))},
-        attrs={
+    return Record(
+        {name: column("time", values, dataset.describe(name)) for name, values in traces(ring, run, light).items()},
+        {"time": column("time", run.time, dataset.describe("time"))},
+        {
             **provenance(ring, light, duration),
             **attributes(small),
             "rtol": float(rtol),

@@ -27,6 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import checks, netcdf, waveforms
 from .quantity import FIELDS
+from .record import Record, column
 from .version import __version__
 
 if TYPE_CHECKING:
@@ -75,7 +76,20 @@ def build(
     read: tuple[str, ...] = ("core",),
     attributes: Mapping[str, Any] | None = None,
 ) -> xr.Dataset:
-    """Dataset in the schema of this module.
+    """Dataset in the schema of this module; arguments and errors as those of `record_of`."""
+    return record_of(times, delta_T, wave, periodic=periodic, read=read, attributes=attributes).dataset()
+
+
+def record_of(
+    times: ArrayLike,
+    delta_T: ArrayLike,
+    wave: waveforms.Waveform,
+    *,
+    periodic: bool = False,
+    read: tuple[str, ...] = ("core",),
+    attributes: Mapping[str, Any] | None = None,
+) -> Record:
+    """Record in the schema of this module.
 
     Parameters
     ----------
@@ -93,8 +107,6 @@ def build(
     InputError
         times that do not increase, numbers that are not finite, a rise of another length, no waveform.
     """
-    import xarray as xr
-
     checks.has("wave", wave, "breakpoints", hint="a waveform is needed; e.g. th.Pulse(power=2e-3, width=20e-6)")
     times, rise = checks.array("times", times, increasing=True), checks.numbers("delta_T", delta_T)
     if rise.shape not in ((times.size,), (times.size, len(read))):
@@ -103,20 +115,20 @@ def build(
             f"{len(read)} probes at each time"
         )
     several = rise.ndim == 2
-    variables: dict[str, Any] = {
-        "delta_T": (("time", "probe") if several else ("time",), rise, describe("delta_T")),
-        "power": ("time", wave(times), describe("power")),
+    variables = {
+        "delta_T": column(("time", "probe") if several else "time", rise, describe("delta_T")),
+        "power": column("time", wave(times), describe("power")),
     }
-    coordinates: dict[str, Any] = {"time": ("time", times, describe("time"))}
+    coordinates = {"time": column("time", times, describe("time"))}
     if several:
-        coordinates["probe"] = ("probe", list(read), {"long_name": "part whose mean is read"})
+        coordinates["probe"] = column("probe", list(read), {"long_name": "part whose mean is read"})
     attrs = {
         **stamp("periodic" if periodic else "transient"),
         "waveform": waveforms.to_json(waveforms.storable(wave, float(times[-1]))),
         "read": ", ".join(read),
         **(attributes or {}),
     }
-    return xr.Dataset(variables, coords=coordinates, attrs=attrs)
+    return Record(variables, coordinates, attrs)
 
 
 def stamp(kind: str) -> dict[str, Any]:
@@ -189,7 +201,7 @@ def _check_power(data: xr.Dataset, wave: waveforms.Waveform, times: Array) -> No
         )
 
 
-def save(data: xr.Dataset, path: str | Path) -> Path:
+def save(data: xr.Dataset | Record, path: str | Path) -> Path:
     """Write a Dataset as netCDF, whole or not at all; returns the path.
 
     Raises
@@ -197,6 +209,9 @@ def save(data: xr.Dataset, path: str | Path) -> Path:
     InputError
         no Dataset, or the folder does not exist or cannot be written.
     """
+    if isinstance(data, Record):
+        content = data.to_netcdf()
+        return write_whole(path, lambda p: p.write_bytes(content))
     checks.has("data", data, "data_vars", hint="a Dataset is needed; surrogate.save_model writes models")
     import h5netcdf
     from xarray.backends import H5NetCDFStore

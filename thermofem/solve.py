@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from . import checks, dataset
 from .heat.problem import HeatProblem
 from .models import StateSpace
+from .record import Record, column, joined
 from .transient.integration import integrate, integrate_periodic
 from .transient.trajectory import Trajectory
 from .waveforms import Waveform, period_times
@@ -76,6 +77,33 @@ def solve(
     >>> data.delta_T.round(1).values
     array([ 9.2, 15.4,  6.2])
     """
+    record = transient(
+        heat,
+        wave,
+        times,
+        heated=heated,
+        read=read,
+        rtol=rtol,
+        field_times=field_times,
+        method=method,
+        progress=progress,
+    )
+    return record.dataset()
+
+
+def transient(
+    heat: HeatProblem,
+    wave: Waveform,
+    times: ArrayLike,
+    *,
+    heated: str | None = None,
+    read: str | Sequence[str] | None = None,
+    rtol: float = 1e-4,
+    field_times: ArrayLike = (),
+    method: str = "auto",
+    progress: Callable[[float], None] | None = None,
+) -> Record:
+    """`solve` without xarray: the same as a Record."""
     heated = _check(heat, wave, heated, method)
     checks.progress(progress)
     system, ledger = heat.model(heated, read if read is not None else heated), heat.audit(heated)
@@ -89,7 +117,7 @@ def solve(
         )
     elif progress:
         progress(float(run.times[-1]))
-    return _dataset(heat, wave, run, heated, read, rtol, field_times)
+    return _record(heat, wave, run, heated, read, rtol, field_times)
 
 
 def solve_periodic(
@@ -127,6 +155,22 @@ def solve_periodic(
     InputError
         a waveform without a period, too few samples for its edges.
     """
+    record = periodic_state(heat, wave, samples, heated=heated, read=read, rtol=rtol, method=method, progress=progress)
+    return record.dataset()
+
+
+def periodic_state(
+    heat: HeatProblem,
+    wave: Waveform,
+    samples: int = 301,
+    *,
+    heated: str | None = None,
+    read: str | Sequence[str] | None = None,
+    rtol: float = 1e-4,
+    method: str = "auto",
+    progress: Callable[[float], None] | None = None,
+) -> Record:
+    """`solve_periodic` without xarray: the same as a Record."""
     heated = _check(heat, wave, heated, method)
     checks.progress(progress)
     system, ledger = heat.model(heated, read if read is not None else heated), heat.audit(heated)
@@ -139,7 +183,7 @@ def solve_periodic(
         run = integrate_periodic(system, wave, samples, rtol=rtol, ledger=ledger, factors=factors, progress=progress)
     elif progress:
         progress(float(run.times[-1]))
-    return _dataset(heat, wave, run, heated, read, rtol, (), periodic=True)
+    return _record(heat, wave, run, heated, read, rtol, (), periodic=True)
 
 
 def _check(heat: HeatProblem, wave: Waveform, heated: str | None, method: str) -> str:
@@ -152,7 +196,7 @@ def _check(heat: HeatProblem, wave: Waveform, heated: str | None, method: str) -
     return checks.choice("heated", heated or heat.heated[0], heat.heated)
 
 
-def _dataset(
+def _record(
     heat: HeatProblem,
     wave: Waveform,
     run: Trajectory,
@@ -162,23 +206,16 @@ def _dataset(
     field_times: ArrayLike,
     *,
     periodic: bool = False,
-) -> xr.Dataset:
+) -> Record:
     """Trajectory and provenance in the schema of `thermofem.dataset`."""
     single = read is None or isinstance(read, str)
     names: tuple[str, ...] = (read or heated,) if single else tuple(read or ())  # type: ignore[assignment]
-    data = dataset.build(
-        run.times,
-        run.outputs[:, 0] if single else run.outputs,
-        wave,
-        periodic=periodic,
-        read=names,
-        attributes=_provenance(heat, run, heated, names[0] if single else heated, rtol),
-    )
+    attributes = _provenance(heat, run, heated, names[0] if single else heated, rtol)
     if not single:
-        data.attrs["thermal_resistances"] = [heat.thermal_resistance(heated, name) for name in names]
-    if np.size(field_times):
-        data = data.merge(fields(heat, run.snapshots, field_times), combine_attrs="override")
-    return data
+        attributes["thermal_resistances"] = [heat.thermal_resistance(heated, name) for name in names]
+    rises = run.outputs[:, 0] if single else run.outputs
+    record = dataset.record_of(run.times, rises, wave, periodic=periodic, read=names, attributes=attributes)
+    return joined(record, field_columns(heat, run.snapshots, field_times)) if np.size(field_times) else record
 
 
 def _provenance(heat: HeatProblem, run: Trajectory, heated: str, read: str, rtol: float) -> dict[str, Any]:
@@ -215,17 +252,22 @@ def mesh_hash(mesh: Mesh) -> str:
 
 def fields(heat: HeatProblem, states: ArrayLike, field_times: ArrayLike) -> xr.Dataset:
     """Temperature fields on the mesh's vertices, from states of shape (times, unknowns)."""
-    import xarray as xr
+    return field_columns(heat, states, field_times).dataset()
 
+
+def field_columns(heat: HeatProblem, states: ArrayLike, field_times: ArrayLike) -> Record:
+    """`fields` without xarray: the same as a Record."""
     r, z = heat.mesh.points.T
-    return xr.Dataset(
+    kept = np.atleast_1d(np.asarray(field_times, dtype=float))
+    return Record(
         {
-            "field": (("field_time", "vertex"), heat.field(states), dataset.describe("delta_T")),
-            "triangles": (("triangle", "corner"), heat.mesh.triangles),
+            "field": column(("field_time", "vertex"), heat.field(states), dataset.describe("delta_T")),
+            "triangles": column(("triangle", "corner"), heat.mesh.triangles, {}),
         },
-        coords={
-            "field_time": ("field_time", np.atleast_1d(np.asarray(field_times, dtype=float)), dataset.describe("time")),
-            "r": ("vertex", r, dataset.describe("r")),
-            "z": ("vertex", z, dataset.describe("z")),
+        {
+            "field_time": column("field_time", kept, dataset.describe("time")),
+            "r": column("vertex", r, dataset.describe("r")),
+            "z": column("vertex", z, dataset.describe("z")),
         },
+        {},
     )

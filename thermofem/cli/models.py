@@ -189,6 +189,7 @@ def simulate(
 ) -> dict[str, Any]:
     """Drive a ring with a thermal model: traces, and whether and how it pulses."""
     import coupled
+    from coupled.simulate import run_of
     from coupled.thermal import long_enough
 
     from .. import dataset, quantity
@@ -205,14 +206,14 @@ def simulate(
     say_ring(resonator, ring)
     first = "the first run on a machine compiles for some seconds"
     with Bar("integrating", settings["duration"], first=first) as progress:
-        run = coupled.simulate(resonator, thermal, rtol=rtol, progress=progress, **settings)
+        run = run_of(resonator, thermal, rtol=rtol, progress=progress, **settings)
     dataset.save(run, output)
     if figure:
         from coupled.plot import plot_traces
 
         from ..plot import save_figure
 
-        save_figure(plot_traces(run), figure)
+        save_figure(plot_traces(run.dataset()), figure)
     found = coupled.pulsing(run)
     say(f"{found.regime}: {found.reason}")
     if found.regime == "self-pulsing":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,16 +13,14 @@ from ..fields import write_fields
 from ..geometry import CrossSection, strip_ring
 from ..heat import assemble
 from ..mesh import Mesh, mesh_for
-from ..solve import solve, solve_periodic
+from ..record import Record
+from ..solve import periodic_state, transient
 from .bar import Bar
 from .files import check_outputs
 from .kinds import expect
 from .output import console as terminal
 from .output import note, working
 from .solve_options import waveform
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Drive = tuple[str, str | None, str | None, float | None]
 Files = tuple[Path | None, Path | None, Path | None, Path | None]  # figure, preview, ParaView, animation
@@ -60,10 +58,10 @@ def run(
     span = wave.period if periodic and wave.period else length
     with Bar(f"solving with {heat.unknowns} unknowns", span, periodic=periodic) as progress:
         if periodic:
-            data = solve_periodic(heat, wave, samples, progress=progress, **settings)
+            data = periodic_state(heat, wave, samples, progress=progress, **settings)
         else:
             times = np.linspace(0, length, samples)
-            data = solve(heat, wave, times, field_times=field_times, progress=progress, **settings)
+            data = transient(heat, wave, times, field_times=field_times, progress=progress, **settings)
     dataset.save(data, output)
     with working("drawing"):
         _draw(data, figure, paraview)
@@ -71,7 +69,7 @@ def run(
         _film(data, animation)
     source = data.attrs["heated"]
     pair = f"{wanted} heated by {source}" if isinstance(wanted, str) and wanted != source else source
-    a, largest = data.attrs, float(data["delta_T"].max())
+    a, largest = data.attrs, float(data["delta_T"].values.max())
     note(
         f"R_th of {pair} = {a['thermal_resistance'] / 1e3:.4g} K/mW, largest rise {largest:.4g} K, "
         f"energy imbalance {a['heat_imbalance']:.0e}"
@@ -117,17 +115,17 @@ def _draw_preview(section: CrossSection, mesh: Mesh, path: Path) -> None:
     plot.save_figure(plot.plot_preview(section, mesh), path)
 
 
-def _draw(data: xr.Dataset, figure: Path | None, paraview: Path | None) -> None:
+def _draw(data: Record, figure: Path | None, paraview: Path | None) -> None:
     """Write the picture and the field file that are wanted."""
     if paraview:
-        write_fields(data, paraview)
+        write_fields(data.dataset(), paraview)
     if figure:
         from .. import plot
 
-        plot.save_figure(plot.plot_response(data), figure)
+        plot.save_figure(plot.plot_response(data.dataset()), figure)
 
 
-def _film(data: xr.Dataset, path: Path) -> None:
+def _film(data: Record, path: Path) -> None:
     """Write the field as a film, with a bar over its frames."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -136,4 +134,6 @@ def _film(data: xr.Dataset, path: Path) -> None:
     columns = TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn()
     with Progress(*columns, console=terminal()) as progress:
         bar = progress.add_task(f"drawing {path.name}")
-        plot.animate_field(data, path, progress=lambda at, total: progress.update(bar, completed=at + 1, total=total))
+        plot.animate_field(
+            data.dataset(), path, progress=lambda at, total: progress.update(bar, completed=at + 1, total=total)
+        )
