@@ -1,0 +1,102 @@
+"""Results as plain arrays with dimensions, units and names: what a Dataset is made of, before xarray is imported.
+
+A command needs no more than this to write its file. Importing xarray costs more than solving the reference strip: it
+imports pandas, and dask and pint where they are installed.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+COMPRESSED = 1000  # values above which a variable is written deflated
+
+
+class Column(NamedTuple):
+    """One variable: dimensions, values and attributes."""
+
+    dims: tuple[str, ...]
+    values: NDArray[Any]
+    attrs: Mapping[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """Variables, coordinates and attributes of a Dataset; read as one: ``record["time"].values``, ``record.attrs``.
+
+    Attributes
+    ----------
+    data, coordinates : dict of Column
+    attrs : dict
+    """
+
+    data: Mapping[str, Column]
+    coordinates: Mapping[str, Column]
+    attrs: Mapping[str, Any]
+
+    @property
+    def variables(self) -> dict[str, Column]:
+        """Data and coordinates."""
+        return {**self.data, **self.coordinates}
+
+    def __getitem__(self, name: str) -> Column:
+        return self.variables[name]
+
+    def dataset(self) -> xr.Dataset:
+        """The same as xarray's Dataset."""
+        import xarray as xr
+
+        return xr.Dataset(dict(self.data), coords=dict(self.coordinates), attrs=dict(self.attrs))
+
+    def to_netcdf(self) -> memoryview:
+        """The same as a netCDF-4 file, as xarray would write it."""
+        import h5netcdf
+
+        whole = io.BytesIO()
+        with h5netcdf.File(whole, "w") as file:
+            for column in self.variables.values():
+                for dim, size in zip(column.dims, column.values.shape, strict=True):
+                    file.dimensions.setdefault(dim, size)
+            for name, column in self.variables.items():
+                _write(file, name, column, self._beside(name))
+            for key, value in self.attrs.items():
+                file.attrs[key] = value
+        return whole.getbuffer()
+
+    def _beside(self, name: str) -> str:
+        """Names of the coordinates of a variable that are not its dimensions, in netCDF's convention."""
+        if name in self.coordinates:
+            return ""
+        dims = set(self[name].dims)
+        return " ".join(k for k, v in self.coordinates.items() if k not in v.dims and dims.issuperset(v.dims))
+
+
+def _write(file: Any, name: str, column: Column, beside: str) -> None:
+    """One variable with its attributes."""
+    import h5py
+
+    values, text = column.values, column.values.dtype.kind in "UO"
+    deflated = {"compression": "gzip", "compression_opts": 4, "shuffle": True} if values.size > COMPRESSED else {}
+    dtype = h5py.string_dtype() if text else values.dtype
+    variable = file.create_variable(name, column.dims, dtype, **deflated)
+    variable[...] = values.astype(object) if text else values
+    for key, value in {**column.attrs, **({"coordinates": beside} if beside else {})}.items():
+        variable.attrs[key] = value
+
+
+def column(dims: str | tuple[str, ...], values: Any, attrs: Mapping[str, Any]) -> Column:
+    """A column of any array."""
+    return Column((dims,) if isinstance(dims, str) else dims, np.asarray(values), attrs)
+
+
+def joined(first: Record, second: Record) -> Record:
+    """Variables of both, attributes of the first."""
+    return Record({**first.data, **second.data}, {**first.coordinates, **second.coordinates}, first.attrs)
