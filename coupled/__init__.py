@@ -5,37 +5,13 @@ from typing import TYPE_CHECKING as _TYPE_CHECKING
 from typing import Any as _Any
 
 from .carriers import ShockleyReadHall
-from .circuit import (
-    Circuit,
-    Detector,
-    LaserPort,
-    Splitter,
-    Waveguide,
-    bus,
-    crow,
-    delay_loop,
-    scissor,
-    simulate_circuit,
-    spectrum,
-)
-from .equilibria.boundaries import fold_curves, hopf_curves
-from .equilibria.steady import steady_states
-from .equilibria.transmission import power_for_drop, sweep, transmission
-from .equilibria.weight import van_vaerenbergh_q
 from .explore.page import explore
-from .identification.identify import Identification, identify
-from .identification.newton_traces import fit_newton_per_trace
 from .inputs import Sweep
 from .kernels.tableaus import Method
 from .lifetime import ConstantLifetime
-from .loop.corrector import FEM, Corrector
-from .loop.cosimulate import NO_PREDICTOR, cosimulate
-from .maps.pulsing_map import overlap, pulsing_map
-from .maps.stability_map import stability_map
 from .parameters.borghi2021 import borghi2021
 from .parameters.vanvaerenbergh2012 import vanvaerenbergh2012
 from .pulsing import Pulsing, Regime, pulsing
-from .pump_probe import CarrierFit, carrier_decay, fit_carrier_decay
 from .resonator import RingResonator
 from .simulate import simulate
 from .states import State
@@ -92,14 +68,60 @@ __all__ = [
 ]
 
 if _TYPE_CHECKING:
+    from .circuit import (
+        Circuit,
+        Detector,
+        LaserPort,
+        Splitter,
+        Waveguide,
+        bus,
+        crow,
+        delay_loop,
+        scissor,
+        simulate_circuit,
+        spectrum,
+    )
     from .cycles.derivatives import cycle_derivatives
     from .cycles.limit_cycle import limit_cycle
+    from .equilibria.boundaries import fold_curves, hopf_curves
+    from .equilibria.steady import steady_states
+    from .equilibria.transmission import power_for_drop, sweep, transmission
+    from .equilibria.weight import van_vaerenbergh_q
+    from .identification.identify import Identification, identify
+    from .identification.newton_traces import fit_newton_per_trace
+    from .loop.corrector import FEM, Corrector
+    from .loop.cosimulate import NO_PREDICTOR, cosimulate
+    from .maps.pulsing_map import overlap, pulsing_map
+    from .maps.stability_map import stability_map
+    from .pump_probe import CarrierFit, carrier_decay, fit_carrier_decay
 
-_CYCLES = {"cycle_derivatives": ".cycles.derivatives", "limit_cycle": ".cycles.limit_cycle"}
+# imported when first used, so that a command which needs none of them starts fast
+_LATE = {
+    ".circuit": "Circuit Detector LaserPort Splitter Waveguide bus crow delay_loop scissor simulate_circuit spectrum",
+    ".equilibria.boundaries": "fold_curves hopf_curves",
+    ".equilibria.steady": "steady_states",
+    ".equilibria.transmission": "power_for_drop sweep transmission",
+    ".equilibria.weight": "van_vaerenbergh_q",
+    ".identification.identify": "Identification identify",
+    ".identification.newton_traces": "fit_newton_per_trace",
+    ".loop.corrector": "FEM Corrector",
+    ".loop.cosimulate": "NO_PREDICTOR cosimulate",
+    ".maps.pulsing_map": "overlap pulsing_map",
+    ".maps.stability_map": "stability_map",
+    ".pump_probe": "CarrierFit carrier_decay fit_carrier_decay",
+    ".cycles.derivatives": "cycle_derivatives",
+    ".cycles.limit_cycle": "limit_cycle",
+}
+_MODULES = {name: module for module, names in _LATE.items() for name in names.split()}
 
 
 def __getattr__(name: str) -> _Any:
-    """Import the solvers of cycles, and with them Numba, when they are first used: a bare import stays light."""
-    if name in _CYCLES:
-        return getattr(_import_module(_CYCLES[name], __name__), name)
+    """Import what is first used now."""
+    if name in _MODULES:
+        return getattr(_import_module(_MODULES[name], __name__), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """All public names, imported or not."""
+    return sorted({*globals(), *__all__})

@@ -1,9 +1,10 @@
 """Self-heating of silicon microring resonators: cross-section to training data."""
 
+from importlib import import_module as _import_module
+from typing import TYPE_CHECKING as _TYPE_CHECKING
 from typing import Any as _Any
 
 from . import checks, dataset, model, waveforms
-from .campaign import Campaign, open_campaign
 from .checks import InputError, MissingLibraryError
 from .dataset import load, save
 from .fields import write_fields
@@ -21,7 +22,6 @@ from .geometry import (
     strip_ring,
 )
 from .heat import Discretization, HeatProblem, assemble, discretize
-from .heat.derivatives import derivatives
 from .materials import Material, Polynomial, PowerLaw, Table, silicon_film
 from .mesh import Mesh
 from .models import Foster, OutputMap, OutsideTrainingWarning, Quadratic, StateSpace, ThermalModel
@@ -97,11 +97,19 @@ __all__ = [
 ]
 
 
+if _TYPE_CHECKING:
+    from .campaign import Campaign, open_campaign
+    from .heat.derivatives import derivatives
+
+# name -> module, imported when first used: processes of a campaign and derivatives cost time that few runs need
+_LATE = {"Campaign": ".campaign", "open_campaign": ".campaign", "derivatives": ".heat.derivatives"}
 _RENAMED = {"Power": "PowerLaw"}  # old name -> new name; the old names go with the next release
 
 
 def __getattr__(name: str) -> _Any:
-    """Return a waveform that joined by its file alone, or an object by its old name, with a warning."""
+    """Return what is imported late, a waveform that joined by its file alone, or, with a warning, an old name."""
+    if name in _LATE:
+        return getattr(_import_module(_LATE[name], __name__), name)
     if name in _RENAMED:
         import warnings
 
@@ -110,3 +118,8 @@ def __getattr__(name: str) -> _Any:
     if name in waveforms.KINDS:
         return waveforms.KINDS[name]
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """All public names, imported or not."""
+    return sorted({*globals(), *__all__})

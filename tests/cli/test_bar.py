@@ -15,6 +15,12 @@ from thermofem.cli.bar import Bar
 SAID: list[tuple[float, str]] = []  # share done, and the words beside the bar
 
 
+@pytest.fixture(autouse=True)
+def terminal(monkeypatch):
+    """Standard error as a terminal: elsewhere there is no bar."""
+    monkeypatch.setattr("thermofem.cli.bar.watched", lambda: True)
+
+
 class Listened(Bar):
     def __call__(self, time):
         super().__call__(time)

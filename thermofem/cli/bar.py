@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from .output import console
+from typing import TYPE_CHECKING
+
+from .output import console, watched
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
 
 PASSES = 7  # that a periodic state takes as a rule: six to eight
 
@@ -26,23 +31,30 @@ class Bar:
     def __init__(
         self, what: str, duration: float, *, periodic: bool = False, first: str = "", stays: bool = False
     ) -> None:
+        self.duration, self.periodic = duration, periodic
+        self.progress: Progress | None = None
+        if not watched():
+            return
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
         text = TextColumn("{task.description}", markup=False), BarColumn(20), TextColumn("{task.fields[at]}")
         clocks = TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()
         self.progress = Progress(*text, *clocks, console=console(), transient=not stays)
-        self.duration, self.periodic = duration, periodic
         self.task = self.progress.add_task(what, total=None, at=first)  # it moves to and fro until it is called
 
     def __enter__(self) -> Bar:
-        self.progress.start()
+        if self.progress:
+            self.progress.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.progress.stop()
+        if self.progress:
+            self.progress.stop()
 
     def __call__(self, time: float) -> None:
         """Show how far the run is."""
+        if not self.progress:
+            return
         if self.periodic:
             at = f"pass {1 + int(time / self.duration * (1 - 1e-9))} of {PASSES} or so"
         else:

@@ -70,9 +70,9 @@ def model_of(path: Path, heated: str | None = None, read: str | None = None) -> 
     InputError
         no model; several inputs or outputs and no choice, or a name that is none of them.
     """
-    import surrogate
+    from ..models import load_model
 
-    model: ThermalModel = surrogate.load_model(path)
+    model: ThermalModel = load_model(path)
     for option, given, names in (("--heated", heated, model.inputs), ("--read", read, model.outputs)):
         if given is not None:
             checks.choice(option, given, names)

@@ -66,8 +66,15 @@ def show(table: RenderableType) -> None:
     console(err=False).print(table)
 
 
-def working(what: str) -> Status:
-    """A line on the terminal for as long as the block takes."""
+def watched() -> bool:
+    """Whether somebody sees a bar: standard error is a terminal, and words are wanted."""
+    return sys.stderr.isatty() and not _manner.quiet
+
+
+def working(what: str) -> Status | contextlib.nullcontext[None]:
+    """A line on the terminal for as long as the block takes; elsewhere nothing, and rich is not imported."""
+    if not watched():
+        return contextlib.nullcontext()
     from rich.text import Text
 
     return console().status(Text(what))

@@ -1,0 +1,79 @@
+"""What a command costs beside its work: CPU time of whole processes, in turns, medians.
+
+    python benchmarks/bench_commands.py [repeats]
+
+"work" is the CPU time of the same calls in a process where all is imported and compiled. "bare" is the start of Python
+with NumPy and SciPy's linear algebra: the ratio to it carries over from a busy machine to an idle one.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+import coupled
+import surrogate
+import thermofem as th
+
+STRIP = ["solve", "--pulse", "20 us", "-o", "heat.nc"]
+RING = ["simulate", "model.json", "-o", "run.nc"]
+BARE = "import numpy, scipy.linalg, scipy.sparse.linalg"
+
+
+def process(arguments: list[str], folder: str) -> float:
+    """CPU seconds of one process, user and system."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run([sys.executable, *arguments], cwd=folder, check=True, capture_output=True, env=os.environ)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def work(call: Callable[[], object], repeats: int) -> float:
+    """CPU seconds of a call that has run before."""
+    call()
+    times = []
+    for _ in range(repeats):
+        start = time.process_time()
+        call()
+        times.append(time.process_time() - start)
+    return float(np.median(times))
+
+
+def main(repeats: int) -> None:
+    heat = th.assemble(th.strip_ring())
+    model = surrogate.reduce(heat.system).model
+    ring, pulse, times = coupled.borghi2021(), th.Pulse(2e-3, 20e-6), np.linspace(0, 40e-6, 801)
+    own = {
+        "solve": work(lambda: th.solve(th.assemble(th.strip_ring()), pulse, times), repeats),
+        "simulate": work(lambda: coupled.simulate(ring, model, power=6.31e-3, duration=20e-6), repeats),
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        surrogate.save_model(model, Path(folder) / "model.json")
+        runs = {
+            "bare": ["-c", BARE],
+            "--version": ["-m", "thermofem", "--version"],
+            "solve": ["-m", "thermofem", *STRIP],
+            "simulate": ["-m", "thermofem", *RING],
+        }
+        for arguments in runs.values():
+            process(arguments, folder)  # writes what is cached
+        seconds = {name: [] for name in runs}
+        for _ in range(repeats):
+            for name, arguments in runs.items():
+                seconds[name].append(process(arguments, folder))
+    median = {name: float(np.median(s)) for name, s in seconds.items()}
+    print(f"{'command':12}{'CPU s':>8}{'times bare':>12}{'its work, CPU s':>18}")
+    for name, value in median.items():
+        print(f"{name:12}{value:8.2f}{value / median['bare']:12.2f}{own.get(name, float('nan')):18.3f}")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 5)

@@ -1,0 +1,53 @@
+"""Files that commands write without xarray are those that xarray writes, and fast commands do not import it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import coupled
+import surrogate
+import thermofem as th
+from coupled.simulate import run_of
+from thermofem.record import Record, column
+from thermofem.solve import periodic_state, transient
+
+TIMES = np.linspace(0, 2e-6, 1501)  # more than what is written deflated
+
+
+def ring_record():
+    heat = th.assemble(th.strip_ring())
+    return transient(heat, th.Pulse(2e-3, 1e-6), TIMES, read=("core", "box"), field_times=[1e-6, 2e-6])
+
+
+RECORDS = {
+    "several probes and fields": ring_record,
+    "periodic": lambda: periodic_state(th.assemble(th.strip_ring()), th.SquareWave(2e-3, 1e-6, 1 / 3)),
+    "ring": lambda: run_of(coupled.borghi2021(), th.Foster(R=[2e3], tau=[1e-6]), power=1e-3, duration=1e-7),
+    "nothing in it": lambda: Record({"x": column(("a", "b"), np.zeros((0, 3)), {})}, {}, {"none": np.zeros(0)}),
+}
+
+
+@pytest.mark.parametrize("name", RECORDS)
+def test_a_record_writes_the_file_that_xarray_writes(name, tmp_path):
+    record = RECORDS[name]()
+    for path, data in (("record.nc", record), ("xarray.nc", record.dataset())):
+        th.save(data, tmp_path / path)
+    ours, theirs = (th.load(tmp_path / path) for path in ("record.nc", "xarray.nc"))
+    xr.testing.assert_identical(ours, theirs)
+    assert {k: v.dtype for k, v in ours.variables.items()} == {k: v.dtype for k, v in theirs.variables.items()}
+
+
+@pytest.mark.parametrize(
+    "command", ["solve --samples 11 -o heat.nc", "simulate model.json --duration '1 us' -o run.nc"]
+)
+def test_fast_commands_import_neither_xarray_nor_what_it_imports(command, tmp_path):
+    surrogate.save_model(th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6]), tmp_path / "model.json")
+    code = f"import sys, shlex; sys.argv = ['thermofem', *shlex.split({command!r})]; from thermofem.cli import app\n"
+    code += "app(standalone_mode=False); print({'xarray', 'pandas', 'dask', 'pint', 'surrogate'} & {*sys.modules})"
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "set()"
