@@ -173,7 +173,7 @@ class Quadratic:
         pieces = waveforms.heating_pieces(wave, 0.0, stop)
         x = np.zeros(self.order) if initial is None else np.array(initial, dtype=float)
         peak = max(float(np.abs(pieces.coefficients[:, 0]).max()), float(np.abs(pieces.ends).max()))
-        scale = np.abs(np.linalg.solve(self.A, self.B)) * peak + np.abs(x)
+        scale = self._size(peak) + np.abs(x)
         result = np.empty((t.size, self.order))
         result[t == 0] = x
         marks = [0.0, *wave.breakpoints(0.0, stop).tolist(), stop]
@@ -203,6 +203,12 @@ class Quadratic:
             if np.abs(change * self.C).sum() <= 1e-6 * scale:
                 return track + change  # a correction this small has no shape left
         raise checks.InputError(f"no periodic state found in {PASSES} passes; is the power beyond the model's range?")
+
+    def _size(self, power: float) -> Array:
+        """Size of every state at ``power`` to second order; a state that only H drives has one, too."""
+        first = -np.linalg.solve(self.A, self.B) * power
+        second = np.linalg.solve(self.A, (self.H @ first) @ first + power * (self.G @ first))
+        return np.asarray(np.abs(first) + np.abs(second))
 
     def _stretch(self, x: Array, times: Array, pieces: waveforms.Pieces, atol: Array) -> Array:
         """States at ``times`` (the first is the start), between two breakpoints of the power.
