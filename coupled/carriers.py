@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import checks
+from thermofem.display import shown
 
 _TIME_HINT = checks.Hint("lifetimes are in s (did you mean 35e-9 for 35 ns?)")
 _DENSITY_HINT = "densities are in 1/m^3 (1e15 cm^-3 is 1e21)"
 
 
+@shown
 @dataclass(frozen=True)
 class ShockleyReadHall:
     """Carrier lifetime through one trap level, in its low- and high-injection limits and between.

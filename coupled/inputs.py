@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import checks
+from thermofem.display import shown
 from thermofem.waveforms import Pieces as Pieces
 from thermofem.waveforms import Waveform, cubic_pieces, linear_pieces
 from thermofem.waveforms import bounds as bounds
@@ -24,6 +25,7 @@ Input: TypeAlias = "float | Waveform | Pieces | Sequence[Any]"
 DEGREE = 3
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Sweep:
     """A detuning (or another signed quantity) that is linear between given samples, such as a swept laser.

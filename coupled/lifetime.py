@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import checks
+from thermofem.display import shown
 
 
+@shown
 @dataclass(frozen=True)
 class ConstantLifetime:
     """dN/dt = -N/tau: the usual model, accurate at low carrier density and where carriers are swept out.

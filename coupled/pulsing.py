@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import checks
+from thermofem.display import shown
 from thermofem.record import Record
 
 if TYPE_CHECKING:
@@ -38,6 +39,7 @@ class Regime(StrEnum):
     """Power, detuning or a heater varies in the half of the trace that is judged: what is seen is the answer to it."""
 
 
+@shown
 @dataclass(frozen=True)
 class Pulsing:
     """What `pulsing` found.

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import checks
+from thermofem.display import shown
 
 from .carriers import ShockleyReadHall
 
@@ -74,6 +75,7 @@ def carrier_decay(carriers: ShockleyReadHall, initial: float, times: ArrayLike) 
     )
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class CarrierFit:
     """What `fit_carrier_decay` found.

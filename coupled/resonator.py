@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from thermofem import checks, toml_file
+from thermofem.display import shown
 
 from . import ring_toml
 from .carriers import ShockleyReadHall
@@ -19,6 +20,7 @@ DERIVED = ("eta_fca", "eta_tpa", "g_tpa", "kerr_shift", "thermal_shift")
 _VOLUME_HINT = "volumes are in m^3 (1 um^3 is 1e-18)"
 
 
+@shown
 @dataclass(frozen=True)
 class RingResonator:
     """Silicon ring on one or two buses: resonance, losses, and nonlinear detuning and damping.

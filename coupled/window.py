@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import checks
+from thermofem.display import shown
 from thermofem.waveforms import Pieces, bounds
 
 from .arguments import ROUND_OFF
@@ -30,6 +31,7 @@ QUANTITIES = ("energy", "carriers", "delta_T")
 NO_TIMES = np.empty(0)
 
 
+@shown
 class Event(NamedTuple):
     """A quantity ("energy" in J, "carriers" in 1/m^3 or "delta_T" in K) that rises through a level.
 

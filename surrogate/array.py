@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Foster, HeatProblem, InputError, Probe, StateSpace, assemble, checks
+from thermofem.display import shown
 from thermofem.geometry.neighbours import check_distance, check_uniform, footprint
 
 from .array_certificate import Pairs, reduce_pairs
@@ -38,6 +39,7 @@ SAME = 1e-12  # m, distances that differ by less are one
 _SHARES = np.geomspace(1e-9, 10, 400)  # s, where step responses are looked at
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class ArrayReduction:
     """A thermal model of several rings, and the proof of its accuracy.

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from thermofem import CrossSection, Foster, checks
 from thermofem.dataset import drive_of
+from thermofem.display import shown
 
 from .design import _ends, family_over
 from .family import Certified, Family
@@ -26,6 +27,7 @@ BLIND = 0.3  # of a range: a combination whose standard error is larger is not s
 ON_EDGE = 1e-6  # of a range
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """Parameters of a geometry that explain measured traces best.

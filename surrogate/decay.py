@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import checks
+from thermofem.display import shown
 
 Array = NDArray[np.float64]
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Decay:
     """dT(t) = sum_i amplitude_i exp(-t/tau_i).

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from thermofem import Campaign, Constant, CrossSection, Foster, checks
 from thermofem.campaign.vary import Schedule, Variation
+from thermofem.display import shown
 from thermofem.geometry.change import change
 
 from .family import Certified, Family, train_family
@@ -45,6 +46,7 @@ QUANTITIES: dict[str, Callable[[Foster], float]] = {
 }
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Design:
     """A member of a family, and how well it meets its targets.

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from thermofem import Foster, checks
 from thermofem.dataset import Drive, drive_of
+from thermofem.display import shown
 from thermofem.models import HasModel
 from thermofem.models.lumped import (
     BORGHI2021_HEAT_CAPACITY,
@@ -36,6 +37,7 @@ EXPLAINED = 0.2  # share of the variance below which data count as noise; the pa
 UNSEEN = np.log(2)  # standard deviation of ln(tau) from which a time constant counts as not seen: a factor of two
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Fit(HasModel):
     """A trained model and how well it fits its data.

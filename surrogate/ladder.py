@@ -24,6 +24,7 @@ from thermofem import (
     solve,
     waveforms,
 )
+from thermofem.display import shown
 from thermofem.models import NonlinearSystem, foster
 
 from .fit import fit_foster, fit_newton, fit_second_order
@@ -47,6 +48,7 @@ REFERENCE = 1e-6  # certificate of what the others are judged by
 SAMPLES = 301  # of the periodic state that Newton and the second order are trained on
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Ladder:
     """Compact models of one geometry, by name, and the reference model.

@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 from thermofem import Quadratic
 from thermofem.algebra.factor import factorize
 from thermofem.algebra.krylov import symmetric_part
+from thermofem.display import shown
 from thermofem.materials.laws import Law
 from thermofem.models import HasModel, NonlinearSystem
 from thermofem.transient.nonlinear import Lift
@@ -48,6 +49,7 @@ HOT = 0.1  # tolerance of the reduction about the steady field: 4 to 6 vectors m
 DEPENDENT = 1e-8  # of the largest: below, a direction of the basis is in the span of the others
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class QuadraticReduction(HasModel):
     """A quadratic reduced model, and where it holds.

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Foster, StateSpace, checks
 from thermofem.algebra.poles import pole_responses
+from thermofem.display import shown
 from thermofem.models import HasModel
 from thermofem.waveforms import Waveform
 
@@ -32,6 +33,7 @@ OVERLOOKED = 1e-2  # share of the residual outside what `certify` sees, above wh
 FEW = 4  # samples per decade for that
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Reduction(HasModel):
     """A reduced model and the proof of its accuracy.

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import Quadratic, Waveform, checks
+from thermofem.display import shown
 from thermofem.models import HasModel, Network, gate
 from thermofem.waveforms import from_json
 
@@ -42,6 +43,7 @@ UNIT = 50.0  # time unit in samples: 100 ns at 2 ns
 Identified = TypeVar("Identified", Network, Quadratic)
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class SindyFit(HasModel, Generic[Identified]):
     """An identified network and how well it fits.

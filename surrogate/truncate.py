@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Foster, StateSpace, checks
+from thermofem.display import shown
 from thermofem.models import HasModel, check_single
 
 from .reduce import check_matrices, project
@@ -34,6 +35,7 @@ from .reduce import check_matrices, project
 Array = NDArray[np.float64]
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Truncation(HasModel):
     """A balanced truncation and its bound.

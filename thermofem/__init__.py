@@ -4,7 +4,7 @@ from importlib import import_module as _import_module
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 from typing import Any as _Any
 
-from . import checks, dataset, model, waveforms
+from . import checks, dataset, materials, model, waveforms
 from .checks import InputError, MissingLibraryError
 from .dataset import load, save
 from .fields import write_fields
@@ -83,6 +83,7 @@ __all__ = [
     "from_gdsfactory",
     "heated_ring",
     "load",
+    "materials",
     "model",
     "open_campaign",
     "read_csv",

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from thermofem import checks, toml_file
+from thermofem.display import shown
 
 from ..resonator import RingResonator
 from . import file
@@ -19,6 +20,7 @@ from .parts import IN, OUT, SPLITTER_IN, SPLITTER_OUT, Detector, LaserPort, Spli
 MOST = 1000  # rings
 
 
+@shown
 @dataclass(frozen=True)
 class Circuit:
     """Rings, the waveguides between their couplers, lasers and detectors.

@@ -15,6 +15,7 @@ import re
 from dataclasses import dataclass
 
 from thermofem import checks
+from thermofem.display import shown
 
 IN, OUT = ("in", "add"), ("through", "drop")  # of a ring
 SPLITTER_IN, SPLITTER_OUT = ("in 1", "in 2"), ("out 1", "out 2")
@@ -28,6 +29,7 @@ def check_name(kind: str, name: str) -> str:
     return name
 
 
+@shown
 @dataclass(frozen=True)
 class Waveguide:
     """Light from one terminal to another.
@@ -63,6 +65,7 @@ class Waveguide:
         return 10 ** (-self.loss / 20) * complex(math.cos(self.phase), -math.sin(self.phase))
 
 
+@shown
 @dataclass(frozen=True)
 class Splitter:
     """A lossless directional coupler of two waveguides.
@@ -84,6 +87,7 @@ class Splitter:
         checks.between(f"splitter {self.name!r}: cross", self.cross, 0, 1)
 
 
+@shown
 @dataclass(frozen=True)
 class LaserPort:
     """Where light comes in; its power is given to `simulate_circuit` under its name.
@@ -117,6 +121,7 @@ class LaserPort:
         return 10 ** (-self.loss / 20) * complex(math.cos(self.phase), -math.sin(self.phase))
 
 
+@shown
 @dataclass(frozen=True)
 class Detector:
     """Where light is read; a terminal without a waveguide has a detector of its own name anyway.

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import checks
+from thermofem.display import shown
 from thermofem.models import HasModel, ThermalModel
 
 from ..arguments import check_ring
@@ -30,6 +31,7 @@ POPULATION, GENERATIONS = 20, 8
 SEARCHED = 6  # harmonics that count in the evolution
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Identification(HasModel):
     """What `identify` found.

@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from thermofem import HeatProblem, checks
 from thermofem.algebra.krylov import CYCLES, krylov
+from thermofem.display import card
 from thermofem.models import Foster, NonlinearSystem, StateSpace, foster
 from thermofem.solve import mesh_hash
 from thermofem.transient.deflation import Field, State
@@ -108,6 +109,13 @@ class FEM:
         self.fields: list[Array] = []
         self.state = self.field.start()
         self._tried: tuple[State, Array] | None = None
+
+    def __repr__(self) -> str:
+        return f"FEM({self.problem!r})"
+
+    def _repr_html_(self) -> str:
+        """HTML for notebooks."""
+        return card("FEM", [("heat", repr(self.problem or "matrices from elsewhere"))])
 
     def advance(self, times: Array, power: Waveform) -> Array:
         """Rise of the heated part in K at ``times``."""

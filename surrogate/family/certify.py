@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import CrossSection, HeatProblem, StateSpace, assemble
+from thermofem.display import shown
 
 from ..reduce import Projected, project
 from .reduced import Modes, difference
@@ -18,6 +19,7 @@ FINER = 0.2  # accuracy of the member's own mesh over the tolerance of the famil
 FINEST, REDUCTION = 2e-5, 1e-2  # accuracy of the finest mesh made; tolerance of the reduction over that of the family
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Certified:
     """What the member's own mesh says.

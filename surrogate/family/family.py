@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Foster, StateSpace, checks
+from thermofem.display import shown
 from thermofem.heat.projected import ModalDerivative
 
 from ..reduce import reduce
@@ -56,6 +57,7 @@ class HeldOut(float):
         return f"HeldOut(worst={self.worst:.2g}, median={self.median:.2g}, count={self.count})"
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Family:
     """Thermal models of all rings in a box of parameters, by projection on one basis.

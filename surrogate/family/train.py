@@ -140,7 +140,7 @@ def read_campaign(path: str | Path) -> Campaign:
 
     def campaign(text: str) -> Campaign:
         from thermofem import toml_file
-        from thermofem.campaign.paths import write_table
+        from thermofem.geometry.paths import write_table
 
         table: dict[str, Any] = toml_file.parse(text)
         table.setdefault("drive", [{}])

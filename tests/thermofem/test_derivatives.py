@@ -10,8 +10,8 @@ import skfem
 from skfem.quadrature import get_quadrature
 
 import thermofem as th
-from thermofem.campaign.paths import place, write_table
 from thermofem.geometry.change import change
+from thermofem.geometry.paths import place, write_table
 from thermofem.heat.problem import on_mesh
 from thermofem.heat.velocity import vertex_velocities
 

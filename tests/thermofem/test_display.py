@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import inspect
 import xml.etree.ElementTree as ET
+from enum import Enum
+from html import escape
+from typing import Protocol
 
 import numpy as np
 import pytest
 from surrogate_systems import strip
 
+import coupled
 import surrogate
 import thermofem as th
 
@@ -61,6 +66,51 @@ def test_no_result_fills_the_terminal():
     data = th.dataset.build(TIMES, LINEAR.response(th.Constant(1e-3), TIMES), th.Constant(1e-3))
     for shown in (rom, surrogate.fit_foster(data, order=2), LINEAR, th.assemble(th.strip_ring())):
         assert len(repr(shown)) < 1200, type(shown)
+
+
+NO_OBJECTS = (BaseException, Enum, Protocol)  # errors, choices and contracts
+
+
+@pytest.mark.parametrize("package", [th, surrogate, coupled])
+def test_every_public_class_has_a_notebook_display(package):
+    classes = [c for c in (getattr(package, name) for name in package.__all__) if inspect.isclass(c)]
+    assert classes
+    objects = [c for c in classes if not issubclass(c, NO_OBJECTS) and not getattr(c, "_is_protocol", False)]
+    assert [c.__name__ for c in objects if not hasattr(c, "_repr_html_")] == []
+
+
+LARGE = {
+    "ring": coupled.borghi2021,
+    "geometry": th.strip_ring,
+    "mesh": lambda: th.assemble(th.strip_ring()).mesh,
+    "matrices": lambda: th.assemble(th.strip_ring()).system,
+    "discretization": lambda: th.assemble(th.strip_ring()).discretization,
+    "samples": lambda: th.Sampled(np.linspace(0, 1, 900), np.ones(900)),
+    "Foster": lambda: th.Foster(R=np.ones(100), tau=np.ones(100)),
+    "circuit": lambda: coupled.crow([coupled.borghi2021()] * 9),
+    "corrector": lambda: coupled.FEM(th.assemble(th.strip_ring())),
+    "event": lambda: coupled.Event("carriers", 1e23),
+}
+
+
+@pytest.mark.parametrize("name", LARGE)
+def test_large_objects_fit_three_lines(name):
+    shown = LARGE[name]()
+    assert len(repr(shown)) <= 3 * 116
+    assert "\n" not in repr(shown)
+    assert repr(shown).startswith(type(shown).__name__ + "(")
+    words(shown)
+
+
+def test_materials_list_themselves():
+    text = str(th.materials)
+    assert list(th.materials)[:2] == ["Si", "SiO2"]
+    assert len(text.splitlines()) == len(th.materials) + 1
+    for name in th.materials:
+        material = th.materials[name]
+        assert f"{material.conductivity:g}" in next(line for line in text.splitlines() if line.startswith(f"{name} "))
+        assert escape(material.source) in words(th.materials)
+    assert "void" not in text
 
 
 def test_the_picture_rises_from_the_left_to_the_right():

@@ -18,9 +18,10 @@ import numpy as np
 
 from .. import checks, toml_file, waveforms
 from ..checks import InputError
+from ..display import shown
+from ..geometry.paths import place, write_table
 from ..version import __version__
 from . import schema
-from .paths import place, write_table
 from .vary import LARGEST, Schedule, Value, Variation, check_taken
 
 if TYPE_CHECKING:
@@ -38,6 +39,7 @@ class Case:
     values: tuple[Value, ...]
 
 
+@shown
 @dataclass(frozen=True)
 class Campaign:
     """A base geometry, what is varied, and how each geometry is driven and read.

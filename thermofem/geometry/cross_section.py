@@ -6,21 +6,26 @@ parts are rings (or discs) that overwrite the layers and earlier parts. A part m
 
 from __future__ import annotations
 
+import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks, toml_file
+from ..display import shown
 from ..materials.library import VOID, Material, find
-from . import toml_schema
+from . import paths, toml_schema
 from .neighbours import check_copies
 from .parts import INSULATED, ISOTHERMAL, OPEN, Boundary, Interface, Layer, Part, Probe, length
 from .regions import Subdivision, check_held, check_places, subdivide
 
 
+@shown
 @dataclass(frozen=True)
 class CrossSection:
     """Everything that defines the heat problem of one ring.
@@ -165,6 +170,31 @@ class CrossSection:
         'open'
         """
         return replace(self, bottom=OPEN, outer=OPEN)
+
+    def with_(self, values: Mapping[str, Any] | None = None, /, **more: Any) -> CrossSection:
+        """The same with other values, by the paths of a campaign: numbers in SI, or text with units.
+
+        Parameters
+        ----------
+        values : mapping from path to value
+            "part.core.radius", "layer.box.thickness", "material.SiO2.conductivity", "interface.core.resistance",
+            "boundary.top.convection", "part.core.material", "outer_radius", ...
+        more : value
+            the same for paths without a dot: ``with_(outer_radius=50e-6)``.
+
+        Raises
+        ------
+        InputError
+            a path that leads nowhere, or a geometry that cannot be.
+
+        >>> wider = strip_ring().with_({"part.core.width": 500e-9, "layer.box.thickness": "3 um"})
+        >>> wider.layers[1].thickness, wider.volumes()["core"] > strip_ring().volumes()["core"]
+        (3e-06, True)
+        """
+        checks.has("values", values or {}, "items", hint='a mapping is needed: {"part.core.radius": 5e-6}')
+        table = tomllib.loads(self.to_toml())
+        paths.change_values(table, {**(values or {}), **more})
+        return self.from_toml_text(paths.write_table(table))
 
     @classmethod
     def from_toml(cls, path: str | Path) -> CrossSection:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import checks, quantity
+from ..display import shown
 from ..materials.library import VOID
 from ..names import check_name
 
@@ -19,6 +20,7 @@ _BEYOND = 1e300  # m; no hint repairs it
 _LONGEST = 0.1  # m; nothing on a chip is longer
 
 
+@shown
 @dataclass(frozen=True)
 class Layer:
     """One layer of the stack.
@@ -43,6 +45,7 @@ class Layer:
         length(f"layer {self.name!r}: thickness", self.thickness, typical=2e-6)
 
 
+@shown
 @dataclass(frozen=True)
 class Part:
     """A ring (a disc when ``inner_radius`` is 0) with a rectangular or trapezoidal cross-section.
@@ -109,6 +112,7 @@ class Part:
         return np.array([*foot, (outer - lean, self.top), (inner + inner_lean, self.top)])
 
 
+@shown
 @dataclass(frozen=True)
 class Boundary:
     """Boundary condition on one side: "isothermal" (held at ambient), "insulated", "convection" or "open".
@@ -139,6 +143,7 @@ class Boundary:
 ISOTHERMAL, INSULATED, OPEN = Boundary("isothermal"), Boundary("insulated"), Boundary("open")
 
 
+@shown
 @dataclass(frozen=True)
 class Interface:
     """Thermal boundary resistance in m^2 K/W on the whole surface of one part."""
@@ -151,6 +156,7 @@ class Interface:
         checks.between(f"interface of {self.part!r}: resistance", self.resistance, 0, 1, unit="m^2*K/W", hint=hint)
 
 
+@shown
 @dataclass(frozen=True)
 class Probe:
     """An additional readout: a shell around a part, or a copy of a part off the axis.

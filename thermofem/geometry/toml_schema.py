@@ -50,6 +50,22 @@ _BOUNDARY = {"bottom": _ANY, "top": _ANY, "outer": _ANY}
 _CONVECTION = {"convection": "W/m^2/K"}
 _MATERIAL = {"conductivity": _ANY, "density": "kg/m^3", "specific_heat": _ANY, "source": _TEXT}
 
+_UNITS = {
+    key: unit
+    for keys in (_TOP, _LAYER, _PART, _INTERFACE, _PROBE, _CONVECTION, _MATERIAL)
+    for key, unit in keys.items()
+    if unit in quantity.SI
+} | {"conductivity": "W/m/K", "specific_heat": "J/kg/K", "exponent": "", "reference": "K"}
+
+
+def as_text(path: str, value: Any) -> Any:
+    """What a geometry file holds for a value at a path: numbers in SI get their unit, all else stays as it is."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return value
+    *before, key = path.split(".")
+    unit = _UNITS.get(before[-1] if key in ("value", "r", "z") and before else key)
+    return value if unit is None else quantity.write(float(value), unit)
+
 
 def fields(text: str) -> dict[str, Any]:
     """The fields of the `CrossSection` that the text of a geometry file describes."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..algebra.factor import Pencil
+from ..display import shown
 from ..models import StateSpace
 from ..transient.trajectory import Ledger
 
@@ -51,6 +52,7 @@ class Surfaces:
     contacts: Mapping[float, tuple[Facets, Facets]] = field(default_factory=dict)
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Discretization:
     """Matrices of the heat equation on all unknowns, before any temperature is held.

@@ -1,6 +1,41 @@
-"""Materials by name, with sources, and how their properties depend on temperature."""
+"""Materials by name, with sources, and how their properties depend on temperature.
+
+The package lists itself: ``print(th.materials)``, ``list(th.materials)``, ``th.materials["Si"]``, and a table with the
+sources in a notebook.
+"""
+
+import sys as _sys
+from collections.abc import Iterator as _Iterator
+from types import ModuleType as _ModuleType
 
 from .laws import Polynomial, PowerLaw, Table
-from .library import Material, find, silicon_film
+from .library import LIBRARY, Material, find, silicon_film
 
-__all__ = ["Material", "Polynomial", "PowerLaw", "Table", "find", "silicon_film"]
+__all__ = ["LIBRARY", "Material", "Polynomial", "PowerLaw", "Table", "find", "silicon_film"]
+
+
+class _Listed(_ModuleType):
+    """This package as a mapping from names to materials, void left out."""
+
+    def __getitem__(self, name: str) -> Material:
+        return find(name)
+
+    def __iter__(self) -> _Iterator[str]:
+        return (name for name in LIBRARY if name != "void")
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def __repr__(self) -> str:
+        from ..display import materials_text
+
+        return materials_text([find(name) for name in self])
+
+    def _repr_html_(self) -> str:
+        """HTML for notebooks."""
+        from ..display import materials_card
+
+        return materials_card([find(name) for name in self])
+
+
+_sys.modules[__name__].__class__ = _Listed

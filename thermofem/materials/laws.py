@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
+from ..display import shown
 
 Array = NDArray[np.float64]
 
@@ -31,6 +32,7 @@ class Law(Protocol):
         """Integral of f from ``start`` to ``start + rise``, in K."""
 
 
+@shown
 @dataclass(frozen=True)
 class PowerLaw:
     """f(T) = (T/reference)^exponent; the exponent 0 is a constant property.
@@ -57,6 +59,7 @@ class PowerLaw:
         return np.asarray(scale / n * np.expm1(n * log) if n else scale * log)
 
 
+@shown
 @dataclass(frozen=True)
 class Polynomial:
     """f(T) = 1 + a_1 (T - reference) + a_2 (T - reference)^2 + ...
@@ -89,6 +92,7 @@ class Polynomial:
         return np.asarray(np.polynomial.Polynomial((0.0, *about))(np.asarray(rise, dtype=float)))
 
 
+@shown
 @dataclass(frozen=True)
 class Table:
     """f(T) = v(T)/v(reference), v the monotone cubic through a table, held constant beyond its ends.

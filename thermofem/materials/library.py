@@ -11,11 +11,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from .. import checks
+from ..display import shown
 from .laws import CONSTANT, Law, PowerLaw, Table, is_constant
 
 VOID = "void"  # the name of what is not there: never meshed, its walls insulated
 
 
+@shown
 @dataclass(frozen=True)
 class Material:
     """A material that conducts and stores heat.

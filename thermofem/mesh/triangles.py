@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 
 from .. import checks
 from ..checks import InputError
+from ..display import shown
 from ..names import check_names
 
 FLAT = 1e-10  # height over longest side, of a triangle that has no area
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Mesh:
     """Triangles in (r, z) with named regions.

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
+from ..display import shown
 from ..waveforms import Waveform
 from .contract import ThermalModel
 from .foster import Foster, linear_poles
@@ -36,6 +37,7 @@ DIGITS = 40  # decimal digits kept, and
 DIGITS_PER_POLE = 12  # more for each pole: the continued fraction loses up to the square of the ratio of neighbours
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Cauer:
     """Ladder of resistances to the next node and capacities to the ambient, from the heated part outwards.

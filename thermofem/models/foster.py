@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import checks, waveforms
 from ..algebra.poles import pole_responses
+from ..display import shown
 from ..names import check_names
 from .json_fields import parts
 
@@ -19,6 +20,7 @@ Array = NDArray[np.float64]
 AGREEMENT = 1e-9  # thermal_resistance against the sum of R: 17 digits are written, a person may keep 10
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Foster:
     """Foster network: thermal resistances R_i in series, each with its own time constant.

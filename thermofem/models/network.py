@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
+from ..display import shown
 from ..waveforms import Waveform
 from .contract import warn_beyond
 from .foster import Foster
@@ -20,6 +21,7 @@ Array = NDArray[np.float64]
 STATIC = 1e-3  # largest error of the static gain that passes
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Network:
     """An identified linear network with the largest temperature rise of its training.

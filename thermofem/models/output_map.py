@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks, waveforms
+from ..display import shown
 from .contract import AtSmallPower, check_rise, warn_beyond
 from .foster import Foster
 
 Array = NDArray[np.float64]
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class OutputMap(AtSmallPower):
     """Linear dynamics with a static map of the output, the Kirchhoff transformation in one number.

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks, waveforms
+from ..display import shown
 from ..names import check_names
 from .contract import check_rise, warn_beyond
 from .json_fields import parts
@@ -26,6 +27,7 @@ PASSES = 40  # of the period map
 _TINY = np.finfo(float).tiny
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Quadratic:
     """Quadratic thermal system: a reduced model with k(T) and c_p(T), or a polynomial SINDy network.

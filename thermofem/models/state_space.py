@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from .. import checks, waveforms
 from ..algebra.factor import factorize
 from ..algebra.krylov import check_heat_flow
+from ..display import shown
 from ..names import check_names
 from ..transient.integration import integrate, integrate_periodic
 from ..transient.modal import Modal
@@ -28,6 +29,7 @@ Array = NDArray[np.float64]
 LARGEST = 500  # states to integrate with the optics; a certified reduction needs 10 to 40, and each costs time
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class StateSpace:
     """Linear thermal model E dx/dt = A x + B P, dT = C x: sparse for the FEM, small for a reduction.

@@ -8,11 +8,13 @@ from functools import cached_property
 import numpy as np
 
 from .. import checks
+from ..display import shown
 from .contract import POWER_HINT, TIME_HINT, Array, stored
 from .switched import Switched
 
 
 @stored
+@shown
 @dataclass(frozen=True)
 class Chirp(Switched):
     """Square wave whose period goes from one value to another, each cycle by nearly the same factor.

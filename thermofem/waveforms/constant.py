@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import checks
+from ..display import shown
 from .contract import POWER_HINT, Array, seconds, stored
 
 
 @stored
+@shown
 @dataclass(frozen=True)
 class Constant:
     """P(t) = power from the start on: the heating step.

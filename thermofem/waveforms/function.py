@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import checks
+from ..display import shown
 from .contract import TIME_HINT, Array, inside, seconds, wrapped
 from .pieces import cubic_pieces
 
 MOST_CYCLES = 1e6  # that a call may span
 
 
+@shown
 @dataclass(frozen=True, eq=False, init=False)
 class Function:
     """P(t) = f(t): any function of time; W as a power, Hz as a detuning.

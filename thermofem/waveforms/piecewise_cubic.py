@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import checks
+from ..display import shown
 from .contract import TIME_HINT, Array, Waveform, inside, seconds, stored, wrapped
 from .pieces import Pieces, cubic_pieces
 
 
 @stored
+@shown
 @dataclass(frozen=True, eq=False)
 class PiecewiseCubic:
     """P(t) = sum_j coefficients[k, j] (t - edges[k])^j between edges[k] and edges[k + 1].

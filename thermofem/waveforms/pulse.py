@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import checks
+from ..display import shown
 from .contract import POWER_HINT, TIME_HINT, Array, inside, seconds, stored
 
 
 @stored
+@shown
 @dataclass(frozen=True)
 class Pulse:
     """P(t) = power for start <= t < start + width, else 0.

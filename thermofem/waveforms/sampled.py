@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import checks
+from ..display import shown
 from .contract import POWER_HINT, TIME_HINT, Array, inside, seconds, stored
 from .pieces import linear_pieces
 
 
 @stored
+@shown
 @dataclass(frozen=True, eq=False)
 class Sampled:
     """P(t) through given samples, straight between them; two samples at one time make a jump.

@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import checks
+from ..display import shown
 from .contract import POWER_HINT, TIME_HINT, Array, inside, seconds, stored
 
 MOST_PERIODS = 1e6  # that a call may span
 
 
 @stored
+@shown
 @dataclass(frozen=True)
 class SquareWave:
     """P(t) = power during the first ``duty`` of every ``period``, else 0.

@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import checks
+from ..display import shown
 from .contract import POWER_HINT, TIME_HINT, Array, inside, seconds, stored
 
 MOST = 20_000_000  # symbols times nodes
 
 
 @stored
+@shown
 @dataclass(frozen=True, eq=False)
 class Symbols:
     """A stream of symbols, each held for 1/rate; a mask divides every symbol into virtual nodes.

@@ -8,11 +8,13 @@ from functools import cached_property
 import numpy as np
 
 from .. import checks
+from ..display import shown
 from .contract import POWER_HINT, TIME_HINT, Array, stored
 from .switched import Switched
 
 
 @stored
+@shown
 @dataclass(frozen=True)
 class Telegraph(Switched):
     """Random telegraph: on and off for exponentially distributed times; a drive that no training saw.

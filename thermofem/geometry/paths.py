@@ -4,18 +4,50 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Mapping
 from typing import Any
 
-from .. import checks
+from .. import checks, quantity
 from ..checks import InputError
+from . import toml_schema
 
 _NAMED = {"part": "name", "layer": "name", "probe": "name", "interface": "part"}  # lists of tables, and what names one
 _TABLES = ("material", "boundary")
 _LAWS = ("conductivity", "specific_heat")  # properties that may be tables themselves: "material.Si.conductivity.z"
+_CENTRE, _EDGES = ("radius", "width"), ("inner_radius", "outer_radius")
 _HINT = 'write it as "part.core.width", "layer.box.thickness", "material.SiO2.conductivity" or "outer_radius"'
 
 
-def place(table: dict[str, Any], path: str, text: str) -> None:
+def change_values(table: dict[str, Any], values: Mapping[str, Any]) -> None:
+    """Set the values of some paths in a geometry file's table in place; numbers in SI, or text with units."""
+    for path, value in values.items():
+        if not isinstance(path, str):
+            raise InputError(f"path {path!r} is no text; {_HINT}")
+        key = path.split(".")[-1]
+        if path.startswith("part.") and key in (*_CENTRE, *_EDGES):
+            name = path.removeprefix("part.").removesuffix(f".{key}")
+            for item in table["part"]:
+                if item["name"] == name:
+                    _measure(item, key)
+        place(table, path, toml_schema.as_text(path, value))
+
+
+def _measure(item: dict[str, Any], key: str) -> None:
+    """Write the radii of a part by its centre or by its edges, whichever ``key`` belongs to."""
+    wanted, other = (_CENTRE, _EDGES) if key in _CENTRE else (_EDGES, _CENTRE)
+    if key in item:
+        return
+    one, two = (quantity.parse(item.pop(name), "m") for name in other)
+    if wanted == _CENTRE:
+        if not one:
+            raise InputError(f"part {item['name']!r} is a disc; take part.{item['name']}.outer_radius")
+        sizes = ((one + two) / 2, two - one)
+    else:
+        sizes = (one - two / 2, one + two / 2)
+    item |= {name: quantity.write(size, "m") for name, size in zip(wanted, sizes, strict=True)}
+
+
+def place(table: dict[str, Any], path: str, text: Any) -> None:
     """Set one value of a geometry file's table in place; the reader of the geometry checks whether the key exists.
 
     Raises
