@@ -132,7 +132,7 @@ def shown(kind: type[T]) -> type[T]:
     """
     own = getattr(kind, "__repr__", None)
     if own is None or hasattr(own, "__wrapped__") or own is object.__repr__:  # dataclasses wrap the one they make
-        kind.__repr__ = _text  # type: ignore[assignment, method-assign]
+        kind.__repr__ = _text  # type: ignore[method-assign]
     if not hasattr(kind, "_repr_html_"):
         kind._repr_html_ = _table  # type: ignore[attr-defined]
     return kind
@@ -170,5 +170,5 @@ def _table(self: Any) -> str:
 def _names(self: Any) -> Sequence[str]:
     """Fields of a dataclass that its text shows, or of a named tuple."""
     if isinstance(self, tuple):
-        return self._fields  # type: ignore[attr-defined, no-any-return]
+        return self._fields  # type: ignore[attr-defined]
     return [f.name for f in dataclasses.fields(self) if f.repr]
