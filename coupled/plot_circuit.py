@@ -8,7 +8,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
 
-from thermofem.plot import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, VERMILION
+from thermofem.checks import choice
+from thermofem.plot_style import BLUE, CYCLE, GREEN, INK, PURPLE, VERMILION, axes, takes
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
 
     from .circuit import Circuit
 
-COLOURS = (VERMILION, BLUE, GREEN, ORANGE, PURPLE, SKY)
 PITCH, RADIUS, BUS = 2.4, 0.7, 0.85  # distance and size of the rings, and height of the buses above and below
 _SIDES = {"in": (-0.75, -BUS), "through": (0.75, -BUS), "add": (0.75, BUS), "drop": (-0.75, BUS)}
 _SPLITTER = {"in 1": (-0.4, -0.2), "in 2": (-0.4, 0.2), "out 1": (0.4, -0.2), "out 2": (0.4, 0.2)}
@@ -24,6 +24,7 @@ _SPLITTER = {"in 1": (-0.4, -0.2), "in 2": (-0.4, 0.2), "out 1": (0.4, -0.2), "o
 
 def plot_circuit(circuit: Circuit, ax: Axes | None = None) -> Axes:
     """The circuit as a drawing: rings in a row on their two buses, arrows for light from terminal to terminal."""
+    takes("circuit", circuit, "names", "splitters", "waveguides", what="a coupled.Circuit")
     if ax is None:
         width = 1.6 * (len(circuit.names) + len(circuit.splitters)) + 2.5
         ax = plt.subplots(figsize=(width, 2.8), layout="constrained")[1]
@@ -76,9 +77,11 @@ def _outside(ax: Axes, name: str, place: tuple[float, float], colour: str, *, in
 
 def plot_rings(run: xr.Dataset, name: str = "delta_T", ax: Axes | None = None) -> Axes:
     """One quantity of every ring against time (us)."""
-    ax = plt.subplots(layout="constrained")[1] if ax is None else ax
+    takes("run", run, "time", "ring", what="a Dataset of coupled.simulate_circuit")
+    choice("name", name, [str(k) for k in run.data_vars if "ring" in run[k].dims])
+    ax = axes(ax)
     for k, ring in enumerate(run["ring"].values):
-        ax.plot(run["time"] * 1e6, run[name].sel(ring=ring), color=COLOURS[k % len(COLOURS)], label=str(ring), lw=1)
+        ax.plot(run["time"] * 1e6, run[name].sel(ring=ring), color=CYCLE[k % len(CYCLE)], label=str(ring), lw=1)
     ax.set(xlabel="time (µs)", ylabel=f"{run[name].attrs['long_name']} ({run[name].attrs['units']})")
     ax.legend(frameon=False, fontsize="small")
     return ax
@@ -86,12 +89,13 @@ def plot_rings(run: xr.Dataset, name: str = "delta_T", ax: Axes | None = None) -
 
 def plot_ports(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Power (mW) at every port against time (us)."""
-    ax = plt.subplots(layout="constrained")[1] if ax is None else ax
+    takes("run", run, "time", "port", "output", what="a Dataset of coupled.simulate_circuit")
+    ax = axes(ax)
     for k, port in enumerate(run["port"].values):
         ax.plot(
             run["time"] * 1e6,
             run["output"].sel(port=port) * 1e3,
-            color=COLOURS[k % len(COLOURS)],
+            color=CYCLE[k % len(CYCLE)],
             label=str(port),
             lw=1,
         )

@@ -1,4 +1,4 @@
-"""Pictures of compact models and their errors; the only module of the package that imports matplotlib.
+"""Pictures of compact models and their errors; and of what fits miss.
 
 Every function draws into ``ax`` (a new figure by default), labels its axes with units, and returns the Axes.
 """
@@ -8,11 +8,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-import matplotlib.pyplot as plt
 import numpy as np
 
-from thermofem.plot import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, VERMILION
+from thermofem.plot_style import BLUE, CYCLE, INK, SKY, takes
+from thermofem.plot_style import axes as _axes
 
+from .plot_array import plot_crosstalk as plot_crosstalk
+from .plot_array import plot_time_scales as plot_time_scales
+from .plot_fit import plot_fit as plot_fit
 from .validate import valid_range
 
 if TYPE_CHECKING:
@@ -21,7 +24,7 @@ if TYPE_CHECKING:
 
     from .reduce import Reduction
 
-COLOURS = (VERMILION, BLUE, GREEN, ORANGE, PURPLE, SKY)
+CURVES = "a mapping from names to Datasets of surrogate.period_error"
 
 
 def plot_period_error(
@@ -37,6 +40,8 @@ def plot_period_error(
     absolute : bool
         T - T_model itself, as the paper's solid line.
     """
+    for curve in takes("curves", curves, "items", "values", what=CURVES).values():
+        takes("curve", curve, "period", "relative_error", what="Datasets of surrogate.period_error")
     ax = _axes(ax)
     periods = np.sort(np.concatenate([curve["period"].values for curve in curves.values()])) * 1e6
     band = within * (periods if absolute else 100 * np.ones_like(periods))
@@ -66,6 +71,7 @@ def plot_error_against_states(comparison: xr.Dataset, ax: Axes | None = None) ->
     comparison : Dataset
         from `surrogate.compare`.
     """
+    takes("comparison", comparison, "states", "rms_relative", what="a Dataset of surrogate.compare")
     ax = _axes(ax)
     states, error = comparison["states"].values, 100 * comparison["rms_relative"].values
     typical = np.sqrt(np.mean(error**2, axis=1))
@@ -86,6 +92,7 @@ def plot_error_against_states(comparison: xr.Dataset, ax: Axes | None = None) ->
 
 def plot_certificate(rom: Reduction, ax: Axes | None = None) -> Axes:
     """Guaranteed error of a one-channel reduction (relative to R_th) against frequency, and its tolerance."""
+    takes("rom", rom, "bound", "error_bound", what="a reduction of surrogate.reduce")
     ax = _axes(ax)
     shown = rom.bound > 1e-4 * rom.error_bound
     ax.loglog(rom.frequency[shown], rom.bound[shown], color=BLUE, label=f"bound, {rom.order} states")
@@ -95,12 +102,6 @@ def plot_certificate(rom: Reduction, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _axes(ax: Axes | None) -> Axes:
-    if ax is None:
-        _, ax = plt.subplots(figsize=(6.0, 3.6), layout="constrained")
-    return ax
-
-
 def _cycle(count: int) -> Sequence[str]:
     """Enough colours, repeated where there are more lines than colours."""
-    return [COLOURS[i % len(COLOURS)] for i in range(count)]
+    return [CYCLE[i % len(CYCLE)] for i in range(count)]

@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import LogNorm
 
-from thermofem.plot import BLUE, INK, VERMILION
+from thermofem.plot_style import BLUE, INK, VERMILION, axes, takes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 def plot_crosstalk(array: ArrayReduction, ax: Axes | None = None) -> Axes:
     """Steady rise of every ring (rows) per watt in every input (columns), in K/mW, colours logarithmic."""
-    ax = plt.subplots(layout="constrained")[1] if ax is None else ax
+    takes("array", array, "crosstalk", "positions", what="the result of surrogate.reduce_array")
+    ax = axes(ax)
     matrix = array.crosstalk / 1e3
     picture = ax.imshow(matrix, cmap="magma_r", norm=LogNorm(vmin=matrix.min() / 2, vmax=matrix.max()), aspect="equal")
     if matrix.size <= 64:
@@ -35,7 +36,8 @@ def plot_crosstalk(array: ArrayReduction, ax: Axes | None = None) -> Axes:
 
 def plot_time_scales(array: ArrayReduction, ax: Axes | None = None) -> Axes:
     """Step of every pair against time (us), relative to its own end; dots where half of it is reached."""
-    ax = plt.subplots(layout="constrained")[1] if ax is None else ax
+    takes("array", array, "crosstalk", "positions", what="the result of surrogate.reduce_array")
+    ax = axes(ax)
     between = np.linalg.norm(array.positions[:, None] - array.positions, axis=-1)
     first = np.unique(np.round(between, 12), return_index=True)[1]
     times = np.geomspace(1e-8, 1e-3, 200)

@@ -1,4 +1,4 @@
-"""Pictures of cross-sections, fields and responses; the only module of the package that imports matplotlib.
+"""Pictures of cross-sections, fields, responses and models.
 
 Every function draws into ``ax`` (a new figure by default), labels its axes with units, and returns the Axes.
 """
@@ -17,6 +17,10 @@ from . import checks
 from .checks import InputError, choice, positive
 from .dataset import check_image, write_whole
 from .fields import check_field
+from .plot_models import plot_model as plot_model
+from .plot_models import plot_step as plot_step
+from .plot_style import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, VERMILION, takes
+from .plot_style import axes as _axes
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -25,10 +29,9 @@ if TYPE_CHECKING:
     from .geometry.cross_section import CrossSection
     from .mesh import Mesh
 
-# Okabe and Ito: apart for every kind of colour vision, and in grey
-INK, BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE = (
-    "#222222", "#0072B2", "#D55E00", "#009E73", "#E69F00", "#56B4E9", "#CC79A7",
-)  # fmt: skip
+DATA = "a Dataset of th.solve, with time and delta_T"
+FIELDS = "a Dataset of th.solve with field_times"
+GEOMETRY, MESH = "a th.CrossSection, such as th.strip_ring()", "the mesh of th.assemble(geometry).mesh"
 _MATERIALS = {
     "Si": "#7d8ea3",
     "SiO2": "#e6edf3",
@@ -42,6 +45,7 @@ _OTHER = ("#d4b9da", "#fdd0a2", "#c7e9c0")
 
 def plot_response(data: xr.Dataset, ax: Axes | None = None, *, label: str | None = None, style: Any = "-") -> Axes:
     """Temperature rise (K) against time (us); several probes give one line each."""
+    takes("data", data, "time", "delta_T", what=DATA)
     ax = _axes(ax)
     time, rise = data["time"].values * 1e6, data["delta_T"]
     if "probe" in rise.dims:
@@ -70,8 +74,8 @@ def plot_field(data: xr.Dataset, ax: Axes | None = None, *, at: int = 0, half_wi
     half_width : float, m
         of the window drawn.
     """
-    check_field(data)
-    ax = _axes(ax, figsize=(4.2, 3.4))
+    check_field(takes("data", data, "data_vars", what=FIELDS))
+    ax = _axes(ax, size=(4.2, 3.4))
     field, r, z = data["field"].isel(field_time=at).values, data["r"].values * 1e6, data["z"].values * 1e6
     hottest, half = int(np.argmax(field)), half_width * 1e6
     window = (np.abs(r - r[hottest]) < 1.6 * half) & (np.abs(z - z[hottest]) < 1.6 * half)
@@ -119,7 +123,7 @@ def animate_field(
     from matplotlib import animation
 
     path = checks.path("path", path)
-    check_field(data)
+    check_field(takes("data", data, "data_vars", what=FIELDS))
     kind = choice("film: ending", path.suffix, (".gif", ".mp4"))
     if kind == ".mp4" and not animation.FFMpegWriter.isAvailable():
         raise InputError(f"{path.name} needs ffmpeg, which is not installed; .gif works without it")
@@ -160,7 +164,10 @@ def plot_cross_section(
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 
-    ax = _axes(ax, figsize=(6, 4.2))
+    takes("geometry", geometry, "subdivision", what=GEOMETRY)
+    if mesh is not None:
+        takes("mesh", mesh, "triangles", what=MESH)
+    ax = _axes(ax, (6.0, 4.2))
     colours: dict[str, str] = {}
     for face in geometry.subdivision.faces:
         name = geometry.material_of(face.owner).name
@@ -183,6 +190,8 @@ def plot_cross_section(
 
 def plot_preview(geometry: CrossSection, mesh: Mesh) -> Axes:
     """All parts with their names on the left, the mesh around the first heated part on the right; the left Axes."""
+    takes("geometry", geometry, "subdivision", what=GEOMETRY)
+    takes("mesh", mesh, "triangles", what=MESH)
     figure, (left, right) = plt.subplots(1, 2, figsize=(10.5, 4.6), layout="constrained")
     heated = next(part for part in geometry.parts if part.heated)
     plot_cross_section(geometry, ax=left)
@@ -235,9 +244,3 @@ def save_figure(ax: Axes, path: Any) -> None:
         raise InputError("ax belongs to no figure; nothing to save")
     write_whole(path, lambda p: figure.savefig(p, dpi=200))
     plt.close(figure)
-
-
-def _axes(ax: Axes | None, figsize: tuple[float, float] = (6.0, 3.6)) -> Axes:
-    if ax is None:
-        _, ax = plt.subplots(figsize=figsize, layout="constrained")
-    return ax

@@ -1,0 +1,113 @@
+"""Every plot function: what it draws, and what it says when it gets something else."""
+
+from __future__ import annotations
+
+import inspect
+import pkgutil
+from importlib import import_module
+
+import matplotlib
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+import xarray as xr
+
+import coupled
+import surrogate
+import thermofem as th
+
+matplotlib.use("Agg")
+MODEL = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
+TIMES = np.linspace(0, 5e-6, 201)
+WRONG = {
+    "a number": 3,
+    "a text": "run.nc",
+    "a geometry": th.strip_ring(),
+    "no data": xr.Dataset(),
+    "a class": int,
+}
+
+PENDING = ("coupled.plot",)  # being split
+
+
+def functions() -> dict[str, object]:
+    """All public plot functions of the plot modules of the three packages, by name."""
+    found = {}
+    for package in (th, surrogate, coupled):
+        for module in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
+            if module.name.split(".")[1].startswith("plot") and module.name not in PENDING:
+                for name, function in vars(import_module(module.name)).items():
+                    if name.startswith(("plot_", "animate_")) and inspect.isfunction(function):
+                        found[name] = function
+    return found
+
+
+FUNCTIONS = functions()
+NEEDED = {"show": "drop", "mesh": None, "path": "film.gif"}  # what follows the first argument where it has no default
+
+
+@pytest.fixture(autouse=True)
+def closed():
+    yield
+    plt.close("all")
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_plot_function_says_what_it_takes(name, wrong):
+    parameters = list(inspect.signature(FUNCTIONS[name]).parameters.values())
+    if wrong == "a geometry" and parameters[0].name == "geometry":
+        pytest.skip("that is what it takes")
+    if wrong == "no data" and parameters[0].name in ("curves", "maps"):
+        pytest.skip("a mapping without anything in it")
+    more = [NEEDED.get(p.name, 0) for p in parameters[1:] if p.default is p.empty and p.kind is p.POSITIONAL_OR_KEYWORD]
+    with pytest.raises(th.InputError, match=parameters[0].name) as caught:
+        FUNCTIONS[name](WRONG[wrong], *more)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_step_ends_at_the_thermal_resistance_and_passes_the_exact_response():
+    ax = FUNCTIONS["plot_step"](MODEL, power=2e-3, label="model")
+    times, rise = ax.lines[0].get_data()
+    exact = 2e-3 * (2e3 * -np.expm1(-times / 5e-8) + 5e3 * -np.expm1(-times / 1e-6))
+    np.testing.assert_allclose(rise, exact, rtol=1e-12)
+    assert rise[-1] == pytest.approx(14.0, rel=1e-12, abs=0)  # ten times after 99 %: exp(-40) is left
+    assert FUNCTIONS["plot_step"](MODEL, ax) is ax
+    assert len({line.get_color() for line in ax.lines}) == 2
+
+
+@pytest.mark.parametrize("kind", ["Foster", "OutputMap", "reduction"])
+def test_a_model_of_any_kind_draws_itself(kind):
+    model = {
+        "Foster": lambda: MODEL,
+        "OutputMap": lambda: th.OutputMap(MODEL, -4e-4),
+        "reduction": lambda: surrogate.reduce(th.assemble(th.strip_ring()).system, 1e-2),
+    }[kind]()
+    left, right = FUNCTIONS["plot_model"](model)
+    assert left.get_xscale() == right.get_xscale() == right.get_yscale() == "log"
+    frequency, size = right.lines[0].get_data()
+    assert size[0] == pytest.approx(model.thermal_resistance / 1e3, rel=1e-2, abs=0)  # |Z| = R_th far below the poles
+    assert frequency[-1] > 1e6
+
+
+def test_a_model_with_several_channels_is_told_how_to_pick_one():
+    several = th.StateSpace(np.eye(2), -np.eye(2), np.eye(2), np.eye(2), ("a", "b"), ("a", "b"))
+    with pytest.raises(th.InputError, match="2 inputs and 2 outputs"):
+        FUNCTIONS["plot_step"](several)
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_a_fit_is_drawn_with_its_data_and_its_residual(periodic):
+    if periodic:
+        wave = th.SquareWave(1e-3, 1e-6, 1 / 3)
+        times = th.waveforms.period_times(wave, 301)
+        data = th.dataset.build(times, MODEL.periodic_response(wave, 301), wave, periodic=True)
+    else:
+        data = th.dataset.build(TIMES, MODEL.response(th.Constant(1e-3), TIMES), th.Constant(1e-3))
+    fit = surrogate.fit_newton(data)
+    upper, lower = FUNCTIONS["plot_fit"](fit, data)
+    drawn, missed = upper.lines[0].get_ydata(), lower.lines[-1].get_ydata()
+    np.testing.assert_array_equal(drawn, data.delta_T.values)
+    np.testing.assert_allclose(upper.lines[1].get_ydata() - drawn, missed, atol=1e-12)
+    # the straight lines between 4001 samples of a period miss (dt/tau)^2/8 of the swing: 3e-6 for tau = 50 ns
+    assert np.sqrt(np.mean(missed**2)) == pytest.approx(fit.residual, rel=1e-4, abs=0)

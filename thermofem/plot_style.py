@@ -1,0 +1,44 @@
+"""The style of all figures: colours and sizes; and what a plot function says when it gets something else."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import matplotlib.pyplot as plt
+
+from .checks import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# Okabe and Ito: apart for every kind of colour vision, and in grey
+INK, BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE = (
+    "#222222", "#0072B2", "#D55E00", "#009E73", "#E69F00", "#56B4E9", "#CC79A7",
+)  # fmt: skip
+CYCLE = (VERMILION, BLUE, GREEN, ORANGE, PURPLE, SKY)  # of lines that are told apart by their colour
+SIZE = (6.0, 3.6)  # inches of a figure by default: half a slide
+
+
+def axes(ax: Axes | None, size: tuple[float, float] = SIZE) -> Axes:
+    """``ax``, or the Axes of a new figure."""
+    if ax is None:
+        _, ax = plt.subplots(figsize=size, layout="constrained")
+    return takes("ax", ax, "plot", what="matplotlib Axes, or nothing for a new figure")
+
+
+def takes(name: str, value: Any, *needed: str, what: str) -> Any:
+    """``value`` if it has the needed variables (of a Dataset) or attributes; InputError with what is taken if not.
+
+    >>> takes("data", 3, "data_vars", what="a Dataset of th.solve")
+    Traceback (most recent call last):
+    thermofem.checks.InputError: data is an int; this function takes a Dataset of th.solve
+    """
+    variables = getattr(value, "variables", None)
+    inside = variables if hasattr(variables, "keys") else {}
+    missing = [one for one in needed if one not in inside and not hasattr(value, one)]
+    if not missing and not isinstance(value, type):
+        return value
+    kind = value.__name__ if isinstance(value, type) else type(value).__name__
+    article = "an" if kind[:1].lower() in "aeiou" else "a"
+    lacks = f" without {missing[0]!r}" if inside and missing else ""
+    raise InputError(f"{name} is {article} {kind}{lacks}; this function takes {what}")
