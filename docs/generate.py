@@ -164,10 +164,17 @@ def validation() -> str:
 COMMANDS = """# Commands
 
 What `--help` after each command says, too. Quantities are text with a unit, as `"8 dBm"`, `"-10 GHz"`, `"20 us"`. A
-mistake is one line that names it, and exit code 2. `thermofem --version` prints the version,
-`thermofem --install-completion` teaches the shell the commands.
+mistake is one line that names it, and exit code 2. `thermofem --version` prints the version. A detuning is a frequency
+or, as `"80 pm"`, a distance in wavelength; a longer wavelength is a negative detuning.
 
-Exit codes: 0 done, 1 `doctor` found something missing, 2 bad input or an unusable file, 130 interrupted.
+| exit code | meaning |
+|---|---|
+| 0 | done |
+| 1 | `doctor` found something missing |
+| 2 | bad input, or a file that cannot be read or written |
+| 130 | interrupted with Ctrl-C |
+
+`thermofem --install-completion` installs tab completion for bash, zsh, fish or PowerShell; open a new shell afterwards.
 With `--json` every command prints its numbers in SI as one JSON object on standard output; words go to standard error.
 
 | stage | takes | gives | commands |

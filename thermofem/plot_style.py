@@ -34,7 +34,7 @@ def takes(name: str, value: Any, *needed: str, what: str) -> Any:
     thermofem.checks.InputError: data is an int; this function takes a Dataset of th.solve
     """
     variables = getattr(value, "variables", None)
-    inside = variables if hasattr(variables, "keys") else {}
+    inside: Any = variables if hasattr(variables, "keys") else {}
     missing = [one for one in needed if one not in inside and not hasattr(value, one)]
     if not missing and not isinstance(value, type):
         return value

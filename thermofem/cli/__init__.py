@@ -159,23 +159,22 @@ def reproduce(
     quick: Annotated[
         bool, typer.Option("--quick", help="The one-minute version: no maps, no FEM in the loop.")
     ] = False,
-) -> None:
+) -> dict[str, Any]:
     """Reproduce the paper from our own FEM: report.html with every figure and number, and the data behind it.
 
     Started again, it goes on where it was, however it ended.
     """
     from .reproduce import Settings, run
 
-    run(output, Settings(quick=quick))
+    return run(output, Settings(quick=quick))
 
 
 @app.command(rich_help_panel=RESULTS)
-def doctor() -> None:
+def doctor() -> dict[str, Any]:
     """Say what works on this machine, and what is missing for what does not."""
     from .doctor import run
 
-    if not run():
-        raise typer.Exit(1)
+    return run()
 
 
 for registered in app.registered_commands:  # every command takes --json, --quiet, --verbose and --threads

@@ -6,6 +6,7 @@ import importlib.metadata
 import platform
 import sys
 from collections.abc import Callable
+from typing import Any
 
 from rich.table import Table
 from rich.text import Text
@@ -20,16 +21,18 @@ PACKAGES = (
 )  # fmt: skip
 
 
-def run() -> bool:
-    """Print one line for each check; whether all of them passed."""
+def run() -> dict[str, Any]:
+    """Print one line for each check; what each found, and whether all of them passed."""
+    checks: dict[str, Any] = {}
     table = Table("check", "", "what was found", box=None)
     passed = True
     for name, check in CHECKS.items():
         found, problem = check()
         passed &= not problem
+        checks[name] = {"ok": not problem, "found": problem or found}
         table.add_row(name, Text("missing", "red") if problem else Text("ok", "green"), problem or found)
     show(table)
-    return passed
+    return {"passed": passed, "checks": checks}
 
 
 def _python() -> tuple[str, str | None]:

@@ -9,8 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..checks import InputError
+from .detuning import HELP as DETUNING
+from .detuning import detuning_of
 from .files import DEFAULT_RING, RING, check_outputs, ring_of, say_ring, working
 from .kinds import expect, kind_of
+from .output import say
 
 if TYPE_CHECKING:
     from ..heat import HeatProblem
@@ -29,10 +32,10 @@ def explore(
     ] = None,
     ring: Annotated[str, typer.Option(help=RING)] = DEFAULT_RING,
     power: Annotated[str, typer.Option(help="Power in the bus waveguide when the page opens.")] = "8 dBm",
-    detuning: Annotated[str, typer.Option(help="Laser minus cold resonance when the page opens.")] = "0 GHz",
+    detuning: Annotated[str, typer.Option(help=DETUNING)] = "0 GHz",
     accuracy: Annotated[float, typer.Option(help="Wanted relative error of a geometry's mesh.")] = 1e-3,
     output: Annotated[Path, typer.Option("--output", "-o", help="File to write (HTML).")] = Path("ring.html"),
-) -> None:
+) -> dict[str, Any]:
     """Write a page that computes a ring: move the laser in a browser and see it pulse. One file, offline.
 
     A geometry is reduced, and Newton's law, the second-order equation and a Foster network are trained on it.
@@ -49,15 +52,16 @@ def explore(
     for path in given if family is None else []:
         expect(path, "model", "geometry")
     at_power = quantity.parse(power, "W", name="--power")
-    at_detuning = quantity.parse(detuning, "Hz", name="--detuning")
     resonator = ring_of(ring)
+    at_detuning = detuning_of(detuning, resonator)
     say_ring(resonator, ring)
     models, heat = _models(given, accuracy) if family is None else (None, None)
     with working("writing the page"):
         page = coupled.explore(
             resonator, models, output, power=at_power, detuning=at_detuning, heat=heat, family=family
         )
-    print(f"wrote {output} ({len(page.html) / 1e3:.0f} kB); open it in a browser")
+    say(f"wrote {output} ({len(page.html) / 1e3:.0f} kB); open it in a browser")
+    return {"page": output, "characters": len(page.html), "models": list(models or {}), "detuning": at_detuning}
 
 
 def _family(given: list[Path]) -> Any:

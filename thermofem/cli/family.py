@@ -10,6 +10,7 @@ import typer
 
 from .. import dataset, quantity
 from ..checks import InputError
+from .detuning import detuning_of
 from .files import check_outputs, ring_of, say_ring, working
 from .kinds import expect
 from .output import note, say
@@ -22,7 +23,7 @@ Fix = Annotated[list[str] | None, typer.Option(help="Keep a parameter, e.g. 'rad
 Period = Annotated[str | None, typer.Option(help="Settled period of self-pulsing, e.g. '900 ns'.")]
 Ring = Annotated[str, typer.Option(help="Ring file (TOML) or borghi2021, for the settled period.")]
 Power = Annotated[str, typer.Option(help="Laser power in the waveguide, for the settled period.")]
-Detuning = Annotated[str, typer.Option(help="Laser minus cold resonance, for the settled period.")]
+Detuning = Annotated[str, typer.Option(help="Laser minus cold resonance (GHz or pm), for the settled period.")]
 
 
 def family(
@@ -55,6 +56,7 @@ def design(
     fix: Annotated[
         list[str] | None, typer.Option(help="Keep a parameter, e.g. 'radius=7 um'; may be repeated.")
     ] = None,
+    seed: Annotated[int, typer.Option(help="Of the starting points of the search.")] = 0,
     ring: Ring = "borghi2021",
     power: Power = "8 dBm",
     detuning: Detuning = "0 GHz",
@@ -73,7 +75,7 @@ def design(
     if not target:
         raise InputError("nothing is wanted; add --resistance, --rise-time or --period")
     with working("searching"):
-        result = surrogate.design(found, target=target, fixed=_fixed(found, fix))
+        result = surrogate.design(found, target=target, fixed=_fixed(found, fix), seed=seed)
     say(result.message)
     for name, unit in zip(found.names, found.box.units, strict=True):
         say(f"{name} = {quantity.write(result.values[name], unit)}")
@@ -96,6 +98,7 @@ def uncertainty(
     ] = None,
     period: Annotated[bool, typer.Option("--period", help="The settled period, not the thermal resistance.")] = False,
     samples: Annotated[int, typer.Option(help="Base samples, a power of two.")] = 1024,
+    seed: Annotated[int, typer.Option(help="Of the samples.")] = 0,
     ring: Ring = "borghi2021",
     power: Power = "8 dBm",
     detuning: Detuning = "0 GHz",
@@ -116,7 +119,7 @@ def uncertainty(
         spreads[name] = stats.norm(centre, quantity.parse(width.strip(), unit, name=f"--spread {name}"))
     what: Any = settled_period(ring, power, detuning) if period else "thermal_resistance"
     with working("sampling"):
-        data = surrogate.uncertainty(found, spreads, what, samples=samples, fixed=_fixed(found, fix))
+        data = surrogate.uncertainty(found, spreads, what, samples=samples, fixed=_fixed(found, fix), seed=seed)
     unit = "s" if period else "K/W"
     say(f"mean {data.attrs['mean']:.6g} {unit}")
     say(
@@ -164,7 +167,7 @@ def settled_period(ring: str, power: str, detuning: str) -> Callable[[Any], floa
     resonator = ring_of(ring)
     say_ring(resonator, ring)
     watts = quantity.parse(power, "W", name="--power")
-    hertz = quantity.parse(detuning, "Hz", name="--detuning")
+    hertz = detuning_of(detuning, resonator)
 
     def period(model: Any) -> float:
         return float(coupled.limit_cycle(resonator, model, power=watts, detuning=hertz).attrs["period"])

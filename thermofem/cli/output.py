@@ -98,6 +98,8 @@ def speaking(function: Callable[..., Numbers | None]) -> Callable[..., None]:
             numbers = function(**options)
         if json_:
             print(_as_json({"command": function.__name__.strip("_"), **(numbers or {})}))
+        if numbers and numbers.get("passed") is False:
+            raise typer.Exit(1)
 
     shared = {
         "json_": Annotated[bool, typer.Option("--json", help="Numbers as JSON on standard output, words elsewhere.")],

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 
-def run(out: Path, settings: Settings | None = None) -> None:
-    """Reproduce the paper into ``out``: data/, figures/ and report.html.
+def run(out: Path, settings: Settings | None = None) -> dict[str, Any]:
+    """Reproduce the paper into ``out``: data/, figures/ and report.html; returns what was made.
 
     What an earlier run left there under the same settings and code is taken, not computed again.
 
@@ -55,6 +55,15 @@ def run(out: Path, settings: Settings | None = None) -> None:
         f"numbers, netCDF and models in {data}/"
     )
     console.print(f"report: {report}")
+    compared = [agrees for agrees in (claim.agrees(results) for claim in rows) if agrees is not None]
+    return {
+        "report": report,
+        "stages": len(stages),
+        "kept": kept,
+        "figures": len(pictures),
+        "compared_with_the_paper": len(compared),
+        "agree": sum(compared),
+    }
 
 
 def _explorer(path: Path) -> str:

@@ -1,0 +1,47 @@
+"""The laser's detuning as a person writes it: a frequency, or a wavelength as laboratories read it off."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from .. import quantity, units
+from ..checks import InputError
+
+if TYPE_CHECKING:
+    from coupled import RingResonator
+
+C = 299_792_458.0  # m/s
+HELP = "Laser minus cold resonance, as a frequency ('-10 GHz') or a wavelength ('80 pm', to the red)."
+
+
+def detuning_of(text: str, ring: RingResonator, name: str = "--detuning") -> float:
+    """Laser minus cold resonance in Hz.
+
+        nu = c/(c/f + d) - f
+
+    with the ring's resonance f and the distance d in wavelength: a longer wavelength is a negative detuning.
+
+    Parameters
+    ----------
+    text : str
+        "-10 GHz", or "80 pm".
+    ring : RingResonator
+    name : str
+        what the error message begins with.
+
+    Raises
+    ------
+    InputError
+        neither a frequency nor a length, or a wavelength that is not positive.
+    """
+    number = text.strip().lstrip("+-0123456789.eE ")
+    try:
+        known = units.scale(number)
+    except units.UnitError:
+        known = None
+    if known is None or known.dimensions != (("m", 1),):
+        return quantity.parse(text, "Hz", name=name)
+    distance, wavelength = quantity.parse(text, "m", name=name), C / ring.frequency
+    if not abs(distance) < 0.1 * wavelength:
+        raise InputError(f"{name} = {text!r} is far beyond the resonance at {wavelength * 1e9:.5g} nm", 'e.g. "80 pm"')
+    return float(C / (wavelength + distance) - ring.frequency)
