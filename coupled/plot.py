@@ -1,4 +1,4 @@
-"""Figures of coupled runs; the only module of the package that imports matplotlib."""
+"""Figures of maps, fits and equilibria; those of runs are in `plot_runs`."""
 
 from __future__ import annotations
 
@@ -11,46 +11,15 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 
 from thermofem.checks import choice
 
+from .plot_runs import HEAT, LIGHT, readable
+from .plot_runs import plot_sweep as plot_sweep
+from .plot_runs import plot_traces as plot_traces
+
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
     from .identification.identify import Identification
-
-LIGHT, HEAT = "#0072B2", "#D55E00"  # blue and vermilion of Okabe and Ito, apart for every kind of colour vision
-
-
-def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw the drop power (left axis) and the temperature rise (right axis) against time.
-
-    Parameters
-    ----------
-    run : xarray.Dataset
-        from `simulate`.
-    ax : matplotlib Axes, optional
-        drawn into; a new figure by default.
-
-    Returns
-    -------
-    matplotlib Axes
-        the left one; the right one is its twin.
-    """
-    if ax is None:
-        _, ax = plt.subplots(figsize=(7, 3.2), layout="constrained")
-    t, time_unit = _readable(run["time"].values, "s")
-    drop, power_unit = _readable(run["drop"].values, "W")
-    ax.plot(t, drop, color=LIGHT, linewidth=1.2)
-    ax.set_xlabel(f"time ({time_unit})")
-    ax.set_ylabel(f"drop power ({power_unit})", color=LIGHT)
-    ax.set_xlim(t[0], t[-1])
-    ax.set_ylim(bottom=0)
-    right = ax.twinx()
-    right.plot(t, run["delta_T"].values, color=HEAT, linewidth=1.2, linestyle=(0, (5, 1)))
-    right.set_ylabel("temperature rise (K)", color=HEAT)
-    right.set_ylim(bottom=0)
-    ax.spines["top"].set_visible(False)
-    right.spines["top"].set_visible(False)
-    return ax
 
 
 REGIMES = {  # light to dark, so that the order survives in grey
@@ -230,7 +199,7 @@ def _drawn_axis(data: xr.Dataset, name: str) -> tuple[np.ndarray, str]:
         return values * 1e-9, "detuning (GHz)"
     if name == "power":
         return _dbm(values), "power (dBm)"
-    scaled, unit = _readable(values, data[name].attrs["units"])
+    scaled, unit = readable(values, data[name].attrs["units"])
     return scaled, f"{data[name].attrs['long_name']} ({unit})"
 
 
@@ -245,24 +214,6 @@ def _edges(centres: np.ndarray) -> np.ndarray:
         return centres[0] + np.array([-0.5, 0.5])
     middle = (centres[1:] + centres[:-1]) / 2
     return np.concatenate([[2 * centres[0] - middle[0]], middle, [2 * centres[-1] - middle[-1]]])
-
-
-def _readable(values: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
-    """Scale values so that their largest reads well, and name the scaled unit."""
-    largest = float(np.max(np.abs(values), initial=0.0))
-    for factor, prefix in (
-        (1e9, "G"),
-        (1e6, "M"),
-        (1e3, "k"),
-        (1.0, ""),
-        (1e-3, "m"),
-        (1e-6, "µ"),
-        (1e-9, "n"),
-        (1e-12, "p"),
-    ):
-        if largest >= factor:
-            return values / factor, prefix + unit
-    return values, unit
 
 
 def plot_identification(found: Identification, axes: Sequence[Axes] | None = None) -> np.ndarray:

@@ -124,7 +124,9 @@ def pulsing(run: xr.Dataset | Record) -> Pulsing:
     if not moving:
         return found
     answer = f"{found.cycles} cycles in the answer" if found.regime == Regime.SELF_PULSING else found.reason
-    return replace(found, regime=Regime.DRIVEN, reason=f"{moving} varies: {answer}")
+    return replace(
+        found, regime=Regime.DRIVEN, reason=f"{moving} {'vary' if ' and ' in moving else 'varies'}: {answer}"
+    )
 
 
 def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, every_step: bool = False) -> Pulsing:
@@ -216,6 +218,9 @@ def _varying(run: xr.Dataset | Record, t: Array) -> str:
         for name, words in names.items()
         if name in run.variables and run[name].dims == ("time",) and np.ptp(run[name].values[late]) > 0
     ]
+    if "heater_power" in run.variables:
+        changes = np.ptp(run["heater_power"].values[:, late], axis=1) > 0
+        moving += [f"the power of {name}" for name in run["heater"].values[changes]]
     return " and ".join(moving)
 
 

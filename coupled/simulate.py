@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,12 +14,13 @@ from thermofem.models import ThermalModel
 from thermofem.record import Record, column
 
 from .arguments import check_run, detuning_in_time, power_in_time
+from .heaters import channels, heating
 from .inputs import Input
 from .kernels.tableaus import Method
-from .record import provenance, traces
+from .record import heater_powers, provenance, traces
 from .resonator import RingResonator
 from .states import State, starting_point
-from .thermal import attributes, compact
+from .thermal import attributes
 from .window import NO_TIMES, Event, advance
 
 if TYPE_CHECKING:
@@ -40,6 +42,9 @@ def simulate(
     initial: State | xr.Dataset | None = None,
     event: Event | None = None,
     adiabatic: bool = False,
+    heaters: Mapping[str, Input] | None = None,
+    heated: str | None = None,
+    read: str | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> xr.Dataset:
     """Switch the laser on at t = 0, on a cold, empty ring unless ``initial`` says otherwise, and integrate.
@@ -78,6 +83,11 @@ def simulate(
         whether light follows carriers and heat at once (`kernels.adiabatic`) instead of within its 10 ps: periods are
         .01 to .02 % shorter (measured at six points, 6 to 10 dBm), for half the time at rtol = 1e-5, a fifth at 1e-7.
         Not with ``event`` or ``method``, nor for what happens within the lifetime of light in the ring.
+    heaters : mapping of name to float, Waveform, or a list of both; W, optional
+        power in further inputs of a StateSpace (or of a reduction that holds one), from t = 0 on.
+    heated, read : str, optional
+        the input of such a model that the light heats and the output that detunes it; with ``heaters`` by default the
+        first input that is no heater, and the output of the same name.
     progress : callable, optional
         called with the time in s that has been reached: about ten times a second in runs of more than 100 us, and at
         the end.
@@ -86,8 +96,8 @@ def simulate(
     -------
     xarray.Dataset
         over time (s): energy (J), carriers (1/m^3), delta_T (K), drop, through and absorbed (W), what scatters where
-        the ring has such a loss, power and detuning where they vary; provenance and the final state in attrs. Write
-        ``run["drop"]``: ``run.drop`` is a method of every Dataset.
+        the ring has such a loss, power and detuning where they vary, heater_power (W) over heater and time; provenance
+        and the final state in attrs. Write ``run["drop"]``: ``run.drop`` is a method of every Dataset.
 
     Raises
     ------
@@ -109,7 +119,7 @@ def simulate(
     """
     record = run_of(
         ring, model, power=power, detuning=detuning, duration=duration, rtol=rtol, times=times, method=method,
-        initial=initial, event=event, adiabatic=adiabatic, progress=progress,
+        initial=initial, event=event, adiabatic=adiabatic, heaters=heaters, heated=heated, read=read, progress=progress,
     )  # fmt: skip
     return record.dataset()
 
@@ -127,6 +137,9 @@ def run_of(
     initial: State | xr.Dataset | None = None,
     event: Event | None = None,
     adiabatic: bool = False,
+    heaters: Mapping[str, Input] | None = None,
+    heated: str | None = None,
+    read: str | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Record:
     """`simulate` without xarray: the same as a Record."""
@@ -137,15 +150,22 @@ def run_of(
         raise checks.InputError("adiabatic goes with neither event nor method; it has a method of its own")
     checks.progress(progress)
     chosen = check_method(method) or (Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
-    small = compact(model)
+    picked = channels(model, heaters, heated, read)
+    small, heat = picked.model, heating(picked, heaters, duration, rtol)
+    if event and event.quantity == "delta_T" and heat.powers:
+        raise checks.InputError("event watches delta_T without the heaters; with heaters watch 'energy' or 'carriers'")
     run = advance(
         ring, small, starting_point(initial, small.order), 0.0, float(duration), power=light["input_power"],
-        detuning=light["detuning"], rtol=rtol, method=chosen, times=wanted, event=event,
+        detuning=light["detuning"], offset=heat.rise, rtol=rtol, method=chosen, times=wanted, event=event,
         adiabatic=adiabatic, progress=progress,
     )  # fmt: skip
+    end = replace(run.final, thermal=np.asarray(run.final.thermal) + heat.states(run.reached))
+    heater = {name: column(*parts) for name, parts in heater_powers(heat.powers, run.time).items()}
+    seen = {name: column("time", values, dataset.describe(name)) for name, values in traces(ring, run, light).items()}
     return Record(
-        {name: column("time", values, dataset.describe(name)) for name, values in traces(ring, run, light).items()},
-        {"time": column("time", run.time, dataset.describe("time"))},
+        seen | {name: one for name, one in heater.items() if name != "heater"},
+        {"time": column("time", run.time, dataset.describe("time"))}
+        | {name: one for name, one in heater.items() if name == "heater"},
         {
             **provenance(ring, light, duration),
             **attributes(small),
@@ -153,7 +173,7 @@ def run_of(
             "method": "dopri5, adiabatic" if adiabatic else chosen.value,
             "steps": int(run.counts[0]),
             "rejected_steps": int(run.counts[1]),
-            "final_state": run.final.as_array(),
+            "final_state": end.as_array(),
             **({"crossings": run.crossings} if event else {}),
         },
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,9 +11,9 @@ from numpy.typing import NDArray
 from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring
+from ..heaters import constant
 from ..resonator import RingResonator
 from ..states import State
-from ..thermal import compact
 from .guess import from_guess
 from .orbit import problem
 from .result import dataset_of
@@ -31,6 +32,9 @@ def limit_cycle(
     power: float,
     detuning: float = 0.0,
     guess: xr.Dataset | State | None = None,
+    heaters: Mapping[str, float] | None = None,
+    heated: str | None = None,
+    read: str | None = None,
 ) -> xr.Dataset:
     """Return the periodic orbit that a ring settles on under a constant laser.
 
@@ -51,6 +55,8 @@ def limit_cycle(
     guess : Dataset or State, optional
         where to start: another cycle of this function, near which any cycle is returned, stable or not; a run of
         `simulate` or a State, from which the ring settles. By default a cold ring.
+    heaters : mapping of name to float, W, optional
+        constant power in further inputs of a linear model, as for `simulate`; so are ``heated`` and ``read``.
 
     Returns
     -------
@@ -81,7 +87,10 @@ def limit_cycle(
     check_ring(ring)
     check_power(power)
     check_detuning(detuning)
-    small = compact(model)
-    p = problem(ring, small, float(power), float(detuning))
+    warm = constant(model, heaters, heated, read)
+    p = problem(ring, warm.model, float(power), float(detuning) + warm.turned(ring))
     found = settled(p, np.zeros(p.units.size)) if guess is None else from_guess(p, guess)
-    return dataset_of(p, found)
+    cycle = dataset_of(p, found)
+    cycle["delta_T"] = cycle["delta_T"].copy(data=cycle["delta_T"].values + warm.rise)
+    cycle.attrs |= {"detuning": float(detuning), **warm.attributes}
+    return cycle

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring
+from ..heaters import constant
 from ..record import origin
 from ..resonator import RingResonator
 from ..thermal import Compact, attributes, compact
@@ -24,8 +26,15 @@ Array = NDArray[np.float64]
 
 
 def steady_states(
-    ring: RingResonator, model: ThermalModel, *, power: float, detuning: float = 0.0
-) -> xr.Dataset:  # fmt: skip
+    ring: RingResonator,
+    model: ThermalModel,
+    *,
+    power: float,
+    detuning: float = 0.0,
+    heaters: Mapping[str, float] | None = None,
+    heated: str | None = None,
+    read: str | None = None,
+) -> xr.Dataset:
     """Return every fixed point at one power and detuning, and whether it is stable.
 
         P = U (gamma^2 + D^2)/(2 gamma_e),     D = -(w0/n0) [(dn/dT) dT + S(N)] - 2 pi detuning
@@ -44,6 +53,8 @@ def steady_states(
         in the bus waveguide, larger than 0.
     detuning : float, Hz
         laser minus cold resonance.
+    heaters : mapping of name to float, W, optional
+        constant power in further inputs of a linear model, as for `simulate`; so are ``heated`` and ``read``.
 
     Returns
     -------
@@ -85,16 +96,19 @@ def steady_states(
     check_ring(ring)
     check_power(power)
     check_detuning(detuning)
-    at = internal(ring, model, absorbable(ring, power))
-    drive, shift = eq.internal_drive(ring, power), eq.internal_detuning(detuning)
+    warm = constant(model, heaters, heated, read)
+    at = internal(ring, warm.model, absorbable(ring, power))
+    drive, shift = eq.internal_drive(ring, power), eq.internal_detuning(detuning + warm.turned(ring))
     rest = (drive, at.rates, at.fcd, at.static)
     U, D = balance.fixed_points(shift, *rest, balance.turning_points(balance.reach(shift, *rest), *rest))
     order = np.argsort(U)
     U, D = U[order], D[order]
     values = observables(ring, at, U, D, np.full(U.size, power))
+    values["delta_T"] = values["delta_T"] + warm.rise
     return xr.Dataset(
         {name: ("branch", v, dataset.describe(name)) for name, v in values.items()},
-        attrs=provenance("steady states", ring, at.model) | {"input_power": float(power), "detuning": float(detuning)},
+        attrs=provenance("steady states", ring, at.model)
+        | {"input_power": float(power), "detuning": float(detuning), **warm.attributes},
     )
 
 

@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Foster, HeatProblem, StateSpace, checks
 from thermofem.models import NonlinearSystem, ThermalModel
-from thermofem.waveforms import Function, Waveform, storable
+from thermofem.waveforms import Constant, Function, Waveform, storable
 
 from ..arguments import check_run, detuning_in_time, power_in_time
-from ..record import provenance, traces
+from ..record import heater_powers, provenance, traces
 from ..resonator import RingResonator
 from ..states import State
 from ..thermal import Compact, compact
@@ -67,7 +67,7 @@ def cosimulate(
         largest difference left between the temperature that the light sees and the corrector's.
     rtol : float
         of light and carriers, as in `simulate`.
-    heaters : mapping of name to Waveform, optional
+    heaters : mapping of name to float or Waveform, optional
         power in W of other heated parts of a HeatProblem.
     field_times : array, s, optional
         when the temperature field of a HeatProblem is kept.
@@ -133,7 +133,9 @@ def cosimulate(
 
 
 def _over(wave: Any, duration: float) -> Any:
-    """A function of time as its piecewise cubic over the whole run, found once; anything else as it is."""
+    """A function of time as its piecewise cubic over the whole run, found once; a number as a constant power."""
+    if isinstance(wave, int | float):
+        return Constant(wave)
     return storable(wave, float(duration)) if isinstance(wave, Function) else wave
 
 
@@ -163,6 +165,7 @@ def _dataset(
             **{name: ("time", values, dataset.describe(name)) for name, values in traces(ring, run, light).items()},
             "passes": ("window", [part.passes for part in parts], {"units": "1", "long_name": "passes of the window"}),
             "discrepancy": ("window", [part.discrepancy for part in parts], kelvin),
+            **heater_powers(getattr(loop.corrector, "heaters", {}), run.time),
         },
         coords={
             "time": ("time", run.time, dataset.describe("time")),

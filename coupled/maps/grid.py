@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from thermofem import checks
 
 from ..arguments import check_axis, check_ring
+from ..heaters import Constant
 from ..resonator import RingResonator
 from ..ring_toml import UNITS
 from ..unknowns import optical_names, varied
@@ -48,6 +49,11 @@ class Grid:
             name: (name, axis, about.get(name, {"units": UNITS.get(name) or "1", "long_name": name.replace("_", " ")}))
             for name, axis in zip(self.names, self.axes, strict=True)
         }
+
+    def warmed(self, heaters: Constant) -> Grid:
+        """The same points with the resonances where constant heaters move them."""
+        moved = [[(ring, power, nu + heaters.turned(ring)) for ring, power, nu in row] for row in self.rows]
+        return replace(self, rows=moved) if heaters.rise else self
 
 
 def grid_of(

@@ -19,12 +19,13 @@ from thermofem.models import ThermalModel
 
 from ..arguments import check_duration
 from ..equilibria.steady import provenance
+from ..heaters import constant
 from ..kernels.interrupts import new_watch
 from ..progress import bar
 from ..pulsing import Regime
 from ..resonator import RingResonator
 from ..states import State
-from ..thermal import Compact, compact, long_enough
+from ..thermal import Compact, long_enough
 from .grid import Grid, Point, grid_of
 from .journal import Journal
 from .quick import pulse
@@ -60,6 +61,9 @@ def pulsing_map(
     detunings: ArrayLike,
     *,
     vary: Mapping[str, ArrayLike] | None = None,
+    heaters: Mapping[str, float] | None = None,
+    heated: str | None = None,
+    read: str | None = None,
     settled: bool | None = None,
     duration: float | None = None,
     rtol: float = 1e-5,
@@ -86,6 +90,9 @@ def pulsing_map(
     vary : mapping of str to array, optional
         other axes: numbers of the ring or its carriers, as `identify` names them. A map has two axes, so with one here
         give the power or the detuning as one number, with two both.
+    heaters : mapping of name to float, W, optional
+        constant power in further inputs of a linear model, on for long before the laser; as for `simulate`, and so are
+        ``heated`` and ``read``.
     settled : bool, optional
         whether the numbers are those of settled cycles; by default True unless ``duration`` or ``follow`` is given.
     duration : float, s, optional
@@ -126,7 +133,8 @@ def pulsing_map(
 
     from thermofem import dataset
 
-    grid = grid_of(ring, powers, detunings, vary)
+    warm = constant(model, heaters, heated, read)
+    small, grid = warm.model, grid_of(ring, powers, detunings, vary).warmed(warm)
     if settled is None:
         settled = duration is None and follow is None
     elif settled and not (duration is None and follow is None):
@@ -135,8 +143,7 @@ def pulsing_map(
     check_duration(duration)
     checks.between("rtol", rtol, 1e-13, 1e-3, hint="1e-5 gives periods to 1e-4")
     order = None if follow is None else Follow(checks.choice("follow", str(follow), [str(way) for way in Follow]))
-    small = compact(model)
-    attrs = provenance("pulsing map", ring, small) | {"settled": int(settled), **grid.fixed}
+    attrs = provenance("pulsing map", ring, small) | {"settled": int(settled), **grid.fixed, **warm.attributes}
     if not settled:
         attrs |= {"duration": float(duration), "rtol": float(rtol)}
     if order is not None:

@@ -14,6 +14,7 @@ from thermofem import checks
 from thermofem.models import ThermalModel
 
 from ..equilibria.steady import Internal, absorbable, internal, provenance
+from ..heaters import constant
 from ..resonator import RingResonator
 from .grid import Grid, Point, grid_of
 
@@ -30,6 +31,9 @@ def stability_map(
     detunings: ArrayLike,
     *,
     vary: Mapping[str, ArrayLike] | None = None,
+    heaters: Mapping[str, float] | None = None,
+    heated: str | None = None,
+    read: str | None = None,
 ) -> xr.Dataset:
     """Classify every point of a map by the eigenvalues at all of its fixed points.
 
@@ -46,6 +50,8 @@ def stability_map(
         laser minus cold resonance, increasing.
     vary : mapping of str to array, optional
         other axes, as for `pulsing_map`.
+    heaters : mapping of name to float, W, optional
+        constant power in further inputs of a linear model, as for `simulate`; so are ``heated`` and ``read``.
 
     Returns
     -------
@@ -70,8 +76,9 @@ def stability_map(
 
     from thermofem import dataset
 
-    grid = grid_of(ring, powers, detunings, vary)
-    at = _internal(model, grid)
+    warm = constant(model, heaters, heated, read)
+    grid = grid_of(ring, powers, detunings, vary).warmed(warm)
+    at = _internal(warm.model, grid)
     fixed, stable, growth, omega = survey_grid(at, grid)
     names = np.array(["self-pulsing", "stable", "bistable"])
     over = grid.names
@@ -82,7 +89,7 @@ def stability_map(
         "growth_rate": (over, growth, dataset.describe("growth_rate")),
         "frequency": (over, omega, dataset.describe("frequency")),
     }
-    attrs = provenance("stability map", ring, at.model) | grid.fixed
+    attrs = provenance("stability map", ring, at.model) | grid.fixed | warm.attributes
     return xr.Dataset(variables, coords=grid.coordinates(), attrs=attrs)
 
 

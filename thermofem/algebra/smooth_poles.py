@@ -49,6 +49,13 @@ def smooth_pole_responses(rate: Array, wave: Waveform, times: Array, stop: float
     array, shape (m, n), J
     """
     edges, coefficients = heating_pieces(wave, 0.0, stop)
+    return cubic_pole_responses(rate, edges, coefficients, times, periodic=periodic)
+
+
+def cubic_pole_responses(
+    rate: Array, edges: Array, coefficients: Array, times: Array, *, periodic: bool = False
+) -> Array:
+    """The same for a power given as cubics, rows of coefficients of (t - edges[k])^j; from rest at edges[0]."""
     h = np.diff(edges)
     decay = np.exp(np.multiply.outer(h, -rate))
     at_edges = np.zeros((edges.size, rate.size))

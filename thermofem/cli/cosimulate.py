@@ -9,6 +9,7 @@ import typer
 
 from ..checks import InputError
 from .bar import Bar
+from .drives import HEATER, heaters
 from .files import DEFAULT_RING, RING, check_outputs, ring_of, say_ring, working
 from .kinds import expect
 from .models import pulsing_numbers
@@ -16,7 +17,6 @@ from .output import say
 
 if TYPE_CHECKING:
     from ..models import ThermalModel
-    from ..waveforms import Waveform
 
 
 def cosimulate(
@@ -25,7 +25,7 @@ def cosimulate(
     detuning: Annotated[str, typer.Option(help="Laser minus cold resonance.")] = "0 GHz",
     duration: Annotated[str, typer.Option(help="Length of the run, from a cold start.")] = "20 us",
     ring: Annotated[str, typer.Option(help=RING)] = DEFAULT_RING,
-    heater: Annotated[list[str] | None, typer.Option(help="Constant power of another part: 'heater=5 mW'.")] = None,
+    heater: Annotated[list[str] | None, typer.Option(help=HEATER)] = None,
     predictor: Annotated[
         str | None, typer.Option(metavar="MODEL", help="Model (JSON) that predicts, or none; default: a reduction.")
     ] = None,
@@ -55,7 +55,7 @@ def cosimulate(
         "power": quantity.not_negative(power, "W", name="--power"),
         "detuning": quantity.parse(detuning, "Hz", name="--detuning"),
         "tolerance": quantity.positive(tolerance, "K", name="--tolerance"),
-        "heaters": _heaters(heater or []),
+        "heaters": heaters(heater or []),
         "field_times": _times(field_times or []),
         "predictor": _predictor(predictor, model_file),
     }
@@ -88,19 +88,6 @@ def _predictor(given: str | None, path: Path | None) -> ThermalModel | None:
     if given == "none":
         return coupled.NO_PREDICTOR
     return surrogate.load_model(path) if path else None
-
-
-def _heaters(texts: list[str]) -> dict[str, Waveform]:
-    from .. import quantity
-    from ..waveforms import Constant
-
-    heaters: dict[str, Waveform] = {}
-    for text in texts:
-        name, equals, power = text.partition("=")
-        if not equals or not name.strip():
-            raise InputError(f"--heater {text!r} is not of the form PART=POWER, such as 'heater=5 mW'")
-        heaters[name.strip()] = Constant(quantity.not_negative(power.strip(), "W", name="--heater"))
-    return heaters
 
 
 def _times(texts: list[str]) -> tuple[float, ...]:

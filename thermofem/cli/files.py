@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .. import checks, dataset, quantity
 from ..checks import InputError
@@ -62,8 +62,10 @@ def longer(duration: float) -> str:
     return f'try --duration "{quantity.write(duration, "s")}": ten times what a step of this heat takes to 95 %'
 
 
-def model_of(path: Path, heated: str | None = None, read: str | None = None) -> ThermalModel:
-    """The thermal model of a file; of one with several inputs or outputs, the pair that --heated and --read name.
+def model_of(
+    path: Path, heated: str | None = None, read: str | None = None, heaters: Iterable[str] = ()
+) -> tuple[ThermalModel, dict[str, Any]]:
+    """The thermal model of a file, and the parts of one with several: what the light heats and what is read.
 
     Raises
     ------
@@ -76,7 +78,11 @@ def model_of(path: Path, heated: str | None = None, read: str | None = None) -> 
     for option, given, names in (("--heated", heated, model.inputs), ("--read", read, model.outputs)):
         if given is not None:
             checks.choice(option, given, names)
-        elif len(names) > 1:
-            raise InputError(f"{path} has several parts ({', '.join(names)}); pick one with {option}")
-    channel = getattr(model, "channel", None)
-    return channel(heated, read) if channel is not None else model
+    several = len(model.inputs) > 1 or len(model.outputs) > 1
+    if several and heated is None and not list(heaters):
+        raise InputError(
+            f"{path} has several parts (inputs {', '.join(model.inputs)}; outputs {', '.join(model.outputs)}): pick "
+            f"the one that the light heats with --channel {model.inputs[0]} (or --heated and --read), and give others "
+            f"power with --heater '{model.inputs[-1]}=5 mW'"
+        )
+    return model, {"heated": heated, "read": read}

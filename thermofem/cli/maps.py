@@ -9,6 +9,7 @@ import numpy as np
 import typer
 
 from .. import checks
+from . import drives
 from .files import DEFAULT_RING, HEATED, READ, RING, check_outputs, longer, model_of, ring_of, say_ring, working
 from .kinds import expect
 from .output import say
@@ -16,12 +17,12 @@ from .output import say
 if TYPE_CHECKING:
     from coupled import RingResonator
 
-    from ..models import ThermalModel
-
 Model = Annotated[Path, typer.Argument(help="Thermal model (JSON).")]
 Ring = Annotated[str, typer.Option(help=RING)]
 Heated = Annotated[str | None, typer.Option(help=HEATED)]
 Read = Annotated[str | None, typer.Option(help=READ)]
+Channel = Annotated[str | None, typer.Option(help=drives.CHANNEL)]
+Heater = Annotated[list[str] | None, typer.Option(help=drives.STEADY_HEATER)]
 Power = Annotated[str, typer.Option(help="First and last power in the bus waveguide.")]
 Detuning = Annotated[str, typer.Option(help="First and last laser minus cold resonance.")]
 Figure = Annotated[Path | None, typer.Option(help="Also draw into this image.")]
@@ -31,8 +32,10 @@ Out = Annotated[Path, typer.Option("--output", "-o", help="File (netCDF) to writ
 def map_(
     model: Model,
     ring: Ring = DEFAULT_RING,
+    channel: Channel = None,
     heated: Heated = None,
     read: Read = None,
+    heater: Heater = None,
     power: Power = "3 dBm, 10 dBm",
     detuning: Detuning = "-30 GHz, 30 GHz",
     points: Annotated[str, typer.Option(help="Number of powers and of detunings.")] = "20, 20",
@@ -51,22 +54,28 @@ def map_(
 ) -> dict[str, Any]:
     """Map the self-pulsing over power and detuning: regime, period, duty cycle, swing."""
     import coupled
+    from coupled.heaters import constant
 
     check_outputs([output, figure, resume], inputs=[model], images=[figure])
-    resonator, thermal, axes = _setting((model, heated, read), ring, power, detuning, points)
+    resonator, axes = _setting(model, ring, power, detuning, points)
+    powers = drives.steady_heaters(heater or [])
+    thermal, parts = model_of(model, *drives.channel(channel, heated, read), powers)
     length = None if duration is None else _quantity(duration, "s", "--duration")
+    warmed = constant(thermal, powers, **parts)
     say_ring(resonator, ring)
     found = coupled.pulsing_map(
-        resonator, thermal, *axes, duration=length, follow=follow, file=resume, progress=True
+        resonator, thermal, *axes, heaters=powers, **parts, duration=length, follow=follow, file=resume, progress=True
     )  # fmt: skip
-    return _finish(found, figure, output, ("regime", "frequency", "duty"), resonator, thermal)
+    return _finish(found, figure, output, ("regime", "frequency", "duty"), resonator, warmed)
 
 
 def stability(
     model: Model,
     ring: Ring = DEFAULT_RING,
+    channel: Channel = None,
     heated: Heated = None,
     read: Read = None,
+    heater: Heater = None,
     power: Power = "3 dBm, 10 dBm",
     detuning: Detuning = "-30 GHz, 30 GHz",
     points: Annotated[str, typer.Option(help="Number of powers and of detunings.")] = "100, 100",
@@ -75,20 +84,22 @@ def stability(
 ) -> dict[str, Any]:
     """Classify every point of a map by linear stability, with the Hopf and fold curves in the figure."""
     import coupled
+    from coupled.heaters import constant
 
     check_outputs([output, figure], inputs=[model], images=[figure])
-    resonator, thermal, axes = _setting((model, heated, read), ring, power, detuning, points)
+    resonator, axes = _setting(model, ring, power, detuning, points)
+    powers = drives.steady_heaters(heater or [])
+    thermal, parts = model_of(model, *drives.channel(channel, heated, read), powers)
+    warmed = constant(thermal, powers, **parts)
     say_ring(resonator, ring)
     with working("finding fixed points and their eigenvalues; the first run on a machine compiles for some seconds"):
-        found = coupled.stability_map(resonator, thermal, *axes)
-    return _finish(found, figure, output, ("regime",), resonator, thermal)
+        found = coupled.stability_map(resonator, thermal, *axes, heaters=powers, **parts)
+    return _finish(found, figure, output, ("regime",), resonator, warmed)
 
 
-def _setting(
-    model: tuple[Path, str | None, str | None], ring: str, power: str, detuning: str, points: str
-) -> tuple[RingResonator, ThermalModel, tuple[Any, Any]]:
-    """Ring, model and axes; powers evenly spaced in dBm."""
-    expect(model[0], "model")
+def _setting(model: Path, ring: str, power: str, detuning: str, points: str) -> tuple[RingResonator, tuple[Any, Any]]:
+    """Ring and axes; powers evenly spaced in dBm."""
+    expect(model, "model")
     low, high = _ends(power, "W", "--power")
     checks.positive("--power", low, unit="W")
     try:
@@ -98,7 +109,7 @@ def _setting(
     if not (2 <= n <= 2000 and 2 <= m <= 2000):
         raise checks.InputError(f"--points = {points!r} must lie between 2 and 2000")
     axes = np.geomspace(low, high, n), np.linspace(*_ends(detuning, "Hz", "--detuning"), m)
-    return ring_of(ring), model_of(*model), axes
+    return ring_of(ring), axes
 
 
 def _ends(text: str, unit: str, name: str) -> tuple[float, float]:
@@ -119,7 +130,7 @@ def _quantity(text: str, unit: str, name: str) -> float:
 
 
 def _finish(
-    found: Any, figure: Path | None, output: Path, show: tuple[str, ...], ring: RingResonator, model: ThermalModel
+    found: Any, figure: Path | None, output: Path, show: tuple[str, ...], ring: RingResonator, warmed: Any
 ) -> dict[str, Any]:
     """Write the map and its figure, and say what it holds."""
     import coupled
@@ -137,11 +148,14 @@ def _finish(
 
         from ..plot import save_figure
 
-        axes = found["power"].values, found["detuning"].values
-        linear = not hasattr(model, "H")
+        turned = warmed.turned(ring)
+        axes = found["power"].values, found["detuning"].values + turned
+        linear, model = not hasattr(warmed.model, "H"), warmed.model
         with working("following the Hopf and fold curves"):
             hopf = {ring.name: coupled.hopf_curves(ring, model, *axes) if linear else []}
             folds = {ring.name: coupled.fold_curves(ring, model, *axes) if linear else []}
+            for curve in (*hopf[ring.name], *folds[ring.name]):
+                curve["detuning"] = curve["detuning"].copy(data=curve["detuning"].values - turned)
             save_figure(plot_maps({ring.name: found}, show=show, hopf=hopf, folds=folds)[0, 0], figure)
     say(f"wrote {output}" + (f" and {figure}" if figure else ""))
     return {"points": {str(k): int(v) for k, v in zip(names, counts, strict=True)}, "map": output, "figure": figure}

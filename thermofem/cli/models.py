@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .. import checks
+from . import drives
 from .bar import Bar
 from .files import DEFAULT_RING, HEATED, READ, RING, check_outputs, longer, model_of, ring_of, say_ring
 from .kinds import expect
@@ -28,9 +29,14 @@ def reduce(
     geometry: Annotated[Path | None, typer.Argument(help="Geometry file (TOML); default: the reference strip.")] = None,
     tolerance: Annotated[float, typer.Option(help="Error of Z(f) over R_th, kept at every frequency.")] = 1e-4,
     accuracy: Annotated[float, typer.Option(help="Wanted relative error of the mesh.")] = 1e-3,
+    heated: Annotated[
+        str | None, typer.Option(help="Inputs, the ring first: 'core, heater'; default: the ring.")
+    ] = None,
     output: Out = Path("model.json"),
 ) -> dict[str, Any]:
     """Reduce the FEM of a geometry to a certified handful of poles and write them as JSON."""
+    import numpy as np
+
     import surrogate
 
     from ..geometry import CrossSection, strip_ring
@@ -41,16 +47,22 @@ def reduce(
     section = CrossSection.from_toml(geometry) if geometry else strip_ring()
     with working("meshing, assembling and reducing"):
         heat = assemble(section, accuracy)
-        rom = surrogate.reduce(heat.channels(heat.heated[0]), tolerance=tolerance)
+        names = [name.strip() for name in heated.split(",")] if heated else [heat.heated[0]]
+        for name in names:
+            checks.choice("--heated", name, heat.heated)
+        rom = surrogate.reduce(heat.channels(names, names[0]), tolerance=tolerance)
     provenance = {**rom.provenance, "geometry": section.to_toml(), "mesh_accuracy": accuracy}
     surrogate.save_model(rom.model, output, provenance=provenance)
     say(f"{heat.unknowns} unknowns -> {rom.order} poles, error of Z(f) below {rom.error_bound:.1e} of R_th everywhere")
-    say(f"R_th = {rom.model.thermal_resistance / 1e3:.4g} K/mW; wrote {output}")
+    static = np.ravel(rom.model.gain) if len(names) > 1 else [rom.model.thermal_resistance]
+    for name, R in zip(names, static, strict=True):
+        say(f"R_th = {R / 1e3:.4g} K/mW" + (f" from {name} to {names[0]}" if len(names) > 1 else ""))
+    say(f"wrote {output}")
     return {
         "unknowns": heat.unknowns,
         "poles": rom.order,
         "error_bound": rom.error_bound,
-        "thermal_resistance": rom.model.thermal_resistance,
+        "thermal_resistance": float(static[0]),
         "model": output,
     }
 
@@ -182,8 +194,12 @@ def simulate(
     duration: Annotated[str, typer.Option(help="Length of the run, from a cold start.")] = "20 us",
     rtol: Annotated[float, typer.Option(help="Relative error of a step.")] = 1e-6,
     ring: Annotated[str, typer.Option(help=RING)] = DEFAULT_RING,
+    channel: Annotated[str | None, typer.Option(help=drives.CHANNEL)] = None,
     heated: Annotated[str | None, typer.Option(help=HEATED)] = None,
     read: Annotated[str | None, typer.Option(help=READ)] = None,
+    heater: Annotated[list[str] | None, typer.Option(help=drives.HEATER)] = None,
+    sweep: Annotated[str | None, typer.Option(help=drives.SWEEP)] = None,
+    modulate: Annotated[list[str] | None, typer.Option(help=drives.MODULATE)] = None,
     figure: Figure = None,
     output: Out = Path("traces.nc"),
 ) -> dict[str, Any]:
@@ -196,30 +212,31 @@ def simulate(
 
     check_outputs([output, figure], inputs=[model, Path(ring)], images=[figure])
     expect(model, "model")
-    thermal = model_of(model, heated, read)
+    powers = drives.heaters(heater or [])
+    thermal, parts = model_of(model, *drives.channel(channel, heated, read), powers)
+    small = drives.small(thermal, powers, **parts)
     resonator = ring_of(ring)
-    settings: dict[str, Any] = {
-        "power": quantity.not_negative(power, "W", name="--power"),
-        "detuning": quantity.parse(detuning, "Hz", name="--detuning"),
-        "duration": quantity.positive(duration, "s", name="--duration"),
-    }
+    length = quantity.positive(duration, "s", name="--duration")
+    light, swept = drives.light(power, detuning, sweep, modulate or [], length)
+    settings: dict[str, Any] = {"duration": length, "heaters": powers, **parts, **light}
     say_ring(resonator, ring)
     first = "the first run on a machine compiles for some seconds"
     with Bar("integrating", settings["duration"], first=first) as progress:
         run = run_of(resonator, thermal, rtol=rtol, progress=progress, **settings)
     dataset.save(run, output)
     if figure:
-        from coupled.plot import plot_traces
+        from coupled.plot_runs import plot_sweep, plot_traces
 
         from ..plot import save_figure
 
-        save_figure(plot_traces(run.dataset()), figure)
+        traced = run.dataset()
+        save_figure(plot_sweep(traced) if swept else plot_traces(traced), figure)
     found = coupled.pulsing(run)
     say(f"{found.regime}: {found.reason}")
     if found.regime == "self-pulsing":
         say(f"period {found.period * 1e9:.1f} ns, duty {found.duty:.3f}, swing {found.swing:.2f} K")
-    elif found.regime == "slow transient" and long_enough(thermal) > settings["duration"]:
-        say(longer(long_enough(thermal)))
+    elif found.regime == "slow transient" and long_enough(small) > settings["duration"]:
+        say(longer(long_enough(small)))
     say(f"wrote {output}" + (f" and {figure}" if figure else ""))
     return {**pulsing_numbers(found), "traces": output, "figure": figure}
 

@@ -1,0 +1,214 @@
+"""Heaters beside a ring: thermal models of several inputs, one of which the light heats.
+
+    dT(t) = dT_model(t) + sum_h dT_h(t),       dT_h = sum_i x_i,     dx_i/dt = (R_ih P_h - x_i)/tau_i
+
+A linear model adds what the heaters do to what the light does, so the light sees one channel of the model and a
+temperature that is known beforehand. The residues R_ih of a transfer channel have either sign.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem import Foster, StateSpace, checks
+from thermofem.algebra.smooth_poles import cubic_pole_responses
+from thermofem.models import ThermalModel
+from thermofem.models.contract import bare
+from thermofem.waveforms import bounds
+
+from .inputs import Pieces, add, pieces
+from .resonator import RingResonator
+from .thermal import Compact, compact
+
+Array = NDArray[np.float64]
+
+SHARE = 0.01  # of rtol, for the cubics through the rise by a heater
+SMALLEST = 0.1  # K; errors of a smaller rise are relative to this
+LARGEST_POWER = 10.0  # W
+
+
+class Channels(NamedTuple):
+    """What the light sees of a model, and what the heaters do to it."""
+
+    model: Compact
+    transfers: dict[str, Foster]
+    """From every heater to the part that is read, with the poles of ``model``."""
+
+
+def channels(
+    model: ThermalModel, heaters: Mapping[str, Any] | None = None, heated: str | None = None, read: str | None = None
+) -> Channels:
+    """Pick the channel of the light and those of the heaters.
+
+    Parameters
+    ----------
+    model : ThermalModel
+        a StateSpace (or a reduction that holds one) may have several inputs and outputs, any other model has one.
+    heaters : mapping of an input's name to its power, optional
+    heated, read : str, optional
+        the input of the light and the output that detunes it; by default the first input that is no heater, where
+        heaters are given, and the output of the same name.
+
+    Raises
+    ------
+    InputError
+        several inputs or outputs and no choice, an unknown name, heaters of a model with one input.
+    """
+    if not isinstance(heaters or {}, Mapping):
+        raise checks.InputError(f"heaters = {heaters!r} must map names to powers: {{'heater': 5e-3}}")
+    names, system = dict(heaters or {}), bare(model)
+    if not isinstance(system, StateSpace) or (len(system.inputs), len(system.outputs)) == (1, 1):
+        return Channels(_single(model, names, heated, read), {})
+    if heated is None and not names:
+        raise checks.InputError(
+            f"model has the inputs {', '.join(system.inputs)} and the outputs {', '.join(system.outputs)}: say which "
+            f"one the light heats with heated={system.inputs[0]!r}, and the power of others with "
+            f"heaters={{{system.inputs[-1]!r}: 5e-3}}, or pick one channel with model.channel(heated, read)"
+        )
+    free = [name for name in system.inputs if name not in names]
+    for name in names:
+        checks.choice("heaters", name, system.inputs)
+    own = checks.choice("heated", heated or (free or system.inputs)[0], system.inputs)
+    if own in names:
+        raise checks.InputError(f"heaters holds {own!r}, which the light heats; give the power of other parts")
+    if read is None and own not in system.outputs:
+        raise checks.InputError(f"model does not read {own!r}; say with read= which of {system.outputs} detunes it")
+    out = checks.choice("read", read or own, system.outputs)
+    small = compact(system.channel(own, out))
+    return Channels(small, {name: system.channel(name, out).dynamics for name in names})
+
+
+def _single(model: ThermalModel, names: Mapping[str, Any], heated: str | None, read: str | None) -> Compact:
+    """A model of one input and output."""
+    small = compact(model)
+    if names:
+        raise checks.InputError(
+            f"heaters = {', '.join(names)}, but model has the one input {model.inputs[0]!r}; a model with an input for "
+            "each heater is needed, such as surrogate.reduce(heat.channels(('core', 'heater'), 'core'))"
+        )
+    for name, given, known in (("heated", heated, model.inputs), ("read", read, model.outputs)):
+        if given is not None:
+            checks.choice(name, given, known)
+    return small
+
+
+class Heating(NamedTuple):
+    """What heaters do in a run."""
+
+    powers: dict[str, Pieces]
+    transfers: dict[str, Foster]
+    rise: Pieces | float
+    """K, at the part that is read."""
+
+    def states(self, time: float) -> Array | float:
+        """What the heaters add to the states of the light's model at a time in s, K."""
+        added: Array | float = 0.0
+        for name, power in self.powers.items():
+            transfer = self.transfers[name]
+            added = added + transfer.gain * _responses(transfer, power, np.array([time]))[0]
+        return added
+
+
+def heating(found: Channels, heaters: Mapping[str, Any] | None, duration: float, rtol: float) -> Heating:
+    """The rise that heaters cause from rest at t = 0, as cubics to a hundredth of ``rtol``.
+
+    ``heaters`` maps names to numbers, waveforms, or lists of them, which add; W.
+    """
+    powers = {name: _power(name, value, duration) for name, value in (heaters or {}).items()}
+    if not powers:
+        return Heating({}, {}, 0.0)
+    rises = [_rise(found.transfers[name], power, SHARE * rtol) for name, power in powers.items()]
+    return Heating(powers, found.transfers, add(rises))
+
+
+def _responses(transfer: Foster, power: Pieces, times: Array) -> Array:
+    """Responses of the poles from rest, J, shape (times, poles)."""
+    return cubic_pole_responses(1 / np.asarray(transfer.tau), *power, times)
+
+
+def _power(name: str, value: Any, duration: float) -> Pieces:
+    """The power of a heater in W; InputError where it is negative or too large."""
+    found = pieces(f"heaters[{name!r}]", value, 0.0, float(duration))
+    low, high = bounds(found)
+    hint = "powers are in W (did you mean 5e-3 for 5 mW?)"
+    checks.between(f"heaters[{name!r}]", low if low < -1e-6 * high else 0.0, 0, LARGEST_POWER, unit="W", hint=hint)
+    checks.between(f"heaters[{name!r}]", high, 0, LARGEST_POWER, unit="W", hint=hint)
+    return found
+
+
+def _rise(transfer: Foster, power: Pieces, tolerance: float) -> Pieces:
+    """The rise as cubic Hermite pieces.
+
+    Between edges of the power dT is a cubic and sum_i a_i exp(-u/tau_i); a piece of length h is off by at most
+    h^4/384 sum_i |a_i| tau_i^-4 exp(-u/tau_i), u at its left end.
+    """
+    rate, gain, edges = 1 / np.asarray(transfer.tau), transfer.gain, power.edges
+    x = _responses(transfer, power, edges)
+    allowed = 384 * tolerance * max(float(np.abs(x @ gain).max()), SMALLEST)
+    slope = x[:-1]
+    for k, factor in enumerate((1.0, 1.0, 2.0, 6.0)):  # the derivatives, up to the fourth
+        slope = factor * power.coefficients[:, [k]] - rate * slope
+    bend = np.abs(slope * gain)
+    nodes = np.concatenate([*map(_nodes, edges[:-1], np.diff(edges), bend, [rate] * len(bend), [allowed] * len(bend))])
+    nodes = np.append(nodes, edges[-1])
+    states = _responses(transfer, power, nodes)
+    value, falling, h = states @ gain, states @ (gain * rate), np.diff(nodes)
+    on = power.on(nodes)
+    first = gain.sum() * on.coefficients[:, 0] - falling[:-1]
+    last = gain.sum() * on.ends - falling[1:]
+    mean = np.diff(value) / h
+    square, cube = (3 * mean - 2 * first - last) / h, (first + last - 2 * mean) / h**2
+    return Pieces(nodes, np.stack([value[:-1], first, square, cube], axis=1))
+
+
+def _nodes(start: float, length: float, bend: Array, rate: Array, allowed: float) -> Array:
+    """Left ends of the pieces between two edges of the power."""
+    u, out = 0.0, []
+    while u < length * (1 - 1e-9):
+        out.append(start + u)
+        fourth = float(bend @ np.exp(-rate * u))
+        u += (allowed / fourth) ** 0.25 if fourth > 0 else length
+    return np.array(out)
+
+
+class Constant(NamedTuple):
+    """A model under constant heaters: the light's channel, and the rise by the heaters in K."""
+
+    model: Compact
+    rise: float
+    powers: dict[str, float]
+
+    def turned(self, ring: RingResonator) -> float:
+        """What the rise does to the resonance, as a detuning in Hz."""
+        return float(ring.thermal_shift * self.rise / (2 * np.pi))
+
+    @property
+    def attributes(self) -> dict[str, float]:
+        """Powers of the heaters, and their rise, for a Dataset."""
+        if not self.powers:
+            return {}
+        return {f"power_in_{name}": power for name, power in self.powers.items()} | {"heater_rise": self.rise}
+
+
+def constant(
+    model: ThermalModel, heaters: Mapping[str, Any] | None, heated: str | None = None, read: str | None = None
+) -> Constant:
+    """The same for heaters of constant power in W, on for long.
+
+        dT = dT_model + sum_h R_h P_h
+
+    Raises
+    ------
+    InputError
+        as `channels`, and a power that is no number or out of range.
+    """
+    found, powers = channels(model, heaters, heated, read), {}
+    hint = "a constant power in W, such as 5e-3; coupled.simulate takes waveforms"
+    for name, value in (heaters or {}).items():
+        powers[name] = checks.between(f"heaters[{name!r}]", value, 0, LARGEST_POWER, unit="W", hint=hint)
+    rise = sum(found.transfers[name].thermal_resistance * power for name, power in powers.items())
+    return Constant(found.model, float(rise), powers)

@@ -1,0 +1,167 @@
+"""Figures of single runs: traces against time, with what drives them, and sweeps against detuning or power."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from thermofem.checks import InputError, choice
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+
+LIGHT, HEAT = "#0072B2", "#D55E00"  # blue and vermilion of Okabe and Ito, apart for every kind of colour vision
+OTHERS = ("#009E73", "#CC79A7", "#E69F00")
+OUTPUTS = {
+    "drop": "drop power",
+    "through": "through power",
+    "absorbed": "absorbed power",
+    "delta_T": "temperature rise",
+}
+
+
+def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
+    """Draw the drop power (left axis) and the temperature rise (right axis) against time.
+
+    In a figure of its own, what varies of laser power, heater powers and detuning stands in panels below.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        from `simulate` or `cosimulate`.
+    ax : matplotlib Axes, optional
+        drawn into, without panels below; a new figure by default.
+
+    Returns
+    -------
+    matplotlib Axes
+        the left one; the right one is its twin.
+    """
+    t, time_unit = readable(run["time"].values, "s")
+    bottom: Any = None
+    if ax is None:
+        drives = _drives(run)
+        heights = [3.2, *(1.1 for _ in drives)]
+        _, axes = plt.subplots(
+            len(heights), 1, figsize=(7, sum(heights)), height_ratios=heights, sharex=True, layout="constrained",
+            squeeze=False,
+        )  # fmt: skip
+        ax = axes[0, 0]
+        for below, (label, curves) in zip(axes[1:, 0], drives, strict=True):
+            _draw_drive(below, t, label, curves)
+            bottom = below
+    drop, power_unit = readable(run["drop"].values, "W")
+    ax.plot(t, drop, color=LIGHT, linewidth=1.2)
+    (bottom or ax).set_xlabel(f"time ({time_unit})")
+    ax.set_ylabel(f"drop power ({power_unit})", color=LIGHT)
+    ax.set_xlim(t[0], t[-1])
+    ax.set_ylim(bottom=0)
+    right = ax.twinx()
+    right.plot(t, run["delta_T"].values, color=HEAT, linewidth=1.2, linestyle=(0, (5, 1)))
+    right.set_ylabel("temperature rise (K)", color=HEAT)
+    right.set_ylim(bottom=0)
+    ax.spines["top"].set_visible(False)
+    right.spines["top"].set_visible(False)
+    return ax
+
+
+def _drives(run: xr.Dataset) -> list[tuple[str, dict[str, np.ndarray]]]:
+    """What varies in time: a label and curves for each panel."""
+    powers: dict[str, np.ndarray] = {}
+    if "input_power" in run and np.ptp(run["input_power"].values) > 0:
+        powers["laser"] = run["input_power"].values
+    if "heater_power" in run:
+        for name in run["heater"].values:
+            one = run["heater_power"].sel(heater=name).values
+            if np.ptp(one) > 0:
+                powers[str(name)] = one
+    panels = []
+    if powers:
+        panels.append(("power", powers))
+    if "detuning" in run and np.ptp(run["detuning"].values) > 0:
+        panels.append(("detuning", {"laser": run["detuning"].values}))
+    return panels
+
+
+def _draw_drive(ax: Axes, t: np.ndarray, label: str, curves: dict[str, np.ndarray]) -> None:
+    """One panel of what drives a run."""
+    unit = "W" if label == "power" else "Hz"
+    together, shown = readable(np.concatenate(list(curves.values())), unit)
+    colours = (LIGHT, *OTHERS)
+    for k, (name, values) in enumerate(zip(curves, np.split(together, len(curves)), strict=True)):
+        colour = colours[(k + (name != "laser" and "laser" not in curves)) % len(colours)]
+        ax.plot(t, values, color=colour, linewidth=1.1, label=name)
+    ax.set_ylabel(f"{label} ({shown})")
+    if label == "power":
+        ax.set_ylim(bottom=0)
+        ax.legend(frameon=False, fontsize="x-small", loc="center left", bbox_to_anchor=(1.0, 0.5))
+    ax.spines[["top", "right"]].set_visible(False)
+
+
+def plot_sweep(run: xr.Dataset, show: str = "drop", ax: Axes | None = None) -> Axes:
+    """Draw one output of a run against the detuning or power that is swept, with the direction of every stretch.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        from `simulate` with a detuning or power that varies; the detuning counts where both do.
+    show : str
+        "drop", "through", "absorbed" or "delta_T".
+    ax : matplotlib Axes, optional
+
+    Raises
+    ------
+    InputError
+        nothing is swept, or an unknown name.
+    """
+    choice("show", show, OUTPUTS)
+    swept = [name for name in ("detuning", "input_power") if name in run and np.ptp(run[name].values) > 0]
+    if not swept:
+        raise InputError("run has a constant laser; a sweep needs a detuning or power that varies")
+    if ax is None:
+        _, ax = plt.subplots(figsize=(5.4, 3.6), layout="constrained")
+    x, x_unit = readable(run[swept[0]].values, "Hz" if swept[0] == "detuning" else "W")
+    y, y_unit = readable(run[show].values, "K" if show == "delta_T" else "W")
+    rising = np.append(np.diff(x) >= 0, np.diff(x)[-1] >= 0)
+    turns = np.flatnonzero(np.diff(rising.astype(int)) != 0) + 1
+    seen = set()
+    for part in np.split(np.arange(x.size), turns):
+        whole = np.append(part, part[-1] + 1) if part[-1] + 1 < x.size else part
+        up = bool(rising[part[0]])
+        style: dict[str, Any] = {"color": HEAT if up else LIGHT, "linewidth": 1.1, "alpha": 0.9}
+        ax.plot(x[whole], y[whole], label=None if up in seen else ("upwards" if up else "downwards"), **style)
+        seen.add(up)
+        _arrow(ax, x[whole], y[whole], style["color"])
+    ax.set(
+        xlabel=f"{'detuning' if swept[0] == 'detuning' else 'power'} ({x_unit})", ylabel=f"{OUTPUTS[show]} ({y_unit})"
+    )
+    ax.set_xlim(x.min(), x.max())
+    ax.set_ylim(bottom=0)
+    ax.legend(frameon=False, fontsize="small")
+    ax.spines[["top", "right"]].set_visible(False)
+    return ax
+
+
+def _arrow(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str) -> None:
+    """An arrow at the top of the figure along a stretch of a sweep, above the curves."""
+    if x.size < 2 or abs(x[-1] - x[0]) == 0:
+        return
+    span, up = x[-1] - x[0], x[-1] > x[0]
+    height = 1.03 if up else 1.08
+    ends = [(x[0] + share * span, height) for share in (0.35, 0.65)]
+    arrow = {"arrowstyle": "->", "color": colour, "lw": 1.3}
+    where = ax.get_xaxis_transform()
+    ax.annotate("", ends[1], ends[0], xycoords=where, textcoords=where, arrowprops=arrow, annotation_clip=False)
+
+
+def readable(values: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
+    """Scale values so that their largest reads well, and name the scaled unit."""
+    largest = float(np.max(np.abs(values), initial=0.0))
+    steps = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"), (1e-12, "p"))
+    for factor, prefix in steps:
+        if largest >= factor:
+            return values / factor, prefix + unit
+    return values, unit

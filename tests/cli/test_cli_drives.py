@@ -1,0 +1,118 @@
+"""Heaters, sweeps and modulation on the command line."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from commands import thermofem
+
+import surrogate
+import thermofem as th
+from thermofem.cli import drives
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder with a model of two inputs; the heater reaches the core through a slow pole of negative residue."""
+    rate, gain = 1 / np.array([55.8e-9, 1.2e-6]), np.array([1998.1, 5786.2])
+    B = np.array([np.sqrt(gain * rate), [-500.0, 9000.0]]).T
+    model = th.StateSpace(np.eye(2), -np.diag(rate), B, B.T[:1], inputs=("core", "heater"), outputs=("core",))
+    surrogate.save_model(model, tmp_path / "m.json")
+    return tmp_path
+
+
+def test_simulate_with_a_heater_and_a_modulated_laser(folder):
+    done = thermofem(
+        "simulate", "m.json", "--channel", "core", "--heater", "heater=5 mW square 1 us", "--modulate",
+        "1 mW pulse 100 ns at 1 us", "--duration", "2 us", "--figure", "a.png", "-o", "run.nc", cwd=folder,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "the power and the power of heater vary" in done.stdout
+    run = th.load(folder / "run.nc")
+    t = run["time"].values
+    wave = th.SquareWave(5e-3, 1e-6, 0.5)
+    assert (
+        np.minimum(
+            abs(run["heater_power"].values[0] - wave(t)), abs(run["heater_power"].values[0] - wave.before(t))
+        ).max()
+        == 0
+    )
+    assert np.interp([0.9e-6, 1.05e-6], t, run["input_power"].values) == pytest.approx([6.3096e-3, 7.3096e-3], rel=1e-4)
+    assert (folder / "a.png").stat().st_size > 10_000
+
+
+def test_simulate_sweeps_the_laser(folder):
+    done = thermofem(
+        "simulate", "m.json", "--channel", "core", "--power", "1 mW", "--sweep", "20 GHz, -40 GHz, 20 GHz",
+        "--duration", "2 us", "--figure", "a.png", "-o", "run.nc", cwd=folder,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    run = th.load(folder / "run.nc")
+    wanted = np.interp(run["time"].values, [0, 1e-6, 2e-6], [20e9, -40e9, 20e9])
+    assert run["detuning"].values == pytest.approx(wanted, rel=1e-9, abs=1.0)
+    assert (folder / "a.png").stat().st_size > 10_000
+
+
+def test_a_map_with_a_heater(folder):
+    arguments = ["--power", "0 dBm, 9 dBm", "--points", "3, 4", "-o", "map.nc"]
+    shift = 4e-3 * (-500 * np.sqrt(1998.1 * 55.8e-9) + 9000 * np.sqrt(5786.2 * 1.2e-6)) * 10.294e9  # Hz
+    ends = f"{-30e9 - shift:.0f} Hz, {30e9 - shift:.0f} Hz"
+    done = thermofem("stability", "m.json", "--heater", "heater=4 mW", "--detuning", ends, *arguments, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    warm = th.load(folder / "map.nc")
+    done = thermofem(
+        "stability", "m.json", "--channel", "core", "--detuning", "-30 GHz, 30 GHz", *arguments, cwd=folder
+    )
+    assert done.returncode == 0, done.stderr
+    assert (warm["regime"].values == th.load(folder / "map.nc")["regime"].values).all()
+    assert len(set(warm["regime"].values.ravel())) > 1
+
+
+def test_reduce_makes_a_model_with_a_heater(tmp_path):
+    (tmp_path / "ring.toml").write_text(th.heated_ring().to_toml())
+    done = thermofem(
+        "reduce", "ring.toml", "--accuracy", "1e-2", "--heated", "core, heater", "-o", "m.json", cwd=tmp_path
+    )
+    assert done.returncode == 0, done.stderr
+    assert "from heater to core" in done.stdout
+    model = surrogate.load_model(tmp_path / "m.json")
+    assert (model.inputs, model.outputs) == (("core", "heater"), ("core",))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["simulate", "m.json"], "--channel core"),
+        (["simulate", "m.json", "--heater", "5 mW"], "PART=POWER"),
+        (["simulate", "m.json", "--channel", "core", "--heated", "core"], "names both parts"),
+        (["simulate", "m.json", "--channel", "core", "--sweep", "20 GHz"], "two quantities"),
+        (["simulate", "m.json", "--channel", "core", "--sweep", "20 GHz, 1 mW"], "--sweep"),
+        (["simulate", "m.json", "--channel", "core", "--modulate", "3 K square 1 us"], "--modulate"),
+        (["simulate", "m.json", "--channel", "core", "--modulate", "3 mW square 1 us duty x"], "AMOUNT square"),
+        (["map", "m.json", "--heater", "heater=5 mW square 1 us"], "constant powers"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_bad_options_are_one_line(folder, arguments, message):
+    done = thermofem(*arguments, cwd=folder)
+    assert done.returncode == 2
+    assert message in done.stderr.splitlines()[-1]
+    assert not (folder / "traces.nc").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "values"),
+    [
+        ("2 mW", "W", [2e-3, 2e-3, 2e-3]),
+        ("2 mW square 1 us duty 0.25", "W", [2e-3, 0, 0]),
+        ("2 mW pulse 200 ns at 0.25 us", "W", [0, 2e-3, 0]),
+        ("2 GHz square 1 us", "Hz", [2e9, 2e9, 0]),
+        ("-2 GHz pulse 200 ns at 0.25 us", "Hz", [0, -2e9, 0]),
+        ("2 GHz sine 1 MHz", "Hz", [2e9 * np.sin(0.2 * np.pi), 2e9 * np.sin(0.8 * np.pi), 2e9 * np.sin(1.2 * np.pi)]),
+    ],
+)
+def test_what_a_drive_says(text, unit, values):
+    wave = drives.varying("--modulate", text, unit)
+    assert [wave if isinstance(wave, float) else float(wave(t)) for t in (0.1e-6, 0.4e-6, 0.6e-6)] == pytest.approx(
+        values
+    )

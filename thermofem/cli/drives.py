@@ -1,0 +1,151 @@
+"""What --heater, --sweep and --modulate say: powers and detunings that vary in time.
+
+AMOUNT                              constant
+AMOUNT square PERIOD [duty SHARE]   on for a share of every period, one half by default
+AMOUNT pulse WIDTH [at START]       one pulse
+AMOUNT sine FREQUENCY               AMOUNT sin(2 pi FREQUENCY t)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from .. import checks, quantity
+from ..checks import InputError
+
+if TYPE_CHECKING:
+    from ..models import ThermalModel
+
+HEATER = "Power of another part: 'heater=5 mW', 'heater=5 mW square 1 us duty 0.3' or 'heater=5 mW pulse 1 us at 2 us'."
+STEADY_HEATER = "Constant power of another part of the model: 'heater=5 mW'."
+CHANNEL = "Part of a model of several parts that the light heats and that detunes it; --heated and --read part the two."
+SWEEP = "Detunings (or powers) to go through at a constant rate, '20 GHz, -40 GHz, 20 GHz', over the whole run."
+MODULATE = "Adds to power or detuning: '1 mW square 1 us', '1 mW pulse 10 ns at 5 us' or '2 GHz sine 1 MHz'."
+FORMS = "AMOUNT, AMOUNT square PERIOD [duty SHARE], AMOUNT pulse WIDTH [at START] or AMOUNT sine FREQUENCY"
+
+
+def heaters(texts: list[str]) -> dict[str, Any]:
+    """Powers of heaters: numbers where constant, else waveforms."""
+    found: dict[str, Any] = {}
+    for text in texts:
+        name, equals, power = text.partition("=")
+        if not equals or not name.strip():
+            raise InputError(f"--heater {text!r} is not of the form PART=POWER, such as 'heater=5 mW'")
+        found[name.strip()] = varying("--heater", power, "W")
+    return found
+
+
+def steady_heaters(texts: list[str]) -> dict[str, float]:
+    """The same for maps, which take constant powers."""
+    found = heaters(texts)
+    for name, power in found.items():
+        if not isinstance(power, float):
+            raise InputError(f"--heater {name} varies in time; a map takes constant powers, such as '{name}=5 mW'")
+    return found
+
+
+def channel(picked: str | None, heated: str | None, read: str | None) -> tuple[str | None, str | None]:
+    """The parts that the light heats and that detunes it."""
+    if picked and (heated or read):
+        raise InputError(f"--channel {picked} names both parts; give it without --heated and --read")
+    return (picked, picked) if picked else (heated, read)
+
+
+def light(
+    power: str, detuning: str, sweep: str | None, modulate: list[str], duration: float
+) -> tuple[dict[str, Any], str | None]:
+    """Power and detuning of the laser, and which of them is swept."""
+    import coupled
+
+    found: dict[str, Any] = {
+        "power": quantity.not_negative(power, "W", name="--power"),
+        "detuning": quantity.parse(detuning, "Hz", name="--detuning"),
+    }
+    swept = None
+    if sweep is not None:
+        parts = [part.strip() for part in sweep.split(",")]
+        swept = _kind("--sweep", parts[0])
+        values = [quantity.parse(part, "Hz" if swept == "detuning" else "W", name="--sweep") for part in parts]
+        if len(values) < 2:
+            raise InputError(f"--sweep = {sweep!r} must be two quantities or more, such as '20 GHz, -40 GHz'")
+        found[swept] = coupled.Sweep([duration * k / (len(values) - 1) for k in range(len(values))], values)
+    for text in modulate:
+        name = _kind("--modulate", text)
+        added = varying("--modulate", text, "Hz" if name == "detuning" else "W")
+        found[name] = [*(found[name] if isinstance(found[name], list) else [found[name]]), added]
+    return found, swept
+
+
+def _kind(option: str, text: str) -> str:
+    """Whether a text begins with a frequency (a detuning) or a power."""
+    amount = _split(text)[0]
+    for name, unit in (("detuning", "Hz"), ("power", "W")):
+        try:
+            quantity.parse(amount, unit, name=option)
+        except InputError:
+            continue
+        return name
+    raise InputError(f"{option} = {text!r} begins with neither a detuning, such as 20 GHz, nor a power, such as 1 mW")
+
+
+def _split(text: str) -> tuple[str, str, str]:
+    """AMOUNT, the word of the shape, and what follows it."""
+    for word in ("square", "pulse", "sine"):
+        amount, found, rest = text.partition(f" {word} ")
+        if found:
+            return amount.strip(), word, rest.strip()
+    return text.strip(), "", ""
+
+
+def varying(option: str, text: str, unit: str) -> Any:
+    """A number, or a function of time, in W or Hz.
+
+    Raises
+    ------
+    InputError
+        a text of another form, or a quantity with another unit or out of range.
+    """
+    from ..waveforms import Function, Pulse, SquareWave
+
+    amount, word, rest = _split(text)
+    value = (quantity.not_negative if unit == "W" and word != "sine" else quantity.parse)(amount, unit, name=option)
+    if not word:
+        return float(value)
+    if word == "sine":
+        import numpy as np
+
+        rate = quantity.positive(rest, "Hz", name=option)
+        return Function(lambda t: value * np.sin(2 * np.pi * rate * t), period=1 / rate)
+    first, _, second = rest.partition(" duty " if word == "square" else " at ")
+    length = quantity.positive(first, "s", name=option)
+    if word == "pulse":
+        start = quantity.not_negative(second, "s", name=option) if second else 0.0
+        if unit == "W":
+            return Pulse(value, length, start)
+        edges = [start, start + length] if start else [length]
+        return Function(_between(value, start, start + length), edges)
+    share = _share(option, text, second)
+    if unit == "W":
+        return SquareWave(value, length, share)
+    return Function(_between(value, 0.0, share * length), [share * length], period=length)
+
+
+def _share(option: str, text: str, given: str) -> float:
+    try:
+        share = float(given) if given else 0.5
+    except ValueError:
+        raise InputError(f"{option} = {text!r} is not of the form {FORMS}") from None
+    return checks.between(f"duty of {option}", share, 1e-6, 1 - 1e-6, hint="the share of the period that is on")
+
+
+def _between(value: float, start: float, stop: float) -> Callable[[Any], Any]:
+    """``value`` from ``start`` to ``stop``, else 0."""
+    return lambda t: value * ((t >= start) & (t < stop))
+
+
+def small(model: ThermalModel, powers: dict[str, Any], heated: str | None, read: str | None) -> Any:
+    """The channel of the light, as the integration takes it."""
+    from coupled.heaters import channels
+
+    return channels(model, powers, heated, read).model
