@@ -1,15 +1,17 @@
-"""Circuits beside SciPy's LSODA on the same compiled right-hand side, CPU time and error; and N rings beside N runs.
+"""Circuits beside `simulate`, beside single rings, and beside SciPy's LSODA on the same compiled right-hand side.
 
-python benchmarks/bench_circuit.py [--rings 16] [--symbols 200]
+python benchmarks/bench_circuit.py [--symbols 100] [--whole] [--peer]
 
-LSODA lands on every edge of the stream, as the kernel does. Errors are those of the temperatures and energies against a
-run at rtol = 1e-9, relative to their maxima.
+CPU time. LSODA lands on every edge of the stream, as the kernel does. Errors are root mean squares of the energies of
+all rings at the ends of the symbols, relative to the largest one, against a run at rtol = 1e-9.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from scipy.integrate import LSODA
@@ -17,82 +19,150 @@ from scipy.integrate import LSODA
 import coupled
 import surrogate
 import thermofem as th
-from coupled.circuit import integrate as compiled
-from coupled.circuit.drive import detuning_of, internal_drive, powers_of
-from coupled.circuit.heat import heater_offsets, ring_heat
-from coupled.circuit.kernel import detunings_at, lasers_at
-from coupled.circuit.network import light_of
-from coupled.circuit.simulate import internal_heat, internal_network, internal_rings
+from coupled.circuit.equations import right_hand_side
+from coupled.circuit.system import system_of
+from coupled.circuit.waves import detunings_at, lasers_at
+
+RINGS, PITCH = 16, 25e-6
+PEER_SYMBOLS = 10  # LSODA runs so many; its time for more is in proportion
+RING = coupled.borghi2021()
+POLES = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
 
 
-def lsoda(circuit, thermal, inputs, duration, times, rtol):
-    """Energies (J) at ``times`` by LSODA, restarted at every edge."""
-    heat, light = ring_heat(thermal, len(circuit.names)), light_of(circuit)
-    frame, _ = detuning_of(circuit, 0.0, duration)
-    offsets = heater_offsets(heat, None, duration)
-    drive = internal_drive(circuit, light, powers_of(circuit, inputs, duration), frame, offsets, duration)
-    rings, states, net = (
-        internal_rings(circuit, light, heat, drive.largest),
-        internal_heat(heat),
-        internal_network(light),
-    )
+def seconds(run: Callable[[], Any]) -> float:
+    start = time.process_time()
+    run()
+    return time.process_time() - start
+
+
+def ratio(one: Callable[[], Any], other: Callable[[], Any], repeats: int) -> tuple[float, float]:
+    """Median CPU seconds of two runs that take turns."""
+    taken = [(seconds(one), seconds(other)) for _ in range(repeats)]
+    return float(np.median([a for a, _ in taken])), float(np.median([b for _, b in taken]))
+
+
+def lsoda(circuit: Any, thermal: Any, stream: th.Symbols, duration: float, rtol: float) -> np.ndarray:
+    """Energies (J) at the ends of the symbols by LSODA, restarted at every edge."""
+    n = len(circuit.names)
+    parts = system_of(circuit, thermal, inputs={"in": stream}, duration=duration)
+    drive, found = parts.drive, []
     laser, slope = (np.zeros(len(circuit.lasers), dtype=complex) for _ in range(2))
-    turned, bare = np.zeros(len(circuit.names)), np.zeros(len(circuit.names))
-    none, found = np.zeros(0, dtype=complex), []
-    y, wanted = np.zeros(len(circuit.names) * (3 + heat.gain.shape[1])), times * 1e9
-
+    turned, bare, none = np.zeros(n), np.zeros(n), np.zeros(0, dtype=complex)
+    y, wanted = np.zeros(n * (3 + parts.heat.gain.shape[1])), stream.samples() * 1e9
     for piece in range(drive.edges.size - 1):
         lasers_at(drive, piece, drive.edges[piece], laser, slope)
         detunings_at(drive, piece, drive.edges[piece], turned, bare)
 
-        def f(t, y):
-            return compiled.right_hand_side(y, laser, none, turned, rings, states, net)
+        def f(t: float, y: np.ndarray) -> np.ndarray:
+            return right_hand_side(y, laser, none, turned, parts.rings, parts.states, parts.net)
 
         solver = LSODA(f, drive.edges[piece], y, drive.edges[piece + 1], rtol=rtol, atol=rtol * 1e-3)
         while solver.status == "running":
             solver.step()
             here = wanted[(wanted > solver.t_old) & (wanted <= solver.t)]
             if here.size:
-                between = solver.dense_output()(here)
-                found.append(
-                    between[0 : 3 * len(circuit.names) : 3] ** 2 + between[1 : 3 * len(circuit.names) : 3] ** 2
-                )
+                at = solver.dense_output()(here)
+                found.append(at[0 : 3 * n : 3] ** 2 + at[1 : 3 * n : 3] ** 2)
         y = solver.y
     return np.concatenate(found, axis=1) * 1e-15
 
 
+def stream_of(symbols: int, rate: float) -> th.Symbols:
+    return th.Symbols(np.random.default_rng(1).integers(0, 2, symbols), rate=rate, power=5e-3)
+
+
+def run_stream(circuit: Any, thermal: Any, stream: th.Symbols, rtol: float) -> np.ndarray:
+    run = coupled.simulate_circuit(
+        circuit, thermal, inputs={"in": stream}, duration=stream.stop, times=stream.samples(), rtol=rtol
+    )
+    return run.energy.values
+
+
+def difference(one: np.ndarray, other: np.ndarray) -> float:
+    return float(np.sqrt(np.mean((one - other) ** 2)) / other.max())
+
+
+def small(repeats: int) -> list[dict[str, Any]]:
+    """One ring as a circuit, and sixteen rings that share nothing."""
+    one, power = coupled.bus(RING), 6.31e-3
+    names = [f"ring {k + 1}" for k in range(RINGS)]
+    lasers = [coupled.LaserPort(name, f"{name}.in") for name in names]
+    apart, inputs = coupled.Circuit([RING] * RINGS, lasers=lasers), dict.fromkeys(names, power)
+    alone = lambda: coupled.simulate(RING, POLES, power=power, duration=20e-6)  # noqa: E731
+    runs = {
+        "one ring, 20 us": lambda: coupled.simulate_circuit(one, POLES, inputs={"in": power}, duration=20e-6),
+        f"{RINGS} rings apart, 20 us": lambda: coupled.simulate_circuit(apart, POLES, inputs=inputs, duration=20e-6),
+    }
+    exact = coupled.simulate(RING, POLES, power=power, duration=20e-6, rtol=1e-10, times=[20e-6])
+    found = []
+    for (how, run), many in zip(runs.items(), (1, RINGS), strict=True):
+        run(), alone()
+        ours, theirs = ratio(run, alone, repeats)
+        error = abs(float(run().energy.values[0, -1]) / float(exact.energy[-1]) - 1)
+        row = {"who": "simulate_circuit", "how": f"{how}; 1 is {many} times simulate", "error": error}
+        found.append(row | {"seconds": ours, "ratio": ours / (many * theirs)})
+    return found
+
+
+def bus_of_sixteen() -> tuple[Any, Any]:
+    """Sixteen rings with scattered resonances on one bus, 25 um apart, with full crosstalk."""
+    heat = th.assemble(th.strip_ring(outer_radius=PITCH * RINGS + 60e-6))
+    array = surrogate.reduce_array(heat, [(PITCH * k, 0) for k in range(RINGS)], tolerance=1e-3)
+    return coupled.bus([RING] * RINGS).scattered(10e9, seed=1), array
+
+
+def against_lsoda(symbols: int, peer: bool, whole: bool) -> list[dict[str, Any]]:
+    """Sixteen rings under 1 GHz symbols: our time for 100 us, and LSODA's in proportion."""
+    circuit, array = bus_of_sixteen()
+    few, stream = stream_of(PEER_SYMBOLS, 1e9), stream_of(100_000 if whole else symbols, 1e9)
+    run_stream(circuit, array, few, 1e-3)
+    exact, found = run_stream(circuit, array, few, 1e-10), []
+    for rtol in (1e-3, 1e-4, 1e-5):
+        spent = seconds(lambda rtol=rtol: run_stream(circuit, array, stream, rtol)) * 1e-4 / stream.stop
+        error = difference(run_stream(circuit, array, few, rtol), exact)
+        how = f"{RINGS} rings on a bus, {array.order} states of heat, 100 us at 1 GHz, rtol {rtol:g}"
+        found.append({"who": "simulate_circuit", "how": how, "error": error, "seconds": spent, "ratio": 1.0})
+        print(found[-1], flush=True)
+    for rtol in (1e-4, 1e-5, 1e-6) if peer else ():
+        begin = time.process_time()
+        error = difference(lsoda(circuit, array, few, few.stop, rtol), exact)
+        spent = (time.process_time() - begin) * 1e-4 / few.stop
+        equal = min(found[:3], key=lambda row: abs(np.log(row["error"] / error)))
+        how = f"the same, rtol {rtol:g}, from {PEER_SYMBOLS} symbols; 1 is ours of the nearest error"
+        found.append(
+            {"who": "SciPy LSODA", "how": how, "error": error, "seconds": spent, "ratio": spent / equal["seconds"]}
+        )
+        print(found[-1], flush=True)
+    return found
+
+
+def long_run() -> dict[str, Any]:
+    """A millisecond of three rings at 100 MHz."""
+    heat = th.assemble(th.strip_ring(outer_radius=150e-6))
+    array = surrogate.reduce_array(heat, [(PITCH * k, 0) for k in range(3)], tolerance=1e-3)
+    circuit, stream = coupled.scissor([RING] * 3, phase=0.5), stream_of(100_000, 1e8)
+    few = stream_of(200, 1e8)
+    error = difference(run_stream(circuit, array, few, 1e-4), run_stream(circuit, array, few, 1e-9))
+    spent = seconds(lambda: run_stream(circuit, array, stream, 1e-4))
+    how = f"three-ring SCISSOR, {array.order} states of heat, 1 ms at 100 MHz, rtol 0.0001"
+    return {"who": "simulate_circuit", "how": how, "error": error, "seconds": spent, "ratio": 1.0}
+
+
+def rows(repeats: int) -> list[dict[str, Any]]:
+    """Rows of the table of benchmarks."""
+    return [*small(2 * repeats + 1), *against_lsoda(500, True, repeats > 1), long_run()]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rings", type=int, default=16)
-    parser.add_argument("--symbols", type=int, default=200)
+    parser.add_argument("--symbols", type=int, default=100)
+    parser.add_argument("--whole", action="store_true", help="all 100 us of the sixteen rings")
     parser.add_argument("--peer", action="store_true", help="LSODA, too: minutes")
     given = parser.parse_args()
-    ring, n = coupled.borghi2021(), given.rings
-    heat = th.assemble(th.strip_ring(outer_radius=25e-6 * n + 60e-6))
-    array = surrogate.reduce_array(heat, [(25e-6 * k, 0) for k in range(n)], tolerance=1e-3)
-    circuit = coupled.bus([ring] * n).scattered(10e9, seed=1)
-    stream = th.Symbols(np.random.default_rng(1).integers(0, 2, given.symbols), rate=1e9, power=5e-3)
-    times = stream.samples()
-    arguments = {"inputs": {"in": stream}, "duration": stream.stop, "times": times}
-    coupled.simulate_circuit(circuit, array, inputs={"in": 1e-3}, duration=1e-9)  # compiles
-    reference = coupled.simulate_circuit(circuit, array, **arguments, rtol=1e-9).energy.values
-    for rtol in (1e-4, 1e-5, 1e-6):
-        start = time.process_time()
-        run = coupled.simulate_circuit(circuit, array, **arguments, rtol=rtol)
-        spent = time.process_time() - start
-        error = float(np.sqrt(np.mean((run.energy.values - reference) ** 2)) / reference.max())
-        per_100us = spent * 1e-4 / stream.stop
-        print(
-            f"{n} rings, rtol {rtol:g}: {spent:.3f} s, {run.attrs['steps']} steps, error {error:.1e}; "
-            f"100 us: {per_100us:.1f} s"
-        )
-    if given.peer:
-        for rtol in (1e-5, 1e-7):
-            start = time.process_time()
-            peer = lsoda(circuit, array, {"in": stream}, stream.stop, times, rtol)
-            spent = time.process_time() - start
-            error = float(np.sqrt(np.mean((peer - reference) ** 2)) / reference.max())
-            print(f"LSODA, rtol {rtol:g}: {spent:.1f} s, error {error:.1e}")
+    for row in small(3):
+        print(row, flush=True)
+    print(long_run(), flush=True)
+    against_lsoda(given.symbols, given.peer, given.whole)
 
 
 if __name__ == "__main__":

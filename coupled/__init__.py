@@ -40,6 +40,8 @@ __all__ = [
     "borghi2021",
     "bus",
     "carrier_decay",
+    "circuit_limit_cycle",
+    "circuit_steady_states",
     "cosimulate",
     "crow",
     "cycle_derivatives",
@@ -75,6 +77,8 @@ if _TYPE_CHECKING:
         Splitter,
         Waveguide,
         bus,
+        circuit_limit_cycle,
+        circuit_steady_states,
         crow,
         delay_loop,
         scissor,
@@ -97,7 +101,8 @@ if _TYPE_CHECKING:
 
 # imported when first used, so that a command which needs none of them starts fast
 _LATE = {
-    ".circuit": "Circuit Detector LaserPort Splitter Waveguide bus crow delay_loop scissor simulate_circuit spectrum",
+    ".circuit": "Circuit Detector LaserPort Splitter Waveguide bus circuit_limit_cycle circuit_steady_states crow "
+    "delay_loop scissor simulate_circuit spectrum",
     ".equilibria.boundaries": "fold_curves hopf_curves",
     ".equilibria.steady": "steady_states",
     ".equilibria.transmission": "power_for_drop sweep transmission",

@@ -43,8 +43,8 @@ for power, style, name in ((naive, ":", "crosstalk left out"), (corrected, "-", 
     for k in range(N):
         label = name if k == 0 else None
         axes[1].plot(detunings * 1e-9, lines.sel(port=f"drop {k + 1}"), style, color=f"C{k}", lw=1, label=label)
-axes[1].set(xlabel="detuning (GHz)", ylabel="drop transmission")
-axes[1].legend(frameon=False, fontsize="small")
+axes[1].set(xlabel="detuning (GHz)", ylabel="drop transmission", ylim=(-0.02, 1.05))
+axes[1].legend(frameon=False, fontsize="small", ncols=2, loc="upper center")
 
 # Channel 1 is switched; a faint laser on the flank of channel 2 sees it.
 switch = th.Pulse(power=float(corrected[0]), width=100e-6)

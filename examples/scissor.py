@@ -23,11 +23,11 @@ detunings = np.linspace(-40e9, 40e9, 801)
 for sigma, style in ((0.0, "-"), (8e9, "--")):
     circuit = coupled.scissor([one] * 3, phase=0.5, loss=0.05).scattered(sigma, seed=2)
     lines = coupled.spectrum(circuit, detunings).transmission
-    for port, colour in (("through", "#0072B2"), ("drop", "#D55E00")):
+    for port, colour in (("through", "#D55E00"), ("drop", "#0072B2")):
         label = port if sigma == 0 else f"{port}, resonances scattered by 8 GHz"
         axes[0, 1].plot(detunings * 1e-9, lines.sel(port=port), style, color=colour, label=label, lw=1)
-axes[0, 1].set(xlabel="detuning (GHz)", ylabel="transmission at low power")
-axes[0, 1].legend(frameon=False, fontsize="small")
+axes[0, 1].set(xlabel="detuning (GHz)", ylabel="transmission at low power", ylim=(-0.03, 1.3))
+axes[0, 1].legend(frameon=False, fontsize="small", ncols=2, loc="upper center")
 
 circuit = coupled.scissor([one, replace(one, frequency=one.frequency - 3e9), one], phase=0.5, loss=0.05)
 plot_circuit(circuit, axes[0, 0])

@@ -1,9 +1,13 @@
-"""Two self-pulsing rings 20 um apart that heat each other: what the slow heat of a neighbour does to a ring.
+"""Two rings 20 um apart, each with a laser of its own: what the slow heat of a neighbour does to a self-pulsing ring.
+
+Shift: the neighbour's mean heat moves the resonance, hence the period. Silence: near an edge of its pulsing range a
+ring falls silent beside a pulsing one. Lock: two rings of slightly different power, whose pulses drift apart or not.
 
 python examples/two_rings.py [picture.png]
 """
 
 import sys
+from dataclasses import replace
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -12,47 +16,61 @@ import coupled
 import surrogate
 import thermofem as th
 
-DURATION, SETTLED = 80e-6, 60e-6
+SKY, VERMILION = "#56B4E9", "#D55E00"
 ring = coupled.borghi2021()
 array = surrogate.reduce_array(th.assemble(th.strip_ring(outer_radius=120e-6)), [(0, 0), (20e-6, 0)], tolerance=1e-3)
-alone = surrogate.reduce(th.assemble(th.strip_ring()).system, tolerance=1e-3).model
+laws = {"far from the other": (array.channel(0, 0), SKY), "20 µm from the other": (array, VERMILION)}
 lasers = [coupled.LaserPort("one", "ring 1.in"), coupled.LaserPort("two", "ring 2.in")]
-circuit = coupled.Circuit([ring, ring], lasers=lasers)
-
-# Ring 1 pulses at 8 dBm. Ring 2, at 5 dBm, first has a dark neighbour, then the pulsing one.
-inputs = {"one": 6.31e-3, "two": 3.16e-3}
-together = coupled.simulate_circuit(circuit, array, inputs=inputs, duration=DURATION, rtol=1e-5)
-apart = coupled.simulate_circuit(circuit, alone, inputs=inputs, duration=DURATION, rtol=1e-5)
 
 
-def period(run, name):
-    """Mean period of the settled pulses in s: rising crossings of the middle of the carrier density."""
-    one = run.sel(ring=name).isel(time=run.time.values > SETTLED)
-    level = one.carriers.values - one.carriers.values.min() - np.ptp(one.carriers.values) / 2
-    up = np.flatnonzero((level[:-1] < 0) & (level[1:] >= 0))
-    times = one.time.values[up]
-    return float(np.diff(times).mean()) if times.size > 2 else np.nan
+def pair(df=0.0):
+    """Two rings; the laser of the second is ``df`` Hz from its cold resonance, that of the first on it."""
+    second = replace(ring, frequency=ring.frequency - df)
+    return coupled.Circuit([ring, second], lasers=lasers)
 
 
-for name in circuit.names:
-    own, beside = period(apart, name) * 1e9, period(together, name) * 1e9
-    print(f"{name}: {own:.1f} ns alone, {beside:.1f} ns beside the other")
+def pulses(run, name):
+    """Times in s at which the carriers rise through the middle of their range."""
+    one = run.carriers.sel(ring=name).values
+    level = one - (one.max() + one.min()) / 2
+    return run.time.values[1:][(level[:-1] < 0) & (level[1:] >= 0)]
+
+
+def simulate(circuit, heat, powers, duration):
+    """A run with the powers of the two lasers in W."""
+    inputs = dict(zip(("one", "two"), powers, strict=True))
+    return coupled.simulate_circuit(circuit, heat, inputs=inputs, duration=duration, rtol=1e-5)
+
+
+figure, axes = plt.subplots(2, 2, figsize=(11, 6), layout="constrained")
+for label, (heat, colour) in laws.items():
+    run = simulate(pair(), heat, (6.31e-3, 3.16e-3), 80e-6)
+    late = run.isel(time=run.time.values > 60e-6)
+    for k, name in enumerate(("ring 1", "ring 2")):
+        period = np.diff(pulses(late, name)).mean()
+        print(f"{name}, {label}: period {period * 1e9:.1f} ns, mean rise {float(late.delta_T[k].mean()):.2f} K")
+        axes[k, 0].plot(late.time * 1e6, late.delta_T[k], color=colour, label=label, lw=1)
+        axes[k, 0].set(xlim=(60, 66), ylabel="temperature rise (K)")
+        axes[k, 0].set_title(f"{name}, {(6.31, 3.16)[k]} mW", fontsize="small", loc="left")
+
+    detunings, swings = np.arange(-16e9, 26e9, 0.5e9), []
+    for df in detunings:
+        run = simulate(pair(df), heat, (6.31e-3, 3.16e-3), 60e-6)
+        swings.append(float(np.ptp(run.delta_T.values[1, run.time.values > 45e-6])))
+    pulsing = detunings[np.array(swings) > 1.0]
+    print(f"ring 2, {label}: pulses from {pulsing.min() / 1e9:.1f} to {pulsing.max() / 1e9:.1f} GHz")
+    axes[0, 1].plot(detunings / 1e9, swings, ".-", color=colour, lw=1, ms=4)
+
+    run = simulate(pair(), heat, (6.31e-3, 6.30e-3), 200e-6)
+    one, two = (pulses(run, name) for name in ("ring 1", "ring 2"))
+    t = np.linspace(5e-6, 195e-6, 400)
+    phase = np.interp(t, one, np.arange(one.size)) - np.interp(t, two, np.arange(two.size))
+    print(f"powers 0.16 % apart, {label}: {phase[-1] - phase[0]:+.2f} pulses of difference in 190 us")
+    axes[1, 1].plot(t * 1e6, phase - phase[0], color=colour, lw=1)
+axes[1, 0].set_xlabel("time (µs)")
+axes[0, 0].legend(frameon=False, fontsize="small", loc="lower left")
+axes[0, 1].set(xlabel="detuning of ring 2 (GHz)", ylabel="swing of ring 2 (K)")
+axes[1, 1].set(xlabel="time (µs)", ylabel="pulses of ring 1 more than of ring 2")
 share = array.crosstalk[0, 1] / array.crosstalk[0, 0]
 print(f"crosstalk {share:.3f}, half of it after {array.half_times[0, 1] * 1e6:.1f} us")
-
-figure, axes = plt.subplots(2, 2, figsize=(11, 5.5), layout="constrained", sharex="col", sharey="row")
-for row, name in enumerate(circuit.names):
-    for column, window in enumerate(((0, 6e-6), (SETTLED, SETTLED + 6e-6))):
-        ax = axes[row, column]
-        for run, colour, label in (
-            (apart, "#56B4E9", "far from the other"),
-            (together, "#D55E00", "20 µm from the other"),
-        ):
-            inside = (run.time >= window[0]) & (run.time <= window[1])
-            ax.plot(run.time[inside] * 1e6, run.delta_T.sel(ring=name)[inside], color=colour, label=label, lw=1)
-        ax.set_title(f"{name}, {inputs['one' if row == 0 else 'two'] * 1e3:.2f} mW", fontsize="small", loc="left")
-    axes[row, 0].set_ylabel("temperature rise (K)")
-for ax in axes[1]:
-    ax.set_xlabel("time (µs)")
-axes[0, 0].legend(frameon=False, fontsize="small")
 figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "two_rings.png", dpi=150)

@@ -1,4 +1,4 @@
-"""Several rings of one kind on one chip: one certified thermal model with an input and an output for each ring.
+"""Several rings on one chip: one certified thermal model with an input and an output for each ring.
 
 On a laterally uniform stack every ring heats the same axisymmetric field, centred at its own axis. Ring i, at the
 distance d_ij from ring j, reads that field off the axis. With one reduced field (rates lambda_k, input b_k)
@@ -8,6 +8,9 @@ distance d_ij from ring j, reads that field off the axis. With one reduced field
 
 The static field of the heated ring is in the basis: the static gain of every pair is that of the FEM. How the error of
 a pair is bounded stands in `surrogate.array_certificate`.
+
+Rings of different geometry: ring i has its own cross-section, over which it reads the field of ring j. What ring j
+reads of ring i is the same but for the silicon of the reading ring and the two meshes; the model has the mean of both.
 
 Passive: with t_k = 1/(1 + (w/lambda_k)^2), which rises with lambda_k, and R_k = b_k c_k/lambda_k, a matrix over pairs,
 
@@ -19,23 +22,22 @@ so that no powers of any rings draw heat from nothing if no S_m has a negative e
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermofem import Foster, HeatProblem, InputError, Probe, StateSpace, assemble, checks
+from thermofem import Foster, HeatProblem, InputError, StateSpace, checks
 from thermofem.display import shown
-from thermofem.geometry.neighbours import check_distance, check_uniform, footprint
 
 from .array_certificate import Pairs, reduce_pairs
+from .array_places import SAME, Rings, check_places, places_of, rings_of, with_copies
 
 Array = NDArray[np.float64]
 
-MOST = 1000  # rings
-SAME = 1e-12  # m, distances that differ by less are one
+ROUND_OFF = 1e-14  # of the largest R_th: an eigenvalue that is 0
 _SHARES = np.geomspace(1e-9, 10, 400)  # s, where step responses are looked at
 
 
@@ -58,6 +60,9 @@ class ArrayReduction:
     tolerance : float
     poles : array of int, shape (N, inputs)
         how many poles each channel has; far pairs have fewer.
+    asymmetry : float
+        largest difference of the static gains of two rings of different geometry, each as the source, relative to their
+        mean; 0 for rings of one geometry.
     """
 
     model: StateSpace
@@ -67,6 +72,7 @@ class ArrayReduction:
     passive: bool
     tolerance: float
     poles: NDArray[np.int64] = field(repr=False)
+    asymmetry: float = 0.0
 
     @property
     def rings(self) -> int:
@@ -118,19 +124,20 @@ class ArrayReduction:
 
 
 def reduce_array(
-    heat: HeatProblem,
+    heat: HeatProblem | Sequence[HeatProblem],
     positions: ArrayLike,
     tolerance: float = 1e-4,
     *,
     heated: str | None = None,
     heaters: Sequence[str] = (),
 ) -> ArrayReduction:
-    """Reduce N rings of one geometry at given places to one thermal model with N inputs and N outputs.
+    """Reduce N rings at given places to one thermal model with N inputs and N outputs.
 
     Parameters
     ----------
-    heat : HeatProblem
-        of one ring. Its mesh is made again where the neighbours need it finer.
+    heat : HeatProblem, or a sequence of N of them
+        of one ring for all, or of each ring, on the same layers. Meshes are made again where the neighbours need them
+        finer.
     positions : array, shape (N, 2), m
         the rings' centres.
     tolerance : float
@@ -148,113 +155,123 @@ def reduce_array(
     ------
     InputError
         rings that overlap, a domain that ends before the most distant pair, a stack that is not laterally uniform
-        (voids), names that are not heated, or a tolerance out of reach.
+        (voids), rings on different layers, names that are not heated, or a tolerance out of reach.
 
     >>> from thermofem import assemble, strip_ring
     >>> pair = reduce_array(assemble(strip_ring(outer_radius=120e-6)), [(0, 0), (20e-6, 0)])
     >>> (pair.crosstalk / 1e3).round(2).tolist()  # K/mW
     [[7.86, 0.21], [0.21, 7.86]]
     """
-    checks.has(
-        "heat", heat, "discretization", "geometry", hint="th.assemble(geometry) makes the HeatProblem of one ring"
-    )
     checks.between("tolerance", tolerance, 1e-7, 0.1, hint="it is relative to the static gain")
-    part = heat.heated[0] if heated is None else checks.choice("heated", heated, heat.heated)
-    kinds = (part, *_heaters(heat, heaters, part))
-    places = _places(positions)
-    distance, which = _distances(heat, part, places)
-    solved = _with_copies(heat, part, distance)
-    copies = (
-        tuple(probe.name for probe in solved.geometry.probes if probe.distance is not None) if distance.size else ()
-    )
-    pairs = [reduce_pairs(solved, kind, (part, *copies), tolerance) for kind in kinds]
-    model, poles = _assembled(pairs, kinds, which)
-    scale = np.hstack([pair.bound[which] for pair in pairs])
+    places = places_of(positions)
+    rings = rings_of(heat, len(places), heated, heaters)
+    apart = check_places(rings, places)
+    names = tuple(heaters) if not isinstance(heaters, str) else (heaters,)
+    sources = [
+        _sources(rings, g, apart, (part, *names), tolerance) for g, part in enumerate(ring.part for ring in rings.kinds)
+    ]
+    model, bounds, poles = _assembled(sources, rings, names)
     return ArrayReduction(
         model=model,
         positions=places,
-        error_bound=float(scale.max()),
-        channel_bounds=scale,
-        passive=_is_passive(pairs[0], which),
+        error_bound=float(bounds.max()),
+        channel_bounds=bounds,
+        passive=_is_passive(model),
         tolerance=tolerance,
         poles=poles,
+        asymmetry=_asymmetry(sources, rings),
     )
 
 
-def _heaters(heat: HeatProblem, heaters: Sequence[str], part: str) -> tuple[str, ...]:
-    """Names of the parts that are inputs beside the core."""
-    names = (heaters,) if isinstance(heaters, str) else tuple(heaters)
-    for name in names:
-        checks.choice("heaters", name, [other for other in heat.heated if other != part])
-    if len(set(names)) < len(names):
-        raise InputError(f"heaters = {names} holds a name twice; give each once")
-    return names
+@dataclass(frozen=True, eq=False)
+class Sources:
+    """Reduced fields of the heated parts of one kind of ring, and the row by which each ring reads each place.
+
+    Attributes
+    ----------
+    pairs : list of Pairs
+        of the core, then of each kind of heater.
+    row : array of int, shape (N, N)
+        the row of a `Pairs` by which ring i reads the field of a ring of this kind at the place of ring j.
+    """
+
+    pairs: list[Pairs]
+    row: NDArray[np.intp]
 
 
-def _places(positions: ArrayLike) -> Array:
-    places = checks.numbers("positions", positions, hint="one row (x, y) in m for each ring")
-    if places.ndim != 2 or places.shape[1] != 2 or not 1 <= len(places) <= MOST:
-        raise InputError(f"positions has shape {places.shape}; (N, 2) is needed, x and y in m of 1 to {MOST} rings")
-    return places
+def _sources(rings: Rings, g: int, apart: Array, heated: Sequence[str], tolerance: float) -> Sources:
+    """Reduce the fields of one kind of ring, read by every ring at its distance."""
+    row, readers = np.zeros(apart.shape, dtype=np.intp), []
+    known: dict[tuple[int, int], int] = {}
+    for i, j in zip(*np.nonzero(~np.eye(len(apart), dtype=bool)), strict=True):
+        if g not in (rings.of[i], rings.of[j]):
+            continue
+        reader = rings.of[i] if rings.of[j] == g else rings.of[j]
+        key = (int(reader), round(float(apart[i, j]) / SAME))
+        if key not in known:
+            readers.append((int(reader), key[1] * SAME))
+            known[key] = len(readers)
+        row[i, j] = known[key]
+    solved, copies = with_copies(rings, g, readers)
+    read = (heated[0], *copies)
+    return Sources([reduce_pairs(solved, part, read, tolerance) for part in heated], row)
 
 
-def _distances(heat: HeatProblem, part: str, places: Array) -> tuple[Array, NDArray[np.intp]]:
-    """Different distances in m, and for each pair of rings 0 (the same ring) or one more than the place of its own."""
-    between = np.linalg.norm(places[:, None] - places, axis=-1)
-    if len(places) == 1:
-        return np.empty(0), np.zeros((1, 1), dtype=np.intp)
-    geometry, shape = heat.geometry, next(p for p in heat.geometry.parts if p.name == part)
-    check_uniform(geometry, "positions")
-    apart = between + np.where(np.eye(len(places)), np.inf, 0)
-    i, j = np.unravel_index(np.argmin(apart), apart.shape)
-    if apart[i, j] < 2 * footprint(geometry):
-        raise InputError(
-            f"positions[{i}] and positions[{j}] are {apart[i, j]:g} m apart, and rings that reach "
-            f"{footprint(geometry):g} m overlap below {2 * footprint(geometry):g} m; positions are in m"
-        )
-    i, j = np.unravel_index(np.argmax(between), between.shape)
-    check_distance(geometry, shape, float(between[i, j]), f"positions[{i}] and positions[{j}]")
-    off = between[~np.eye(len(places), dtype=bool)]
-    rounded, which = np.unique(np.rint(off / SAME), return_inverse=True)
-    index = np.zeros(between.shape, dtype=np.intp)
-    index[~np.eye(len(places), dtype=bool)] = which + 1
-    return rounded * SAME, index
-
-
-def _with_copies(heat: HeatProblem, part: str, distance: Array) -> HeatProblem:
-    """The heat problem with a copy of the part at every distance, on a mesh that resolves them."""
-    copies = tuple(Probe(name=f"copy {k + 1}", part=part, distance=float(d)) for k, d in enumerate(distance))
-    return assemble(replace(heat.geometry, probes=copies), heat.accuracy) if copies else heat
-
-
-def _assembled(
-    pairs: Sequence[Pairs], kinds: Sequence[str], which: NDArray[np.intp]
-) -> tuple[StateSpace, NDArray[np.int64]]:
-    """N copies of every kind of source, read by all rings; and the number of poles of each channel."""
-    n = len(which)
+def _assembled(sources: Sequence[Sources], rings: Rings, heaters: Sequence[str]) -> tuple[StateSpace, Array, Any]:
+    """All sources, read by all rings; the bounds of the channels, and how many poles each has."""
+    n = len(rings.of)
     rates, inputs, outputs, names = [], [], [], []
-    for kind, pair in zip(kinds, pairs, strict=True):
+    bounds, poles = np.zeros((n, n * (1 + len(heaters)))), np.zeros((n, n * (1 + len(heaters))), dtype=np.int64)
+    for m, kind in enumerate(("ring", *heaters)):
         for j in range(n):
-            rates.append(pair.rate)
-            inputs.append(pair.source)
-            outputs.append(pair.read[which[:, j]])
-            names.append(f"{'ring' if kind == kinds[0] else kind} {j + 1}")
+            column = m * n + j
+            names.append(f"{kind} {j + 1}")
+            for g, source in enumerate(sources):
+                pair, same, own = source.pairs[m], rings.of == g, rings.of[j] == g
+                if not own and m > 0:  # heater and core are no pair that could be exchanged
+                    continue
+                # between rings of two kinds half of each source
+                share = np.where(same, 1.0, 1.0 if m else 0.5) if own else np.where(same, 0.5, 0.0)
+                if not np.any(share):
+                    continue
+                rows = source.row[:, j]
+                rates.append(pair.rate)
+                inputs.append((column, pair.source))
+                outputs.append(share[:, None] * pair.read[rows])
+                used = share > 0
+                bounds[used, column] = np.maximum(bounds[used, column], pair.bound[rows][used])
+                poles[used, column] += np.count_nonzero(pair.read, axis=1)[rows][used]
     rate = np.concatenate(rates)
     B = np.zeros((rate.size, len(names)))
-    start = np.cumsum([0, *(len(b) for b in inputs)])
-    for column, b in enumerate(inputs):
-        B[start[column] : start[column + 1], column] = b
-    C = np.hstack(outputs)
-    poles = np.hstack([np.count_nonzero(pair.read, axis=1)[which] for pair in pairs])
-    rings = tuple(f"ring {i + 1}" for i in range(n))
-    return StateSpace(np.eye(rate.size), -np.diag(rate), B, C, inputs=tuple(names), outputs=rings), poles
+    start = 0
+    for column, b in inputs:
+        B[start : start + len(b), column] = b
+        start += len(b)
+    outs = tuple(f"ring {i + 1}" for i in range(n))
+    model = StateSpace(np.eye(rate.size), -np.diag(rate), B, np.hstack(outputs), inputs=tuple(names), outputs=outs)
+    return model, bounds, poles
 
 
-def _is_passive(pair: Pairs, which: NDArray[np.intp]) -> bool:
+def _asymmetry(sources: Sequence[Sources], rings: Rings) -> float:
+    """Largest relative difference of the static gains of two rings of different kind, each as the source."""
+    worst = 0.0
+    for i, j in zip(*np.nonzero(rings.of[:, None] < rings.of), strict=True):
+        one, other = (
+            float((pair.read[source.row[i, j]] * pair.source / pair.rate).sum())
+            for source, pair in ((sources[k], sources[k].pairs[0]) for k in (rings.of[i], rings.of[j]))
+        )
+        worst = max(worst, abs(one - other) / abs(one + other) * 2)
+    return worst
+
+
+def _is_passive(model: StateSpace) -> bool:
     """Whether no sum of the static shares of the fastest poles has a negative eigenvalue, see the module."""
-    total = np.zeros(which.shape)
-    least = np.inf
-    for k in np.argsort(-pair.rate):
-        total = total + (pair.read[:, k] * pair.source[k] / pair.rate[k])[which]
-        least = min(least, float(np.linalg.eigvalsh(total)[0] / total[0, 0]))
-    return least >= 0
+    n = len(model.outputs)
+    rate = -np.asarray(model.A).diagonal()
+    values, which = np.unique(rate, return_inverse=True)
+    total, least = np.zeros((n, n)), np.inf
+    for k in range(values.size - 1, -1, -1):
+        here = which == k
+        total = total + model.C[:, here] @ model.B[here, :n] / values[k]
+        least = min(least, float(np.linalg.eigvalsh((total + total.T) / 2)[0]))
+    return least >= -ROUND_OFF * float(model.gain.max())

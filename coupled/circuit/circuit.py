@@ -119,6 +119,12 @@ class Circuit:
         """Names of all detectors."""
         return tuple(self.outputs)
 
+    @property
+    def bandwidths(self) -> tuple[float, ...]:
+        """Bandwidth of every detector in Hz, in the order of `ports`, 0 for none."""
+        known = {d.name: d.bandwidth for d in self.detectors}
+        return tuple(known.get(port, 0.0) for port in self.ports)
+
     def _dark(self, exit: str) -> bool:
         """Whether no light can come out: nothing comes in there, and the ring has no such coupler."""
         entry = self.entries[self.exits.index(exit)]

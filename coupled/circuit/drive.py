@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofem import checks
+from thermofem import Symbols, checks
 
 from ..arguments import detuning_in_time, power_in_time
 from ..inputs import Pieces, joint, pieces
@@ -16,6 +17,7 @@ from .circuit import Circuit
 from .network import Light
 
 Array = NDArray[np.float64]
+log = logging.getLogger("thermofem")
 
 ECHO = 1e-7  # of the light: edges that come back weaker are left to the error control
 MOST_EDGES = 5_000_000
@@ -37,6 +39,31 @@ def powers_of(circuit: Circuit, inputs: Mapping[str, Any], duration: float) -> l
     for name in names:
         value = power_in_time(inputs.get(name, 0.0), duration)
         found.append(pieces(f"inputs[{name!r}]", value, 0.0, duration))
+    return found
+
+
+def warn_of_fast_streams(circuit: Circuit, inputs: Mapping[str, Any]) -> None:
+    """Log a warning where a node of a stream is shorter than the photon lifetime 1/(2 gamma) of a ring."""
+    lifetime, name = max((1 / (2 * ring.linear_rate), name) for name, ring in circuit.rings.items())
+    for laser, power in inputs.items():
+        for wave in power if isinstance(power, list | tuple) else [power]:
+            if isinstance(wave, Symbols) and wave.rate * np.size(wave.mask) * lifetime > 1:
+                node = 1 / (wave.rate * np.size(wave.mask))
+                log.warning(
+                    f"inputs[{laser!r}]: a node of the stream lasts {node:.2g} s, less than the photon lifetime of "
+                    f"{name!r} ({lifetime:.2g} s), which averages over nodes; take a lower rate or a shorter mask"
+                )
+
+
+def corners(circuit: Circuit, light: Light) -> Array:
+    """2 pi times the bandwidth of the detector of every observed wave in 1/ns; empty where none has one."""
+    from ..kernels import equations as eq
+
+    if not any(circuit.bandwidths):
+        return np.empty(0)
+    first = light.delay.size
+    found = np.zeros(len(light.terminals))
+    found[first : first + len(circuit.ports)] = 2 * np.pi * eq.NS * np.array(circuit.bandwidths)
     return found
 
 
@@ -77,7 +104,7 @@ def echoes(edges: Array, light: Light, duration: float) -> Array:
 def internal_drive(
     circuit: Circuit, light: Light, powers: list[Pieces], frame: Pieces, offsets: list[Pieces], duration: float
 ) -> Any:
-    """The run's `kernel.Drive`.
+    """The run's `layout.Drive`.
 
     Parameters
     ----------
@@ -88,7 +115,7 @@ def internal_drive(
         what the heaters add to each ring.
     """
     from ..kernels import equations as eq
-    from .kernel import Drive
+    from .layout import Drive
 
     scale = eq.NS ** np.arange(4)
     power_edges = joint(*powers)

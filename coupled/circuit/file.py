@@ -31,6 +31,7 @@ offset = "0 GHz"                 # loss and phase as of a waveguide
 [[detector]]
 name = "out"
 start = "b.through"
+bandwidth = "20 GHz"             # default without limit
 ```
 """
 
@@ -52,7 +53,7 @@ _KINDS: dict[str, tuple[type, dict[str, str]]] = {
     "waveguide": (Waveguide, {"start": _TEXT, "stop": _TEXT, "loss": _NUMBER, "phase": "rad", "delay": "s"}),
     "splitter": (Splitter, {"name": _TEXT, "cross": _NUMBER}),
     "laser": (LaserPort, {"name": _TEXT, "stop": _TEXT, "loss": _NUMBER, "phase": "rad", "offset": "Hz"}),
-    "detector": (Detector, {"name": _TEXT, "start": _TEXT}),
+    "detector": (Detector, {"name": _TEXT, "start": _TEXT, "bandwidth": "Hz"}),
 }
 _NEEDED = {"ring": ("name",), "waveguide": ("start", "stop"), "splitter": ("name",), "laser": ("name", "stop"),
            "detector": ("name", "start")}  # fmt: skip

@@ -7,140 +7,28 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..kernels import equations
 from ..kernels.compiling import compiled, forget_if_older
-from ..kernels.equations import Array, Rates, absorbed_power, dispersion, optics, optics_jacobian
-from ..kernels.tableaus import Tableau
-from . import kernel
-from .kernel import (
+from ..kernels.control import (
     DONE,
+    GROWTH,
     QUIET,
-    ROW_LIMIT,
     STEP_TOO_SMALL,
     STOPPED,
     TOO_MANY_ROWS,
     TOO_MANY_STEPS,
-    Complex,
-    Drive,
-    Heat,
-    Integers,
-    Network,
-    Rings,
-    _inputs,
-    _rates,
-    delayed_at,
-    dense,
-    detunings_at,
-    lasers_at,
-    moved,
-    neighbours,
-    step,
-    step_error,
-    workspace,
+    after_acceptance,
+    after_rejection,
+    dense_output,
 )
+from ..kernels.equations import Array
+from ..kernels.tableaus import Tableau
+from . import equations, kernel, waves
+from .equations import growing, neighbours
+from .kernel import moved, step, step_error, workspace
+from .layout import Complex, Drive, Heat, Integers, Network, Rings
+from .waves import cubic_through, delayed_at, detected_at, detunings_at, energy_to, inputs_of, lasers_at, observe
 
-LARGEST_SPECTRUM = 90  # rows of the Jacobian of the whole circuit whose eigenvalues are looked at
-
-
-@compiled
-def right_hand_side(
-    y: Array, laser: Complex, delayed: Complex, detuning: Array, rings: Rings, heat: Heat, net: Network
-) -> Array:
-    """Return dy/dt in internal units, shape (3 N + N K,), at the waves of lasers and delayed waveguides."""
-    n, K = heat.gain.shape
-    out, other, b = np.empty_like(y), np.empty(n), np.empty(n, np.complex128)
-    neighbours(y, heat, other)
-    _inputs(net, laser, delayed, b)
-    for i in range(n):
-        z = 0.0
-        for k in range(K):
-            z += heat.read[i, i, k] * y[3 * n + i * K + k]
-        rates = _rates(rings, i)
-        turned = detuning[i] + rates.thermal_shift * other[i]
-        shift = dispersion(y[3 * i + 2], rings.fcd[i])[0]
-        dT = z + heat.curvature * z * z
-        f0, f1, f2, power = optics(y[3 * i], y[3 * i + 1], y[3 * i + 2], dT, shift, 0.0, turned, rates)
-        light = 1j * b[i]
-        for e in range(net.start[i], net.start[i + 1]):
-            j = net.column[e]
-            light += net.entry[e] * complex(y[3 * j], y[3 * j + 1])
-        out[3 * i], out[3 * i + 1], out[3 * i + 2] = f0 + light.real, f1 + light.imag, f2
-        for k in range(K):
-            at = 3 * n + i * K + k
-            out[at] = heat.gain[i, k] * power - heat.rate[i, k] * y[at]
-    return out
-
-
-@compiled
-def jacobian(y: Array, detuning: Array, rings: Rings, heat: Heat, net: Network) -> Array:
-    """Return d(dy/dt)/dy of the circuit, with the light of delayed waveguides held."""
-    n, K = heat.gain.shape
-    out, other = np.zeros((y.size, y.size)), np.empty(n)
-    neighbours(y, heat, other)
-    for i in range(n):
-        z = 0.0
-        for k in range(K):
-            z += heat.read[i, i, k] * y[3 * n + i * K + k]
-        rates = _rates(rings, i)
-        turned = detuning[i] + rates.thermal_shift * other[i]
-        dT, bend = z + heat.curvature * z * z, 1.0 + 2.0 * heat.curvature * z
-        shift, slope = dispersion(y[3 * i + 2], rings.fcd[i])
-        J = optics_jacobian(y[3 * i], y[3 * i + 1], y[3 * i + 2], dT, shift, slope, turned, rates)
-        for p in range(3):
-            for q in range(3):
-                out[3 * i + p, 3 * i + q] = J[p][q]
-            for j in range(n):
-                for k in range(K):
-                    factor = bend if j == i else 1.0
-                    out[3 * i + p, 3 * n + j * K + k] = J[p][3] * factor * heat.read[i, j, k]
-        for e in range(net.start[i], net.start[i + 1]):
-            j, m = net.column[e], net.entry[e]
-            out[3 * i, 3 * j] += m.real
-            out[3 * i, 3 * j + 1] -= m.imag
-            out[3 * i + 1, 3 * j] += m.imag
-            out[3 * i + 1, 3 * j + 1] += m.real
-        for k in range(K):
-            at = 3 * n + i * K + k
-            out[at, at] = -heat.rate[i, k]
-            for q in range(3):
-                out[at, 3 * i + q] = heat.gain[i, k] * J[3][q]
-    return out
-
-
-@compiled
-def growing(y: Array, detuning: Array, rings: Rings, heat: Heat, net: Network) -> float:
-    """Return the modulus of the fastest mode that grows, in 1/ns, or 0 where all decay.
-
-    Of the whole circuit where it is small, else of each ring with its own heat.
-    """
-    n, K = heat.gain.shape
-    fastest = 0.0
-    if y.size <= LARGEST_SPECTRUM:
-        for value in np.linalg.eigvals(jacobian(y, detuning, rings, heat, net).astype(np.complex128)):
-            if value.real > 0.0:
-                fastest = max(fastest, abs(value))
-        return fastest
-    other = np.empty(n)
-    neighbours(y, heat, other)
-    start, none = np.zeros(2, np.int64), np.empty(0, np.complex128)
-    alone = Network(
-        start, np.empty(0, np.int64), none, np.zeros(1, np.int64), np.empty((1, 0), np.complex128),
-        np.empty((1, 0), np.complex128), np.empty((0, 1), np.complex128), np.empty((0, 0), np.complex128),
-        np.empty((0, 0), np.complex128), np.empty(0),
-    )  # fmt: skip
-    state, turned = np.empty(3 + K), np.empty(1)
-    for i in range(n):
-        one = Rings(rings.rates[i : i + 1], rings.fcd[i : i + 1], rings.floor[i : i + 1])
-        own = np.empty((1, 1, K))
-        own[0, 0] = heat.read[i, i]
-        single = Heat(heat.gain[i : i + 1], heat.rate[i : i + 1], own, heat.curvature, False)
-        state[:3] = y[3 * i : 3 * i + 3]
-        state[3:] = y[3 * n + i * K : 3 * n + (i + 1) * K]
-        turned[0] = detuning[i] + rings.rates[i, 8] * other[i]
-        for value in np.linalg.eigvals(jacobian(state, turned, one, single, alone).astype(np.complex128)):
-            if value.real > 0.0:
-                fastest = max(fastest, abs(value))
-    return fastest
+ROW_LIMIT = 40_000_000  # numbers kept at the accepted steps, 320 MB
 
 
 class Course(NamedTuple):
@@ -166,20 +54,6 @@ def extrapolate(course: Course, known: int, t: float, value: Array, slope: Array
                 slope[i] += second * (2.0 * t - course.time[0] - course.time[1])
 
 
-@compiled
-def observe(net: Network, fields: Complex, laser: Complex, delayed: Complex, out: Complex) -> None:
-    """Write the observed waves in sqrt(uW)."""
-    for q in range(out.size):
-        total = 0.0 + 0.0j
-        for i in range(fields.size):
-            total += net.seen_ring[q, i] * fields[i]
-        for m in range(laser.size):
-            total += net.seen_laser[q, m] * laser[m]
-        for d in range(delayed.size):
-            total += net.seen_delay[q, d] * delayed[d]
-        out[q] = total
-
-
 class Now(NamedTuple):
     """Where a step stands, for what is read between its ends."""
 
@@ -201,7 +75,8 @@ def waves_between(
     """Write the observed waves at the fraction ``f`` of a step to ``now.waves``."""
     for i in range(now.fields.size):
         now.fields[i] = complex(
-            dense(f, y[3 * i], out[3 * i], k[:, i, 0], d), dense(f, y[3 * i + 1], out[3 * i + 1], k[:, i, 1], d)
+            dense_output(f, y[3 * i], out[3 * i], k[:, i, 0], d),
+            dense_output(f, y[3 * i + 1], out[3 * i + 1], k[:, i, 1], d),
         )
     lasers_at(drive, piece, t + f * h, now.laser, now.laser_slope)
     delayed_at(t + f * h, net.delay, past, cubics, filled, now.delayed, now.delayed_slope)
@@ -211,35 +86,40 @@ def waves_between(
 @compiled
 def keep_row(
     rows: Array, at: int, f: float, t: float, h: float, y: Array, out: Array, k: Array, total: Array, d: Array,
-    before: Array, after: Array, other: Array, other_new: Array, heat: Heat, now: Now, energy: Array,
+    before: Array, after: Array, other: Array, other_new: Array, heat: Heat, now: Now, gathered: Array,
 ) -> None:  # fmt: skip
-    """Write t, then Re a, Im a, N, dT of each ring, the observed waves, and their energies so far, into one row."""
+    """Write t, then Re a, Im a, N, dT of each ring, the observed waves, and what was gathered of them, into one row."""
     n = heat.gain.shape[0]
     rows[at, 0] = t + f * h
     for i in range(n):
         for p in range(3):
-            rows[at, 1 + 4 * i + p] = dense(f, y[3 * i + p], out[3 * i + p], k[:, i, p], d)
-        z = dense(f, before[i], after[i], total[:, i], d)
+            rows[at, 1 + 4 * i + p] = dense_output(f, y[3 * i + p], out[3 * i + p], k[:, i, p], d)
+        z = dense_output(f, before[i], after[i], total[:, i], d)
         rows[at, 4 + 4 * i] = z + heat.curvature * z * z + (1.0 - f) * other[i] + f * other_new[i]
     for q in range(now.waves.size):
         rows[at, 1 + 4 * n + 2 * q], rows[at, 2 + 4 * n + 2 * q] = now.waves[q].real, now.waves[q].imag
-    for q in range(energy.size):
-        rows[at, 1 + 4 * n + 2 * now.waves.size + q] = energy[q]
+    for q in range(gathered.size):
+        rows[at, 1 + 4 * n + 2 * now.waves.size + q] = gathered[q]
 
 
 @compiled
-def cubic_through(p0: complex, p1: complex, p2: complex, p3: complex) -> tuple[complex, complex, complex, complex]:
-    """Return the cubic through values at 0, 1/3, 2/3 and 1, constant term first."""
-    c1 = -5.5 * p0 + 9.0 * p1 - 4.5 * p2 + p3
-    c2 = 9.0 * p0 - 22.5 * p1 + 18.0 * p2 - 4.5 * p3
-    c3 = -4.5 * p0 + 13.5 * p1 - 13.5 * p2 + 4.5 * p3
-    return p0, c1, c2, c3
+def gather(nodes: Complex, f: float, h: float, corner: Array, before: Array, out: Array) -> None:
+    """Write the energies of the observed waves so far, if wanted, then the signals of the detectors, if there are any.
+
+    ``before``, shape (Q or 0, + Q or 0), is at the start of the step, ``out`` at the fraction ``f`` of it.
+    """
+    energies = before.size - corner.size
+    for q in range(energies):
+        out[q] = before[q] + h * energy_to(nodes[:, q], f)
+    for q in range(corner.size):
+        if corner[q] > 0.0:
+            out[energies + q] = detected_at(nodes[:, q], f, before[energies + q], corner[q] * h)
 
 
 @compiled
 def integrate(
     y: Array, drive: Drive, rings: Rings, heat: Heat, net: Network, method: Tableau, rtol: float, times: Array,
-    average: bool, max_steps: int, watch: Array,
+    average: bool, corner: Array, max_steps: int, watch: Array,
 ) -> tuple[Array, Array, float, Integers]:  # fmt: skip
     """Integrate a circuit from ``y`` through every piece of ``drive``, whose edges it lands on.
 
@@ -250,13 +130,16 @@ def integrate(
         wanted times after the start, or empty for the accepted steps.
     average : bool
         whether the energies of the observed waves since the start are kept, too, in fJ.
+    corner : array, shape (Q,) or empty, 1/ns
+        2 pi times the bandwidths of the detectors, 0 for none; empty if no wave has one.
     max_steps, watch
         as in `kernels.rosenbrock.integrate`.
 
     Returns
     -------
-    rows : array, shape (m, 1 + 4 N + 2 Q (+ Q))
-        t, then Re a, Im a, N, dT of each ring, Re and Im of each observed wave, and the energies; not the start's.
+    rows : array, shape (m, 1 + 4 N + 2 Q (+ Q) (+ Q))
+        t, then Re a, Im a, N, dT of each ring, Re and Im of each observed wave, the energies, and the signals of the
+        detectors in uW; not the start's.
     y, t, counts
         the state and time of the end; accepted steps, rejected steps, and how it ended.
     """
@@ -273,11 +156,12 @@ def integrate(
     plain, bare = np.zeros(n), np.zeros(n)
     other, other_new, missed = np.zeros(n), np.zeros(n), np.zeros(n)
     course, known = Course(np.zeros(3), np.zeros((3, n))), 1
-    past, cubics, filled = np.empty((1024 if D > 0 else 1, 2)), np.zeros((1024 if D > 0 else 1, D, 4), np.complex128), 0
-    nodes, energy = np.zeros((4, Q), np.complex128), np.zeros(Q if average else 0)
-    partial = np.zeros(energy.size)
-    wanted, row = times.size, 0
-    width = 1 + 4 * n + 2 * Q + energy.size
+    past, cubics = np.empty((1024 if D > 0 else 1, 2)), np.zeros((1024 if D > 0 else 1, D, 4), np.complex128)
+    filled, row = np.int64(0), np.int64(0)  # no literals: what is called with one is compiled twice
+    nodes, gathered = np.zeros((4, Q), np.complex128), np.zeros((Q if average else 0) + corner.size)
+    partial = np.zeros(gathered.size)
+    wanted = times.size
+    width = 1 + 4 * n + 2 * Q + gathered.size
     rows = np.empty((wanted if wanted > 0 else 1024, width))
     t, end = drive.edges[0], drive.edges[-1]
     slowest, loss = np.inf, 0.0
@@ -287,7 +171,7 @@ def integrate(
     for d in range(D):
         shortest = min(shortest, net.delay[d])
     cautious, quiet_step = 1e-2 / loss, 0.1 * slowest
-    h, h_before, size_before, growth = min(cautious, shortest), 0.0, 1.0, 5.0
+    h, h_before, size_before, growth = min(cautious, shortest), 0.0, 1.0, GROWTH
     accepted, rejected, look_again = 0, 0, 0
     looked, cap = 0.0, math.inf
     neighbours(y, heat, other)
@@ -328,10 +212,10 @@ def integrate(
                 lasers_at(drive, piece, at, now.laser, now.laser_slope)
                 if D > 0:
                     delayed_at(at, net.delay, past, cubics, filled, now.delayed, now.delayed_slope)
-                _inputs(net, now.laser, now.delayed, inputs[q])
+                inputs_of(net, now.laser, now.delayed, inputs[q])
                 detunings_at(drive, piece, at, detuning[q], bare)
                 if q == 0:
-                    _inputs(net, now.laser_slope, now.delayed_slope, input_slopes)
+                    inputs_of(net, now.laser_slope, now.delayed_slope, input_slopes)
                     for i in range(n):
                         detuning_slopes[i] = bare[i]
                 if heat.crossed:
@@ -353,11 +237,11 @@ def integrate(
             if not error <= 1.0:  # nan too
                 rejected += 1
                 growth = 1.0
-                h *= max(0.2, 0.9 / size) if error < math.inf else 0.2
+                h = after_rejection(h, error, size)
                 if h < 1e-13 * max(abs(t), 1e-3):
                     return rows[:row], y, t, np.array([accepted, rejected, STEP_TOO_SMALL])
                 continue
-            if D > 0 or average:
+            if D > 0 or gathered.size > 0:
                 for j in range(4):
                     waves_between(j / 3.0, t, h, piece, y, out, k, method.dense, drive, net, past, cubics, filled, now)
                     for q in range(Q):
@@ -371,8 +255,7 @@ def integrate(
             while whole or (row < wanted and (last or times[row] <= t + h)):
                 f = 1.0 if whole else (times[row] - t) / h
                 waves_between(f, t, h, piece, y, out, k, method.dense, drive, net, past, cubics, filled, now)
-                for q in range(energy.size):
-                    partial[q] = energy[q] + h * _energy(nodes[:, q], f)
+                gather(nodes, f, h, corner, gathered, partial)
                 keep_row(
                     rows, row, f, t, h, y, out, k, total, method.dense, w.before, w.after, other, other_new, heat, now,
                     partial,
@@ -381,8 +264,8 @@ def integrate(
                 if whole:
                     rows[row - 1, 0] = stop if landing else t + h
                     whole = False
-            for q in range(energy.size):
-                energy[q] += h * _energy(nodes[:, q], 1.0)
+            gather(nodes, 1.0, h, corner, gathered, partial)
+            gathered, partial = partial, gathered
             accepted += 1
             if D > 0:
                 if filled == past.shape[0]:
@@ -417,12 +300,9 @@ def integrate(
                 for i in range(n):
                     course.value[0, i] = other[i]
                 known = min(known + 1, 3)
-            factor = 0.9 / size
-            if h_before > 0.0:  # what the last two steps say about the next one
-                factor = min(factor, factor * h / h_before * size_before / size)
-            h_before, size_before = h, max(size, 0.3)
-            h *= max(0.2, min(growth, factor))
-            growth = 5.0
+            h_next = after_acceptance(h, size, h_before, size_before, growth)
+            h_before, size_before, growth = h, max(size, 0.3), GROWTH
+            h = h_next
             if landing and t < end:
                 h = max(h, planned)
             if h > quiet_step:
@@ -437,28 +317,6 @@ def integrate(
     return rows[:row], y, t, np.array([accepted, rejected, DONE])
 
 
-@compiled
-def _energy(nodes: Complex, f: float) -> float:
-    """Return the integral of |wave|^2 from 0 to ``f`` of a step of length 1, the wave a cubic through its nodes."""
-    c0, c1, c2, c3 = cubic_through(
-        complex(abs(nodes[0]) ** 2),
-        complex(abs(nodes[1]) ** 2),
-        complex(abs(nodes[2]) ** 2),
-        complex(abs(nodes[3]) ** 2),
-    )
-    return (f * (c0 + f * (c1 / 2.0 + f * (c2 / 3.0 + f * c3 / 4.0)))).real
-
-
-@compiled
-def heating(rows: Array, rates: Array) -> Array:
-    """Return the absorbed power in uW of one ring from its rows Re a, Im a, N."""
-    r = Rates(rates[0], rates[1], rates[2], rates[3], rates[4], rates[5], rates[6], rates[7], rates[8], rates[9])
-    out = np.empty(rows.shape[0])
-    for m in range(rows.shape[0]):
-        out[m] = absorbed_power(rows[m, 0] * rows[m, 0] + rows[m, 1] * rows[m, 1], rows[m, 2], r)
-    return out
-
-
-for compiled_kernel in (right_hand_side, jacobian, growing, integrate, heating):
-    for module in (equations, kernel):
-        forget_if_older(compiled_kernel, str(module.__file__))
+for loop in (integrate, waves_between, keep_row, extrapolate, gather):
+    for module in (equations, kernel, waves):
+        forget_if_older(loop, str(module.__file__))

@@ -19,139 +19,15 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..kernels import algebra, equations
+from ..kernels import algebra, control, equations
 from ..kernels.algebra import factorize, inverse, solve
 from ..kernels.compiling import compiled, forget_if_older, inlined
-from ..kernels.equations import Array, Rates, dispersion, optics, optics_jacobian
+from ..kernels.control import relative_change, squared_error
+from ..kernels.equations import Array, dispersion, optics, optics_jacobian
 from ..kernels.tableaus import Tableau
-
-Complex = NDArray[np.complex128]
-Integers = NDArray[np.int64]
-
-QUIET = 1e-2  # of its size, what a step moves a state that rests
-DONE, TOO_MANY_STEPS, STEP_TOO_SMALL, TOO_MANY_ROWS, STOPPED = 0, 1, 2, 3, 4  # how `integrate` ended
-ROW_LIMIT = 40_000_000  # numbers kept at the accepted steps, 320 MB
-
-
-class Rings(NamedTuple):
-    """N rings in internal units."""
-
-    rates: Array  # shape (N, 10), the fields of `equations.Rates`
-    fcd: Array  # shape (N, terms, 2); a term that a ring lacks is (0, 1)
-    floor: Array  # shape (N, 3), sizes below which errors are not relative
-
-
-class Heat(NamedTuple):
-    """Thermal states of every ring: dx/dt = gain P - rate x, dT_i = sum_jk read_ijk x_jk (+ curvature of its own)."""
-
-    gain: Array  # shape (N, K), K/fJ
-    rate: Array  # shape (N, K), 1/ns
-    read: Array  # shape (N, N, K)
-    curvature: float  # 1/K
-    crossed: bool  # whether heat goes from ring to ring
-
-
-class Network(NamedTuple):
-    """Light between rings, with L lasers, D delayed waveguides and Q observed waves."""
-
-    start: Integers  # of each ring's row of M among the entries, shape (N + 1,)
-    column: Integers
-    entry: Complex  # 1/ns
-    order: Integers  # in which light reaches the rings, shape (N,), or empty: it runs in loops
-    from_laser: Complex  # shape (N, L), 1/sqrt(ns)
-    from_delay: Complex  # shape (N, D)
-    seen_ring: Complex  # observed waves, the starts of the delayed waveguides first; shape (Q, N)
-    seen_laser: Complex  # shape (Q, L)
-    seen_delay: Complex  # shape (Q, D)
-    delay: Array  # shape (D,), ns
-
-
-class Drive(NamedTuple):
-    """Lasers and detunings: cubics in the time since the edge of their piece."""
-
-    edges: Array  # ns, where steps end, shape (m + 1,)
-    power_piece: Integers  # shape (m,)
-    detuning_piece: Integers
-    power_edges: Array
-    power: Array  # uW, shape (pieces, L, 4)
-    detuning_edges: Array
-    detuning: Array  # rad/ns, shape (pieces, N, 4)
-    turn: Array  # rad/ns, of each laser against the common frame, shape (L,)
-    largest: Array  # uW, shape (L,)
-
-
-@inlined
-def _rates(rings: Rings, i: int) -> Rates:
-    r = rings.rates[i]
-    return Rates(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8], r[9])
-
-
-@compiled
-def lasers_at(drive: Drive, piece: int, t: float, wave: Complex, slope: Complex) -> None:
-    """Write the waves of the lasers in sqrt(uW) at ``t``, and their slopes, bounded where a power leaves 0."""
-    p = drive.power_piece[piece]
-    u = t - drive.power_edges[p]
-    for m in range(drive.power.shape[1]):
-        c = drive.power[p, m]
-        size = math.sqrt(max(c[0] + u * (c[1] + u * (c[2] + u * c[3])), 0.0))
-        rise = c[1] + u * (2.0 * c[2] + u * 3.0 * c[3])
-        steep = 0.5 * rise * size / max(size * size + 1e-12 * drive.largest[m], 1e-300)
-        if drive.turn[m] == 0.0:
-            wave[m], slope[m] = size, steep
-        else:
-            phase = complex(math.cos(drive.turn[m] * t), math.sin(drive.turn[m] * t))
-            wave[m], slope[m] = size * phase, (steep + 1j * drive.turn[m] * size) * phase
-
-
-@compiled
-def detunings_at(drive: Drive, piece: int, t: float, values: Array, slopes: Array) -> None:
-    """Write the detunings of all rings at ``t`` in rad/ns, and their slopes."""
-    p = drive.detuning_piece[piece]
-    u = t - drive.detuning_edges[p]
-    for i in range(values.size):
-        d = drive.detuning[p, i]
-        values[i] = d[0] + u * (d[1] + u * (d[2] + u * d[3]))
-        slopes[i] = d[1] + u * (2.0 * d[2] + u * 3.0 * d[3])
-
-
-@compiled
-def delayed_at(
-    t: float, delay: Array, past: Array, cubics: Complex, filled: int, wave: Complex, slope: Complex
-) -> None:
-    """Write the waves at the starts of the delayed waveguides at t - delay, and their slopes; 0 before the start.
-
-    ``past``, shape (m, 2), holds start and length of every past step, ``cubics``, shape (m, D, 4), their waves.
-    """
-    for d in range(delay.size):
-        at = t - delay[d]
-        wave[d], slope[d] = 0.0, 0.0
-        if filled == 0 or at < past[0, 0]:
-            continue
-        low, high = 0, filled - 1
-        while low < high:
-            middle = (low + high + 1) // 2
-            if past[middle, 0] <= at:
-                low = middle
-            else:
-                high = middle - 1
-        x = (at - past[low, 0]) / past[low, 1]
-        c = cubics[low, d]
-        wave[d] = c[0] + x * (c[1] + x * (c[2] + x * c[3]))
-        slope[d] = (c[1] + x * (2.0 * c[2] + x * 3.0 * c[3])) / past[low, 1]
-
-
-@inlined
-def _inputs(net: Network, laser: Complex, delayed: Complex, out: Complex) -> None:
-    """Write what lasers and delayed waveguides send into each ring, in sqrt(fJ)/ns."""
-    for i in range(out.size):
-        total = 0.0 + 0.0j
-        for m in range(laser.size):
-            total += net.from_laser[i, m] * laser[m]
-        for d in range(delayed.size):
-            total += net.from_delay[i, d] * delayed[d]
-        out[i] = total
+from . import layout
+from .layout import Complex, Heat, Integers, Network, Rings, rates_of
 
 
 class Space(NamedTuple):
@@ -200,7 +76,7 @@ def _prepare(y: Array, h: float, detuning: Array, rings: Rings, heat: Heat, net:
         w.before[i], w.own[i] = z, G
         dT, bend = z + heat.curvature * z * z, 1.0 + 2.0 * heat.curvature * z
         shift, slope = dispersion(N, rings.fcd[i])
-        J = optics_jacobian(ar, ai, N, dT, shift, slope, detuning[i], _rates(rings, i))
+        J = optics_jacobian(ar, ai, N, dT, shift, slope, detuning[i], rates_of(rings, i))
         u0, u1, v = J[0][3] * bend, J[1][3] * bend, J[3]
         w.push[i, 0], w.push[i, 1] = u0, u1
         w.gather[i, 0], w.gather[i, 1], w.gather[i, 2] = v[0], v[1], v[2]
@@ -278,7 +154,7 @@ def step(
             ar, ai, N, z = w.fields[i, 0], w.fields[i, 1], w.fields[i, 2], w.own_stage[i]
             dT = z + heat.curvature * z * z
             shift = dispersion(N, rings.fcd[i])[0]
-            f0, f1, f2, power = optics(ar, ai, N, dT, shift, 0.0, detuning[q, i], _rates(rings, i))
+            f0, f1, f2, power = optics(ar, ai, N, dT, shift, 0.0, detuning[q, i], rates_of(rings, i))
             b = inputs[q, i]
             f0, f1 = f0 - b.imag, f1 + b.real
             for e in range(net.start[i], net.start[i + 1]):
@@ -330,51 +206,25 @@ def step(
 
 
 @compiled
-def neighbours(y: Array, heat: Heat, out: Array) -> None:
-    """Write what the other rings add to the temperature of each, in K."""
-    n, K = heat.gain.shape
-    for i in range(n):
-        total = 0.0
-        if heat.crossed:
-            for j in range(n):
-                if j != i:
-                    read = heat.read[i, j]
-                    at = 3 * n + j * K
-                    for k in range(K):
-                        total += read[k] * y[at + k]
-        out[i] = total
-
-
-@compiled
 def step_error(
-    y: Array,
-    out: Array,
-    k: Array,
-    x: Array,
-    rings: Rings,
-    heat: Heat,
-    rtol: float,
-    missed: Array,
-    other: Array,
+    y: Array, out: Array, k: Array, x: Array, rings: Rings, heat: Heat, rtol: float, missed: Array, other: Array,
     w: Space,
-) -> float:
+) -> float:  # fmt: skip
     """Return the error of a step in units of the tolerance: of the worst ring, as for a ring alone.
 
-    ``missed`` is what the heat of the neighbours was mistaken by, ``other`` that heat itself, in K.
+    ``missed`` is the error of the extrapolated heat of the neighbours, ``other`` that heat itself, in K.
     """
     n, K = heat.gain.shape
     last, worst = k.shape[0] - 1, 0.0
     for i in range(n):
-        floor = rings.floor[i]
         weight = abs(missed[i])
         for p in range(K):
             weight += abs(heat.read[i, i, p] * x[last, i, p])
-        a0, a1, b0, b1 = y[3 * i], y[3 * i + 1], out[3 * i], out[3 * i + 1]
-        energy = max(a0 * a0 + a1 * a1, b0 * b0 + b1 * b1, floor[0] * floor[0])
-        e0 = (k[last, i, 0] * k[last, i, 0] + k[last, i, 1] * k[last, i, 1]) / energy
-        e1 = k[last, i, 2] / max(abs(y[3 * i + 2]), abs(out[3 * i + 2]), floor[1])
-        e2 = weight / max(abs(w.before[i] + other[i]), abs(w.after[i] + other[i]), floor[2])
-        worst = max(worst, e0 + e1 * e1 + e2 * e2)
+        now, then = y[3 * i : 3 * i + 3], out[3 * i : 3 * i + 3]
+        square = squared_error(
+            now, then, k[last, i], weight, w.before[i] + other[i], w.after[i] + other[i], rings.floor[i]
+        )
+        worst = max(worst, square)
         if not worst >= 0.0:  # nan
             return math.nan
     return math.sqrt(worst / 3.0) / rtol
@@ -382,27 +232,14 @@ def step_error(
 
 @compiled
 def moved(y: Array, out: Array, rings: Rings, w: Space) -> float:
-    """Return by how much of its size a step moves the state of any ring."""
+    """Return the largest relative change of the state of any ring in a step."""
     most = 0.0
     for i in range(rings.rates.shape[0]):
-        floor = rings.floor[i]
-        b0, b1 = out[3 * i], out[3 * i + 1]
-        d0 = math.hypot(b0 - y[3 * i], b1 - y[3 * i + 1]) / max(math.hypot(b0, b1), floor[0])
-        d1 = abs(out[3 * i + 2] - y[3 * i + 2]) / max(abs(out[3 * i + 2]), floor[1])
-        d2 = abs(w.after[i] - w.before[i]) / max(abs(w.after[i]), floor[2])
-        most = max(most, d0, d1, d2)
+        now, then = y[3 * i : 3 * i + 3], out[3 * i : 3 * i + 3]
+        most = max(most, relative_change(now, then, w.before[i], w.after[i], rings.floor[i]))
     return most
 
 
-@inlined
-def dense(x: float, y0: float, y1: float, k: Array, d: Array) -> float:
-    """Return one component at the fraction ``x`` of a step from its stages ``k``."""
-    d1, d2, d3 = 0.0, 0.0, 0.0
-    for j in range(k.size):
-        d1, d2, d3 = d1 + d[0, j] * k[j], d2 + d[1, j] * k[j], d3 + d[2, j] * k[j]
-    return (1.0 - x) * y0 + x * (y1 + (1.0 - x) * (d1 + x * (d2 + x * d3)))
-
-
 for kernel in (step, workspace, step_error, moved):
-    for module in (equations, algebra):
+    for module in (equations, algebra, control, layout):
         forget_if_older(kernel, str(module.__file__))

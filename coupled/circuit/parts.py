@@ -130,10 +130,15 @@ class Detector:
     ----------
     name, start : str
         the terminal that light leaves by.
+    bandwidth : float, Hz
+        of a single-pole low pass, dz/dt = 2 pi bandwidth (|s|^2 - z); 0 for a detector without limit.
     """
 
     name: str
     start: str
+    bandwidth: float = 0.0
 
     def __post_init__(self) -> None:
         check_name("detector", self.name)
+        name = f"detector {self.name!r}: bandwidth"
+        checks.between(name, self.bandwidth, 0, 1e13, unit="Hz", hint="10e9 is a detector of 10 GHz")

@@ -23,7 +23,8 @@ Array = NDArray[np.float64]
 
 NAMES = {
     "output": ("W", "power at the ports"),
-    "mean_output": ("W", "power at the ports, averaged since the time before"),
+    "detected": ("W", "power that the detectors show"),
+    "mean_output": ("W", "power that the detectors show, averaged since the time before"),
     "phase": ("rad", "phase of the light at the ports, against the first laser's"),
     "input": ("W", "power of the lasers"),
     "lost": ("W", "power lost in waveguides"),
@@ -39,13 +40,14 @@ def dataset_of(
     powers: list[Pieces],
     attributes: dict[str, Any],
     *,
+    corner: Array,
     average: bool,
 ) -> xr.Dataset:
     """The rows of `integrate` as a Dataset."""
     import xarray as xr
 
     from ..kernels import equations as eq
-    from .integrate import heating
+    from .equations import heating
 
     n, D, ports = len(circuit.names), light.delay.size, len(circuit.ports)
     time = rows[:, 0] * eq.NS
@@ -53,7 +55,7 @@ def dataset_of(
     Q = len(light.terminals)
     waves = rows[:, 1 + 4 * n : 1 + 4 * n + 2 * Q].reshape(-1, Q, 2) @ np.array([1, 1j]) * np.sqrt(eq.UW)
     energy = (states[:, :, 0] ** 2 + states[:, :, 1] ** 2).T * eq.FJ
-    absorbed = [heating(np.ascontiguousarray(states[:, i, :3]), rings.rates[i]) * eq.UW for i in range(n)]
+    absorbed = [heating(np.ascontiguousarray(states[:, i, :3]), rings, i) * eq.UW for i in range(n)]
     of_rings = {
         "energy": energy,
         "carriers": states[:, :, 2].T * eq.DENSITY,
@@ -62,20 +64,25 @@ def dataset_of(
         "scattered": 2 * np.array([ring.scattering_rate for ring in circuit.resonators])[:, None] * energy,
     }
     out = waves[:, D : D + ports].T
-    variables: dict[str, Any] = {
-        name: (("ring", "time"), values, _described(name)) for name, values in of_rings.items()
-    }
-    variables["output"] = (("port", "time"), np.abs(out) ** 2, _described("output"))
-    variables["phase"] = (("port", "time"), np.angle(out), _described("phase"))
-    variables["input"] = (("laser", "time"), np.array([np.maximum(p(time), 0) for p in powers]), _described("input"))
+    variables: dict[str, Any] = {name: (("ring", "time"), values, described(name)) for name, values in of_rings.items()}
+    variables["output"] = (("port", "time"), np.abs(out) ** 2, described("output"))
+    variables["phase"] = (("port", "time"), np.angle(out), described("phase"))
+    variables["input"] = (("laser", "time"), np.array([np.maximum(p(time), 0) for p in powers]), described("input"))
     lost = (np.abs(waves) ** 2 @ light.lost).real
-    variables["lost"] = (("time",), lost, _described("lost"))
+    variables["lost"] = (("time",), lost, described("lost"))
+    shown = np.abs(out) ** 2
+    if corner.size:
+        late = corner[D : D + ports] > 0
+        shown = np.where(late[:, None], rows[:, -Q + D : rows.shape[1] - Q + D + ports].T * eq.UW, shown)
+        variables["detected"] = (("port", "time"), shown, described("detected"))
     if average:
         energies = rows[:, 1 + 4 * n + 2 * Q + D : 1 + 4 * n + 2 * Q + D + ports].T * eq.FJ
+        if corner.size:  # dz/dt = corner (P - z)
+            energies -= np.where(late, eq.NS / np.where(late, corner[D : D + ports], 1.0), 0.0)[:, None] * shown
         before = np.hstack([np.zeros((ports, 1)), energies[:, :-1]])
         length = np.diff(time, prepend=0.0)
-        mean = np.where(length > 0, (energies - before) / np.where(length > 0, length, 1.0), np.abs(out) ** 2)
-        variables["mean_output"] = (("port", "time"), mean, _described("mean_output"))
+        mean = np.where(length > 0, (energies - before) / np.where(length > 0, length, 1.0), shown)
+        variables["mean_output"] = (("port", "time"), mean, described("mean_output"))
     coordinates = {
         "time": ("time", time, dataset.describe("time")),
         "ring": list(circuit.names),
@@ -85,10 +92,10 @@ def dataset_of(
     return xr.Dataset(variables, coords=coordinates, attrs=_origin(circuit) | attributes)
 
 
-def first_row(light: Light, drive: Any, begin: Array, heat: RingHeat, *, average: bool) -> Array:
+def first_row(light: Light, drive: Any, begin: Array, heat: RingHeat, *, gathered: int) -> Array:
     """The row of `integrate` at t = 0, without what heaters add."""
     from ..kernels import equations as eq
-    from .kernel import lasers_at
+    from .waves import lasers_at
 
     n, K = heat.gain.shape
     fields = begin[0 : 3 * n : 3] + 1j * begin[1 : 3 * n : 3]
@@ -100,10 +107,10 @@ def first_row(light: Light, drive: Any, begin: Array, heat: RingHeat, *, average
     rises = np.einsum("ijk,jk->i", heat.read, x) + heat.curvature * own**2
     states = np.column_stack([fields.real, fields.imag, begin[2 : 3 * n : 3], rises]).ravel()
     seen = np.column_stack([waves.real, waves.imag]).ravel()
-    return np.concatenate([[0.0], states, seen, np.zeros(len(waves) if average else 0)])
+    return np.concatenate([[0.0], states, seen, np.zeros(gathered)])
 
 
-def _described(name: str) -> dict[str, str]:
+def described(name: str) -> dict[str, str]:
     """Unit and long name of a variable."""
     if name in NAMES:
         unit, words = NAMES[name]

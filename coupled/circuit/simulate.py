@@ -15,13 +15,14 @@ from ..arguments import check_duration
 from ..inputs import Input
 from ..kernels.tableaus import Method, tableau
 from ..simulate import check_method
-from ..window import LONG, MAX_STEPS, floor_of
+from ..window import LONG, MAX_STEPS
 from .alone import is_alone, run_alone
 from .circuit import Circuit
-from .drive import detuning_of, internal_drive, powers_of
-from .heat import RingHeat, heater_offsets, ring_heat
-from .network import Light, check_delays, light_of, order_of_rings
+from .drive import corners, warn_of_fast_streams
+from .heat import RingHeat
+from .network import check_delays
 from .record import dataset_of, first_row
+from .system import system_of, units_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -69,7 +70,7 @@ def simulate_circuit(
     times : array, s, optional
         wanted output times; by default the accepted steps, which a long run of many rings has no memory for.
     average : bool
-        whether ``mean_output``, the power of every port averaged from one time to the next, is kept, too.
+        whether ``mean_output``, what every detector shows, averaged from one time to the next, is kept, too.
     method : Method or its name, optional
     initial : Dataset, optional
         a run of the same circuit without delays, at whose end this one begins.
@@ -80,7 +81,8 @@ def simulate_circuit(
     -------
     xarray.Dataset
         over time (s): energy (J), carriers (1/m^3), delta_T (K), absorbed and scattered (W) by ring; output (W) and
-        phase (rad) by port; input (W) by laser; lost (W) in waveguides.
+        phase (rad) by port; input (W) by laser; lost (W) in waveguides. Where a detector has a bandwidth, detected (W)
+        by port, too: what the detectors show, dark at t = 0.
 
     Raises
     ------
@@ -99,9 +101,9 @@ def simulate_circuit(
     10.5 K
     """
     from ..kernels import equations as eq
+    from ..kernels.control import DONE
     from ..kernels.interrupts import new_watch, uninterrupted, watched
     from .integrate import integrate
-    from .kernel import DONE
 
     if not isinstance(circuit, Circuit):
         raise checks.InputError(
@@ -112,17 +114,14 @@ def simulate_circuit(
     checks.progress(progress)
     check_delays(circuit)
     duration = float(duration)
-    heat = ring_heat(thermal, len(circuit.names))
-    powers = powers_of(circuit, inputs, duration)
-    frame, constant = detuning_of(circuit, detuning, duration)
-    light = light_of(circuit, constant + circuit.lasers[0].offset)
-    offsets = heater_offsets(heat, heaters, duration)
-    drive = internal_drive(circuit, light, powers, frame, offsets, duration)
+    system = system_of(circuit, thermal, inputs=inputs, heaters=heaters, detuning=detuning, duration=duration)
+    light, heat, drive, rings, offsets = system.light, system.heat, system.drive, system.rings, system.offsets
+    warn_of_fast_streams(circuit, inputs)
     wanted = np.empty(0) if times is None else _wanted(times, duration)
     chosen = check_method(method) or (Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
-    rings = internal_rings(circuit, light, heat, drive.largest)
     begin = _start(circuit, heat, initial)
-    if is_alone(circuit) and not average:
+    corner = corners(circuit, light)
+    if is_alone(circuit) and not average and not corner.size:
         power = inputs.get(circuit.lasers[0].name, 0.0)
         rows, y, counts = run_alone(
             circuit, light, thermal, begin, power=power, detuning=detuning, offset=offsets[0], duration=duration,
@@ -131,82 +130,23 @@ def simulate_circuit(
     else:
         call = partial(watched, progress=(lambda t: progress(t * eq.NS)) if progress else None)
         rows, y, reached, counts = (call if duration > LONG or len(circuit.names) > 4 else uninterrupted)(
-            integrate, begin, drive, rings, internal_heat(heat), internal_network(light), tableau(chosen), rtol,
-            wanted[wanted > 0] / eq.NS, bool(average), MAX_STEPS, new_watch(),
+            integrate, begin, drive, rings, system.states, system.net, tableau(chosen), rtol,
+            wanted[wanted > 0] / eq.NS, bool(average), corner, MAX_STEPS, new_watch(),
         )  # fmt: skip
         if counts[2] != DONE:
             _explain(counts, reached, duration, rtol)
-        first = first_row(light, drive, begin, heat, average=bool(average))
+        gathered = rows.shape[1] - 1 - 4 * len(offsets) - 2 * len(light.terminals)
+        first = first_row(light, drive, begin, heat, gathered=gathered)
         rows = np.vstack([np.repeat(first[None], int(np.sum(wanted <= 0)) if wanted.size else 1, axis=0), rows])
         rows[:, 4 : 4 + 4 * len(offsets) : 4] += np.array([offset(rows[:, 0] * eq.NS) for offset in offsets]).T
     if progress:
         progress(duration)
     attributes = {
         "duration": duration, "rtol": float(rtol), "method": chosen.value, "steps": int(counts[0]),
-        "rejected_steps": int(counts[1]), "final_state": y * _units(len(circuit.names), heat.gain.shape[1]),
-        "detuning": constant,
+        "rejected_steps": int(counts[1]), "final_state": y * units_of(*heat.gain.shape),
+        "detuning": system.detuning,
     }  # fmt: skip
-    return dataset_of(circuit, light, rows, rings, powers, attributes, average=bool(average))
-
-
-def internal_rings(circuit: Circuit, light: Light, heat: RingHeat, largest: Array) -> Any:
-    """The rings in internal units, and the sizes below which their errors are not relative."""
-    from ..kernels import equations as eq
-    from .kernel import Rings
-
-    converted = [eq.internal_rates(ring) for ring in circuit.resonators]
-    terms = max(len(fcd) for _, fcd in converted)
-    fcd = np.zeros((len(converted), terms, 2))
-    fcd[:, :, 1] = 1.0
-    for i, (_, own) in enumerate(converted):
-        fcd[i, : len(own)] = own
-    whole = np.sqrt(largest.sum())
-    floors = []
-    for i, ((rates, _), ring) in enumerate(zip(converted, circuit.resonators, strict=True)):
-        reaching = float((np.abs(light.from_laser[i]) * np.sqrt(largest)).sum() * np.sqrt(eq.NS))
-        if reaching < 1e-6 * whole * np.sqrt(2 * ring.bus_rate * eq.NS):  # by other rings or delays only
-            reaching = float(whole * np.sqrt(2 * ring.bus_rate * eq.NS))
-        floors.append(floor_of(rates, reaching, heat.thermal_resistance[i] * eq.UW))
-    return Rings(np.array([tuple(rates) for rates, _ in converted], dtype=float), fcd, np.array(floors))
-
-
-def internal_heat(heat: RingHeat) -> Any:
-    """The thermal states in internal units."""
-    from ..kernels import equations as eq
-    from .kernel import Heat
-
-    gain, rate = heat.gain * (eq.UW * eq.NS), heat.rate * eq.NS
-    return Heat(gain, rate, np.ascontiguousarray(heat.read), heat.curvature, heat.crossed)
-
-
-def internal_network(light: Light) -> Any:
-    """The waveguides in internal units: entries of M by row, without what round-off left."""
-    from ..kernels import equations as eq
-    from .kernel import Network
-    from .network import NOTHING
-
-    M = light.between
-    kept = np.abs(M) > NOTHING * np.abs(M).max(initial=0.0)
-    root = np.sqrt(eq.NS)
-    return Network(
-        start=np.concatenate([[0], np.cumsum(kept.sum(axis=1))]).astype(np.int64),
-        column=np.nonzero(kept)[1].astype(np.int64),
-        entry=np.ascontiguousarray(M[kept] * eq.NS),
-        order=order_of_rings(M),
-        from_laser=np.ascontiguousarray(light.from_laser * root),
-        from_delay=np.ascontiguousarray(light.from_delay * root),
-        seen_ring=np.ascontiguousarray(light.seen_ring * root),
-        seen_laser=np.ascontiguousarray(light.seen_laser),
-        seen_delay=np.ascontiguousarray(light.seen_delay),
-        delay=light.delay / eq.NS,
-    )
-
-
-def _units(rings: int, states: int) -> Array:
-    """What one internal unit of every state is in SI."""
-    from ..kernels import equations as eq
-
-    return np.concatenate([np.tile([eq.FJ**0.5, eq.FJ**0.5, eq.DENSITY], rings), np.ones(rings * states)])
+    return dataset_of(circuit, light, rows, rings, system.powers, attributes, corner=corner, average=bool(average))
 
 
 def _start(circuit: Circuit, heat: RingHeat, initial: xr.Dataset | None) -> Array:
@@ -223,7 +163,7 @@ def _start(circuit: Circuit, heat: RingHeat, initial: xr.Dataset | None) -> Arra
         raise checks.InputError(
             f"initial has {values.size} states and this circuit {n * (3 + K)}; go on with the same circuit and model"
         )
-    return np.asarray(values / _units(n, K))
+    return np.asarray(values / units_of(n, K))
 
 
 def _wanted(times: ArrayLike, duration: float) -> Array:
@@ -236,14 +176,14 @@ def _wanted(times: ArrayLike, duration: float) -> Array:
 
 def _explain(counts: NDArray[np.int64], reached: float, duration: float, rtol: float) -> None:
     """Raise what an integration that gave up deserves."""
-    from . import kernel
+    from ..kernels import control
 
     at = f"t = {reached * 1e-9:g} s"
-    if counts[2] == kernel.STOPPED:
+    if counts[2] == control.STOPPED:
         raise KeyboardInterrupt
-    if counts[2] == kernel.TOO_MANY_ROWS:
+    if counts[2] == control.TOO_MANY_ROWS:
         raise checks.InputError(f"the accepted steps up to {at} fill the memory; give the wanted times, times=...")
-    if counts[2] == kernel.TOO_MANY_STEPS:
+    if counts[2] == control.TOO_MANY_STEPS:
         raise checks.InputError(
             f"duration = {duration:g} s takes more than {MAX_STEPS} steps at rtol = {rtol:g} (they reach {at}); "
             "shorten it or loosen rtol"

@@ -8,8 +8,8 @@ With s = 1/(gamma h), heat eliminated from (s - J) k = r leaves a 3 x 3 system, 
 so a step costs O(n) with a small constant, and never a dense factorization. An output map dT = z + curvature z^2 over
 the network multiplies u by d(dT)/dz.
 
-Sources: Hairer and Wanner, Solving Ordinary Differential Equations II (1996), Section IV.7 (methods) and Section IV.8
-(the predictive step-size control of Gustafsson); coefficients in tableaus.json.
+Sources: Hairer and Wanner, Solving Ordinary Differential Equations II (1996), Section IV.7; coefficients in
+tableaus.json. Error norm and step-size control are in `control`.
 """
 
 from __future__ import annotations
@@ -21,16 +21,28 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from . import algebra, equations, kinds, laser, quadratic
+from . import algebra, control, equations, kinds, laser, quadratic
 from .algebra import inverse
 from .compiling import compiled, forget_if_older, inlined
+from .control import (
+    DONE,
+    EVENT,
+    GROWTH,
+    QUIET,
+    STEP_TOO_SMALL,
+    STOPPED,
+    TOO_MANY_STEPS,
+    after_acceptance,
+    after_rejection,
+    dense_output,
+    fastest_growth,
+    relative_change,
+    squared_error,
+)
 from .equations import Array, Rates, dispersion, optics, optics_jacobian
 from .kinds import lift, read, weigh
 from .laser import Laser, light
 from .tableaus import Tableau
-
-QUIET = 1e-2  # of its size, what a step moves a state that rests
-DONE, TOO_MANY_STEPS, STEP_TOO_SMALL, EVENT, STOPPED = 0, 1, 2, 3, 4  # how `integrate` ended
 
 
 @compiled
@@ -108,27 +120,9 @@ def step(
 def step_error(
     y: Array, out: Array, z: float, z_new: float, k: Array, rtol: float, floor: Array, thermal: Any
 ) -> float:
-    """Return the error of a step in units of the tolerance.
-
-    Root mean square over field, carriers and temperature, so that neither the number of poles nor a zero of Re a
-    matters; each relative to ``rtol`` times its size, or times ``floor`` (sqrt(fJ), 1e23/m^3, K) where it is smaller.
-    """
-    last = k.shape[0] - 1
-    heat = weigh(k, thermal)
-    energy = max(y[0] * y[0] + y[1] * y[1], out[0] * out[0] + out[1] * out[1], floor[0] * floor[0])
-    e0 = (k[last, 0] * k[last, 0] + k[last, 1] * k[last, 1]) / energy
-    e1 = k[last, 2] / max(abs(y[2]), abs(out[2]), floor[1])
-    e2 = heat / max(abs(z), abs(z_new), floor[2])
-    return math.sqrt((e0 + e1 * e1 + e2 * e2) / 3.0) / rtol
-
-
-@inlined
-def dense_output(x: float, y0: float, y1: float, k: Array, d: Array) -> float:
-    """Return one component at the fraction ``x`` of a step from its stages ``k``."""
-    d1, d2, d3 = 0.0, 0.0, 0.0
-    for j in range(k.size):
-        d1, d2, d3 = d1 + d[0, j] * k[j], d2 + d[1, j] * k[j], d3 + d[2, j] * k[j]
-    return (1.0 - x) * y0 + x * (y1 + (1.0 - x) * (d1 + x * (d2 + x * d3)))
+    """Return the error of a step in units of ``rtol``: root mean square over field, carriers and temperature."""
+    square = squared_error(y, out, k[k.shape[0] - 1], weigh(k, thermal), z, z_new, floor)
+    return math.sqrt(square / 3.0) / rtol
 
 
 @inlined
@@ -193,20 +187,7 @@ def _take_of(y, h, drive, detuning, slopes, rates, fcd, thermal, method, out, k,
 @compiled
 def growing(y: Array, detuning: float, rates: Rates, fcd: Array, thermal: Any) -> float:
     """Return the modulus of the fastest mode that grows at a state, in 1/ns, or 0 where all decay."""
-    J = equations.jacobian(y, detuning, rates, fcd, thermal)
-    fastest = 0.0
-    for value in np.linalg.eigvals(J.astype(np.complex128)):
-        if value.real > 0.0:
-            fastest = max(fastest, abs(value))
-    return fastest
-
-
-@inlined
-def _moved(y: Array, out: Array, z: float, z_new: float, floor: Array) -> float:
-    """Return by how much of its size a step moves the state: the largest of field, carriers and temperature."""
-    d0 = math.hypot(out[0] - y[0], out[1] - y[1]) / max(math.hypot(out[0], out[1]), floor[0])
-    d1 = abs(out[2] - y[2]) / max(abs(out[2]), floor[1])
-    return max(d0, d1, abs(z_new - z) / max(abs(z_new), floor[2]))
+    return fastest_growth(equations.jacobian(y, detuning, rates, fcd, thermal))
 
 
 @compiled
@@ -276,7 +257,7 @@ def integrate(
         filled += 1
     largest = max(np.abs(laser.drive[:, 0]).max(), 1e-300)
     cautious = 1e-2 / rates.loss
-    h, h_before, size_before, growth = first if first > 0.0 else cautious, 0.0, 1.0, 5.0
+    h, h_before, size_before, growth = first if first > 0.0 else cautious, 0.0, 1.0, GROWTH
     accepted, rejected = 0, 0
     quiet_step = 0.1 * rates.tau0  # no mode of carriers and heat turns within a shorter one
     look_again = 0
@@ -313,7 +294,7 @@ def integrate(
             if not error <= 1.0:  # nan too
                 rejected += 1
                 growth = 1.0
-                h *= max(0.2, 0.9 / size) if error < math.inf else 0.2
+                h = after_rejection(h, error, size)
                 if h < 1e-13 * max(abs(t), 1e-3):
                     return rows[:filled], y, t, h, crossings[:crossed], np.array([accepted, rejected, STEP_TOO_SMALL])
                 continue
@@ -365,16 +346,13 @@ def integrate(
             if wanted == 0:
                 _record(rows, filled, t, y, z_new, thermal)
                 filled += 1
-            factor = 0.9 / size
-            if h_before > 0.0:  # what the last two steps say about the next one
-                factor = min(factor, factor * h / h_before * size_before / size)
-            h_before, size_before = h, max(size, 0.3)
-            h *= max(0.2, min(growth, factor))
-            growth = 5.0
+            h_next = after_acceptance(h, size, h_before, size_before, growth)
+            h_before, size_before, growth = h, max(size, 0.3), GROWTH
+            h = h_next
             if landing and t < end:
                 h = max(h, planned)
             if h > quiet_step:
-                if _moved(out, y, z, z_new, floor) > QUIET:
+                if relative_change(out, y, z, z_new, floor) > QUIET:
                     looked, cap = 0.0, math.inf
                 elif h > 4.0 * looked or accepted >= look_again:
                     looked, look_again = h, accepted + 20
@@ -385,5 +363,5 @@ def integrate(
 
 
 for kernel in (step, quadratic.step, growing, integrate):
-    for module in (equations, algebra, kinds, laser, quadratic):
+    for module in (equations, algebra, control, kinds, laser, quadratic):
         forget_if_older(kernel, str(module.__file__))

@@ -1,6 +1,7 @@
 """Several rings: one ring alone, power balance, transfer matrices, delays, heat between rings, other solvers."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -9,10 +10,7 @@ from scipy.integrate import solve_ivp
 
 import coupled
 import thermofem as th
-from coupled.circuit.drive import detuning_of, internal_drive, powers_of
-from coupled.circuit.heat import heater_offsets, ring_heat
 from coupled.circuit.network import light_of
-from coupled.circuit.simulate import internal_heat, internal_network, internal_rings
 
 POWER, FAINT = 6.31e-3, 1e-12  # W; at the second nothing but the linear loss acts
 GAMMA = RING.linear_rate
@@ -33,26 +31,22 @@ def pair(mutual: float = 250.0) -> th.StateSpace:
 
 def parts_of_run(circuit, thermal, inputs, duration, detuning=0.0):
     """Compiled right-hand side of a circuit without delays, and its arguments."""
-    from coupled.circuit import integrate as compiled
-    from coupled.circuit.kernel import detunings_at, lasers_at
+    from coupled.circuit.equations import right_hand_side
+    from coupled.circuit.system import system_of
+    from coupled.circuit.waves import detunings_at, lasers_at
 
-    heat = ring_heat(thermal, len(circuit.names))
-    light = light_of(circuit)
-    powers = powers_of(circuit, inputs, duration)
-    frame, _ = detuning_of(circuit, detuning, duration)
-    drive = internal_drive(circuit, light, powers, frame, heater_offsets(heat, None, duration), duration)
-    rings = internal_rings(circuit, light, heat, drive.largest)
-    states, net = internal_heat(heat), internal_network(light)
+    parts = system_of(circuit, thermal, inputs=inputs, detuning=detuning, duration=duration)
+    drive, rings = parts.drive, len(circuit.names)
     laser, slope = (np.zeros(len(circuit.lasers), dtype=complex) for _ in range(2))
-    turned, bare, none = np.zeros(len(circuit.names)), np.zeros(len(circuit.names)), np.zeros(0, dtype=complex)
+    turned, bare, none = np.zeros(rings), np.zeros(rings), np.zeros(0, dtype=complex)
 
     def f(t, y):
         piece = int(np.clip(np.searchsorted(drive.edges, t, side="right") - 1, 0, drive.edges.size - 2))
         lasers_at(drive, piece, t, laser, slope)
         detunings_at(drive, piece, t, turned, bare)
-        return compiled.right_hand_side(y, laser, none, turned, rings, states, net)
+        return right_hand_side(y, laser, none, turned, parts.rings, parts.states, parts.net)
 
-    return f, heat
+    return f, parts.heat
 
 
 @pytest.mark.parametrize("detuning", [0.0, -12e9, [0.0, coupled.Sweep([0, 5e-6], [5e9, -5e9])]])
@@ -170,11 +164,11 @@ def test_two_rings_that_heat_each_other_against_lsoda():
     circuit = coupled.Circuit(
         [RING, RING], (), [coupled.LaserPort("one", "ring 1.in"), coupled.LaserPort("two", "ring 2.in")]
     )
-    inputs, times = {"one": POWER, "two": 3e-3}, np.linspace(0, 3e-6, 301)
-    run = coupled.simulate_circuit(circuit, pair(), inputs=inputs, duration=3e-6, rtol=1e-9, times=times)
-    f, heat = parts_of_run(circuit, pair(), inputs, 3e-6)
+    inputs, times = {"one": POWER, "two": 3e-3}, np.linspace(0, 0.6e-6, 61)  # ring 1 pulses once
+    run = coupled.simulate_circuit(circuit, pair(), inputs=inputs, duration=0.6e-6, rtol=1e-9, times=times)
+    f, heat = parts_of_run(circuit, pair(), inputs, 0.6e-6)
     start = np.zeros(6 + heat.gain.size)
-    exact = solve_ivp(f, (0, 3e3), start, method="LSODA", rtol=1e-11, atol=1e-13, t_eval=times[1:] * 1e9)
+    exact = solve_ivp(f, (0, 600), start, method="LSODA", rtol=1e-10, atol=1e-12, t_eval=times[1:] * 1e9)
     x = exact.y[6:].reshape(2, -1, len(times) - 1)
     rise = np.einsum("ijk,jkt->it", heat.read, x)
     assert run.delta_T.values[:, 1:] == pytest.approx(rise, rel=0, abs=2e-6 * rise.max())
@@ -264,6 +258,48 @@ def test_averages_are_the_integrals_of_the_power():
     power = traces.output.sel(port="drop").values  # continuous, so that trapezoids of 0.5 ps are good to 1e-4
     sums = np.add.reduceat((power[1:] + power[:-1]) / 2, np.arange(0, 4000, 400)) / 400
     assert means.mean_output.sel(port="drop").values[1:] == pytest.approx(sums, rel=1e-3, abs=1e-8)
+
+
+def test_a_detector_with_a_bandwidth_is_a_low_pass():
+    """Against the exact recurrence of a low pass on finely sampled powers, straight between the samples."""
+    base = coupled.scissor([RING, RING])
+    slow = [replace(detector, bandwidth=2e9 if detector.name == "drop" else 0.0) for detector in base.detectors]
+    circuit, x = replace(base, detectors=slow), 2 * np.pi * 2e9 * 0.5e-12
+    times = np.linspace(0, 2e-9, 4001)
+    arguments = {"inputs": {"in": th.SquareWave(power=2e-3, period=0.5e-9, duty=0.5)}, "duration": 2e-9, "rtol": 1e-8}
+    run = coupled.simulate_circuit(circuit, SECOND_ORDER, **arguments, times=times)
+    power, shown = run.output.sel(port="drop").values, [0.0]
+    for before, after in pairwise(power):
+        rise = (after - before) / x
+        shown.append((shown[-1] - before + rise) * np.exp(-x) + after - rise)
+    # straight lines of 0.5 ps miss a field that changes over 5 ps by (0.1)^2/12 where it bends, less on average
+    assert run.detected.sel(port="drop").values == pytest.approx(np.array(shown), rel=0, abs=1e-4 * power.max())
+    assert np.array_equal(run.detected.sel(port="through"), run.output.sel(port="through"))
+    few = times[::400]
+    means = coupled.simulate_circuit(circuit, SECOND_ORDER, **arguments, times=few, average=True)
+    sums = np.add.reduceat((np.array(shown)[1:] + np.array(shown)[:-1]) / 2, np.arange(0, 4000, 400)) / 400
+    assert means.mean_output.sel(port="drop").values[1:] == pytest.approx(sums, rel=0, abs=1e-4 * power.max())
+
+
+def test_a_stream_faster_than_the_photon_lifetime_warns(caplog):
+    circuit, lifetime = coupled.bus(RING), 1 / (2 * RING.linear_rate)
+    for rate, warned in ((0.2 / lifetime, False), (0.3 / lifetime, True)):  # four nodes a symbol
+        caplog.clear()
+        stream = th.Symbols([1, 0], rate=rate, power=1e-3, mask=np.ones(4))
+        coupled.simulate_circuit(circuit, SECOND_ORDER, inputs={"in": stream}, duration=1e-11)
+        assert ("less than the photon lifetime of 'ring 1'" in caplog.text) == warned
+
+
+def test_a_picture_has_every_ring_port_and_laser():
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from coupled.plot_circuit import plot_circuit
+
+    ax = plot_circuit(coupled.scissor([RING] * 3, delay=1e-9))
+    words = {text.get_text() for text in ax.texts}
+    assert {"ring 1", "ring 2", "ring 3", "in", "through", "drop", "1 ns"} <= words
+    mpl.pyplot.close("all")
 
 
 def test_heaters_shift_and_a_switched_one_rises_as_its_model_says():

@@ -59,6 +59,53 @@ def test_static_crosstalk_is_that_of_the_exact_layered_stack():
         assert array.crosstalk[0, j] == pytest.approx(exact, rel=1e-3, abs=1e-3 * FLOOR * array.crosstalk[0, 0])
 
 
+@pytest.fixture(scope="module")
+def mixed():
+    """Two rings of 5 um radius and one of 7.955 um, cores with the oxide's properties."""
+    every = []
+    for radius in (5e-6, 7.955e-6):
+        strip = th.strip_ring(radius=radius, outer_radius=120e-6)
+        every.append(th.assemble(replace(strip, parts=(replace(strip.parts[0], material="SiO2"),))))
+    return surrogate.reduce_array([every[0], every[1], every[0]], MIXED)
+
+
+MIXED = [(0, 0), (20e-6, 0), (0, 30e-6)]
+
+
+def test_rings_of_different_geometry_are_those_of_the_exact_layered_stack(mixed):
+    large, small = Stack(), Stack(radius=5e-6)
+    for i, j, exact in (
+        (0, 1, large.impedance(20e-6, reader=5e-6)),
+        (0, 2, small.impedance(30e-6)),
+        (1, 2, large.impedance(float(np.hypot(20e-6, 30e-6)), reader=5e-6)),
+    ):
+        scale = max(mixed.crosstalk[i, i], mixed.crosstalk[j, j])
+        assert mixed.crosstalk[i, j] == pytest.approx(exact, rel=1e-3, abs=1e-3 * FLOOR * scale)  # of the meshes
+        # in time, too: at a rate s = 1e5/s, the same error relative to the static value
+        s = impedance(mixed.model, -1j * 1e5)[i, j].real
+        stack = small if (i, j) == (0, 2) else large
+        d = float(np.hypot(*np.subtract(MIXED[i], MIXED[j])))
+        assert s == pytest.approx(stack.impedance(d, 1e5, reader=5e-6), rel=0, abs=1e-3 * (exact + FLOOR * scale))
+
+
+def test_rings_of_different_geometry_stay_symmetric_and_passive(mixed):
+    assert mixed.passive
+    assert mixed.error_bound <= 1e-4
+    assert mixed.asymmetry < 2e-3  # of the two meshes, each asked for 1e-3
+    for omega in np.geomspace(1, 1e13, 60):
+        H = impedance(mixed.model, omega)
+        assert np.abs(H - H.T).max() <= 1e-12 * np.abs(H).max()  # round-off of the solve
+        assert np.linalg.eigvalsh(H.real)[0] >= -1e-12 * np.abs(H).max()
+
+
+def test_rings_on_different_layers_are_refused(ring):
+    other = th.assemble(th.strip_ring(box=3e-6, outer_radius=120e-6), 1e-2)
+    with pytest.raises(th.InputError, match=r"heat\[1\] and heat\[0\] differ in layers"):
+        surrogate.reduce_array([ring, other], [(0, 0), (20e-6, 0)])
+    with pytest.raises(th.InputError, match="heat holds 1 heat problems and positions 2 rings"):
+        surrogate.reduce_array([ring], [(0, 0), (20e-6, 0)])
+
+
 def test_the_model_is_symmetric_and_passive(array):
     """Brute force: Re H(i w) has no negative eigenvalue at any of 200 frequencies."""
     assert array.passive

@@ -1,0 +1,138 @@
+"""Right-hand side and Jacobian of a circuit, compiled; state and equations as in `kernel`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..kernels import control, equations, kinds
+from ..kernels.compiling import compiled, forget_if_older
+from ..kernels.control import fastest_growth
+from ..kernels.equations import Array, absorbed_power, dispersion, optics, optics_jacobian
+from ..kernels.kinds import Poles
+from . import layout, waves
+from .layout import Complex, Heat, Network, Rings, rates_of
+from .waves import inputs_of
+
+LARGEST_SPECTRUM = 90  # rows of the Jacobian of the whole circuit whose eigenvalues are computed
+
+
+@compiled
+def neighbours(y: Array, heat: Heat, out: Array) -> None:
+    """Write what the other rings add to the temperature of each, in K."""
+    n, K = heat.gain.shape
+    for i in range(n):
+        total = 0.0
+        if heat.crossed:
+            for j in range(n):
+                if j != i:
+                    read = heat.read[i, j]
+                    at = 3 * n + j * K
+                    for k in range(K):
+                        total += read[k] * y[at + k]
+        out[i] = total
+
+
+@compiled
+def right_hand_side(
+    y: Array, laser: Complex, delayed: Complex, detuning: Array, rings: Rings, heat: Heat, net: Network
+) -> Array:
+    """Return dy/dt in internal units, shape (3 N + N K,), at the waves of lasers and delayed waveguides."""
+    n, K = heat.gain.shape
+    out, other, b = np.empty_like(y), np.empty(n), np.empty(n, np.complex128)
+    neighbours(y, heat, other)
+    inputs_of(net, laser, delayed, b)
+    for i in range(n):
+        z = 0.0
+        for k in range(K):
+            z += heat.read[i, i, k] * y[3 * n + i * K + k]
+        rates = rates_of(rings, i)
+        turned = detuning[i] + rates.thermal_shift * other[i]
+        shift = dispersion(y[3 * i + 2], rings.fcd[i])[0]
+        dT = z + heat.curvature * z * z
+        f0, f1, f2, power = optics(y[3 * i], y[3 * i + 1], y[3 * i + 2], dT, shift, 0.0, turned, rates)
+        light = 1j * b[i]
+        for e in range(net.start[i], net.start[i + 1]):
+            j = net.column[e]
+            light += net.entry[e] * complex(y[3 * j], y[3 * j + 1])
+        out[3 * i], out[3 * i + 1], out[3 * i + 2] = f0 + light.real, f1 + light.imag, f2
+        for k in range(K):
+            at = 3 * n + i * K + k
+            out[at] = heat.gain[i, k] * power - heat.rate[i, k] * y[at]
+    return out
+
+
+@compiled
+def jacobian(y: Array, detuning: Array, rings: Rings, heat: Heat, net: Network) -> Array:
+    """Return d(dy/dt)/dy of the circuit, with the light of delayed waveguides held."""
+    n, K = heat.gain.shape
+    out, other = np.zeros((y.size, y.size)), np.empty(n)
+    neighbours(y, heat, other)
+    for i in range(n):
+        z = 0.0
+        for k in range(K):
+            z += heat.read[i, i, k] * y[3 * n + i * K + k]
+        rates = rates_of(rings, i)
+        turned = detuning[i] + rates.thermal_shift * other[i]
+        dT, bend = z + heat.curvature * z * z, 1.0 + 2.0 * heat.curvature * z
+        shift, slope = dispersion(y[3 * i + 2], rings.fcd[i])
+        J = optics_jacobian(y[3 * i], y[3 * i + 1], y[3 * i + 2], dT, shift, slope, turned, rates)
+        for p in range(3):
+            for q in range(3):
+                out[3 * i + p, 3 * i + q] = J[p][q]
+            for j in range(n):
+                for k in range(K):
+                    factor = bend if j == i else 1.0
+                    out[3 * i + p, 3 * n + j * K + k] = J[p][3] * factor * heat.read[i, j, k]
+        for e in range(net.start[i], net.start[i + 1]):
+            j, m = net.column[e], net.entry[e]
+            out[3 * i, 3 * j] += m.real
+            out[3 * i, 3 * j + 1] -= m.imag
+            out[3 * i + 1, 3 * j] += m.imag
+            out[3 * i + 1, 3 * j + 1] += m.real
+        for k in range(K):
+            at = 3 * n + i * K + k
+            out[at, at] = -heat.rate[i, k]
+            for q in range(3):
+                out[at, 3 * i + q] = heat.gain[i, k] * J[3][q]
+    return out
+
+
+@compiled
+def growing(y: Array, detuning: Array, rings: Rings, heat: Heat, net: Network) -> float:
+    """Return the modulus of the fastest mode that grows, in 1/ns, or 0 where all decay.
+
+    Of the whole circuit where it is small, else of each ring with its own heat.
+    """
+    n, K = heat.gain.shape
+    if y.size <= LARGEST_SPECTRUM:
+        return fastest_growth(jacobian(y, detuning, rings, heat, net))
+    fastest, other = 0.0, np.empty(n)
+    neighbours(y, heat, other)
+    state, poles = np.empty(3 + K), np.empty((2, K))
+    for i in range(n):
+        for p in range(3):
+            state[p] = y[3 * i + p]
+        for k in range(K):
+            own = heat.read[i, i, k]
+            poles[0, k], poles[1, k] = own * heat.gain[i, k], heat.rate[i, k]
+            state[3 + k] = own * y[3 * n + i * K + k]
+        alone = Poles(poles, heat.curvature)
+        turned = detuning[i] + rings.rates[i, 8] * other[i]
+        fastest = max(
+            fastest, fastest_growth(equations.jacobian(state, turned, rates_of(rings, i), rings.fcd[i], alone))
+        )
+    return fastest
+
+
+@compiled
+def heating(rows: Array, rings: Rings, i: int) -> Array:
+    """Return the absorbed power in uW of ring ``i`` from its rows Re a, Im a, N."""
+    rates, out = rates_of(rings, i), np.empty(rows.shape[0])
+    for m in range(rows.shape[0]):
+        out[m] = absorbed_power(rows[m, 0] * rows[m, 0] + rows[m, 1] * rows[m, 1], rows[m, 2], rates)
+    return out
+
+
+for kernel in (neighbours, right_hand_side, jacobian, growing, heating):
+    for module in (equations, control, kinds, layout, waves):
+        forget_if_older(kernel, str(module.__file__))

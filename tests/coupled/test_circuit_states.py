@@ -1,0 +1,111 @@
+"""Fixed points and limit cycles of circuits: against a ring alone, by differences, and against long runs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rings import RING, SECOND_ORDER
+from test_circuit import pair
+
+import coupled
+import thermofem as th
+
+TWO = coupled.Circuit([RING, RING], (), [coupled.LaserPort("one", "ring 1.in"), coupled.LaserPort("two", "ring 2.in")])
+
+
+@pytest.mark.parametrize(("power", "detuning"), [(5e-3, -32e9), (6.31e-3, 0.0), (1e-3, -20e9)])
+def test_one_ring_has_the_fixed_points_of_steady_states(power, detuning):
+    """Two methods: Newton from many starts, and a curve cut at its turning points that misses none."""
+    ours = coupled.circuit_steady_states(coupled.bus(RING), SECOND_ORDER, inputs={"in": power}, detuning=detuning)
+    alone = coupled.steady_states(RING, SECOND_ORDER, power=power, detuning=detuning)
+    assert ours.sizes["state"] == alone.sizes["branch"]
+    for name in ("energy", "carriers", "delta_T"):
+        # the last Newton correction is below 1e-11, and the other method is good to 1e-10
+        assert ours[name].values[:, 0] == pytest.approx(alone[name].values, rel=1e-8, abs=0)
+    assert ours.growth_rate.values == pytest.approx(alone.growth_rate.values, rel=1e-6, abs=1e-3)
+    assert ours.output.sel(port="drop 1").values == pytest.approx(alone["drop"].values, rel=1e-8, abs=0)
+
+
+def test_two_separate_bistable_rings_have_all_pairs_of_states():
+    alone = coupled.steady_states(RING, SECOND_ORDER, power=5e-3, detuning=-32e9)
+    inputs = {"one": 5e-3, "two": 5e-3}
+    found = coupled.circuit_steady_states(TWO, SECOND_ORDER, inputs=inputs, detuning=-32e9, starts=200)
+    pairs = sorted((a, b) for a in alone.energy.values for b in alone.energy.values)
+    assert found.sizes["state"] == len(pairs) == 9
+    ours = sorted(map(tuple, found.energy.values))
+    assert np.array(ours) == pytest.approx(np.array(pairs), rel=1e-7, abs=0)
+    stable = int(np.sum(alone.growth_rate.values < 0))
+    assert int(np.sum(found.growing.values == 0)) == stable**2
+
+
+def test_the_jacobian_is_the_derivative_of_the_right_hand_side():
+    """Rings that heat each other and exchange light, by central differences: 1e-6 of the step squared and round-off."""
+    from coupled.circuit.equilibria import _flow, _jacobian, autonomous
+
+    circuit = coupled.scissor([RING, replace(RING, frequency=RING.frequency + 4e9)], phase=0.7, loss=0.4)
+    system = autonomous(circuit, pair(), {"in": 5e-3}, None, 1e9)
+    rng = np.random.default_rng(3)
+    y = np.abs(rng.normal(1.0, 0.3, 6 + system.heat.gain.size))
+    J, h = _jacobian(system, y), 1e-5
+    for j in range(y.size):
+        step = h * np.eye(y.size)[j]
+        difference = (_flow(system, y + step) - _flow(system, y - step)) / (2 * h)
+        assert J[:, j] == pytest.approx(difference, rel=1e-6, abs=1e-6 * np.abs(J).max())
+
+
+def test_a_run_settles_on_the_stable_fixed_point_of_two_rings_that_heat_each_other():
+    inputs = {"one": 0.4e-3, "two": 0.8e-3}
+    found = coupled.circuit_steady_states(TWO, pair(), inputs=inputs, detuning=-3e9)
+    run = coupled.simulate_circuit(TWO, pair(), inputs=inputs, detuning=-3e9, duration=200e-6, times=[200e-6])
+    settled = run.isel(time=0)
+    stable = found.isel(state=found.growing.values == 0)
+    # rtol = 1e-6 a step, and 16 time constants of the slowest heat: 1e-7
+    assert min(abs(e / settled.energy - 1).max() for e in stable.energy) < 1e-4
+
+
+def test_one_ring_has_the_cycle_of_limit_cycle():
+    """Shooting with differences against collocation."""
+    ours = coupled.circuit_limit_cycle(coupled.bus(RING), SECOND_ORDER, inputs={"in": 6.31e-3})
+    alone = coupled.limit_cycle(RING, SECOND_ORDER, power=6.31e-3)
+    assert ours.attrs["period"] == pytest.approx(alone.attrs["period"], rel=1e-6, abs=0)
+    size = np.sort(np.abs(alone.multipliers.values))[::-1]
+    # differences of 3e-5 of flows good to 1e-10 a step
+    assert np.abs(ours.multipliers.values)[:3] == pytest.approx(size[:3], rel=0, abs=1e-4)
+    assert ours.delta_T.values[0, 0] == pytest.approx(ours.delta_T.values[0, -1], rel=1e-6, abs=0)
+
+
+def test_a_faint_ring_beside_a_pulsing_one_follows_it():
+    """The cycle of both is that of the ring that pulses, and the other one is heated by it."""
+    cycle = coupled.circuit_limit_cycle(TWO, pair(), inputs={"one": 6.31e-3, "two": 1e-9}, settle=100e-6)
+    assert abs(cycle.multipliers.values[0]) == pytest.approx(1, rel=0, abs=1e-4)  # the trivial one; all else decays
+    mean = cycle.absorbed.isel(ring=0).integrate("time") / cycle.attrs["period"]
+    # the neighbour's mean rise is 250 K/W of the mean power, whatever its ripple
+    rise = cycle.delta_T.isel(ring=1).integrate("time") / cycle.attrs["period"]
+    assert float(rise) == pytest.approx(250.0 * float(mean), rel=1e-4, abs=0)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: states(TWO, {"one": th.Constant(1e-3)}), r"inputs\['one'\] is a Constant.*belong to a number"),
+        (lambda: states(coupled.delay_loop(RING, 1e-9), {"in": 1e-3}), "the circuit has delays"),
+        (lambda: states(BEATING, {"a": 1e-3, "b": 1e-3}), "different frequency beat"),
+        (lambda: states(RING, {"in": 1e-3}), "circuit is a RingResonator"),
+        (
+            lambda: coupled.circuit_limit_cycle(coupled.bus(RING), SECOND_ORDER, inputs={"in": 1e-5}, settle=5e-6),
+            "comes to rest",
+        ),
+    ],
+)
+def test_what_has_no_fixed_points_is_refused(call, words):
+    with pytest.raises(th.InputError, match=words):
+        call()
+
+
+BEATING = coupled.Circuit(
+    [RING], (), [coupled.LaserPort("a", "ring 1.in"), coupled.LaserPort("b", "ring 1.add", offset=1e9)]
+)
+
+
+def states(circuit, inputs):
+    return coupled.circuit_steady_states(circuit, SECOND_ORDER, inputs=inputs)
