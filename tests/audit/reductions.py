@@ -123,8 +123,20 @@ def judge(one: Case) -> Verdict:
         small = (residues / (theta + 1j * omega)).sum(axis=0)
         own = np.sqrt(np.outer(*[np.einsum("ia,ia,i->a", full, full, 1 / rate)] * 2))
         error = np.abs(exact - small) - ROUND_OFF * own
+        if (error > top).any():
+            error = np.abs(_solved(one, omega) - small) - ROUND_OFF * own
         worst = max(worst, float((error / top).max()))
     return Verdict(one.name, worst, found.order)
+
+
+def _solved(one: Case, omega: float) -> Array:
+    """F^T (K + i w M)^-1 F by solves that are refined with residuals in extended precision."""
+    matrix = one.K + 1j * omega * one.M
+    F, exact = one.ports.astype(np.clongdouble), one.K.astype(np.clongdouble) + 1j * np.longdouble(omega) * one.M
+    x = np.zeros_like(F)
+    for _ in range(6):
+        x = x + np.linalg.solve(matrix, (F - exact @ x).astype(complex))
+    return np.asarray((F.T @ x).astype(complex))
 
 
 def _scale(one: Case, rate: Array, full: Array) -> Array:
