@@ -61,7 +61,9 @@ class Pulsing:
     extinction : float, dB
         largest to smallest drop power of the last cycle; nan unless it pulses.
     pattern : int
-        pulses in a period: 1, or more where large and small ones alternate.
+        pulses in a period: 1, or more where large and small ones alternate. Two that differ by 0.1 to 2 % count as a
+        pattern where the difference has not decayed over five cycles; below 0.1 % a trace does not tell, and the
+        multipliers of `limit_cycle` do.
     drift : float
         relative change of the period from the last one to the one before; nan unless it pulses. `limit_cycle` has the
         period that it leads to.
@@ -164,6 +166,8 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     if together == 1 and _alternate(heights):
         words = f"{seen}unequal pulses, too few to tell whether they repeat: simulate {wanted:.2g} s"
         return replace(_quiet(Regime.SLOW_TRANSIENT, words, swing, heights.size), suggested_duration=wanted)
+    if together == 1 and _doubled(heights, 10 * noise):
+        together = 2
     change = limit / tops[tops.size // 3] - 1
     begin, end = float(up[-1 - together]), float(up[-1])
     before = begin - float(up[-1 - 2 * together]) if up.size > 2 * together else end - begin
@@ -204,6 +208,17 @@ def _alternate(heights: Array) -> bool:
     steps = np.diff(heights[-4:])
     turned = steps.size >= 2 and bool(np.all(steps[1:] * steps[:-1] < 0))
     return turned and abs(steps[-1]) > SETTLED * heights[-1] and abs(steps[-1]) > 0.5 * abs(steps[-2])
+
+
+def _doubled(heights: Array, least: float) -> bool:
+    """Whether large and small pulses have alternated by more than ``least`` for five cycles without decay.
+
+    A difference that decays belongs to a cycle of one pulse; within 2 % from cycle to cycle it stays or grows.
+    """
+    steps = np.diff(heights[-5:])
+    alternate = steps.size == 4 and bool(np.all(steps[1:] * steps[:-1] < 0))
+    size = np.abs(steps)
+    return alternate and size[-1] > least * heights[-1] and bool(np.all(size[1:] > (1 - SETTLED) * size[:-1]))
 
 
 def _varying(run: xr.Dataset | Record, t: Array) -> str:

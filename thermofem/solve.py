@@ -55,7 +55,8 @@ def solve(
         what is read; default the heated part. A sequence gives ``delta_T`` a dimension ``probe``.
     rtol : float
         error in time relative to the largest rise so far, see `transient.integrate`; the mesh adds its own
-        ``heat.accuracy``.
+        ``heat.accuracy``. Of a probe that the heat has hardly reached it is relative to a tenth of what the field so
+        far would mean there in the steady state; relative to its own value the error of such a probe is not bounded.
     field_times : array, s
         times at which the whole field is kept.
     method : "auto" or "stepping"

@@ -155,6 +155,20 @@ def test_large_and_small_pulses_that_alternate_have_the_period_of_their_pattern(
     assert found.period == pytest.approx(together * PERIOD, rel=1e-4, abs=0)  # samples 1/140 apart on a kinked wave
 
 
+@pytest.mark.parametrize(
+    ("difference", "factor", "pattern"), [(0.01, 1.0, 2), (0.003, 1.0, 2), (1e-3, 1.02, 2), (0.01, 0.9, 1)]
+)
+def test_a_small_difference_that_stays_doubles_the_period_and_one_that_decays_does_not(difference, factor, pattern):
+    """28 pulses; the difference changes by ``factor`` a cycle, which is the multiplier -factor of the cycle."""
+    x = TIMES / PERIOD
+    cycle = np.floor(x)
+    heights = 1 + difference / 2 * (-factor) ** cycle
+    found = coupled.pulsing(trace(2 + heights * np.sin(2 * np.pi * x) ** 2 * np.sign(np.sin(2 * np.pi * x))))
+    assert found.regime == "self-pulsing"
+    assert found.pattern == pattern
+    assert found.period == pytest.approx(pattern * PERIOD, rel=1e-4, abs=0)
+
+
 def test_extinction_is_the_ratio_of_the_drop_power():
     found = coupled.pulsing(trace(wave(), drop=wave(0.9, mean=1.0)))
     assert found.extinction == pytest.approx(10 * np.log10(1.9 / 0.1), abs=0.02)  # extrema between samples: .9 x 2.5e-4
