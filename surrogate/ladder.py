@@ -33,8 +33,9 @@ from .quadratic import reduce_quadratic
 from .reduce import reduce
 from .sindy import fit_sindy
 from .sindy_quadratic import fit_sindy_quadratic
+from .swings import swings
 from .truncate import balanced_truncation
-from .validate import PERIODS, check_models, error_curve, swings, valid_range
+from .validate import PERIODS, check_models, error_curve, valid_range
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -205,6 +206,7 @@ def judge(
     ----------
     models : mapping from a name to a ThermalModel
     reference : ThermalModel
+        also the FEM with k(T), ``heat.model("core", "core")``.
     powers : sequence of float, W
         of the square wave; more than one tells something where k depends on temperature.
     periods : array, s
@@ -233,7 +235,7 @@ def judge(
         for i, model in enumerate(models.values()):
             curve = error_curve(model, exact, periods, float(power), duty)
             error[i, j], ends[i, j] = curve["relative_error"].values, valid_range(curve)
-            swing[i, j] = swings(model, periods, float(power), duty) / exact - 1
+            swing[i, j] = curve["swing_model"].values / exact - 1
     over = ("model", "power", "period")
     states = [float(getattr(m, "order", np.nan)) for m in models.values()]
     found = xr.Dataset(

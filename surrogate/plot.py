@@ -47,11 +47,13 @@ def plot_period_error(
     band = within * (periods if absolute else 100 * np.ones_like(periods))
     ax.fill_between(periods, -band, band, color=SKY, alpha=0.18, linewidth=0)
     ax.axhline(0, color=INK, linewidth=0.6)
-    for (name, curve), colour in zip(curves.items(), _cycle(len(curves)), strict=True):
+    for k, ((name, curve), colour) in enumerate(zip(curves.items(), _cycle(len(curves)), strict=True)):
         error = curve["error"].values * 1e6 if absolute else curve["relative_error"].values * 100
         low, high = valid_range(curve, within=within)
         words = f"{name}: {low * 1e6:.3g} to {high * 1e6:.3g} µs" if np.isfinite(low) else name
-        ax.plot(curve["period"].values * 1e6, np.where(np.isfinite(error), error, np.nan), color=colour, label=words)
+        shown = np.where(np.isfinite(error), error, np.nan)
+        style = ("-", "--", ":")[k // len(COLOURS) % 3]  # where colours repeat
+        ax.plot(curve["period"].values * 1e6, shown, style, color=colour, label=words)
     bottom, top = ax.get_ylim()
     limit = 1.0 if absolute else 100.0
     ax.set_ylim(max(bottom, -limit), min(top, limit))

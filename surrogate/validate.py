@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermofem import Chirp, Constant, Foster, Pulse, SquareWave, Telegraph, ThermalModel, Waveform, checks
-from thermofem.models import Cauer, Network, bare
+from thermofem import Chirp, Constant, Pulse, SquareWave, Telegraph, ThermalModel, Waveform, checks
+
+from .swings import SAMPLES, period_of, swing_over_period, swings
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -21,10 +22,8 @@ Array = NDArray[np.float64]
 
 SHIFT = 10.294e9  # Hz/K: (nu_0/n_0) dn/dT of the paper's ring at 1555 nm, Appendix A
 WAVELENGTH = 1555e-9  # m
-SAMPLES = 301  # of one period, or of a transient between two edges of it
 PERIODS = np.geomspace(1e-7, 1e-5, 13)  # s, of the curves from which ranges of validity are read
 OCTAVE = 2.0  # a range of validity spans at least this factor
-FARTHEST = 1e4  # a period this many times longer or shorter than the reference's counts as never reached
 
 
 def period_error(
@@ -46,7 +45,7 @@ def period_error(
     ----------
     model : ThermalModel
     reference : ThermalModel
-        the FEM or, a thousand times faster, its certified reduction.
+        the FEM or, a thousand times faster, its certified reduction; with k(T) the FEM itself, see `swings`.
     periods : array, shape (n,), s
     power : float, W
     duty : float
@@ -54,7 +53,7 @@ def period_error(
     Returns
     -------
     Dataset
-        over ``period`` (s): ``period_model``, ``error`` (s), ``relative_error``, ``swing`` (K). Where no period gives
+        over ``period`` (s): ``period_model``, ``error`` (s), ``relative_error``, ``swing`` and ``swing_model`` (K). Where no period gives
         the model that swing, period_model is inf (or 0, when it always has more). ``attrs["validity"]`` says in words
         where the error is within 10 %.
 
@@ -75,26 +74,19 @@ def check_models(models: Mapping[str, ThermalModel]) -> None:
         checks.has(str(name), given, "periodic_response", hint="a thermal model is needed, such as a fit")
 
 
-def swings(reference: ThermalModel, periods: Array, power: float, duty: float) -> Array:
-    """Swing in K of the periodic state at each period; raises as `period_error`."""
-    checks.positive("periods[0]", periods[0], unit="s")
-    checks.positive("periods[-1]", periods[-1], unit="s", at_most=0.1, hint="periods are in s (did you mean 1e-6?)")
-    checks.positive("power", power, unit="W", at_most=10, hint="powers are in W (did you mean 2e-3 for 2 mW?)")
-    checks.between("duty", duty, 1e-6, 1 - 1e-6, hint="the duty cycle is the fraction of the period that is on")
-    return np.array([_swing(reference, t, power, duty) for t in periods])
-
-
 def error_curve(model: ThermalModel, swing: Array, periods: Array, power: float, duty: float) -> xr.Dataset:
     """`period_error` against swings of a reference that are known already."""
     import xarray as xr
 
-    found = np.array([_period(model, s, t, power, duty) for s, t in zip(swing, periods, strict=True)])
-    error = periods - found
+    look = swing_over_period(model, periods, power, duty)
+    found = np.array([period_of(look, s, t) for s, t in zip(swing, periods, strict=True)])
+    error, own = periods - found, np.array([look(t) for t in periods])
     variables = {
         "period_model": ("period", found, {"units": "s", "long_name": "period at which the model has the swing"}),
         "error": ("period", error, {"units": "s", "long_name": "period error"}),
         "relative_error": ("period", error / periods, {"units": "1", "long_name": "period error over period"}),
         "swing": ("period", swing, {"units": "K", "long_name": "swing of the temperature rise"}),
+        "swing_model": ("period", own, {"units": "K", "long_name": "swing of the model's temperature rise"}),
     }
     coords = {"period": ("period", periods, {"units": "s", "long_name": "period"})}
     curve = xr.Dataset(variables, coords=coords, attrs={"power": power, "duty": duty})
@@ -268,39 +260,3 @@ def _words(drive: Waveform) -> str:
         case Chirp():
             return f"chirp {drive.first * 1e6:.3g} to {drive.last * 1e6:.3g} us"
     return type(drive).__name__.lower()
-
-
-def _swing(model: ThermalModel, period: float, power: float, duty: float) -> float:
-    """Largest minus smallest rise of the periodic state; a passive network has them at the two edges.
-
-    swing = P sum_i R_i (1 - e^-a)(1 - e^-b)/(1 - e^-(a+b)),   a = duty T/tau_i,  b = (1 - duty) T/tau_i
-    """
-    poles = bare(model)
-    if isinstance(poles, Foster | Network | Cauer):
-        poles = poles.dynamics
-    if isinstance(poles, Foster) and poles.passive:
-        on, off = -duty * period / np.asarray(poles.tau), -(1 - duty) * period / np.asarray(poles.tau)
-        return float(-power * np.asarray(poles.R) @ (np.expm1(on) * np.expm1(off) / np.expm1(on + off)))
-    return float(np.ptp(model.periodic_response(SquareWave(power, period, duty), SAMPLES)))
-
-
-def _period(model: ThermalModel, swing: float, near: float, power: float, duty: float) -> float:
-    """The period at which the model has a swing: bracketed from ``near``, then by Brent's method in its logarithm."""
-    from scipy.optimize import brentq
-
-    def excess(log_period: float) -> float:
-        return _swing(model, float(np.exp(log_period)), power, duty) - swing
-
-    low = high = float(np.log(near))
-    step, farthest = np.log(1.5), np.log(FARTHEST)
-    if excess(low) > 0:
-        while excess(low) > 0:
-            low, high, step = low - step, low, 1.5 * step
-            if low < np.log(near) - farthest:
-                return 0.0
-    else:
-        while excess(high) < 0:
-            low, high, step = high, high + step, 1.5 * step
-            if high > np.log(near) + farthest:
-                return float("inf")
-    return float(np.exp(brentq(excess, low, high, xtol=1e-10))) if low < high else near

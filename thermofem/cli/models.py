@@ -82,7 +82,8 @@ def validate(
 ) -> dict[str, Any]:
     """Judge models by their period error (Section 6 of the paper): over which periods can each be trusted?
 
-    Given a geometry, every kind of model is trained on it and judged by its FEM; given models, those.
+    Given a geometry, every kind of model is trained on it and judged by its FEM, with k(T) at the power asked for; given
+    models, those.
     """
     import numpy as np
 
@@ -160,7 +161,8 @@ def _validate_geometry(
     geometry = CrossSection.from_toml(path)
     with working("solving, training every kind of model, judging"):
         found = judge(geometry, accuracy=accuracy, periods=periods, power=watts, duty=duty)
-    of = f"{geometry.name}: square waves of {watts * 1e3:g} mW, {duty:.0%} duty, against its FEM"
+    by = "its FEM" if found.power is None else "its FEM with k(T)"
+    of = f"{geometry.name}: square waves of {watts * 1e3:g} mW, {duty:.0%} duty, against {by}"
     for figure in figures:
         _draw_curves(found.curves, figure, of)
     show(table(found, of))

@@ -53,17 +53,23 @@ class Judged:
 
 
 def judge(geometry: CrossSection, *, accuracy: float, periods: Array, power: float, duty: float) -> Judged:
-    """Train models of every kind on a geometry, at small power, and draw their period errors.
+    """Train models of every kind on a geometry and judge them by its FEM, with k(T) at the power asked for.
 
     Raises
     ------
     InputError
-        a geometry that cannot be meshed or reduced.
+        a geometry that cannot be meshed or reduced, a power without a steady state.
     """
     heat = assemble(geometry, accuracy)
+    core = heat.heated[0]
     ladder = surrogate.train_all(heat, power=power, duty=duty, hot=0, names=NAMES)
-    errors = surrogate.judge(ladder.models, ladder.reference, powers=[power], periods=periods, duty=duty)
-    return Judged(errors, ladder.refused, against_power(heat, heat.heated[0]))
+    models, reference, system = dict(ladder.models), ladder.reference, heat.model(core, core)
+    if isinstance(system, NonlinearSystem):
+        models["output map"] = surrogate.output_map(system, power)
+        models["quadratic reduction"] = surrogate.reduce_quadratic(system, power)
+        reference = system
+    errors = surrogate.judge(models, reference, powers=[power], periods=periods, duty=duty)
+    return Judged(errors, ladder.refused, against_power(heat, core))
 
 
 def against_power(heat: HeatProblem, core: str) -> dict[str, float] | None:
@@ -115,9 +121,9 @@ def advice(found: Judged) -> list[str]:
         power, rise = limits[f"power_{share:g}_W"], limits[f"rise_{share:g}_K"]
         reach = f"up to {power * 1e3:.3g} mW, a rise of {rise:.3g} K"
         end = " and beyond" if power >= tried else "; above, take an output map or a quadratic reduction"
-        lines.append(f"k(T): linear models are within {100 * share:g} % {reach}{end}")
+        lines.append(f"k(T): the steady rise of linear models is within {100 * share:g} % {reach}{end}")
     error = f"within {100 * limits['map_error']:.2g} % up to {tried * 1e3:.3g} mW, {limits['rise_tried_K']:.3g} K"
-    lines.append(f"k(T): linear model and output map {error} (steady rises)")
+    lines.append(f"k(T): the steady rise of a linear model with output map is {error}")
     return lines
 
 
