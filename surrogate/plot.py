@@ -6,7 +6,7 @@ Every function draws into ``ax`` (a new figure by default), labels its axes with
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -52,7 +52,7 @@ def plot_period_error(
         low, high = valid_range(curve, within=within)
         words = f"{name}: {low * 1e6:.3g} to {high * 1e6:.3g} µs" if np.isfinite(low) else name
         shown = np.where(np.isfinite(error), error, np.nan)
-        style = ("-", "--", ":")[k // len(COLOURS) % 3]  # where colours repeat
+        style = ("-", "--", ":")[k // len(CYCLE) % 3]  # where colours repeat
         ax.plot(curve["period"].values * 1e6, shown, style, color=colour, label=words)
     bottom, top = ax.get_ylim()
     limit = 1.0 if absolute else 100.0
@@ -61,7 +61,10 @@ def plot_period_error(
     ax.set_title(f"shaded, and the range named: within {100 * within:g} %", fontsize="small", loc="left", color=INK)
     ax.xaxis.set_major_formatter("{x:g}")
     ax.margins(x=0)
-    ax.legend(frameon=False, fontsize="small")
+    below: dict[str, Any] = (
+        {"loc": "upper center", "bbox_to_anchor": (0.45, -0.2), "ncols": 2} if len(curves) > len(CYCLE) else {}
+    )
+    ax.legend(frameon=False, fontsize="small", **below)
     return ax
 
 

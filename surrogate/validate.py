@@ -53,9 +53,9 @@ def period_error(
     Returns
     -------
     Dataset
-        over ``period`` (s): ``period_model``, ``error`` (s), ``relative_error``, ``swing`` and ``swing_model`` (K). Where no period gives
-        the model that swing, period_model is inf (or 0, when it always has more). ``attrs["validity"]`` says in words
-        where the error is within 10 %.
+        over ``period`` (s): ``period_model``, ``error`` (s), ``relative_error``, ``swing`` and ``swing_model`` (K).
+        Where no period gives the model that swing, period_model is inf (or 0, when it always has more).
+        ``attrs["validity"]`` says in words where the error is within 10 %.
 
     Raises
     ------

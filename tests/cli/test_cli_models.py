@@ -111,6 +111,7 @@ def test_validate_trains_every_model_on_a_geometry(folder):
     assert (folder / "ring.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_validate_judges_by_the_fem_with_its_laws_at_the_power():
     """1.7 % at 1 us and 3.1 % at 5 us are the errors of a linear model by an independent run, to 0.1 %."""
     from thermofem.cli.validate import advice, judge, table
@@ -120,7 +121,8 @@ def test_validate_judges_by_the_fem_with_its_laws_at_the_power():
     found = judge(section, accuracy=1e-3, periods=np.array([1e-6, 5e-6]), power=2e-3, duty=1 / 3)
     error = {name: np.abs(curve["relative_error"].values) for name, curve in found.curves.items()}
     assert error["certified reduction (0.0001)"] == pytest.approx([0.017, 0.031], abs=2e-3)
-    assert error["output map"].max() < 0.01 and error["quadratic reduction"].max() < 0.01
+    assert error["output map"].max() < 0.01
+    assert error["quadratic reduction"].max() < 0.01
     assert {"output map", "quadratic reduction"} <= set(table(found).columns[0].cells)
     assert any("within 1%: " in line and "certified" not in line for line in advice(found))
     system = th.assemble(section).model("core", "core")

@@ -82,7 +82,7 @@ def validate(
 ) -> dict[str, Any]:
     """Judge models by their period error (Section 6 of the paper): over which periods can each be trusted?
 
-    Given a geometry, every kind of model is trained on it and judged by its FEM, with k(T) at the power asked for; given
+    Given a geometry, every kind of model is trained on it and judged by its FEM, with k(T) at the power asked; given
     models, those.
     """
     import numpy as np
