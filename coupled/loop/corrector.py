@@ -26,13 +26,14 @@ from numpy.typing import ArrayLike, NDArray
 from thermofem import HeatProblem, checks
 from thermofem.algebra.krylov import CYCLES, krylov
 from thermofem.display import card
-from thermofem.models import Foster, NonlinearSystem, StateSpace, foster
+from thermofem.models import Foster, NonlinearSystem, OutputMap, StateSpace, foster
 from thermofem.solve import mesh_hash
 from thermofem.transient.deflation import Field, State
 from thermofem.waveforms import Waveform, to_json
 
 Array = NDArray[np.float64]
 
+BENT_AT = 10.0  # K, where the predictor of k(T) is right at rest
 SHARE = 0.3  # of the tolerance of the co-simulation, for the FEM's own steps
 
 
@@ -95,6 +96,7 @@ class FEM:
             raise checks.InputError("field_times needs a HeatProblem, whose mesh the fields belong to")
         inputs = (self.heated, *self.heaters)
         system = heat.model(inputs, self.heated) if isinstance(heat, HeatProblem) else _channels(heat, inputs)
+        self.nonlinear = system if isinstance(system, NonlinearSystem) else None
         self.linear = system.linear if isinstance(system, NonlinearSystem) else system
         self.basis = krylov(self.linear, cycles)
         self.field = Field(
@@ -107,7 +109,7 @@ class FEM:
         )
         self.field_times = checks.array("field_times", field_times, increasing=True) if np.size(field_times) else None
         self.fields: list[Array] = []
-        self.state = self.field.start()
+        self.state, self.stored_before, self.tolerance = self.field.start(), 0.0, tolerance
         self._tried: tuple[State, Array] | None = None
 
     def __repr__(self) -> str:
@@ -127,6 +129,23 @@ class FEM:
         self._tried = state, fields
         return outputs[:, 0]
 
+    def begin(self, rise: Array) -> None:
+        """Start at t = 0 from a field, K."""
+        self.state = self.field.begin(rise)
+        self.stored_before = self.field.stored(self.state)
+
+    @property
+    def rise(self) -> float:
+        """Accepted rise of the heated part, K."""
+        return float(self.linear.C[0] @ self.field.temperature(self.state))
+
+    @property
+    def tried(self) -> Array:
+        """Field at the end of the last call of `advance`, K."""
+        if self._tried is None:
+            raise checks.InputError("tried comes after advance()")
+        return self.field.temperature(self._tried[0])
+
     def accept(self) -> None:
         """Keep the end of the last call, and its fields."""
         if self._tried is None:
@@ -135,9 +154,17 @@ class FEM:
         self.fields.extend(fields)
 
     @cached_property
-    def predictor(self) -> Foster:
-        """The Krylov reduction of the linear problem from the heated part to itself."""
-        return foster(self.basis.reduced(self.linear).channel(self.heated, self.heated))
+    def predictor(self) -> Foster | OutputMap:
+        """The Krylov reduction from the heated part to itself; with k(T) the static rise at 10 K bends its output."""
+        linear = foster(self.basis.reduced(self.linear).channel(self.heated, self.heated))
+        if self.nonlinear is None:
+            return linear
+        z = BENT_AT
+        powers = [z / linear.thermal_resistance, *(0.0 for _ in self.heaters)]
+        try:
+            return OutputMap(linear, (float(self.nonlinear.steady_rise(powers)[0]) - z) / z**2)
+        except checks.InputError:  # no steady state there, or no map with a top far above
+            return linear
 
     def background(self, times: Array, reduced: StateSpace | None = None) -> Array:
         """Rise in K caused by the heaters, from a reduced model with all inputs (default: the Krylov reduction)."""
@@ -150,7 +177,7 @@ class FEM:
     def summary(self) -> dict[str, Any]:
         """Size of the FEM, number of steps and solves, and its heat balance in J."""
         s, state = self.field.stepper, self.state
-        stored = self.field.stored(state)
+        stored = self.field.stored(state) - self.stored_before
         scale = max(abs(state.heat_in), abs(stored), abs(state.heat_out))
         imbalance = (state.heat_in - stored - state.heat_out) / scale if scale else 0.0
         heat, provenance = self.problem, {}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermofem import Foster, HeatProblem, StateSpace, checks
+from thermofem import Foster, HeatProblem, OutputMap, Quadratic, StateSpace, checks
 from thermofem.models import NonlinearSystem, ThermalModel
 from thermofem.waveforms import Constant, Function, Waveform, storable
 
@@ -18,6 +18,7 @@ from ..resonator import RingResonator
 from ..states import State
 from ..thermal import Compact, compact
 from ..window import Window
+from .beginning import beginning
 from .corrector import FEM, Corrector
 from .relaxation import Passed, Relaxation
 
@@ -44,9 +45,10 @@ def cosimulate(
     rtol: float = 1e-6,
     heaters: Mapping[str, Waveform] | None = None,
     field_times: ArrayLike = (),
+    initial: xr.Dataset | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> xr.Dataset:
-    """Switch the laser on at t = 0 on a cold, empty ring and integrate it together with the full-order heat problem.
+    """Integrate a ring together with the full-order heat problem, cold and empty unless ``initial`` says otherwise.
 
     The equations are those of `simulate`; the thermal model only predicts. In each time window (`relaxation`) the
     corrector receives the absorbed power and returns the temperature. The difference from the predicted temperature is
@@ -71,6 +73,9 @@ def cosimulate(
         power in W of other heated parts of a HeatProblem.
     field_times : array, s, optional
         when the temperature field of a HeatProblem is kept.
+    initial : Dataset, optional
+        where to begin: the end of another co-simulation of the same ``heat``, or a cycle of `limit_cycle` with a
+        reduction of it, lifted to the mesh: the FEM is then settled after a period or two.
     progress : callable, optional
         called with the simulated time in s after every window.
 
@@ -120,9 +125,11 @@ def cosimulate(
     if isinstance(chosen, StateSpace) and len(chosen.inputs) > 1 and isinstance(corrector, FEM):
         chosen = chosen.channel(corrector.heated, corrector.heated)
     model = chosen if chosen is NO_PREDICTOR else compact(chosen)
+    begin = beginning(initial, corrector, model)
     loop = Relaxation(
         ring, model, corrector, light["input_power"], light["detuning"], float(duration), min(FIRST, duration),
-        tolerance, rtol, State.cold(model.order), _background(corrector, predictor),
+        tolerance, rtol, begin.state, _background(corrector, predictor), accepted=begin.rise,
+        rest=begin.rise - _read(model, begin.state),
     )  # fmt: skip
     parts = []
     while loop.time < duration:
@@ -130,6 +137,14 @@ def cosimulate(
         if progress:
             progress(loop.time)
     return _dataset(ring, light, loop, parts, duration)
+
+
+def _read(model: Compact, state: State) -> float:
+    """The rise that a predictor's states stand for, K."""
+    x = np.asarray(state.thermal)
+    if isinstance(model, Quadratic):
+        return float(model.C @ x)
+    return float(model.of(x.sum())) if isinstance(model, OutputMap) else float(x.sum())
 
 
 def _over(wave: Any, duration: float) -> Any:
@@ -187,6 +202,11 @@ def _dataset(
         },
     )
     fem = loop.corrector
+    if isinstance(fem, FEM):
+        end = loop.state
+        data.attrs["final_light"] = np.array([end.field.real, end.field.imag, end.carriers])
+        about = {"units": "K", "long_name": "rise of every unknown at the end"}
+        data["final_rise"] = ("unknown", fem.field.temperature(fem.state), about)
     if isinstance(fem, FEM) and fem.problem and fem.field_times is not None:
         kept = fields(fem.problem, np.array(fem.fields), fem.field_times)
         data = data.merge(kept, combine_attrs="override")

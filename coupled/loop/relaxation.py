@@ -158,7 +158,7 @@ class Relaxation:
         """InputError unless the corrector begins a window where the accepted one ended, at 0 K before the first."""
         if not abs(first - self.accepted) > STARTS * self.tolerance:  # nan is told elsewhere
             return
-        if start == 0 and passes == 1 and not self.abandoned:
+        if start == 0 and passes == 1 and not self.abandoned and not self.accepted:
             raise checks.InputError(
                 f"corrector.advance returned {first:.6g} K at t = 0, before anything is heated; it must return the "
                 "rise over ambient temperature, which starts at 0 K"

@@ -140,12 +140,22 @@ class Table:
 
     def integral(self, start: float, rise: ArrayLike) -> Array:
         """From the cubics' antiderivative, with straight continuations."""
-        return np.asarray(_area(self, start)(np.asarray(rise, dtype=float))) / float(self.value(self.reference))
+        knots, coefficients = _area(self, start)
+        x = np.asarray(rise, dtype=float)
+        k = knots[1:-1].searchsorted(x, side="right")
+        u, total = x - knots[k], coefficients[0].take(k)
+        for row in coefficients[1:]:
+            total *= u
+            total += row.take(k)
+        return np.asarray(total)
 
 
 @lru_cache(maxsize=64)
-def _area(table: Table, start: float) -> Any:
-    """Integral of v from ``start`` as a function of the rise: cubics with a knot at 0, where nothing cancels."""
+def _area(table: Table, start: float) -> tuple[Array, Array]:
+    """Integral of f from ``start`` as a function of the rise: quartics with a knot at 0, where nothing cancels.
+
+    Knots in K and coefficients, highest power first: an integration asks so often that SciPy's checks would count.
+    """
     from scipy.interpolate import PPoly
 
     T = table.temperatures
@@ -155,7 +165,7 @@ def _area(table: Table, start: float) -> Any:
     slopes = [np.where(inside, table._curve(left, k), 0.0) / math.factorial(k) for k in (3, 2, 1)]
     area = PPoly(np.stack([*slopes, table.value(left)]), knots - start).antiderivative()
     area.c[-1] -= area(0.0)
-    return area
+    return area.x, np.ascontiguousarray(area.c) / float(table.value(table.reference))
 
 
 CONSTANT = PowerLaw()

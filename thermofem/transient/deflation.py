@@ -121,6 +121,16 @@ class Field:
         k = self.drive.shape[1] - inputs
         return State(time, np.zeros(k), np.zeros(n), np.zeros(n), np.zeros(inputs + k))
 
+    def begin(self, x: Array, time: float = 0.0) -> State:
+        """The field with the rise x in K, shape (n,)."""
+        V, s = self.basis.vectors, self.stepper
+        z = V.T @ (s.E @ x)
+        r, source = x - V @ z, np.concatenate([np.zeros(len(self.linear.inputs)), z])
+        right = self.drive @ source + s.A @ r
+        if self.newton is not None:
+            right = right - self.newton.system.flow(x) - s.A @ x
+        return State(time, z, r, s.solve(0.0, right), source)
+
     def temperature(self, state: State) -> Array:
         """Rise x in K, shape (n,)."""
         return np.asarray(self.basis.vectors @ state.z + state.r)
