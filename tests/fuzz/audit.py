@@ -3,7 +3,7 @@
     python tests/fuzz/audit.py [minutes]
 
 1. damage      a result, a journal or a model with a few bytes overwritten is refused or reads as it was written
-2. kills       campaigns and maps killed at random times and started again end with the same result, nothing lost
+2. kills       campaigns, maps and `reproduce` killed at random times and started again end with the same result
 3. trees       seeded random JSON and TOML trees through every reader: a result or one line of InputError
 
 Prints one line for each promise with the counts; exit code 1 where one is broken.
@@ -36,6 +36,12 @@ model = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
 found = coupled.pulsing_map(coupled.borghi2021(), model, [2e-3, 4e-3, 6e-3], [-5e9, 0.0, 5e9], duration=2e-6,
                             file=sys.argv[1])
 print("\\n".join(found["regime"].values.ravel().tolist()))
+"""
+REPRODUCE = """
+import sys
+from pathlib import Path
+from thermofem.cli.reproduce import Settings, run
+print(run(Path(sys.argv[1]), Settings(scan=1, repeats=1, cycle=31, quick=True))["stages"])
 """
 CAMPAIGN = """
 import sys, thermofem as th
@@ -131,6 +137,27 @@ def killed_campaigns(count: int, seed: int = 0) -> tuple[int, bool]:
         return done, bool(whole)
 
 
+def killed_reproductions(count: int, seed: int = 0) -> tuple[int, bool]:
+    """Kills of the quick reproduction, and whether the last start ends with the table of an undisturbed one."""
+    with tempfile.TemporaryDirectory() as name:
+        tables, begin = [], time.monotonic()
+        first = subprocess.run(
+            [sys.executable, "-c", REPRODUCE, f"{name}/whole"], capture_output=True, text=True, check=True
+        )
+        longest = time.monotonic() - begin
+        done, found = kills(lambda: [sys.executable, "-c", REPRODUCE, f"{name}/killed"], count, longest, seed)
+        if found.splitlines()[-1:] != first.stdout.splitlines()[-1:]:
+            print(found)
+            return done, False
+        for folder in ("whole", "killed"):
+            rows = json.loads((Path(name) / folder / "data" / "table.json").read_text(encoding="utf-8"))
+            tables.append([(row["quantity"], row["agrees"]) for row in rows])
+            left = [path.name for path in (Path(name) / folder).rglob("*") if path.name.endswith(("~", ".tmp"))]
+            if left:
+                print(f"{folder}: {left} are left")
+        return done, tables[0] == tables[1]
+
+
 def random_trees(count: int, seed: int = 0) -> tuple[int, int]:
     """Random trees through the readers of models and waveforms: tried, and those that end in another error."""
     tried = wrong = 0
@@ -168,6 +195,7 @@ def main(minutes: float) -> int:
     for what, (done, whole) in {
         "maps": killed_maps(2 * scale),
         "campaigns": killed_campaigns(2 * scale),
+        "reproductions": killed_reproductions(scale),
     }.items():
         print(f"{what}: {done} kills, {'nothing lost' if whole else 'LOST'}")
         broken += not whole
