@@ -1,0 +1,153 @@
+"""Pages that mkdocs makes while it builds the site: the API from the docstrings, and the tests behind the validation.
+
+They are in no repository, so that no page can be older than the code.
+"""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+import json
+import re
+import textwrap
+from pathlib import Path
+from typing import Any
+
+DOCS = Path(__file__).resolve().parent
+PACKAGES = {"th": "thermofem", "surrogate": "surrogate", "coupled": "coupled"}
+HEADS = {"Parameters": "Parameters", "Attributes": "Attributes", "Returns": "Returns", "Raises": "Raises"}
+SITE = {"api.md": "api", "tests.md": "tests"}
+
+
+def on_files(files: Any, config: Any) -> Any:
+    """Add the pages; mkdocs calls this before it reads the navigation."""
+    from mkdocs.structure.files import File
+
+    for name, text in {"api.md": api(), "tests.md": tests()}.items():
+        files.append(File.generated(config, name, content=text))
+    return files
+
+
+def examples() -> dict[str, str]:
+    """Example of each public name that `api_examples.py` has one for."""
+    cells = (DOCS / "api_examples.py").read_text(encoding="utf-8").split("\n# %% ")[1:]
+    found = {}
+    for cell in cells:
+        names, _, code = cell.partition("\n")
+        found |= dict.fromkeys(names.split(), code.strip())
+    return found
+
+
+def api() -> str:
+    """Every public name of the three packages with its signature, its docstring and an example."""
+    cells = examples()
+    text = (
+        "# API reference\n\nEvery public name, from its docstring. `import thermofem as th, surrogate, coupled`; all "
+    )
+    text += "numbers are in SI. Examples use the names of the examples before them.\n"
+    for short, package in PACKAGES.items():
+        module = importlib.import_module(package)
+        text += f"\n## {package}\n\n{inspect.getdoc(module)}\n"
+        for name in sorted(module.__all__, key=str.lower):
+            text += entry(f"{short}.{name}", getattr(module, name), cells.get(f"{short}.{name}", ""))
+    return text
+
+
+def entry(name: str, thing: Any, example: str) -> str:
+    """One name."""
+    text = f"\n### {name}\n\n"
+    if callable(thing):
+        try:
+            signature = inspect.signature(thing)
+        except (TypeError, ValueError):
+            signature = None
+        if signature is not None and not issubclass_of_exception(thing):
+            text += f"```python\n{shortened(name, signature)}\n```\n\n"
+    doc = inspect.getdoc(thing) if callable(thing) or inspect.ismodule(thing) else f"`{name} = {thing!r}`"
+    text += markdown(doc or "")
+    return text + (f"\n```python\n{example}\n```\n" if example and ">>>" not in (doc or "") else "")
+
+
+def issubclass_of_exception(thing: Any) -> bool:
+    """Whether it is an error or a warning, whose signature says nothing."""
+    return inspect.isclass(thing) and issubclass(thing, BaseException)
+
+
+def shortened(name: str, signature: inspect.Signature) -> str:
+    """The call with its defaults and without types: those stand below."""
+    words = []
+    star = False
+    for p in signature.parameters.values():
+        if p.kind is p.KEYWORD_ONLY and not star:
+            words.append("*")
+        star |= p.kind in (p.KEYWORD_ONLY, p.VAR_POSITIONAL)
+        mark = {p.VAR_POSITIONAL: "*", p.VAR_KEYWORD: "**"}.get(p.kind, "")
+        default = "" if p.default is p.empty else f"={default_of(p.default)}"
+        words.append(mark + p.name + default)
+    return "\n".join(textwrap.wrap(f"{name}({', '.join(words)})", 100, subsequent_indent="    "))
+
+
+def default_of(value: Any) -> str:
+    """A default as one would type it."""
+    text = " ".join(repr(value).split())
+    return text if len(text) < 40 and "<" not in text else "..."
+
+
+def markdown(doc: str) -> str:
+    """A docstring: indented blocks and examples as code, sections in bold, their entries as a list."""
+    out, section = [], ""
+    for block in re.split(r"\n\s*\n", doc):
+        lines = block.split("\n")
+        if len(lines) > 1 and re.fullmatch(r"-{3,}", lines[1].strip()):
+            section = HEADS.get(lines[0].strip(), lines[0].strip())
+            out.append(f"**{section}**\n\n" + entries(lines[2:]))
+        elif lines[0].startswith(">>>"):
+            out.append("```pycon\n" + block + "\n```")
+        elif all(line.startswith("    ") or not line for line in lines):
+            out.append("```text\n" + textwrap.dedent(block) + "\n```")
+        else:
+            out.append(escaped(block))
+    return "\n\n".join(out) + "\n"
+
+
+def entries(lines: list[str]) -> str:
+    """Names with what they are: a bullet each."""
+    text = ""
+    for line in lines:
+        if line and not line.startswith(" "):
+            name, colon, kind = line.partition(" : ")
+            text += f"\n- `{name}`{': ' + escaped(kind) if colon else ''}"
+        elif line.strip():
+            text += f" {'— ' if text.endswith(('`', '*')) else ''}{escaped(line.strip())}"
+    return text.strip("\n")
+
+
+def escaped(text: str) -> str:
+    """Double backquotes as single ones; no HTML, no emphasis by accident."""
+    text = re.sub(r"``([^`]*)``", r"`\1`", text)
+    parts = re.split(r"(`[^`]*`)", text)
+    return "".join(
+        p if p.startswith("`") else p.replace("<", "&lt;").replace("*", "\\*").replace("_", "\\_") for p in parts
+    )
+
+
+def tests() -> str:
+    """The source of every test that makes a row of the validation page, under its name."""
+    rows = json.loads((DOCS / "validation.json").read_text(encoding="utf-8"))
+    text = (
+        "# Tests behind the validation\n\nThe source of each test that a row of [validation](validation.md) names. The "
+    )
+    text += "fixture `validated` asserts that the error is within the tolerance, and records the row.\n"
+    for name in sorted({row["test"] for row in rows if "test" in row}):
+        file, _, function = name.partition("::")
+        text += f"\n## {name}\n\n```python\n{source(DOCS.parent / file, function)}\n```\n"
+    return text
+
+
+def source(path: Path, function: str) -> str:
+    """Source of a function of a file, decorators included."""
+    code = path.read_text(encoding="utf-8")
+    node = next(n for n in ast.walk(ast.parse(code)) if isinstance(n, ast.FunctionDef) and n.name == function)
+    first = min([node.lineno, *(d.lineno for d in node.decorator_list)])
+    return "\n".join(code.splitlines()[first - 1 : node.end_lineno])
