@@ -110,9 +110,23 @@ across the layers.
 """
 VALIDATION = """# Validation
 
-What the tests compare with something that is not ours: exact solutions, published values, other programs. The numbers
-are those of the tests themselves (`make validation`); each test fails beyond its tolerance.
+The numbers that the tests compare with other numbers (`make validation` writes them here). Each test fails beyond its
+tolerance; the last column leads to its source. Three kinds of comparison are kept apart.
 """
+KINDS = {
+    "Exact or published": "Closed forms, series and transforms, and values of other authors, with their source.",
+    "Another program": "Programs that are no part of this package: a finite-element code with elements of high order "
+    "for the heat, another integrator and a scan for the light. The source of each test has its reference.",
+    "Our own earlier numbers": "Numbers of the prototype of this project. They are no evidence of correctness; they "
+    "show that a result has not moved.",
+}
+
+
+def kind(source: str) -> str:
+    """Which of `KINDS` the source of an expected value is."""
+    if source.startswith("prototype"):
+        return "Our own earlier numbers"
+    return "Another program" if source.startswith("independent") else "Exact or published"
 
 
 def geometry_reference() -> str:
@@ -148,17 +162,31 @@ def _kind(kind: str) -> str:
 
 
 def validation() -> str:
-    """The rows that the tests recorded, by subject."""
+    """The rows that the tests recorded, by kind of comparison and by subject."""
     rows: list[dict[str, Any]] = json.loads((DOCS / "validation.json").read_text(encoding="utf-8"))
     text = VALIDATION
-    for subject in dict.fromkeys(row["subject"] for row in rows):
-        text += f"\n## {subject}\n\n| what | expected | ours | error | tolerance | expected is |\n"
-        text += "|---|---|---|---|---|---|\n"
-        for row in rows:
-            if row["subject"] == subject:
-                text += f"| {row['what']} | {row['expected']:.7g} {row['unit']} | {row['ours']:.7g} {row['unit']} "
-                text += f"| {row['error']:.1e} | {row['tolerance']:.0e} | {row['source']} |\n"
+    for title, words in KINDS.items():
+        own = [row for row in rows if kind(row["source"]) == title]
+        text += f"\n## {title}\n\n{words}\n"
+        for subject in dict.fromkeys(row["subject"] for row in own):
+            text += (
+                f"\n### {subject}{_SUFFIX[title]}\n\n| what | expected | ours | error | tolerance | expected is | |\n"
+            )
+            text += "|---|---|---|---|---|---|---|\n"
+            for row in own:
+                if row["subject"] == subject:
+                    test = row["test"].rpartition("::")[2]
+                    text += f"| {row['what']} | {row['expected']:.7g} {row['unit']} | {row['ours']:.7g} {row['unit']} "
+                    text += f"| {row['error']:.1e} | {row['tolerance']:.0e} | {row['source']} "
+                    text += f"| [test](tests.md#{test.lower()}) |\n"
     return text + "\nErrors and tolerances are relative to the expected value.\n"
+
+
+_SUFFIX = {
+    "Exact or published": "",
+    "Another program": ", another program",
+    "Our own earlier numbers": ", earlier numbers",
+}
 
 
 COMMANDS = """# Commands

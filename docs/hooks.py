@@ -17,7 +17,6 @@ from typing import Any
 DOCS = Path(__file__).resolve().parent
 PACKAGES = {"th": "thermofem", "surrogate": "surrogate", "coupled": "coupled"}
 HEADS = {"Parameters": "Parameters", "Attributes": "Attributes", "Returns": "Returns", "Raises": "Raises"}
-SITE = {"api.md": "api", "tests.md": "tests"}
 
 
 def on_files(files: Any, config: Any) -> Any:
@@ -141,7 +140,7 @@ def tests() -> str:
     text += "fixture `validated` asserts that the error is within the tolerance, and records the row.\n"
     for name in sorted({row["test"] for row in rows if "test" in row}):
         file, _, function = name.partition("::")
-        text += f"\n## {name}\n\n```python\n{source(DOCS.parent / file, function)}\n```\n"
+        text += f"\n## {function}\n\n`{file}`\n\n```python\n{source(DOCS.parent / file, function)}\n```\n"
     return text
 
 

@@ -74,6 +74,7 @@ def validated(request, committed):
         assert error <= tolerance, f"{what}: {ours:.9g} {unit}, expected {expected:.9g} within {tolerance:.1e}"
         row = {"subject": subject, "what": what, "expected": expected, "ours": ours, "unit": unit}
         row |= {"error": float(f"{error:.2g}"), "tolerance": float(f"{tolerance:.2g}"), "source": source}
+        row["test"] = f"{request.path.relative_to(ROOT).as_posix()}::{request.node.originalname}"
         request.config.stash[ROWS].append(row)
         if not request.config.getoption("--validation"):
             stale = "docs/validation.json is older than this test: pytest --validation, then python docs/generate.py"
