@@ -118,7 +118,7 @@ def _differentiable(p: Problem, name: str) -> bool:
 
 def derivatives(p: Problem, orbit: Orbit, names: Sequence[str]) -> Array:
     """Return d(period in s, duty, swing in K, extinction in dB)/d(parameter in SI), shape (parameters, 4)."""
-    from ..kernels import orbits
+    from ..kernels import orbit_mesh, orbits
 
     states = orbit.Y.reshape(-1, orbit.start.size)
     if not names:
@@ -130,11 +130,11 @@ def derivatives(p: Problem, orbit: Orbit, names: Sequence[str]) -> Array:
     order = np.argsort(at)
     values, slopes = _values(p, orbit, at), _slopes(p, orbit, seen.crossings)[:, ENERGY]
     base = np.empty((at.size, orbit.start.size))
-    base[order] = orbits.interpolate(orbit.start, orbit.Y, orbit.tau, scheme(), at[order])
+    base[order] = orbit_mesh.interpolate(orbit.start, orbit.Y, orbit.tau, scheme(), at[order])
     out = np.empty((len(names), 4))
     for k in range(len(names)):
         moved = np.empty_like(base)
-        moved[order] = orbits.interpolate(starts[k], changes[k], orbit.tau, scheme(), at[order])
+        moved[order] = orbit_mesh.interpolate(starts[k], changes[k], orbit.tau, scheme(), at[order])
         dU = 2 * (base[:, 0] * moved[:, 0] + base[:, 1] * moved[:, 1])
         heat = _rise(p, base, moved)
         level = (1 - DUTY_LEVEL) * dU[0] + DUTY_LEVEL * dU[1]
@@ -147,11 +147,11 @@ def derivatives(p: Problem, orbit: Orbit, names: Sequence[str]) -> Array:
 
 def _values(p: Problem, orbit: Orbit, at: Array) -> Array:
     """U and dT (columns ENERGY and HEAT) at fractions of the period, in any order."""
-    from ..kernels import orbits
+    from ..kernels import orbit_mesh
 
     order = np.argsort(at)
     out = np.empty((at.size, 4))
-    out[order] = orbits.look(orbit.start, orbit.Y, orbit.tau, p.at, scheme(), np.ascontiguousarray(at[order]))
+    out[order] = orbit_mesh.look(orbit.start, orbit.Y, orbit.tau, p.at, scheme(), np.ascontiguousarray(at[order]))
     return out
 
 

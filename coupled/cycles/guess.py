@@ -57,7 +57,7 @@ def trial_of(p: Problem, cycle: Any) -> Orbit:
     s, T = scheme().c.size, float(cycle.attrs["period"]) * 1e9
     start, Y = values[0].copy(), np.ascontiguousarray(values[1:].reshape(tau.size - 1, s, m))
     if own != m:
-        from ..kernels import orbits
+        from ..kernels import orbit_heat
 
-        orbits.relax(start, Y, tau, T, p.at, scheme())
+        orbit_heat.relax(start, Y, tau, T, p.at, scheme())
     return Orbit(start, Y, tau, T, np.empty((0, 0)), np.inf)

@@ -22,7 +22,7 @@ from .scheme import scheme
 Array = NDArray[np.float64]
 
 BETWEEN = 4  # points for every stage where extremes and crossings are looked for
-ENERGY, HEAT = 0, 2  # columns of `orbits.look`, each with its slope behind it
+ENERGY, HEAT = 0, 2  # columns of `orbit_mesh.look`, each with its slope behind it
 
 
 class Measures(NamedTuple):
@@ -66,9 +66,9 @@ def _fine(orbit: Orbit) -> Array:
 
 
 def _look(p: Problem, orbit: Orbit, at: Array) -> Array:
-    from ..kernels import orbits
+    from ..kernels import orbit_mesh
 
-    return np.asarray(orbits.look(orbit.start, orbit.Y, orbit.tau, p.at, scheme(), at))
+    return np.asarray(orbit_mesh.look(orbit.start, orbit.Y, orbit.tau, p.at, scheme(), at))
 
 
 def _extremes(p: Problem, orbit: Orbit, grid: Array, seen: Array, column: int) -> tuple[float, float, float, float]:
@@ -81,7 +81,7 @@ def _extremes(p: Problem, orbit: Orbit, grid: Array, seen: Array, column: int) -
 
 def _passes(p: Problem, orbit: Orbit, grid: Array, seen: Array, column: int, level: float) -> Array:
     """Where a column passes ``level``."""
-    from ..kernels import orbits
+    from ..kernels import orbit_mesh
 
-    found = orbits.passes(orbit.start, orbit.Y, orbit.tau, p.at, scheme(), grid, seen, column, level)
+    found = orbit_mesh.passes(orbit.start, orbit.Y, orbit.tau, p.at, scheme(), grid, seen, column, level)
     return np.asarray(found)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,17 +113,19 @@ def shoot(
     Far from the orbit every step integrates anew until the carriers return, so that the pulses stay where the equations
     put them; near it the stages of a fixed mesh move.
     """
-    from ..kernels import orbits
+    from ..kernels import orbit_heat, orbits
 
-    way = scheme()
+    way, section = scheme(), np.eye(1, y.size + 1, 2)  # the beginning keeps its carriers
     for _ in range(shots):
         found = around(p, y, T, pulses)
         if found is None:
             return None
         rows, _ = found
         T, tau = float(rows[-1, 0]), _mesh(rows[:, 0], INTERVALS * pulses)
-        Y = orbits.along(rows, y, tau, p.at, way)
-        first, turn, change, _, move = orbits.correct(y, Y, tau, T, p.at, way, True)
+        Y = orbit_heat.along(rows, y, tau, p.at, way)
+        none = np.empty((*Y.shape, 0))
+        changes, stages, _, move = orbits.advance(y, Y, tau, T, p.at, way, none, section, np.zeros((1, 1)))
+        first, turn, change = changes[0, :-1], float(changes[0, -1]), stages[0]
         if not move < np.inf:
             return None
         share = min(1.0, LARGEST_CHANGE * abs(Y[:, -1, 3:]).max() / max(np.abs(first[3:]).max(), 1e-30))
@@ -148,19 +150,28 @@ def settle(p: Problem, trial: Orbit, error: float = POLYNOMIAL) -> Orbit | None:
         y, Y, T, M, closed, move = orbits.close(y, Y, tau, T, p.at, way, tolerance, STEPS)
         if not closed or not T > 0:
             return None
-        density = orbits.densities(y, Y, tau, way, p.at.thermal)
-        parts = density * np.diff(tau)
-        if tolerance == CLOSE_ENOUGH and parts.max() <= SLACK ** (1 / (way.c.size + 1)) * unit:
-            return Orbit(y, Y, tau, T, np.ascontiguousarray(M[:, : y.size]), move)
-        wanted = max(int(1.1 * parts.sum() / unit) + 1, FEWEST)
-        number = min(wanted, int(GROWTH * (tau.size - 1)))  # a rough mesh tells more than there is
-        if number > MOST_INTERVALS:
+        closed_orbit = Orbit(y, Y, tau, T, np.ascontiguousarray(M[:, : y.size]), move)
+        finer, worst, _ = remeshed(closed_orbit, p.at.thermal, error)
+        if tolerance == CLOSE_ENOUGH and worst <= SLACK ** (1 / (way.c.size + 1)) * unit:
+            return closed_orbit
+        if finer.tau.size - 1 > MOST_INTERVALS:
             return None
-        tolerance = CLOSE_ENOUGH
-        finer = orbits.spaced(tau, density, number)
-        between = orbits.interpolate(y, Y, tau, way, orbits.stages(finer, way.c))
-        Y, tau = between.reshape(number, way.c.size, y.size), finer
+        tolerance, Y, tau = CLOSE_ENOUGH, finer.Y, finer.tau
     return None
+
+
+def remeshed(orbit: Orbit, thermal: Any, error: float) -> tuple[Orbit, float, int]:
+    """The orbit on a mesh for ``error``; the worst density on its own; how many intervals are wanted."""
+    from ..kernels import orbit_mesh
+
+    way, (y, Y, tau) = scheme(), orbit[:3]
+    unit = error ** (1 / (way.c.size + 1))
+    parts = (density := orbit_mesh.densities(y, Y, tau, way, thermal)) * np.diff(tau)
+    wanted = max(int(1.1 * parts.sum() / unit) + 1, FEWEST)
+    number = min(wanted, int(GROWTH * (tau.size - 1)))  # a rough mesh tells more than there is
+    finer = orbit_mesh.spaced(tau, density, number)
+    between = orbit_mesh.interpolate(y, Y, tau, way, orbit_mesh.stages(finer, way.c))
+    return orbit._replace(Y=between.reshape(number, way.c.size, y.size), tau=finer), float(parts.max()), wanted
 
 
 def _mesh(t: Array, number: int) -> Array:

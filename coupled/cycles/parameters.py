@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from thermofem import Foster, OutputMap, Quadratic, checks
 
+from .. import window
+from ..arguments import check_power
 from ..resonator import RingResonator
 from ..thermal import Compact
 from ..unknowns import LIFETIMES, optical_names, varied
@@ -18,7 +20,7 @@ Array = NDArray[np.float64]
 
 STEP = 1e-5  # of a number: its square is the truncation, 1e-16 over it the round-off
 LASER = ("power", "detuning")
-FROM_ZERO = {"scattering_rate": 1e6, "kerr_coefficient": 1e-20, "detuning": 1e3}  # steps of numbers that may be 0
+FROM_ZERO = {"scattering_rate": 1e6, "kerr_coefficient": 1e-20}  # steps of numbers that may be 0
 
 
 def parameter_names(ring: RingResonator, model: Compact) -> list[str]:
@@ -48,7 +50,7 @@ def changed(p: Problem, name: str, value: float) -> Problem:
     ring, model, laser = p.ring, p.model, {"power": p.power, "detuning": p.detuning}
     kind, number = _pole(name)
     if name in LASER:
-        laser[name] = value
+        return _under_laser(p, **(laser | {name: value}))
     elif kind == "fcd":
         terms = [(value, term[1]) if k == number else term for k, term in enumerate(ring.fcd)]
         ring = replace(ring, fcd=tuple(terms))
@@ -61,15 +63,40 @@ def changed(p: Problem, name: str, value: float) -> Problem:
 
 def slope(p: Problem, name: str, states: Array) -> Array:
     """Return d(dy/dt)/d(parameter) at ``states``, shape (.., m), in internal units over SI, by differences."""
+    if name in LASER:
+        return _by_laser(p, name, states)
     value = value_of(p, name)
     h = STEP * abs(value) or FROM_ZERO.get(name, 0.0)
     if h == 0:
         raise checks.InputError(f"{name} is 0 and has no step for differences; give it a small value")
-    both_ways = value != 0 or name == "detuning"
+    both_ways = value != 0
     ends = [_flows(changed(p, name, value + step), states) for step in ((h, -h) if both_ways else (h, 2 * h))]
     if both_ways:
         return np.asarray((ends[0] - ends[1]) / (2 * h))
     return np.asarray((4 * ends[0] - ends[1] - 3 * _flows(p, states)) / (2 * h))
+
+
+def _under_laser(p: Problem, power: float, detuning: float) -> Problem:
+    """The same ring and heat under another laser."""
+    from ..kernels import equations as eq
+
+    check_power(power)
+    at = p.at._replace(drive=eq.internal_drive(p.ring, power), detuning=eq.internal_detuning(detuning))
+    floor = window.floor_of(at.rates, at.drive, p.model.thermal_resistance * eq.UW)
+    return p._replace(at=at, floor=floor, power=power, detuning=detuning)
+
+
+def _by_laser(p: Problem, name: str, states: Array) -> Array:
+    """`slope` for power and detuning: da/dt holds i drive - i detuning a."""
+    from ..kernels import equations as eq
+
+    out = np.zeros_like(states)
+    if name == "power":
+        out[..., 1] = p.at.drive / (2 * p.power)
+    else:
+        unit = eq.internal_detuning(1.0)
+        out[..., 0], out[..., 1] = unit * states[..., 1], -unit * states[..., 0]
+    return out
 
 
 def _flows(p: Problem, states: Array) -> Array:

@@ -28,13 +28,13 @@ def dataset_of(p: Problem, found: Settled) -> xr.Dataset:
     import xarray as xr
 
     from ..kernels import equations as eq
-    from ..kernels import orbits
+    from ..kernels import orbit_mesh
 
     orbit, ring = found.orbit, p.ring
     s = orbit.Y.shape[1]
-    at = np.concatenate([[0.0], orbits.stages(orbit.tau, scheme().c)])
+    at = np.concatenate([[0.0], orbit_mesh.stages(orbit.tau, scheme().c)])
     states = np.concatenate([orbit.start[None], orbit.Y.reshape(-1, orbit.start.size)])
-    seen = orbits.look(orbit.start, orbit.Y, orbit.tau, p.at, scheme(), at)
+    seen = orbit_mesh.look(orbit.start, orbit.Y, orbit.tau, p.at, scheme(), at)
     U, N, field = seen[:, 0], states[:, 2], states[:, 0] + 1j * states[:, 1]
     weight = np.concatenate([[0.0], (np.diff(orbit.tau)[:, None] * scheme().A[-1]).ravel()]) * orbit.T * eq.NS
     into = np.sqrt(p.power / eq.UW)

@@ -1,0 +1,175 @@
+"""A branch of cycles, followed by its length: around its folds, with what changes its stability located on it.
+
+    fold of cycles: d(parameter)/d(length) = 0,     period doubling: prod (1 + mu_i) = 0,
+    torus: prod_(i<j) (1 - mu_i mu_j) = 0 with a pair of complex mu,     mu: the multipliers but the trivial one
+
+Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Sections 10.2 and 10.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from .path import Family, Place, first_place, on_a_good_mesh, predicted, weights
+from .start import nontrivial
+
+Array = NDArray[np.float64]
+
+FIRST, LONGEST, SHORTEST = 0.01, 0.1, 1e-7  # steps, in the units of `path.weights`
+TURN = 0.3  # of the largest values, what the stages may change in a step
+EASY, HARD = 3, 5  # steps of Newton's method
+SMALLEST = 0.03  # relative range of the carriers, where a branch that shrinks ends in a Hopf point
+SLOWEST = 30.0  # times the shortest period of the branch, where it runs into a saddle
+KINDS = ("fold", "period doubling", "torus")
+
+
+class Found(NamedTuple):
+    """A cycle of a branch, and what it is there: "" or one of `KINDS`."""
+
+    place: Place
+    kind: str
+
+
+def follow(
+    family: Family, start: Place, direction: float, low: float, high: float, most: int
+) -> tuple[list[Found], str]:
+    """Return the cycles from ``start`` on, the parameter going in ``direction`` at first, and why the branch ends."""
+    tangent = _unit(family, start, start.directions[0] * np.sign(direction * start.directions[0, -1]))
+    return follow_along(family, start, tangent, low, high, most)
+
+
+def follow_along(
+    family: Family, start: Place, tangent: Array, low: float, high: float, most: int
+) -> tuple[list[Found], str]:
+    """`follow` with the tangent given, in the units of `weights`."""
+    place, step = start, FIRST
+    out, shortest = [Found(start, "")], start.orbit.T
+    while len(out) < most:
+        step = min(step, _longest(family, place))
+        ahead = _ahead(family, place, tangent, step)
+        if ahead is None:
+            step /= 3
+            if step < SHORTEST:
+                return out, "Newton's method finds no next cycle"
+            continue
+        after = _unit(family, ahead, ahead.directions[0])
+        if after @ _unit(family, place, _raw(family, place, tangent)) < 0.8 and step > 1e-4:
+            step /= 2
+            continue
+        out += _between(family, place, ahead, tangent, step)
+        value = float(ahead.values[0])
+        if not low <= value <= high:
+            ends = _located(family, place, tangent, step, lambda q: float(q.values[0]) - (low if value < low else high))
+            return [*out, *([Found(ends, "")] if ends else [])], "the end of the range"
+        finer = on_a_good_mesh(family, ahead, after[None])
+        if finer is None:
+            return out, "the mesh cannot be refined"
+        shrinks = relative_range(finer) < relative_range(place)
+        place, tangent = finer, _unit(family, finer, finer.directions[0])
+        out.append(Found(place, ""))
+        shortest = min(shortest, place.orbit.T)
+        if shrinks and relative_range(place) < SMALLEST:
+            return out, "a Hopf point"
+        if place.orbit.T > SLOWEST * shortest:
+            return out, "the period grows without bound"
+        step *= 1.6 if ahead.steps <= EASY else 0.6 if ahead.steps >= HARD else 1.0
+    return out, "the number of points"
+
+
+def relative_range(place: Place) -> float:
+    """Largest less smallest of the carriers, over the largest."""
+    N = place.orbit.Y[:, :, 2]
+    return float(np.ptp(N) / N.max())
+
+
+def doubling(place: Place) -> float:
+    """Zero where a multiplier is -1."""
+    return float(np.prod(1 + nontrivial(place.orbit)).real)
+
+
+def torus(place: Place) -> float:
+    """Zero where the product of two multipliers is 1."""
+    mu = nontrivial(place.orbit)
+    i, j = np.triu_indices(mu.size, 1)
+    return float(np.prod(1 - mu[i] * mu[j]).real)
+
+
+def _unit(family: Family, place: Place, direction: Array) -> Array:
+    """A direction in the units of `weights`, of length 1."""
+    scaled = direction * weights(family, place.orbit)
+    return np.asarray(scaled / np.linalg.norm(scaled))
+
+
+def _raw(family: Family, place: Place, tangent: Array) -> Array:
+    return np.asarray(tangent / weights(family, place.orbit))
+
+
+def _longest(family: Family, place: Place) -> float:
+    """The step in which no stage changes by more than `TURN`."""
+    from ..kernels import orbit_mesh, orbits
+
+    length = float(np.linalg.norm(place.directions[0] * weights(family, place.orbit)))
+    moved = orbits.moved(place.stages[0], orbit_mesh.sizes(place.orbit.Y, family.base.at.thermal)) / length
+    return min(LONGEST, TURN / max(moved, 1e-12))
+
+
+def _ahead(family: Family, place: Place, tangent: Array, step: float) -> Place | None:
+    """The cycle a ``step`` along the tangent."""
+    per_length = place.directions[0] * weights(family, place.orbit) @ tangent
+    found = predicted(family, place, np.array([step / per_length]), tangent[None])
+    return found[0] if found else None
+
+
+def _between(family: Family, place: Place, ahead: Place, tangent: Array, step: float) -> list[Found]:
+    """What lies between two cycles, in order."""
+
+    def fold(q: Place) -> float:
+        return float(
+            _unit(family, q, q.directions[0])[-1] * np.sign(q.directions[0] * weights(family, q.orbit) @ tangent)
+        )
+
+    out = []
+    for kind, test in zip(KINDS, (fold, doubling, torus), strict=True):
+        if test(place) * test(ahead) < 0:
+            found = _located(family, place, tangent, step, test)
+            if found is not None and (kind != "torus" or _has_a_pair(found)):
+                out.append(Found(found, kind))
+    return sorted(out, key=lambda f: _distance(family, place, f.place, tangent))
+
+
+def _located(family: Family, place: Place, tangent: Array, step: float, test: Callable[[Place], float]) -> Place | None:
+    """The cycle within a step where ``test`` vanishes; lengths to 1e-9, by Brent's method."""
+    seen: dict[float, Place] = {0.0: place}
+
+    def at(s: float) -> float:
+        if s not in seen:
+            found = _ahead(family, place, tangent, s)
+            if found is None:
+                raise ArithmeticError
+            seen[s] = found
+        return test(seen[s])
+
+    try:
+        return seen[float(brentq(at, 0.0, step, xtol=1e-10, rtol=1e-12))]
+    except (ArithmeticError, ValueError):
+        return None
+
+
+def _has_a_pair(place: Place) -> bool:
+    """Whether the multipliers whose product is 1 are complex, so that the cycle sheds a torus."""
+    mu = nontrivial(place.orbit)
+    return bool(np.any((np.abs(np.abs(mu) - 1) < 1e-3) & (np.abs(mu.imag) > 1e-3)))
+
+
+def _distance(family: Family, place: Place, other: Place, tangent: Array) -> float:
+    change = np.concatenate([other.orbit.start - place.orbit.start, [other.orbit.T - place.orbit.T],
+                             other.values - place.values])  # fmt: skip
+    return float((change * weights(family, place.orbit)) @ tangent)
+
+
+__all__ = ["Family", "Found", "first_place", "follow", "follow_along"]

@@ -1,0 +1,197 @@
+"""Curves of folds of cycles in the plane of power and detuning: the borders of pulsing beside a stable point."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thermofem.models import ThermalModel
+
+from ..arguments import check_axis, check_ring
+from ..equilibria.boundaries import hopf_curves
+from ..resonator import RingResonator
+from ..thermal import Compact, compact
+from . import branch
+from .continue_cycle import born
+from .fold_path import follow_folds
+from .hopf_start import hopf_point, laser_of
+from .measures import measure
+from .orbit import problem
+from .path import Family, Place, corrected, weights
+from .start import nontrivial
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+AROUND = 0.3  # of the window, within which Hopf points are looked for beyond it
+MARGIN = 0.02  # of the window, by which a curve leaves it
+NEAR = 0.02  # of the window, where two folds are the same
+SEEDS = 150  # cycles of a branch from a Hopf point
+POINTS = 300  # of a curve, each way
+
+
+def cycle_fold_curves(
+    ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike
+) -> list[xr.Dataset]:  # fmt: skip
+    """Return the curves on which a stable and an unstable cycle meet and vanish: the ends of hysteresis.
+
+    Between such a curve and a subcritical Hopf curve the ring may rest or pulse. Branches of cycles lead from Hopf
+    points to a fold, from which the curve is followed both ways, without integration.
+
+    Parameters
+    ----------
+    ring : RingResonator
+    model : ThermalModel
+        as for `limit_cycle`.
+    powers, detunings : array, W and Hz
+        of a map; the curves are cut to their range.
+
+    Returns
+    -------
+    list of xarray.Dataset
+        one for each curve, over point: power (W), detuning (Hz), period (s), swing (K), and leading, whether no other
+        multiplier lies outside the unit circle, so that one of the two cycles is stable. attrs["reason"] says why the
+        curve ends at either end. Curves that no branch from a Hopf point in or near the window leads to are not found.
+
+    Raises
+    ------
+    InputError
+        as `hopf_curves`.
+
+    >>> import coupled, surrogate
+    >>> ring, newton = coupled.borghi2021().with_lumped_fcd(), surrogate.newton(tau_th=275e-9)
+    >>> (curve,) = coupled.cycle_fold_curves(ring, newton, [4e-3, 6e-3], [-10e9, 10e9])
+    >>> print(f"{curve.power.min().item() * 1e3:.1f} to {curve.power.max().item() * 1e3:.1f} mW")
+    4.0 to 6.0 mW
+    """
+    check_ring(ring)
+    P, nu = check_axis("powers", powers), check_axis("detunings", detunings)
+    small = compact(model)
+    window = _Window(P[0], P[-1], nu[0], nu[-1])
+    found: list[xr.Dataset] = []
+    for hopf in hopf_curves(ring, small, *window.wider()):
+        for seed in _seeds(hopf):
+            for fold, family in _folds_from(ring, small, seed, window):
+                if any(window.holds(curve, fold.values) for curve in found):
+                    continue
+                found += _curve(ring, small, fold, family, window)
+    return found
+
+
+class _Window:
+    """The range of power and detuning that is asked for."""
+
+    def __init__(self, low: float, high: float, first: float, last: float) -> None:
+        """Take the ends in W and Hz."""
+        self.low, self.high, self.first, self.last = float(low), float(high), float(first), float(last)
+        self.decades = max(float(np.log(high / low)), 0.1)
+        self.width = max(float(last - first), 1e9)
+
+    def wider(self) -> tuple[Array, Array]:
+        """The ends with `AROUND` on either side."""
+        factor, more = np.exp(AROUND * self.decades), AROUND * self.width
+        return np.array([self.low / factor, min(self.high * factor, 1.0)]), np.array(
+            [self.first - more, self.last + more]
+        )
+
+    def ranges(self, values: Array) -> Array:
+        """Units of power and detuning at their ``values``."""
+        return np.array([values[0] * self.decades, self.width])
+
+    def at(self, P: Any, nu: Any) -> Array:
+        """Power and detuning as fractions of the window."""
+        return np.array([np.log(np.maximum(P, 1e-12) / self.low) / self.decades, (nu - self.first) / self.width])
+
+    def inside(self, values: Array) -> bool:
+        """Whether a point lies in the window or next to it."""
+        at = self.at(values[0], values[1])
+        return bool(np.all((at > -MARGIN) & (at < 1 + MARGIN)))
+
+    def holds(self, curve: xr.Dataset, values: Array) -> bool:
+        """Whether a curve passes through a point."""
+        own = self.at(curve["power"].values, curve["detuning"].values).T
+        start, stop, point = own[:-1], own[1:], self.at(values[0], values[1])
+        side = stop - start
+        share = np.clip(((point - start) * side).sum(axis=1) / np.maximum((side**2).sum(axis=1), 1e-30), 0, 1)
+        return bool(np.min(np.linalg.norm(start + share[:, None] * side - point, axis=1), initial=np.inf) < NEAR)
+
+
+def _seeds(hopf: xr.Dataset) -> list[xr.Dataset]:
+    """The middle of every stretch of a Hopf curve that bounds a stable region, each of one kind."""
+    leading, hard = hopf["leading"].values, hopf["lyapunov"].values > 0
+    kind = np.where(leading, np.where(hard, 2, 1), 0)
+    edges = np.flatnonzero(np.diff(kind)) + 1
+    parts = np.split(np.arange(kind.size), edges)
+    return [hopf.isel(point=int(part[part.size // 2])) for part in parts if kind[part[0]] > 0]
+
+
+def _folds_from(ring: RingResonator, model: Compact, seed: xr.Dataset, window: _Window) -> list[tuple[Place, Array]]:
+    """The folds on the branch of a Hopf point in detuning, as places of both parameters with the direction across."""
+    p = problem(ring, model, *laser_of(seed))
+    here = window.ranges(np.array([p.power, p.detuning]))
+    one = Family(p, ("detuning",), here[1:])
+    start = born(one, hopf_point(p, float(seed["energy"]), float(seed["frequency"])))
+    if start is None:
+        return []
+    (low, _), (first, last) = window.wider()[0], window.wider()[1]
+    unit = weights(one, start.orbit)
+    tangent = start.directions[0] * unit
+    grows = branch.relative_range  # outwards from the Hopf point
+    for sign in (1.0, -1.0):
+        way = sign * tangent / np.linalg.norm(tangent)
+        found, _ = branch.follow_along(one, start, way, first, last, SEEDS)
+        if len(found) > 1 and grows(found[1].place) > grows(start):
+            break
+    else:
+        return []
+    out = []
+    for fold in (f.place for f in found if f.kind == "fold"):
+        across = fold.directions[0] * weights(one, fold.orbit)
+        across = np.insert(across / np.linalg.norm(across), -1, 0.0)
+        both = Family(p, ("power", "detuning"), here)
+        rows = np.stack([across, np.eye(across.size)[-2]])
+        place = corrected(both, fold.orbit, np.array([p.power, fold.values[0]]), rows, weights(both, fold.orbit))
+        if place is not None:
+            out.append((place[0], across))
+    return out
+
+
+def _curve(ring: RingResonator, model: Compact, fold: Place, across: Array, window: _Window) -> list[xr.Dataset]:
+    """The curve through a fold, cut to the window."""
+    base = problem(ring, model, float(fold.values[0]), float(fold.values[1]))
+
+    def family(values: Array) -> Family:
+        return Family(base, ("power", "detuning"), window.ranges(values))
+
+    ways = [follow_folds(family, fold, across, sign, window.inside, POINTS) for sign in (-1.0, 1.0)]
+    places = [*ways[0][0][::-1], *ways[1][0][1:]]
+    if len(places) < 3:
+        return []
+    return [_dataset(base, places, (ways[0][1], ways[1][1]))]
+
+
+def _dataset(base: Any, places: list[Place], reasons: tuple[str, str]) -> xr.Dataset:
+    """One curve in SI."""
+    import xarray as xr
+
+    from thermofem import dataset
+
+    power, detuning = np.array([place.values for place in places]).T
+    others = [np.delete(mu, np.argmin(np.abs(mu - 1))) for mu in (nontrivial(place.orbit) for place in places)]
+    leading = np.array([bool(np.all(np.abs(mu) < 1)) for mu in others])
+    swing = np.array([measure(base, place.orbit).swing for place in places])
+    values = {
+        "power": (power, dataset.describe("input_power")),
+        "detuning": (detuning, dataset.describe("detuning")),
+        "period": (np.array([place.orbit.T for place in places]) * 1e-9, dataset.describe("period")),
+        "swing": (swing, dataset.describe("swing")),
+        "leading": (leading, {"units": "1", "long_name": "one of the two cycles is stable"}),
+    }
+    return xr.Dataset(
+        {name: ("point", v, about) for name, (v, about) in values.items()},
+        attrs={"kind": "fold-of-cycles curve", "ring": base.ring.name, "reason": "; ".join(reasons)},
+    )
