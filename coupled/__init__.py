@@ -40,11 +40,16 @@ __all__ = [
     "borghi2021",
     "bus",
     "carrier_decay",
+<<<<<<< HEAD
     "circuit_limit_cycle",
     "circuit_steady_states",
+=======
+    "continue_cycle",
+>>>>>>> 4e68b08 (Cycles are continued in any parameter around folds; curves of folds of cycles border the map)
     "cosimulate",
     "crow",
     "cycle_derivatives",
+    "cycle_fold_curves",
     "delay_loop",
     "explore",
     "fit_carrier_decay",
@@ -85,6 +90,8 @@ if _TYPE_CHECKING:
         simulate_circuit,
         spectrum,
     )
+    from .cycles.continue_cycle import continue_cycle
+    from .cycles.cycle_folds import cycle_fold_curves
     from .cycles.derivatives import cycle_derivatives
     from .cycles.limit_cycle import limit_cycle
     from .equilibria.boundaries import fold_curves, hopf_curves
@@ -114,6 +121,8 @@ _LATE = {
     ".maps.pulsing_map": "overlap pulsing_map",
     ".maps.stability_map": "stability_map",
     ".pump_probe": "CarrierFit carrier_decay fit_carrier_decay",
+    ".cycles.continue_cycle": "continue_cycle",
+    ".cycles.cycle_folds": "cycle_fold_curves",
     ".cycles.derivatives": "cycle_derivatives",
     ".cycles.limit_cycle": "limit_cycle",
 }

@@ -9,11 +9,12 @@ import numpy as np
 
 from thermofem.checks import InputError, choice
 
+from .plot_axes import HEAT, LIGHT, readable
+
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
-LIGHT, HEAT = "#0072B2", "#D55E00"  # blue and vermilion of Okabe and Ito, apart for every kind of colour vision
 OTHERS = ("#009E73", "#CC79A7", "#E69F00")
 OUTPUTS = {
     "drop": "drop power",
@@ -155,13 +156,3 @@ def _arrow(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str) -> None:
     arrow = {"arrowstyle": "->", "color": colour, "lw": 1.3}
     where = ax.get_xaxis_transform()
     ax.annotate("", ends[1], ends[0], xycoords=where, textcoords=where, arrowprops=arrow, annotation_clip=False)
-
-
-def readable(values: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
-    """Scale values so that their largest reads well, and name the scaled unit."""
-    largest = float(np.max(np.abs(values), initial=0.0))
-    steps = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"), (1e-12, "p"))
-    for factor, prefix in steps:
-        if largest >= factor:
-            return values / factor, prefix + unit
-    return values, unit

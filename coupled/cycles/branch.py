@@ -9,13 +9,15 @@ Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Sections 10.2 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from .path import Family, Place, first_place, on_a_good_mesh, predicted, weights
+from .hopf_end import hopf_near
+from .path import Family, Place, on_a_good_mesh, predicted, weights
 from .start import nontrivial
 
 Array = NDArray[np.float64]
@@ -23,13 +25,14 @@ Array = NDArray[np.float64]
 FIRST, LONGEST, SHORTEST = 0.01, 0.1, 1e-7  # steps, in the units of `path.weights`
 TURN = 0.3  # of the largest values, what the stages may change in a step
 EASY, HARD = 3, 5  # steps of Newton's method
-SMALLEST = 0.03  # relative range of the carriers, where a branch that shrinks ends in a Hopf point
+SMALL = 0.05  # relative range of the carriers where a branch that shrinks ends in a Hopf point
 SLOWEST = 30.0  # times the shortest period of the branch, where it runs into a saddle
+HOPF = "Hopf"
 KINDS = ("fold", "period doubling", "torus")
 
 
 class Found(NamedTuple):
-    """A cycle of a branch, and what it is there: "" or one of `KINDS`."""
+    """A cycle of a branch, and what it is there: "", one of `KINDS`, or `HOPF`."""
 
     place: Place
     kind: str
@@ -61,10 +64,13 @@ def follow_along(
         if after @ _unit(family, place, _raw(family, place, tangent)) < 0.8 and step > 1e-4:
             step /= 2
             continue
+        if _mirrored(family, place, ahead) and (end := hopf_near(family, min(place, ahead, key=relative_range))):
+            return [*out, Found(end, HOPF)], "a Hopf point"
         out += _between(family, place, ahead, tangent, step)
         value = float(ahead.values[0])
         if not low <= value <= high:
-            ends = _located(family, place, tangent, step, lambda q: float(q.values[0]) - (low if value < low else high))
+            border = low if value < low else high
+            ends = _located(family, place, tangent, step, partial(_beyond, border))
             return [*out, *([Found(ends, "")] if ends else [])], "the end of the range"
         finer = on_a_good_mesh(family, ahead, after[None])
         if finer is None:
@@ -73,18 +79,42 @@ def follow_along(
         place, tangent = finer, _unit(family, finer, finer.directions[0])
         out.append(Found(place, ""))
         shortest = min(shortest, place.orbit.T)
-        if shrinks and relative_range(place) < SMALLEST:
-            return out, "a Hopf point"
-        if place.orbit.T > SLOWEST * shortest:
+        if shrinks and relative_range(place) < SMALL and (end := hopf_near(family, place)):
+            return [*out, Found(end, HOPF)], "a Hopf point"
+        if SLOWEST * shortest < place.orbit.T:
             return out, "the period grows without bound"
         step *= 1.6 if ahead.steps <= EASY else 0.6 if ahead.steps >= HARD else 1.0
     return out, "the number of points"
+
+
+def outwards(family: Family, place: Place, direction: Array) -> Array:
+    """The tangent at a place, in the units of `weights`, that goes with a ``direction``."""
+    unit = weights(family, place.orbit)
+    tangent = _unit(family, place, place.directions[0])
+    return np.asarray(tangent * np.sign(tangent @ (direction * unit)))
 
 
 def relative_range(place: Place) -> float:
     """Largest less smallest of the carriers, over the largest."""
     N = place.orbit.Y[:, :, 2]
     return float(np.ptp(N) / N.max())
+
+
+def _mirrored(family: Family, place: Place, ahead: Place) -> bool:
+    """Whether a step led through a Hopf point, behind which the same cycles begin half a period later."""
+    unit = weights(family, place.orbit)[: place.orbit.start.size]
+    one, other = (unit * (q.orbit.start - _mean(q)) for q in (place, ahead))
+    return bool(max(relative_range(place), relative_range(ahead)) < 0.5 and one @ other < 0)
+
+
+def _mean(place: Place) -> Array:
+    """The mean state at the ends of the intervals."""
+    return np.asarray((np.diff(place.orbit.tau)[:, None] * place.orbit.Y[:, -1]).sum(axis=0))
+
+
+def _beyond(border: float, place: Place) -> float:
+    """How far the parameter lies beyond a border."""
+    return float(place.values[0]) - border
 
 
 def doubling(place: Place) -> float:
@@ -129,9 +159,8 @@ def _between(family: Family, place: Place, ahead: Place, tangent: Array, step: f
     """What lies between two cycles, in order."""
 
     def fold(q: Place) -> float:
-        return float(
-            _unit(family, q, q.directions[0])[-1] * np.sign(q.directions[0] * weights(family, q.orbit) @ tangent)
-        )
+        unit = weights(family, q.orbit)
+        return float(_unit(family, q, q.directions[0])[-1] * np.sign((q.directions[0] * unit) @ tangent))
 
     out = []
     for kind, test in zip(KINDS, (fold, doubling, torus), strict=True):
@@ -170,6 +199,3 @@ def _distance(family: Family, place: Place, other: Place, tangent: Array) -> flo
     change = np.concatenate([other.orbit.start - place.orbit.start, [other.orbit.T - place.orbit.T],
                              other.values - place.values])  # fmt: skip
     return float((change * weights(family, place.orbit)) @ tangent)
-
-
-__all__ = ["Family", "Found", "first_place", "follow", "follow_along"]

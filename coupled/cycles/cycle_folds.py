@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from thermofem.checks import InputError
 from thermofem.models import ThermalModel
 
 from ..arguments import check_axis, check_ring
@@ -14,9 +15,8 @@ from ..equilibria.boundaries import hopf_curves
 from ..resonator import RingResonator
 from ..thermal import Compact, compact
 from . import branch
-from .continue_cycle import born
 from .fold_path import follow_folds
-from .hopf_start import hopf_point, laser_of
+from .hopf_start import born, laser_of
 from .measures import measure
 from .orbit import problem
 from .path import Family, Place, corrected, weights
@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 AROUND = 0.3  # of the window, within which Hopf points are looked for beyond it
 MARGIN = 0.02  # of the window, by which a curve leaves it
 NEAR = 0.02  # of the window, where two folds are the same
-SEEDS = 150  # cycles of a branch from a Hopf point
+SEEDS = 100  # cycles of a branch from a Hopf point
 POINTS = 300  # of a curve, each way
 
 
@@ -48,7 +48,7 @@ def cycle_fold_curves(
     model : ThermalModel
         as for `limit_cycle`.
     powers, detunings : array, W and Hz
-        of a map; the curves are cut to their range.
+        of a map; the curves end at their first point outside.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def cycle_fold_curves(
     >>> ring, newton = coupled.borghi2021().with_lumped_fcd(), surrogate.newton(tau_th=275e-9)
     >>> (curve,) = coupled.cycle_fold_curves(ring, newton, [4e-3, 6e-3], [-10e9, 10e9])
     >>> print(f"{curve.power.min().item() * 1e3:.1f} to {curve.power.max().item() * 1e3:.1f} mW")
-    4.0 to 6.0 mW
+    3.9 to 6.1 mW
     """
     check_ring(ring)
     P, nu = check_axis("powers", powers), check_axis("detunings", detunings)
@@ -134,20 +134,12 @@ def _folds_from(ring: RingResonator, model: Compact, seed: xr.Dataset, window: _
     p = problem(ring, model, *laser_of(seed))
     here = window.ranges(np.array([p.power, p.detuning]))
     one = Family(p, ("detuning",), here[1:])
-    start = born(one, hopf_point(p, float(seed["energy"]), float(seed["frequency"])))
-    if start is None:
+    try:
+        start, tangent = born(one, seed)
+    except InputError:
         return []
-    (low, _), (first, last) = window.wider()[0], window.wider()[1]
-    unit = weights(one, start.orbit)
-    tangent = start.directions[0] * unit
-    grows = branch.relative_range  # outwards from the Hopf point
-    for sign in (1.0, -1.0):
-        way = sign * tangent / np.linalg.norm(tangent)
-        found, _ = branch.follow_along(one, start, way, first, last, SEEDS)
-        if len(found) > 1 and grows(found[1].place) > grows(start):
-            break
-    else:
-        return []
+    low, high = window.wider()[1]
+    found, _ = branch.follow_along(one, start, tangent, float(low), float(high), SEEDS)
     out = []
     for fold in (f.place for f in found if f.kind == "fold"):
         across = fold.directions[0] * weights(one, fold.orbit)

@@ -76,7 +76,7 @@ def follow_folds(
             return out, "the end of the range"
         if relative_range(place) < SMALLEST:
             return out, "a Hopf curve"
-        if place.orbit.T > SLOWEST * shortest:
+        if SLOWEST * shortest < place.orbit.T:
             return out, "the period grows without bound"
         step *= 1.4 if steps <= 6 else 0.7 if steps >= 8 else 1.0
     return out, "the number of points"

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from thermofem.checks import InputError
 
 from ..states import State, starting_point
+from .hopf_start import is_hopf_point, near_hopf
 from .orbit import Orbit, Problem, settle, shoot
 from .scheme import scheme
 from .start import Settled, settled
@@ -21,6 +22,11 @@ def from_guess(p: Problem, guess: Any) -> Settled:
     """Return the cycle near a guess; InputError where there is none."""
     if isinstance(guess, State):
         return settled(p, starting_point(guess, p.units.size - 3).as_array() / p.units, "the guess")
+    if is_hopf_point(guess):
+        orbit = settle(p, near_hopf(p, guess))
+        if orbit is None:
+            raise InputError("the cycle beside the Hopf point given as guess is not resolved by Newton's method")
+        return Settled(orbit, 1)
     attrs = getattr(guess, "attrs", {})
     if "final_state" in attrs:
         return settled(p, starting_point(guess, p.units.size - 3).as_array() / p.units, "the run given as guess")
@@ -34,8 +40,8 @@ def from_guess(p: Problem, guess: Any) -> Settled:
             )
         return found
     raise InputError(
-        f"guess is a {type(guess).__name__}; it must be a cycle of coupled.limit_cycle, a run of coupled.simulate or a "
-        "coupled.State"
+        f"guess is a {type(guess).__name__}; it must be a cycle of coupled.limit_cycle, a run of coupled.simulate, a "
+        "coupled.State or a point of coupled.hopf_curves"
     )
 
 

@@ -16,13 +16,18 @@ from numpy.typing import NDArray
 
 from thermofem.checks import InputError
 
+from .branch import follow, follow_along, outwards, relative_range
+from .hopf_end import turned
 from .orbit import FEWEST, Orbit, Problem
+from .parameters import LASER, under_laser, value_of
+from .path import Family, Place, corrected, first_place, weights
 from .scheme import scheme
 
 Array = NDArray[np.float64]
 
 SMALL = 0.02  # relative amplitude of the first cycle
 KIND = "Hopf curve"
+MOST = 400  # cycles of a branch
 
 
 class HopfPoint(NamedTuple):
@@ -45,20 +50,18 @@ def laser_of(guess: Any) -> tuple[float, float]:
     return float(guess["power"]), float(guess["detuning"])
 
 
-def hopf_point(p: Problem, energy: float, frequency: float) -> HopfPoint:
-    """The Hopf point of a problem that has the energy (J) and frequency (Hz)."""
+def hopf_point(p: Problem, guess: Any) -> HopfPoint:
+    """The Hopf point of a problem that a point of a Hopf curve names by its energy and frequency."""
     from ..equilibria import balance, spectrum
     from ..equilibria.steady import absorbable, internal
     from ..kernels import equations as eq
 
     at = internal(p.ring, p.model, absorbable(p.ring, p.power))
-    U = energy / eq.FJ
+    U, frequency = float(guess["energy"]) / eq.FJ, float(guess["frequency"])
     _, _, _, shift, _, gamma, _ = balance.balances(np.array([U]), at.rates, at.fcd, at.static)[:, 0]
     D = shift - p.at.detuning
     y, _ = spectrum.state(U, D, at.rates, at.fcd, p.at.thermal, at.static)
-    turn = 1j / (gamma - 1j * D)
-    turn /= abs(turn)  # `state` has a real field, a problem a real drive
-    y[0], y[1] = np.sqrt(U) * turn.real, np.sqrt(U) * turn.imag
+    y[:2] = np.sqrt(U) * turned(gamma, D)  # `state` has a real field, a problem a real drive
     J = eq.jacobian(y, p.at.detuning, p.at.rates, p.at.fcd, p.at.thermal)
     values, vectors = np.linalg.eig(J)
     omega = 2 * np.pi * eq.NS * frequency
@@ -78,3 +81,49 @@ def small_cycle(p: Problem, point: HopfPoint, r: float) -> Orbit:
     states = point.state + r * wave
     Y = np.ascontiguousarray(states[1:].reshape(FEWEST, c.size, -1))
     return Orbit(states[0].copy(), Y, tau, 2 * np.pi / point.omega, np.empty((0, 0)), np.inf)
+
+
+def born(family: Family, guess: Any) -> tuple[Place, Array]:
+    """A small cycle of a family beside a Hopf point, and the tangent of its branch away from it."""
+    p, own = family.base, laser_of(guess)
+    point = hopf_point(p if (p.power, p.detuning) == own else under_laser(p, *own), guess)
+    for r in (SMALL, SMALL / 4):
+        trial = small_cycle(family.base, point, r)
+        unit = weights(family, trial)
+        outward = np.concatenate([point.vector.real, np.zeros(2)])
+        row = outward * unit
+        values = np.array([value_of(family.base, name) for name in family.names])
+        found = corrected(family, trial, values, (row / np.linalg.norm(row))[None], unit)
+        if found is not None and relative_range(found[0]) > r / 4:
+            return found[0], outwards(family, found[0], outward)
+    raise InputError("no small cycle was found at the Hopf point given as guess: Newton's method finds none")
+
+
+def near_hopf(p: Problem, guess: Any) -> Orbit:
+    """The cycle of a problem, along the branch from a Hopf point under another power or detuning."""
+    own = dict(zip(LASER, laser_of(guess), strict=True))
+    wanted = {"power": p.power, "detuning": p.detuning}
+    names = [name for name in LASER if wanted[name] != own[name]]
+    if not names:
+        raise InputError("the Hopf point given as guess is at this power and detuning: its cycle has no size there")
+    base, place = under_laser(p, **own), None
+    for name in names:
+        ends = sorted((own[name], wanted[name]))
+        span = ends[1] - ends[0]
+        family = Family(base, (name,), np.array([span]))
+        low, high = (ends[0], ends[1] + span) if wanted[name] < own[name] else (ends[0] - span, ends[1])
+        if place is None:
+            start, tangent = born(family, guess)
+            found, why = follow_along(family, start, tangent, low, high, MOST)
+        else:
+            start = first_place(family, place.orbit) or place
+            found, why = follow(family, start, wanted[name] - own[name], low, high, MOST)
+        place = found[-1].place
+        if abs(float(place.values[0]) - wanted[name]) > 1e-6 * span:
+            raise InputError(
+                f"no cycle at {name} = {wanted[name]:g} on the branch from the Hopf point given as guess: the branch "
+                f"ends with {why}; continue_cycle shows where it goes"
+            )
+        base = under_laser(base, **(own | {name: wanted[name]}))
+        own[name] = wanted[name]
+    return place.orbit  # type: ignore[union-attr]

@@ -50,8 +50,8 @@ def changed(p: Problem, name: str, value: float) -> Problem:
     ring, model, laser = p.ring, p.model, {"power": p.power, "detuning": p.detuning}
     kind, number = _pole(name)
     if name in LASER:
-        return _under_laser(p, **(laser | {name: value}))
-    elif kind == "fcd":
+        return under_laser(p, **(laser | {name: value}))
+    if kind == "fcd":
         terms = [(value, term[1]) if k == number else term for k, term in enumerate(ring.fcd)]
         ring = replace(ring, fcd=tuple(terms))
     elif kind:
@@ -76,7 +76,7 @@ def slope(p: Problem, name: str, states: Array) -> Array:
     return np.asarray((4 * ends[0] - ends[1] - 3 * _flows(p, states)) / (2 * h))
 
 
-def _under_laser(p: Problem, power: float, detuning: float) -> Problem:
+def under_laser(p: Problem, power: float, detuning: float) -> Problem:
     """The same ring and heat under another laser."""
     from ..kernels import equations as eq
 

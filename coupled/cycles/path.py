@@ -77,7 +77,7 @@ def corrected(
 ) -> tuple[Place, Array] | None:
     """Close a trial orbit with rows . (x - trial) = 0; return it, its return map with columns, or None."""
     x = np.concatenate([orbit.start, [orbit.T], values])
-    begin, m, q = x, orbit.start.size, values.size
+    begin, m = x, orbit.start.size
     Y, best = orbit.Y, np.inf
     for k in range(MOST_STEPS):
         found = one_step(family, Orbit(x[:m], Y, orbit.tau, float(x[m]), orbit.M, 0.0), x[m + 1 :], rows, unit,

@@ -82,7 +82,7 @@ def stability(
     figure: Figure = None,
     output: Out = Path("stability.nc"),
 ) -> dict[str, Any]:
-    """Classify every point of a map by linear stability, with the Hopf and fold curves in the figure."""
+    """Classify every point of a map by linear stability, with Hopf and fold curves, of cycles too, in the figure."""
     import coupled
     from coupled.heaters import constant
 
@@ -148,6 +148,7 @@ def _finish(
 
         from ..plot import save_figure
 
+<<<<<<< HEAD
         turned = warmed.turned(ring)
         axes = found["power"].values, found["detuning"].values + turned
         linear, model = not hasattr(warmed.model, "H"), warmed.model
@@ -156,6 +157,20 @@ def _finish(
             folds = {ring.name: coupled.fold_curves(ring, model, *axes) if linear else []}
             for curve in (*hopf[ring.name], *folds[ring.name]):
                 curve["detuning"] = curve["detuning"].copy(data=curve["detuning"].values - turned)
+=======
+        axes = found["power"].values, found["detuning"].values
+        linear = not hasattr(model, "H")
+        with working("following the Hopf curves, the folds of fixed points and those of cycles"):
+            hopf = {ring.name: coupled.hopf_curves(ring, model, *axes) if linear else []}
+            folds = {ring.name: _folds(ring, model, axes) if linear else []}
+>>>>>>> 4e68b08 (Cycles are continued in any parameter around folds; curves of folds of cycles border the map)
             save_figure(plot_maps({ring.name: found}, show=show, hopf=hopf, folds=folds)[0, 0], figure)
     say(f"wrote {output}" + (f" and {figure}" if figure else ""))
     return {"points": {str(k): int(v) for k, v in zip(names, counts, strict=True)}, "map": output, "figure": figure}
+
+
+def _folds(ring: RingResonator, model: ThermalModel, axes: tuple[Any, Any]) -> list[Any]:
+    """The folds of fixed points and those of cycles."""
+    import coupled
+
+    return [*coupled.fold_curves(ring, model, *axes), *coupled.cycle_fold_curves(ring, model, *axes)]

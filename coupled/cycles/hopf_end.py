@@ -1,0 +1,72 @@
+"""The Hopf point in which a branch of ever smaller cycles ends: where a pair of eigenvalues crosses the imaginary axis.
+
+The parameter is found by the secant method on the real part; the last "cycle" is the fixed point itself.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+from scipy.optimize import newton
+
+from .orbit import Orbit
+from .path import Family, Place
+from .scheme import scheme
+
+Array = NDArray[np.float64]
+
+
+def hopf_near(family: Family, place: Place) -> Place | None:
+    """The Hopf point near a small cycle of a family with one parameter; None where there is none."""
+    omega, mean = 2 * np.pi / place.orbit.T, _mean_energy(place.orbit)
+    start = float(place.values[0])
+    try:
+        value = float(
+            newton(
+                lambda v: _pair(family, v, mean, omega)[1].real, start, x1=start + 1e-5 * float(family.ranges[0]),
+                tol=1e-11 * float(family.ranges[0]), maxiter=20,
+            )
+        )  # fmt: skip
+        y, pair, J = _pair(family, value, mean, omega)
+    except (RuntimeError, ValueError):
+        return None
+    if abs(value - start) > 0.05 * family.ranges[0]:
+        return None
+    T = 2 * np.pi / pair.imag
+    Y = np.broadcast_to(y, place.orbit.Y.shape).copy()
+    orbit = Orbit(y, Y, place.orbit.tau, float(T), np.ascontiguousarray(expm(J * T)), 0.0)
+    return place._replace(orbit=orbit, values=np.array([value]))
+
+
+def _mean_energy(orbit: Orbit) -> float:
+    """The mean energy of an orbit in fJ."""
+    weight = np.diff(orbit.tau)[:, None] * scheme().A[-1]
+    return float((weight * (orbit.Y[:, :, 0] ** 2 + orbit.Y[:, :, 1] ** 2)).sum())
+
+
+def _pair(family: Family, value: float, energy: float, omega: float) -> tuple[Array, complex, Array]:
+    """The fixed point nearest to an energy, its eigenvalue nearest to i omega, and its Jacobian."""
+    from ..equilibria import balance, spectrum
+    from ..equilibria.steady import absorbable, internal
+    from ..kernels import equations as eq
+
+    p = family.at(np.array([value]))
+    at = internal(p.ring, p.model, absorbable(p.ring, p.power))
+    rest = (p.at.drive, at.rates, at.fcd, at.static)
+    U, D = balance.fixed_points(
+        p.at.detuning, *rest, balance.turning_points(balance.reach(p.at.detuning, *rest), *rest)
+    )
+    k = int(np.argmin(np.abs(U - energy)))
+    y, _ = spectrum.state(U[k], D[k], at.rates, at.fcd, p.at.thermal, at.static)
+    gamma = float(balance.balances(U[k : k + 1], at.rates, at.fcd, at.static)[5, 0])
+    y[:2] = np.sqrt(U[k]) * turned(gamma, D[k])
+    J = eq.jacobian(y, p.at.detuning, p.at.rates, p.at.fcd, p.at.thermal)
+    values = np.linalg.eigvals(J).astype(complex)
+    return y, complex(values[np.argmin(np.abs(values - 1j * omega))]), np.asarray(J)
+
+
+def turned(gamma: float, D: float) -> Array:
+    """The direction of the field (Re, Im) at a fixed point under a real drive: that of i/(gamma - i D)."""
+    turn = 1j / (gamma - 1j * D)
+    return np.array([turn.real, turn.imag]) / abs(turn)

@@ -1,0 +1,154 @@
+"""Branches of cycles: folds and tori against long runs, Hopf points against the theory, doublings against pulses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import coupled
+import surrogate
+import thermofem as th
+from coupled.cycles.branch import follow_along
+from coupled.cycles.hopf_start import born
+from coupled.cycles.orbit import problem
+from coupled.cycles.path import Family
+
+RING = coupled.borghi2021()
+LUMPED, NEWTON = RING.with_lumped_fcd(), surrogate.newton(tau_th=275e-9)
+FIVE = th.Foster(R=[600, 1500, 2000, 2200, 1500], tau=[20e-9, 100e-9, 400e-9, 2e-6, 12e-6])
+POWER = 10**0.7 * 1e-3  # 7 dBm
+
+
+def at(branch, kind):
+    """Values of the parameter where a branch has a kind of special point."""
+    return branch[branch.attrs["parameter"]].values[branch["special"].values == kind]
+
+
+@pytest.fixture(scope="module")
+def loop():
+    """The branch of Newton's law: stable pulses, their fold, unstable pulses, the Hopf point."""
+    return coupled.continue_cycle(LUMPED, NEWTON, "detuning", (20e9, -15e9), power=POWER, detuning=-2e9)
+
+
+def test_a_fold_is_where_long_runs_stop_pulsing(loop):
+    (fold,) = at(loop, "fold")
+    cycle = coupled.limit_cycle(LUMPED, NEWTON, power=POWER, detuning=fold - 2e6)
+    begin = coupled.State.from_array(cycle["states"].values[0])
+    regimes = []
+    for nu in (fold - 1e4, fold + 1e4):  # 2e-6 of the detuning, 3e-7 of the range
+        run = coupled.simulate(LUMPED, NEWTON, power=POWER, detuning=nu, duration=4e-4, rtol=1e-8, initial=begin)
+        regimes.append(str(coupled.pulsing(run).regime))
+    assert regimes == ["self-pulsing", "stable"]
+
+
+def test_the_branch_is_stable_up_to_the_fold_and_ends_in_the_hopf_point(loop):
+    kinds = loop["stability"].values
+    k = int(np.flatnonzero(loop["special"].values == "fold")[0])
+    assert set(kinds[:k]) == {"stable"}
+    assert set(kinds[k + 1 : -1]) == {"unstable"}
+    others = loop["multipliers"].values[k]
+    assert np.sort(np.abs(others - 1))[1] < 1e-2  # two at 1: a double root moves by the root of the error
+    assert loop.attrs["reason"] == "a Hopf point"
+    (curve,) = coupled.hopf_curves(LUMPED, NEWTON, [POWER * 0.999, POWER * 1.001], [-3e9, 3e9])
+    power, nu = curve["power"].values, curve["detuning"].values
+    order = np.argsort(power)
+    # the curve is straight over .2 % of the power to 1e-7 of the range
+    assert at(loop, "Hopf").item() == pytest.approx(np.interp(POWER, power[order], nu[order]), abs=35e9 * 1e-6)
+
+
+def test_periods_of_a_branch_are_those_of_single_cycles(loop):
+    for k in (3, 10):
+        nu = float(loop["detuning"][k])
+        one = coupled.limit_cycle(LUMPED, NEWTON, power=POWER, detuning=nu)
+        for name in ("period", "duty", "swing"):
+            # polynomials between the stages err by 3e-7 times up to eight on either mesh
+            assert float(loop[name][k]) == pytest.approx(one.attrs[name], rel=1e-8 if name == "period" else 5e-6)
+
+
+@pytest.mark.parametrize(("ring", "model"), [(LUMPED, NEWTON), (RING, FIVE)])
+def test_small_cycles_grow_as_the_first_lyapunov_coefficient_says(ring, model):
+    """growth'(nu) (nu - nu_H) + g r^2 = 0 with r the relative amplitude of the carriers."""
+    curve = coupled.hopf_curves(ring, model, [4e-3, 6e-3], [-30e9, 40e9])[0]
+    hopf = curve.isel(point=curve.sizes["point"] // 2)
+    P, nu = float(hopf["power"]), float(hopf["detuning"])
+    rates = []
+    for step in (1e6, -1e6):
+        rest = coupled.steady_states(ring, model, power=P, detuning=nu + step)
+        k = int(np.argmin(np.abs(rest["frequency"].values - float(hopf["frequency"]))))
+        rates.append(float(rest["growth_rate"][k]))
+    slope = (rates[0] - rates[1]) / 2e6
+    family = Family(problem(ring, model, P, nu), ("detuning",), np.array([1e9]))
+    start, tangent = born(family, hopf)
+    found, _ = follow_along(family, start, tangent, nu - 1e9, nu + 1e9, 4)
+    for cycle in found[1:]:
+        orbit = cycle.place.orbit
+        N = orbit.Y[:, :, 2]
+        weight = np.diff(orbit.tau)[:, None] * np.ones(5) / 5
+        r = float(np.ptp(N)) / 2 / float((weight * N).sum())
+        moved = float(cycle.place.values[0]) - nu
+        # the next term of the normal form is r^2 of this one, times a number of order 10
+        assert -slope * moved / r**2 == pytest.approx(float(hopf["lyapunov"]), rel=0.01 + 20 * r**2)
+
+
+def test_pulses_alternate_between_two_period_doublings():
+    branch = coupled.continue_cycle(RING, FIVE, "detuning", (40e9, -5e9), power=POWER, detuning=20e9)
+    first, second = at(branch, "period doubling")
+    assert set(branch["stability"].values) == {"stable", "doubled"}
+    inside = (branch["detuning"].values > first) & (branch["detuning"].values < second)
+    assert set(branch["stability"].values[inside]) == {"doubled"}
+    for nu, pulses in ((first - 1e6, 1), (first + 1e6, 2), (second - 20e6, 2), (second + 20e6, 1)):
+        assert coupled.limit_cycle(RING, FIVE, power=POWER, detuning=nu).attrs["pulses"] == pulses
+    for k in np.flatnonzero(branch["special"].values == "period doubling"):
+        assert np.abs(branch["multipliers"].values[k] + 1).min() < 1e-6
+
+
+def test_pulses_are_modulated_beyond_a_torus():
+    """Found by a search over random networks: a pair of multipliers leaves the unit circle near 41.6 GHz."""
+    model, P = th.Foster(R=[4769.2, 1591.5], tau=[90.2e-9, 8.875e-6]), 21.5e-3
+    branch = coupled.continue_cycle(RING, model, "detuning", (43e9, 39e9), power=P, detuning=41e9)
+    (torus,) = at(branch, "torus")
+    others = branch["multipliers"].values[branch["special"].values == "torus"][0]
+    pair = others[np.abs(others.imag) > 0.1]
+    np.testing.assert_allclose(np.abs(pair), 1, atol=1e-6)
+    cycle = coupled.limit_cycle(RING, model, power=P, detuning=torus - 100e6)
+    begin = coupled.State.from_array(cycle["states"].values[0])
+    spread = []
+    for nu in (torus - 50e6, torus + 50e6):
+        run = coupled.simulate(RING, model, power=P, detuning=nu, duration=150e-6, rtol=1e-7, initial=begin)
+        T = run["delta_T"].values[run["time"].values > 120e-6]
+        spread.append(float(np.ptp(T[1:-1][(T[1:-1] > T[:-2]) & (T[1:-1] > T[2:])])))
+    assert spread[0] < 0.02  # K; it falls by half in 15 cycles
+    assert spread[1] > 5
+
+
+def test_a_hopf_point_is_a_guess():
+    curve = coupled.hopf_curves(RING, FIVE, [4e-3, 6e-3], [-30e9, 40e9])[0]
+    hopf = curve.isel(point=curve.sizes["point"] // 2)
+    P, nu = float(hopf["power"]), float(hopf["detuning"]) - 1e9
+    near = coupled.limit_cycle(RING, FIVE, power=P, detuning=nu, guess=hopf)
+    other = coupled.continue_cycle(RING, FIVE, "detuning", (nu, -5e9), power=P)  # from the large pulses at 0
+    assert near.attrs["period"] == pytest.approx(float(other["period"][-1]), rel=1e-8)
+    with pytest.raises(th.InputError, match="has no size there"):
+        coupled.limit_cycle(RING, FIVE, power=P, detuning=float(hopf["detuning"]), guess=hopf)
+    with pytest.raises(th.InputError, match="a whole Hopf curve"):
+        coupled.continue_cycle(RING, FIVE, "power", (1e-3, 9e-3), guess=curve)
+
+
+def test_other_parameters_lead_back():
+    """Along tau5 and back along the branch of the changed ring: the same cycle."""
+    there = coupled.continue_cycle(RING, FIVE, "tau5", (6e-6, 12e-6), power=POWER, detuning=0.0)
+    assert float(there["tau5"][-1]) == pytest.approx(6e-6, rel=1e-9)
+    other = th.Foster(R=FIVE.R, tau=[*FIVE.tau[:4], 6e-6])
+    direct = coupled.limit_cycle(RING, other, power=POWER)
+    assert float(there["period"][-1]) == pytest.approx(direct.attrs["period"], rel=1e-8)
+
+
+def test_bad_input():
+    with pytest.raises(th.InputError, match="power is missing"):
+        coupled.continue_cycle(LUMPED, NEWTON, "detuning", (0.0, 1e9))
+    with pytest.raises(th.InputError, match="two different numbers"):
+        coupled.continue_cycle(LUMPED, NEWTON, "detuning", (1e9, 1e9), power=POWER)
+    with pytest.raises(th.InputError, match="do not hold"):
+        coupled.continue_cycle(LUMPED, NEWTON, "detuning", (1e9, 2e9), power=POWER)
+    with pytest.raises(th.InputError, match="tau9"):
+        coupled.continue_cycle(LUMPED, NEWTON, "tau9", (1e-9, 2e-9), power=POWER)
