@@ -40,12 +40,9 @@ __all__ = [
     "borghi2021",
     "bus",
     "carrier_decay",
-<<<<<<< HEAD
     "circuit_limit_cycle",
     "circuit_steady_states",
-=======
     "continue_cycle",
->>>>>>> 4e68b08 (Cycles are continued in any parameter around folds; curves of folds of cycles border the map)
     "cosimulate",
     "crow",
     "cycle_derivatives",

@@ -10,7 +10,7 @@ import numpy as np
 
 from thermofem.checks import choice
 
-from .plot_axes import HEAT, LIGHT, dbm, readable
+from .plot_axes import HEAT, LIGHT, dbm
 from .plot_maps import plot_map, plot_maps
 from .plot_runs import plot_sweep, plot_traces
 

@@ -17,6 +17,8 @@ from .output import say
 if TYPE_CHECKING:
     from coupled import RingResonator
 
+    from ..models import ThermalModel
+
 Model = Annotated[Path, typer.Argument(help="Thermal model (JSON).")]
 Ring = Annotated[str, typer.Option(help=RING)]
 Heated = Annotated[str | None, typer.Option(help=HEATED)]
@@ -148,22 +150,14 @@ def _finish(
 
         from ..plot import save_figure
 
-<<<<<<< HEAD
         turned = warmed.turned(ring)
         axes = found["power"].values, found["detuning"].values + turned
         linear, model = not hasattr(warmed.model, "H"), warmed.model
-        with working("following the Hopf and fold curves"):
-            hopf = {ring.name: coupled.hopf_curves(ring, model, *axes) if linear else []}
-            folds = {ring.name: coupled.fold_curves(ring, model, *axes) if linear else []}
-            for curve in (*hopf[ring.name], *folds[ring.name]):
-                curve["detuning"] = curve["detuning"].copy(data=curve["detuning"].values - turned)
-=======
-        axes = found["power"].values, found["detuning"].values
-        linear = not hasattr(model, "H")
         with working("following the Hopf curves, the folds of fixed points and those of cycles"):
             hopf = {ring.name: coupled.hopf_curves(ring, model, *axes) if linear else []}
             folds = {ring.name: _folds(ring, model, axes) if linear else []}
->>>>>>> 4e68b08 (Cycles are continued in any parameter around folds; curves of folds of cycles border the map)
+            for curve in (*hopf[ring.name], *folds[ring.name]):
+                curve["detuning"] = curve["detuning"].copy(data=curve["detuning"].values - turned)
             save_figure(plot_maps({ring.name: found}, show=show, hopf=hopf, folds=folds)[0, 0], figure)
     say(f"wrote {output}" + (f" and {figure}" if figure else ""))
     return {"points": {str(k): int(v) for k, v in zip(names, counts, strict=True)}, "map": output, "figure": figure}
