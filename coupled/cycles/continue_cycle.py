@@ -84,7 +84,7 @@ def continue_cycle(
     >>> ring, newton = coupled.borghi2021().with_lumped_fcd(), surrogate.newton(tau_th=275e-9)
     >>> b = coupled.continue_cycle(ring, newton, "detuning", (20e9, -15e9), power=5.01e-3, detuning=-10e9)
     >>> print(f"{b.detuning.values[b.special == 'fold'].item() / 1e9:.3f} GHz; ends in {b.attrs['reason']}")
-    4.601 GHz; ends in a Hopf point
+    4.598 GHz; ends in a Hopf point
     """
     check_ring(ring)
     small = compact(model)
