@@ -121,16 +121,20 @@ def slopes(curves: dict[str, list[list[float]]]) -> str:
 
 
 def draw(curves: dict[str, list[list[float]]], path: Path) -> None:
-    """Every curve on its own axes, log-log."""
+    """Every curve on its own axes, log-log, three in a row, with its exponent."""
     import matplotlib.pyplot as plt
 
-    fig, axes = plt.subplots(1, len(curves), figsize=(2.6 * len(curves), 2.8), layout="constrained")
-    for ax, (name, points) in zip(axes, curves.items(), strict=True):
+    rows = -(-len(curves) // 3)
+    fig, axes = plt.subplots(rows, 3, figsize=(9.0, 2.9 * rows), layout="constrained", squeeze=False)
+    for ax in axes.flat[len(curves) :]:
+        ax.remove()
+    for ax, (name, points) in zip(axes.flat, curves.items(), strict=False):
         size, seconds = np.array(points).T
-        ax.loglog(size, seconds, "o-", color="#0072B2", markersize=4)
+        ax.loglog(size, seconds, "o-", color="#0072B2", markersize=5)
         title, _, unit = name.partition(", by ")
-        ax.set_title(title, fontsize="small")
-        ax.set(xlabel=unit, ylabel="time (s)" if ax is axes[0] else "")
+        slope = np.polyfit(np.log(size), np.log(seconds), 1)[0] if size.size > 1 else float("nan")
+        ax.set_title(f"{title}: slope {slope:.2f}", fontsize="medium")
+        ax.set(xlabel=unit, ylabel="time (s)" if ax.get_subplotspec().is_first_col() else "")
         ax.grid(alpha=0.25, which="major")
         for axis, values in ((ax.xaxis, size), (ax.yaxis, seconds)):
             axis.set_ticks([values.min(), values.max()], [_short(values.min()), _short(values.max())])

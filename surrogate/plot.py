@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 
 from thermofem.plot_style import BLUE, CYCLE, INK, SKY, takes
@@ -66,6 +67,42 @@ def plot_period_error(
     )
     ax.legend(frameon=False, fontsize="small", **below)
     return ax
+
+
+def plot_period_errors(curves: Mapping[str, xr.Dataset], *, within: float = 0.1, title: str = "") -> np.ndarray:
+    """Period error twice, side by side: in %, and its magnitude on a logarithmic axis, where good models differ.
+
+    Parameters
+    ----------
+    curves, within
+        as in `plot_period_error`.
+    title : str
+        of the figure.
+
+    Returns
+    -------
+    array of Axes
+    """
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 4.4), layout="constrained", sharex=True)
+    plot_period_error(curves, left, within=within)
+    for line in left.lines[1:]:  # the first is zero
+        error = np.abs(np.asarray(line.get_ydata(), dtype=float))
+        right.loglog(line.get_xdata(), np.where(error > 0, error, np.nan), line.get_linestyle(), color=line.get_color())
+    right.set_ylim(bottom=max(right.get_ylim()[0], 1e-4))  # %; below that is round-off
+    right.axhline(100 * within, color=SKY, linewidth=0.8)
+    right.set(xlabel=left.get_xlabel(), ylabel="magnitude of the period error (%)")
+    right.xaxis.set_major_formatter("{x:g}")
+    right.margins(x=0)
+    legend = left.get_legend()
+    if legend is not None:
+        names = [text.get_text() for text in legend.get_texts()]
+        figure.legend(
+            legend.legend_handles, names, loc="outside lower center", ncols=2, frameon=False, fontsize="small"
+        )
+        legend.remove()
+    if title:
+        figure.suptitle(title, fontsize="medium")
+    return np.array([left, right])
 
 
 def plot_error_against_states(comparison: xr.Dataset, ax: Axes | None = None) -> Axes:

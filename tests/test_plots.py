@@ -111,3 +111,17 @@ def test_a_fit_is_drawn_with_its_data_and_its_residual(periodic):
     np.testing.assert_allclose(upper.lines[1].get_ydata() - drawn, missed, atol=1e-12)
     # the straight lines between 4001 samples of a period miss (dt/tau)^2/8 of the swing: 3e-6 for tau = 50 ns
     assert np.sqrt(np.mean(missed**2)) == pytest.approx(fit.residual, rel=1e-4, abs=0)
+
+
+def test_the_logarithmic_panel_shows_the_magnitude_of_every_error():
+    periods = np.geomspace(1e-7, 1e-5, 20)
+    curves = {
+        name: surrogate.period_error(th.Foster(R=[7e3 * k], tau=[1e-6]), MODEL, periods)
+        for name, k in (("a", 1), ("b", 1.1))
+    }
+    left, right = FUNCTIONS["plot_period_errors"](curves)
+    assert right.get_yscale() == "log"
+    for line, curve in zip(right.lines, curves.values(), strict=False):
+        expected = np.abs(100 * curve["relative_error"].values)
+        np.testing.assert_allclose(line.get_ydata(), np.where(expected > 0, expected, np.nan))
+    assert left.get_legend() is None  # one legend for both panels

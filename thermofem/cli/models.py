@@ -180,13 +180,11 @@ def _validate_geometry(
 
 def _draw_curves(curves: Mapping[str, xr.Dataset], figure: Path, of: str = "") -> None:
     """Error over period of several models, and what of."""
-    from surrogate.plot import plot_period_error
+    from surrogate.plot import plot_period_errors
 
     from ..plot import save_figure
 
-    ax = plot_period_error(curves)
-    ax.set_title("\n".join([*filter(None, [of]), ax.get_title(loc="left")]), fontsize="small", loc="left")
-    save_figure(ax, figure)
+    save_figure(plot_period_errors(curves, title=of)[0], figure)
 
 
 def simulate(
