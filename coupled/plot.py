@@ -9,6 +9,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from thermofem.checks import choice
+from thermofem.plot_style import axes as new_axes
+from thermofem.plot_style import takes
 
 from .plot_axes import HEAT, LIGHT, dbm
 from .plot_maps import plot_map, plot_maps
@@ -42,6 +44,7 @@ def plot_identification(found: Identification, axes: Sequence[Axes] | None = Non
     axes : sequence of matplotlib Axes, optional
         one for each trace; a new row of them by default.
     """
+    takes("found", found, "cycles", "residuals", what="the result of coupled.identify")
     cycles, errors = found.cycles, found.residuals
     n = cycles.sizes["trace"]
     if axes is None:
@@ -74,8 +77,8 @@ def plot_newton_traces(found: xr.Dataset, ax: Axes | None = None, *, reference: 
     reference : float, J/K, optional
         heat capacity m c_p to divide by; without it the axis is in pJ/K.
     """
-    if ax is None:
-        _, ax = plt.subplots(figsize=(4.6, 3.4), layout="constrained")
+    takes("found", found, "tau_th", "heat_capacity", what="a Dataset of coupled.fit_newton_per_trace")
+    ax = new_axes(ax, (4.6, 3.4))
     unit = reference or 1e-12
     tau, capacity = found["tau_th"].values * 1e9, found["heat_capacity"].values / unit
     ends = np.array([np.nanmin(tau), np.nanmax(tau)])
@@ -98,6 +101,7 @@ def plot_carrier_decay(decay: xr.Dataset, axes: Sequence[Axes] | None = None) ->
         from `carrier_decay`.
     axes : two matplotlib Axes, optional
     """
+    takes("decay", decay, "time", "carriers", "lifetime", what="a Dataset of coupled.carrier_decay")
     if axes is None:
         _, axes = plt.subplots(1, 2, figsize=(7.6, 3.1), layout="constrained")
     left, right = axes
@@ -147,21 +151,35 @@ def plot_transmission(
         "delta_T": (1.0, "temperature rise (K)"),
         "carriers": (1e-6, "carrier density (cm$^{-3}$)"),
     }
+    takes("curve", curve, "detuning", "power", "regime", what="a Dataset of coupled.transmission")
     choice("show", show, labels)
-    if ax is None:
-        _, ax = plt.subplots(figsize=(5, 3.4), layout="constrained")
+    ax = new_axes(ax, (5.0, 3.4))
     unit, label = labels[show]
     by_power = np.ptp(curve["detuning"].values) == 0
     name, scale = ("power", 1e3) if by_power else ("detuning", 1e-9)
     x, y = curve[name].values * scale, curve[show].values * unit
     stable = curve["regime"].values == "stable"
-    touching = stable | np.roll(stable, 1)  # so that the two styles meet
+    ends = _leaves(x, y)
+    x, y, stable = np.insert(x, ends, np.nan), np.insert(y, ends, np.nan), np.insert(stable, ends, False)
+    touching = stable | np.concatenate([stable[:1], stable[:-1]])  # so that the two styles meet
     ax.plot(x, np.where(touching, y, np.nan), color="#111111", linewidth=1.4, label="stable")
     dots: dict[str, Any] = {"color": "#111111", "linewidth": 1.2, "linestyle": (0, (1, 1.5))}
     ax.plot(x, np.where(stable, np.nan, y), **dots, label="unstable")
     for (title, run), colour in zip((sweeps or {}).items(), (LIGHT, HEAT, "#009E73", "#CC79A7"), strict=False):
         ax.plot(run[name].values * scale, run[show].values * unit, color=colour, linewidth=1.1, alpha=0.85, label=title)
-    ax.set(xlabel="power (mW)" if by_power else "detuning (GHz)", ylabel=label, xlim=(x.min(), x.max()))
+    ax.set(xlabel="power (mW)" if by_power else "detuning (GHz)", ylabel=label, xlim=(np.nanmin(x), np.nanmax(x)))
     ax.set_ylim(bottom=0)
     ax.legend(frameon=False, fontsize="small")
     return ax
+
+
+def _leaves(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Where a curve leaves the range of x and comes back at the same edge: indices to break its line before.
+
+    The points of a curve lie at equal distances along it; a step of ten times the usual height, at an edge, is no part
+    of the curve.
+    """
+    steps, span = np.abs(np.diff(y)), np.ptp(x)
+    middle = (x[1:] + x[:-1]) / 2
+    edge = np.minimum(middle - x.min(), x.max() - middle) < 0.02 * span
+    return np.flatnonzero(edge & (steps > 10 * np.quantile(steps, 0.95))) + 1

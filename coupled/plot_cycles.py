@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 import matplotlib.pyplot as plt
 import numpy as np
 
+from thermofem.plot_style import takes
+
 from .plot_axes import HEAT, readable
 
 if TYPE_CHECKING:
@@ -30,6 +32,7 @@ def plot_branch(branch: xr.Dataset, ax: Axes | None = None, *, fixed: xr.Dataset
     fixed : xarray.Dataset, optional
         from `transmission` over the same parameter: the fixed points, drawn below the cycles.
     """
+    takes("branch", branch, "stability", what="a Dataset of coupled.continue_cycle")
     if ax is None:
         _, ax = plt.subplots(figsize=(5.6, 3.6), layout="constrained")
     name = str(branch.attrs["parameter"])

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
 
 from thermofem.checks import choice
+from thermofem.plot_style import takes
 
 from .plot_axes import LIGHT, dbm, readable
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
+MAP = "a Dataset of coupled.pulsing_map or coupled.stability_map"
 REGIMES = {  # light to dark, so that the order survives in grey
     "stable": "#E8EEF4",
     "bistable": "#A9C8E3",
@@ -70,6 +72,7 @@ def plot_map(
     InputError
         an unknown name.
     """
+    takes("data", data, "regime", what=MAP)
     choice("show", show, ["regime", *(name for name in _SCALED if name in data or name == "frequency")])
     if ax is None:
         _, ax = plt.subplots(figsize=(5, 3.8), layout="constrained")
@@ -111,6 +114,8 @@ def plot_maps(
 ) -> np.ndarray:
     """Draw the maps of several models side by side, a row for each variable with one colour scale; return the Axes.
 
+    The variables of a single map stand side by side.
+
     Parameters
     ----------
     maps : mapping from the model's name to a Dataset of `pulsing_map`
@@ -118,13 +123,17 @@ def plot_maps(
         what to draw, as in `plot_map`.
     hopf, folds : mapping from the model's name to its curves, optional
     """
+    for data in takes("maps", maps, "items", "values", what="a mapping from names to maps").values():
+        takes("maps", data, "regime", what=f"a mapping from names to maps, each {MAP}")
     handles, names = _maps_key(maps, show, hopf or {}, folds or {})
-    width = 3.4 * len(maps) + 0.9
+    rows, across = (len(show), len(maps)) if len(maps) > 1 else (1, len(show))  # one map: side by side, as on a slide
+    width = (3.4 if rows > 1 else 3.9) * across + 0.9
     columns = int(width // 1.8)  # inches that the longest name takes
-    size = (width, 2.6 * len(show) + 0.2 + 0.2 * -(-len(names) // columns))
+    size = (width, (2.6 if rows > 1 else 3.4) * rows + 0.2 + 0.2 * -(-len(names) // columns))
     figure, axes = plt.subplots(
-        len(show), len(maps), figsize=size, layout="constrained", sharex=True, sharey=True, squeeze=False
+        rows, across, figsize=size, layout="constrained", sharex=True, sharey=True, squeeze=False
     )
+    axes = axes.reshape(len(show), len(maps))
     for row, name in zip(axes, show, strict=True):
         limits = _common_limits(maps, name)
         for ax, (title, data) in zip(row, maps.items(), strict=True):
@@ -133,7 +142,13 @@ def plot_maps(
             plot_map(data, name, ax, limits=limits, key=last, hopf=over["hopf"], folds=over["folds"])
             ax.label_outer()
     for ax, title in zip(axes[0], maps, strict=True):
-        ax.set_title(title, fontsize="medium")
+        if rows > 1:
+            ax.set_title(title, fontsize="medium")
+        else:
+            figure.suptitle(title, fontsize="medium")
+    if rows == 1:
+        for ax, name in zip(axes[:, 0], show, strict=True):
+            ax.set_title("regime" if name == "regime" else _SCALED[name][1].partition(" (")[0], fontsize="small")
     if names:
         figure.legend(
             handles, names, loc="outside lower center", ncols=columns, frameon=False, fontsize="small", borderpad=0

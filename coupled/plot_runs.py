@@ -8,6 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from thermofem.checks import InputError, choice
+from thermofem.plot_style import takes
 
 from .plot_axes import HEAT, LIGHT, readable
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
+RUN = "a Dataset of coupled.simulate or coupled.cosimulate"
 OTHERS = ("#009E73", "#CC79A7", "#E69F00")
 OUTPUTS = {
     "drop": "drop power",
@@ -25,9 +27,10 @@ OUTPUTS = {
 
 
 def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw the drop power (left axis) and the temperature rise (right axis) against time.
+    """Draw the drop power and the temperature rise against time.
 
-    In a figure of its own, what varies of laser power, heater powers and detuning stands in panels below.
+    In a figure of its own each has a panel; laser power, heater powers and detuning have panels below where they vary.
+    In given Axes the temperature rise has the right axis.
 
     Parameters
     ----------
@@ -39,33 +42,36 @@ def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     Returns
     -------
     matplotlib Axes
-        the left one; the right one is its twin.
+        the one with the drop power.
     """
+    takes("run", run, "time", "drop", "delta_T", what=RUN)
     t, time_unit = readable(run["time"].values, "s")
-    bottom: Any = None
+    drop, power_unit = readable(run["drop"].values, "W")
     if ax is None:
         drives = _drives(run)
-        heights = [3.2, *(1.1 for _ in drives)]
-        _, axes = plt.subplots(
-            len(heights), 1, figsize=(7, sum(heights)), height_ratios=heights, sharex=True, layout="constrained",
-            squeeze=False,
-        )  # fmt: skip
-        ax = axes[0, 0]
-        for below, (label, curves) in zip(axes[1:, 0], drives, strict=True):
+        heights = [1.9, 1.9, *(1.1 for _ in drives)]
+        _, column = plt.subplots(
+            len(heights), 1, figsize=(7, sum(heights)), height_ratios=heights, sharex=True, layout="constrained"
+        )
+        style: Any = "-"
+        ax, right = column[0], column[1]
+        for below, (label, curves) in zip(column[2:], drives, strict=True):
             _draw_drive(below, t, label, curves)
-            bottom = below
-    drop, power_unit = readable(run["drop"].values, "W")
-    ax.plot(t, drop, color=LIGHT, linewidth=1.2)
-    (bottom or ax).set_xlabel(f"time ({time_unit})")
+        column[-1].set_xlabel(f"time ({time_unit})")
+        right.spines["right"].set_visible(False)
+        ax.spines["right"].set_visible(False)
+        column[0].figure.align_ylabels(column)
+    else:
+        right, style = ax.twinx(), (0, (5, 1))
+        ax.set_xlabel(f"time ({time_unit})")
+    ax.plot(t, drop, color=LIGHT, linewidth=1.1)
     ax.set_ylabel(f"drop power ({power_unit})", color=LIGHT)
     ax.set_xlim(t[0], t[-1])
-    ax.set_ylim(bottom=0)
-    right = ax.twinx()
-    right.plot(t, run["delta_T"].values, color=HEAT, linewidth=1.2, linestyle=(0, (5, 1)))
+    right.plot(t, run["delta_T"].values, color=HEAT, linewidth=1.1, linestyle=style)
     right.set_ylabel("temperature rise (K)", color=HEAT)
-    right.set_ylim(bottom=0)
-    ax.spines["top"].set_visible(False)
-    right.spines["top"].set_visible(False)
+    for one in (ax, right):
+        one.set_ylim(bottom=0)
+        one.spines["top"].set_visible(False)
     return ax
 
 
@@ -118,6 +124,7 @@ def plot_sweep(run: xr.Dataset, show: str = "drop", ax: Axes | None = None) -> A
     InputError
         nothing is swept, or an unknown name.
     """
+    takes("run", run, "time", "drop", what=RUN)
     choice("show", show, OUTPUTS)
     swept = [name for name in ("detuning", "input_power") if name in run and np.ptp(run[name].values) > 0]
     if not swept:

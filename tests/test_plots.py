@@ -27,15 +27,13 @@ WRONG = {
     "a class": int,
 }
 
-PENDING = ("coupled.plot",)  # being split
-
 
 def functions() -> dict[str, object]:
     """All public plot functions of the plot modules of the three packages, by name."""
     found = {}
     for package in (th, surrogate, coupled):
         for module in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
-            if module.name.split(".")[1].startswith("plot") and module.name not in PENDING:
+            if module.name.split(".")[1].startswith("plot"):
                 for name, function in vars(import_module(module.name)).items():
                     if name.startswith(("plot_", "animate_")) and inspect.isfunction(function):
                         found[name] = function
@@ -125,3 +123,24 @@ def test_the_logarithmic_panel_shows_the_magnitude_of_every_error():
         expected = np.abs(100 * curve["relative_error"].values)
         np.testing.assert_allclose(line.get_ydata(), np.where(expected > 0, expected, np.nan))
     assert left.get_legend() is None  # one legend for both panels
+
+
+def test_the_line_of_a_transmission_does_not_join_two_stretches_that_leave_the_range():
+    """At 3 mW from -20 GHz on, the branch leaves below -20 GHz near 0.95 mW and comes back near 1.6 mW."""
+    model = surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1.2e-6, eta=0.31)
+    curve = coupled.transmission(coupled.borghi2021(), model, power=3e-3, detuning=(-20e9, 20e9))
+    assert np.abs(np.diff(1e3 * curve["drop"].values)).max() > 0.4  # the two stretches follow each other
+    ax = FUNCTIONS["plot_transmission"](curve)
+    for line in ax.lines:
+        assert np.nanmax(np.abs(np.diff(line.get_ydata()))) < 0.05
+
+
+def test_a_run_has_a_panel_for_each_quantity():
+    wave = coupled.Sweep([0, 1e-6], [10e9, -10e9])
+    run = coupled.simulate(coupled.borghi2021(), MODEL, power=1e-3, detuning=wave, duration=1e-6)
+    figure = FUNCTIONS["plot_traces"](run).figure
+    labels = [ax.get_ylabel() for ax in figure.axes]
+    assert labels == ["drop power (µW)", "temperature rise (K)", "detuning (GHz)"]
+    _, ax = plt.subplots()
+    assert FUNCTIONS["plot_traces"](run, ax) is ax
+    assert len(ax.figure.axes) == 2  # the twin

@@ -46,7 +46,7 @@ class Identification(HasModel):
         over trace: power (W), detuning (Hz), period and period_model (s), and shape_error, the root mean square
         difference of the cycles over the measured swing.
     cycles : xarray.Dataset
-        over trace and phase: drop, the measured mean cycle, and drop_model.
+        over trace and phase: drop, the measured mean cycle, and drop_model; each the mean over 1/33 of the cycle.
     samples : xarray.Dataset
         over run: each free parameter, and misfit, the root of the mean over the traces of the sum of squares.
     front : array, shape (n, traces)
@@ -190,8 +190,8 @@ def _result(
     for target in targets:
         aim = target.observed.mean()
         _, aligned = misfit(simulated(ring, model, target), aim, target.observed.absolute)
-        curves.append([aim.curve(phase), aligned.curve(phase)])
-        shape = float(np.sqrt(np.mean((curves[-1][1] - curves[-1][0]) ** 2)) / max(aim.swing, 1e-300))
+        curves.append([cycle.curve(phase, smooth=True) for cycle in (aim, aligned)])
+        shape = float(np.sqrt(np.mean((aligned.curve(phase) - aim.curve(phase)) ** 2)) / max(aim.swing, 1e-300))
         rows.append([target.power, target.detuning, aim.period, aligned.period, shape])
     columns = np.array(rows).T
     errors = xr.Dataset(

@@ -13,8 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 from .. import checks, quantity
 from ..checks import InputError
+from .detuning import detuning_of
 
 if TYPE_CHECKING:
+    from coupled import RingResonator
+
     from ..models import ThermalModel
 
 HEATER = "Power of another part: 'heater=5 mW', 'heater=5 mW square 1 us duty 0.3' or 'heater=5 mW pulse 1 us at 2 us'."
@@ -53,14 +56,14 @@ def channel(picked: str | None, heated: str | None, read: str | None) -> tuple[s
 
 
 def light(
-    power: str, detuning: str, sweep: str | None, modulate: list[str], duration: float
+    ring: RingResonator, power: str, detuning: str, sweep: str | None, modulate: list[str], duration: float
 ) -> tuple[dict[str, Any], str | None]:
     """Power and detuning of the laser, and which of them is swept."""
     import coupled
 
     found: dict[str, Any] = {
         "power": quantity.not_negative(power, "W", name="--power"),
-        "detuning": quantity.parse(detuning, "Hz", name="--detuning"),
+        "detuning": detuning_of(detuning, ring),
     }
     swept = None
     if sweep is not None:

@@ -10,6 +10,7 @@ import typer
 
 from .. import checks
 from . import drives
+from .detuning import detuning_of
 from .files import DEFAULT_RING, HEATED, READ, RING, check_outputs, longer, model_of, ring_of, say_ring, working
 from .kinds import expect
 from .output import say
@@ -110,19 +111,27 @@ def _setting(model: Path, ring: str, power: str, detuning: str, points: str) -> 
         raise checks.InputError(f"--points = {points!r} must be two whole numbers, such as '20, 20'") from None
     if not (2 <= n <= 2000 and 2 <= m <= 2000):
         raise checks.InputError(f"--points = {points!r} must lie between 2 and 2000")
-    axes = np.geomspace(low, high, n), np.linspace(*_ends(detuning, "Hz", "--detuning"), m)
-    return ring_of(ring), axes
+    resonator = ring_of(ring)
+    parts = [detuning_of(part, resonator) for part in _pair(detuning, "--detuning")]
+    if parts[0] == parts[1]:
+        raise checks.InputError(f"--detuning = {detuning!r}: the two are equal")
+    return resonator, (np.geomspace(low, high, n), np.linspace(min(parts), max(parts), m))
 
 
 def _ends(text: str, unit: str, name: str) -> tuple[float, float]:
     """Two quantities, the first below the second."""
-    parts = [part.strip() for part in text.split(",")]
-    if len(parts) != 2:
-        raise checks.InputError(f"{name} = {text!r} must be two quantities with a comma, such as '3 dBm, 10 dBm'")
-    low, high = (_quantity(part, unit, name) for part in parts)
+    low, high = (_quantity(part, unit, name) for part in _pair(text, name))
     if low >= high:
         raise checks.InputError(f"{name} = {text!r}: the first must be below the second")
     return low, high
+
+
+def _pair(text: str, name: str) -> list[str]:
+    """The two texts of 'first, last'."""
+    parts = [part.strip() for part in text.split(",")]
+    if len(parts) != 2:
+        raise checks.InputError(f"{name} = {text!r} must be two quantities with a comma, such as '3 dBm, 10 dBm'")
+    return parts
 
 
 def _quantity(text: str, unit: str, name: str) -> float:
@@ -158,9 +167,18 @@ def _finish(
             folds = {ring.name: _folds(ring, model, axes) if linear else []}
             for curve in (*hopf[ring.name], *folds[ring.name]):
                 curve["detuning"] = curve["detuning"].copy(data=curve["detuning"].values - turned)
-            save_figure(plot_maps({ring.name: found}, show=show, hopf=hopf, folds=folds)[0, 0], figure)
+            title = f"{ring.name}, {_thermal(warmed.model)}"
+            over = {"hopf": {title: hopf[ring.name]}, "folds": {title: folds[ring.name]}}
+            save_figure(plot_maps({title: found}, show=show, **over)[0, 0], figure)
     say(f"wrote {output}" + (f" and {figure}" if figure else ""))
     return {"points": {str(k): int(v) for k, v in zip(names, counts, strict=True)}, "map": output, "figure": figure}
+
+
+def _thermal(model: Any) -> str:
+    """A thermal model in a few words."""
+    poles = getattr(model, "order", None)
+    size = f" with {poles} states" if isinstance(poles, int) else ""
+    return f"{type(model).__name__}{size}, R_th = {model.thermal_resistance / 1e3:.4g} K/mW"
 
 
 def _folds(ring: RingResonator, model: ThermalModel, axes: tuple[Any, Any]) -> list[Any]:

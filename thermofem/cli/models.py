@@ -217,7 +217,7 @@ def simulate(
     small = drives.small(thermal, powers, **parts)
     resonator = ring_of(ring)
     length = quantity.positive(duration, "s", name="--duration")
-    light, swept = drives.light(power, detuning, sweep, modulate or [], length)
+    light, swept = drives.light(resonator, power, detuning, sweep, modulate or [], length)
     settings: dict[str, Any] = {"duration": length, "heaters": powers, **parts, **light}
     say_ring(resonator, ring)
     first = "the first run on a machine compiles for some seconds"
