@@ -8,7 +8,9 @@ from .carriers import ShockleyReadHall
 from .explore.page import explore
 from .inputs import Sweep
 from .kernels.tableaus import Method
+from .lasers import Laser
 from .lifetime import ConstantLifetime
+from .noise import frequency_noise, intensity_noise
 from .parameters.borghi2021 import borghi2021
 from .parameters.vanvaerenbergh2012 import vanvaerenbergh2012
 from .pulsing import Pulsing, Regime, pulsing
@@ -27,6 +29,7 @@ __all__ = [
     "Detector",
     "Event",
     "Identification",
+    "Laser",
     "LaserPort",
     "Method",
     "Pulsing",
@@ -52,8 +55,10 @@ __all__ = [
     "fit_carrier_decay",
     "fit_newton_per_trace",
     "fold_curves",
+    "frequency_noise",
     "hopf_curves",
     "identify",
+    "intensity_noise",
     "limit_cycle",
     "overlap",
     "power_for_drop",

@@ -68,8 +68,8 @@ def detuning_in_time(detuning: Any, duration: float) -> Any:
     found = None if _is_number(detuning) else pieces("detuning", detuning, 0.0, float(duration))
     if type(detuning) in (list, tuple) and sum(_is_number(part) for part in detuning) > 1:
         raise checks.InputError(
-            f"detuning is a list of {len(detuning)} with several numbers; a list adds up to one laser, so two lasers "
-            "cannot be given in this way: give one number, with waveforms where it varies"
+            f"detuning is a list of {len(detuning)} with several numbers; a list is one laser: give one number, "
+            "with waveforms where it varies, and a second laser as lasers=[coupled.Laser(power, detuning)]"
         )
     ends = [detuning] if found is None else bounds(found)
     values = [checks.finite("detuning", nu, unit="Hz") for nu in ends]

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,7 @@ from .arguments import check_run, detuning_in_time, power_in_time
 from .heaters import channels, heating
 from .inputs import Input
 from .kernels.tableaus import Method
+from .lasers import Laser, check_lasers, further_fields, run_several, variables_of
 from .record import heater_powers, provenance, traces
 from .resonator import RingResonator
 from .states import State, starting_point
@@ -45,6 +46,7 @@ def simulate(
     heaters: Mapping[str, Input] | None = None,
     heated: str | None = None,
     read: str | None = None,
+    lasers: Laser | Sequence[Laser] = (),
     progress: Callable[[float], None] | None = None,
 ) -> xr.Dataset:
     """Switch the laser on at t = 0, on a cold, empty ring unless ``initial`` says otherwise, and integrate.
@@ -88,6 +90,9 @@ def simulate(
     heated, read : str, optional
         the input of such a model that the light heats and the output that detunes it; with ``heaters`` by default the
         first input that is no heater, and the output of the same name.
+    lasers : Laser or sequence of them, optional
+        further lasers: a probe or a second channel on another resonance, or light that beats on the same one
+        (`coupled.lasers`). Not with ``event`` or ``adiabatic``.
     progress : callable, optional
         called with the time in s that has been reached: about ten times a second in runs of more than 100 us, and at
         the end.
@@ -96,8 +101,9 @@ def simulate(
     -------
     xarray.Dataset
         over time (s): energy (J), carriers (1/m^3), delta_T (K), drop, through and absorbed (W), what scatters where
-        the ring has such a loss, power and detuning where they vary, heater_power (W) over heater and time; provenance
-        and the final state in attrs. Write ``run["drop"]``: ``run.drop`` is a method of every Dataset.
+        the ring has such a loss, power and detuning where they vary, heater_power (W) over heater and time; with
+        lasers on other resonances probe_energy, probe_drop and probe_through over probe and time. Provenance and the
+        final state in attrs. Write ``run["drop"]``: ``run.drop`` is a method of every Dataset.
 
     Raises
     ------
@@ -119,7 +125,8 @@ def simulate(
     """
     record = run_of(
         ring, model, power=power, detuning=detuning, duration=duration, rtol=rtol, times=times, method=method,
-        initial=initial, event=event, adiabatic=adiabatic, heaters=heaters, heated=heated, read=read, progress=progress,
+        initial=initial, event=event, adiabatic=adiabatic, heaters=heaters, heated=heated, read=read, lasers=lasers,
+        progress=progress,
     )  # fmt: skip
     return record.dataset()
 
@@ -140,6 +147,7 @@ def run_of(
     heaters: Mapping[str, Input] | None = None,
     heated: str | None = None,
     read: str | None = None,
+    lasers: Laser | Sequence[Laser] = (),
     progress: Callable[[float], None] | None = None,
 ) -> Record:
     """`simulate` without xarray: the same as a Record."""
@@ -152,16 +160,28 @@ def run_of(
     chosen = check_method(method) or (Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
     picked = channels(model, heaters, heated, read)
     small, heat = picked.model, heating(picked, heaters, duration, rtol)
-    if event and event.quantity == "delta_T" and heat.powers:
+    if heat.powers and getattr(event, "quantity", "") == "delta_T":
         raise checks.InputError("event watches delta_T without the heaters; with heaters watch 'energy' or 'carriers'")
-    run = advance(
-        ring, small, starting_point(initial, small.order), 0.0, float(duration), power=light["input_power"],
-        detuning=light["detuning"], offset=heat.rise, rtol=rtol, method=chosen, times=wanted, event=event,
-        adiabatic=adiabatic, progress=progress,
-    )  # fmt: skip
+    begin, others = starting_point(initial, small.order), check_lasers(lasers)
+    run: Any
+    if others:
+        if adiabatic or event:
+            raise checks.InputError("lasers goes with neither event nor adiabatic")
+        first = Laser(power, detuning)
+        run, resonances = run_several(
+            ring, small, begin, further_fields(initial), [first, *others], float(duration), offset=heat.rise, rtol=rtol,
+            method=chosen, times=wanted, progress=progress,
+        )  # fmt: skip
+        seen = {name: column(*parts) for name, parts in variables_of(run, resonances, light).items()}
+    else:
+        run = advance(
+            ring, small, begin, 0.0, float(duration), power=light["input_power"], detuning=light["detuning"],
+            offset=heat.rise, rtol=rtol, method=chosen, times=wanted, event=event, adiabatic=adiabatic,
+            progress=progress,
+        )  # fmt: skip
+        seen = {name: column("time", v, dataset.describe(name)) for name, v in traces(ring, run, light).items()}
     end = replace(run.final, thermal=np.asarray(run.final.thermal) + heat.states(run.reached))
     heater = {name: column(*parts) for name, parts in heater_powers(heat.powers, run.time).items()}
-    seen = {name: column("time", values, dataset.describe(name)) for name, values in traces(ring, run, light).items()}
     return Record(
         seen | {name: one for name, one in heater.items() if name != "heater"},
         {"time": column("time", run.time, dataset.describe("time"))}
@@ -175,6 +195,7 @@ def run_of(
             "rejected_steps": int(run.counts[1]),
             "final_state": end.as_array(),
             **({"crossings": run.crossings} if event else {}),
+            **({"final_fields": run.final_fields, "lasers": 1 + len(others)} if others else {}),
         },
     )
 

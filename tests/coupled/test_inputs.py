@@ -236,7 +236,7 @@ def test_methods_go_by_name():
 
 
 def test_two_lasers_are_not_added_up_to_one():
-    with pytest.raises(th.InputError, match="two lasers cannot be given in this way"):
+    with pytest.raises(th.InputError, match="a second laser as lasers="):
         coupled.simulate(
             coupled.borghi2021(), th.Foster([7800.0], [1e-6]), power=[1e-3, 1e-3], detuning=[0.0, 20e9], duration=1e-8
         )

@@ -1,0 +1,117 @@
+"""Noise of a laser as waveforms: relative intensity noise and linewidth, with a seed so that runs repeat.
+
+    P(t) = P_0 [1 + e(t)],       one-sided density of e:  S_e(f) = 10^(RIN/10) /Hz        below the bandwidth, else 0
+    nu(t) = nu_0 + n(t),         one-sided density of n:  S_n(f) = linewidth/pi Hz^2/Hz   below the bandwidth, else 0
+
+White frequency noise of that density makes a Lorentzian line with ``linewidth`` between its half-maxima. The samples
+are the Fourier series of a record a little longer than the run, with independent normal amplitudes: what is drawn is
+the same for every run of one seed, bandwidth and duration.
+
+Sources: Petermann, Laser Diode Modulation and Noise (1988), Section 7.1 (RIN); Di Domenico, Schilt and Thomann, Appl.
+Opt. 49, 4801 (2010), Eq. 1 (linewidth of white frequency noise).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem import checks
+from thermofem.waveforms import PiecewiseCubic
+
+Array = NDArray[np.float64]
+
+OVERSAMPLED = 8  # samples in the shortest period: cubics between them err by 1e-3
+LONGER = 1.05  # of the record, so that its end does not resemble its start
+MOST = 2_000_000  # samples
+
+
+def intensity_noise(power: float, rin: float, *, bandwidth: float, duration: float, seed: int = 0) -> PiecewiseCubic:
+    """Return a laser power with white relative intensity noise.
+
+    Parameters
+    ----------
+    power : float, W
+        the mean.
+    rin : float, dB/Hz
+        one-sided density of the relative power: -130 for a common diode laser.
+    bandwidth : float, Hz
+        above it there is none; light in a ring follows up to its linewidth.
+    duration : float, s
+    seed : int
+
+    Raises
+    ------
+    InputError
+        a number out of range, or noise that would make the power negative.
+
+    >>> wave = intensity_noise(1e-3, -130, bandwidth=1e9, duration=1e-6, seed=1)
+    >>> bool(abs(wave(0.5e-6) / 1e-3 - 1) < 0.1)
+    True
+    """
+    checks.positive("power", power, unit="W", at_most=1, hint="8 dBm is 6.31e-3")
+    checks.between("rin", rin, -250, 0, unit="dB/Hz", hint="-130 is a common diode laser")
+    times, e = _white(10 ** (rin / 10), bandwidth, duration, seed)
+    if e.min() <= -1:
+        raise checks.InputError(
+            f"rin = {rin:g} dB/Hz over {bandwidth:g} Hz has a standard deviation of {e.std():.2g} of the power, which "
+            "would become negative; take a smaller bandwidth"
+        )
+    return _wave(times, power * (1 + e))
+
+
+def frequency_noise(linewidth: float, *, bandwidth: float, duration: float, seed: int = 0) -> PiecewiseCubic:
+    """Return what a finite linewidth adds to a detuning, in Hz: ``detuning=[2e9, frequency_noise(...)]``.
+
+    Parameters
+    ----------
+    linewidth : float, Hz
+        between the half-maxima of the Lorentzian line.
+    bandwidth, duration, seed
+        as for `intensity_noise`; the bandwidth must be well above the linewidth.
+
+    Raises
+    ------
+    InputError
+        a number out of range.
+
+    >>> wave = frequency_noise(1e5, bandwidth=1e9, duration=1e-6, seed=1)
+    >>> bool(abs(wave(0.5e-6)) < 1e8)
+    True
+    """
+    checks.positive("linewidth", linewidth, unit="Hz", at_most=1e12, hint="1e5 is 100 kHz")
+    return _wave(*_white(linewidth / np.pi, bandwidth, duration, seed))
+
+
+def _white(density: float, bandwidth: float, duration: float, seed: int) -> tuple[Array, Array]:
+    """Times and samples of noise of a one-sided density below a bandwidth."""
+    checks.positive("bandwidth", bandwidth, unit="Hz", at_most=1e13, hint="1e9 is 1 GHz")
+    checks.positive("duration", duration, unit="s", at_most=1, hint="did you mean 20e-6 for 20 us?")
+    if not isinstance(seed, int | np.integer) or seed < 0:
+        raise checks.InputError(f"seed = {seed!r} must be a whole number from 0")
+    length = LONGER * duration
+    n = int(np.ceil(length * OVERSAMPLED * bandwidth))
+    if n > MOST:
+        raise checks.InputError(
+            f"bandwidth = {bandwidth:g} Hz over {duration:g} s takes {n} samples, at most {MOST}; shorten one of them"
+        )
+    n = max(n, 2 * OVERSAMPLED)
+    lines = int(bandwidth * length)
+    if lines < 1:
+        raise checks.InputError(f"bandwidth = {bandwidth:g} Hz has no period within {duration:g} s; raise it")
+    draw = np.random.default_rng(seed).normal(size=(lines, 2))
+    spectrum = np.zeros(n // 2 + 1, dtype=complex)
+    # each line has the power density/length: amplitude^2/2 = density/length
+    spectrum[1 : lines + 1] = (draw @ [1, 1j]) * np.sqrt(density / length) * n / 2
+    values = np.asarray(np.fft.irfft(spectrum, n), dtype=float)
+    return np.arange(n + 1) * (length / n), np.append(values, values[0])
+
+
+def _wave(times: Array, values: Array) -> Any:
+    """The cubic spline through the samples, as a waveform."""
+    from scipy.interpolate import CubicSpline
+
+    spline: Any = CubicSpline(times, values, bc_type="periodic")
+    return PiecewiseCubic(times, np.ascontiguousarray(spline.c[::-1].T))

@@ -1,0 +1,95 @@
+"""Laser noise: its density by Welch's method, the linewidth by the coherence, and what a ring passes on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from correctors import NETWORK, RING
+from scipy.signal import welch
+
+import coupled
+import thermofem as th
+
+BANDWIDTH, DURATION = 200e6, 50e-6
+
+
+def sampled(wave):
+    """Samples at 8 times the bandwidth."""
+    times = np.arange(int(DURATION * 8 * BANDWIDTH)) / (8 * BANDWIDTH)
+    return times, wave(times)
+
+
+def density(values):
+    """One-sided density by Welch's method, within and beyond the bandwidth."""
+    f, S = welch(values, 8 * BANDWIDTH, nperseg=1600)
+    return S[(f > 5e6) & (f < 0.9 * BANDWIDTH)], S[f > 1.2 * BANDWIDTH]
+
+
+def test_relative_intensity_noise_has_the_density_asked_for():
+    """50 independent segments and 175 lines: the mean is within 3/sqrt(50 175) = 3 %, one line within 4/sqrt(50)."""
+    wave = coupled.intensity_noise(2e-3, -110, bandwidth=BANDWIDTH, duration=DURATION, seed=3)
+    _, P = sampled(wave)
+    inside, outside = density(P / 2e-3)
+    assert inside.mean() == pytest.approx(1e-11, rel=0.04)
+    assert inside == pytest.approx(np.full(inside.size, 1e-11), rel=0.7)
+    assert outside.max() < 1e-3 * 1e-11  # the cubics, and the window's leakage
+    assert P.mean() == pytest.approx(2e-3, rel=1e-2)
+
+
+def test_frequency_noise_has_the_density_of_its_linewidth():
+    wave = coupled.frequency_noise(1e6, bandwidth=BANDWIDTH, duration=DURATION, seed=4)
+    inside, outside = density(sampled(wave)[1])
+    assert inside.mean() == pytest.approx(1e6 / np.pi, rel=0.04)
+    assert outside.max() < 1e-3 * 1e6 / np.pi
+
+
+def test_coherence_decays_as_of_a_lorentzian_line():
+    """<exp(i phi(t + tau) - i phi(t))> = exp(-pi linewidth tau), tau well above 1/bandwidth."""
+    linewidth, products = 2e6, []
+    for seed in range(6):
+        wave = coupled.frequency_noise(linewidth, bandwidth=BANDWIDTH, duration=DURATION, seed=seed)
+        _, nu = sampled(wave)
+        phase = 2 * np.pi * np.cumsum(nu) / (8 * BANDWIDTH)
+        step = int(0.1e-6 * 8 * BANDWIDTH)
+        products.append(np.exp(1j * (phase[step:] - phase[:-step])).mean())
+    # the correction of a bandwidth B: exp(-pi linewidth tau (1 - 2/(pi^2 B tau))), here 1 %
+    wanted = np.exp(-np.pi * linewidth * 0.1e-6 * (1 - 2 / (np.pi**2 * BANDWIDTH * 0.1e-6)))
+    assert np.mean(products).real == pytest.approx(wanted, abs=0.02)  # 3000 coherence times: 1/sqrt(3000)
+
+
+def test_a_seed_repeats_a_run():
+    def run(seed):
+        options = {"bandwidth": 1e9, "duration": 50e-9, "seed": seed}
+        return coupled.simulate(
+            RING, NETWORK, power=coupled.intensity_noise(1e-4, -110, **options),
+            detuning=[1e9, coupled.frequency_noise(1e6, **options)], duration=50e-9,
+        )  # fmt: skip
+
+    first, again, other = run(1), run(1), run(2)
+    assert (first["drop"].values == again["drop"].values).all()
+    assert first["drop"].values[-1] != other["drop"].values[-1]
+
+
+def test_a_linear_ring_passes_slow_noise_on():
+    """Far below the linewidth of 29 GHz a weakly driven ring drops a fixed share of the power at every time."""
+    wave = coupled.intensity_noise(1e-9, -95, bandwidth=50e6, duration=0.4e-6, seed=5)
+    times = np.linspace(0.1e-6, 0.4e-6, 301)
+    drop = coupled.simulate(RING, NETWORK, power=wave, duration=0.4e-6, times=times, rtol=1e-8)["drop"].values
+    share = 4 * RING.bus_rate**2 / RING.linear_rate**2
+    assert drop == pytest.approx(share * wave(times), rel=2e-3)  # 10 ps of delay at 50 MHz
+    assert drop.std() > 0.05 * drop.mean()
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: coupled.intensity_noise(1e-3, -80, bandwidth=1e9, duration=1e-6), "negative"),
+        (lambda: coupled.intensity_noise(1e-3, 130, bandwidth=1e9, duration=1e-6), "rin"),
+        (lambda: coupled.frequency_noise(1e5, bandwidth=1e3, duration=1e-6), "no period"),
+        (lambda: coupled.frequency_noise(1e5, bandwidth=1e12, duration=1e-3), "samples"),
+        (lambda: coupled.frequency_noise(1e5, bandwidth=1e9, duration=1e-6, seed=-1), "seed"),
+    ],
+)
+def test_what_is_refused(call, words):
+    with pytest.raises(th.InputError, match=words):
+        call()
