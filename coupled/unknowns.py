@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,25 @@ LIFETIMES = ("tau_n", "tau_p")
 SPAN = 4.0  # how far a value may go from its start, as a factor, where no bounds are given
 
 
+@runtime_checkable
+class ThermalFamily(Protocol):
+    """Thermal models that depend on parameters in ranges, such as `surrogate.Family`."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        ...
+
+    @property
+    def ranges(self) -> Mapping[str, tuple[float, float]]:
+        """Both ends of each, SI."""
+        ...
+
+    def at(self, values: Mapping[str, float]) -> Any:
+        """The thermal model with these parameters."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class Unknowns:
     """The free parameters of a ring with a thermal law.
@@ -43,6 +62,8 @@ class Unknowns:
         one for each number: "R" and "tau" of n poles become "R1" .. "Rn" and "tau1" .. "taun".
     start, low, high : array
         logarithms.
+    family : ThermalFamily or None
+        whose parameters are among the names.
     """
 
     ring: RingResonator
@@ -52,10 +73,14 @@ class Unknowns:
     start: Array
     low: Array
     high: Array
+    family: ThermalFamily | None = None
 
     def build(self, x: Array) -> tuple[RingResonator, Compact]:
         """The ring and the thermal model at the logarithms ``x``; raises InputError where they are not physical."""
         values = dict(zip(self.names, np.exp(x).tolist(), strict=True))
+        if self.family is not None:
+            inside = {n: min(max(values.pop(n), low), high) for n, (low, high) in self.family.ranges.items()}
+            return varied(self.ring, values), compact(self.family.at(inside))
         law = {name: values.pop(name, value) for name, value in self.thermal.items()}
         return varied(self.ring, values), compact(_model(law, self.model, values))
 
@@ -63,7 +88,7 @@ class Unknowns:
 def unknowns(
     ring: RingResonator,
     free: Sequence[str],
-    model: ThermalModel | None = None,
+    model: ThermalModel | ThermalFamily | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
 ) -> Unknowns:
     """Resolve the names of the free parameters.
@@ -71,17 +96,23 @@ def unknowns(
     Raises
     ------
     InputError
+        a parameter of a family that is not free, or not positive;
         an unknown, repeated or fixed name, names of two thermal laws, or bounds that are not positive and in order.
     """
     if isinstance(free, str) or not free:
         raise checks.InputError(f"free = {free!r} must be a list of names, such as ['kappa', 'tau_f', 'tau_s', 'eta']")
-    known = optical_names(ring) | {*SECOND_ORDER, *NEWTON, *POLES, HEAT_CAPACITY}
+    family = model if isinstance(model, ThermalFamily) else None
+    laws = {*SECOND_ORDER, *NEWTON, *POLES, HEAT_CAPACITY}
+    known = optical_names(ring) | (laws if family is None else _names_of(family, free, optical_names(ring)))
     for name in free:
         checks.choice("a name in free", name, known)
-    thermal, poles = _law(free, model)
+    thermal, poles = ({}, None) if isinstance(model, ThermalFamily) else _law(free, model)
+    ranges = {} if family is None else family.ranges
     start: dict[str, float] = {}
     for name in free:
-        if name in POLES and isinstance(poles, Foster):
+        if name in ranges:
+            start[name] = float(np.sqrt(ranges[name][0] * ranges[name][1]))
+        elif name in POLES and isinstance(poles, Foster):
             start |= {f"{name}{k + 1}": float(v) for k, v in enumerate(getattr(poles, name))}
         else:
             start[name] = thermal[name] if name in thermal else _of_ring(ring, name)
@@ -92,6 +123,8 @@ def unknowns(
         [checks.positive(name, start[name], hint="a free parameter must start above 0") for name in names]
     )
     low, high = values / SPAN, values * SPAN
+    for k, name in enumerate(names):
+        low[k], high[k] = ranges.get(name, (low[k], high[k]))
     checks.has("bounds", bounds or {}, "items", hint='a mapping is needed, such as {"kappa": (1e5, 1e7)}')
     for name, pair in (bounds or {}).items():
         checks.choice("a name in bounds", name, names)
@@ -99,9 +132,26 @@ def unknowns(
         if not (ends.shape == (2,) and ends.dtype.kind in "iuf" and 0 < pair[0] < pair[1] < np.inf):
             raise checks.InputError(f"bounds[{name!r}] = {pair!r} must be (low, high) with 0 < low < high")
         k = names.index(name)
+        if name in ranges and not ranges[name][0] <= pair[0] < pair[1] <= ranges[name][1]:
+            raise checks.InputError(f"bounds[{name!r}] = {pair!r} must lie inside the family's {ranges[name]!r}")
         low[k], high[k] = pair
         values[k] = min(max(values[k], low[k]), high[k])
-    return Unknowns(ring, thermal, poles, names, np.log(values), np.log(low), np.log(high))
+    return Unknowns(ring, thermal, poles, names, np.log(values), np.log(low), np.log(high), family)
+
+
+def _names_of(family: ThermalFamily, free: Sequence[str], optical: set[str]) -> set[str]:
+    """Names of a family's parameters, which must all be free."""
+    held = [name for name in family.names if name not in free]
+    if held:
+        raise checks.InputError(
+            f"{', '.join(held)} of the family must be free or held: family.held({held[0]}=...) as the model"
+        )
+    for name, (low, _) in family.ranges.items():
+        checks.positive(f"the family's {name}", low, hint="the search is in logarithms; train it over positive values")
+    both = sorted(optical & set(family.names))
+    if both:
+        raise checks.InputError(f"{', '.join(both)} is a name of the ring and of the family; rename it in the campaign")
+    return set(family.names)
 
 
 def _law(free: Sequence[str], model: ThermalModel | None) -> tuple[dict[str, float], Compact | None]:

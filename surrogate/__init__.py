@@ -15,8 +15,10 @@ from .family import Certified, Family, load_family, train_family
 from .fit import Fit, fit_foster, fit_newton, fit_second_order
 from .ladder import Ladder, judge, train_all, verdict
 from .output_map import fit_output_map, output_map
+from .pareto import pareto_front
 from .pole_derivatives import pole_derivatives
 from .quadratic import QuadraticReduction, reduce_quadratic
+from .quantities import Optics
 from .reduce import Reduction, reduce
 from .sindy import SindyFit, fit_sindy
 from .sindy_quadratic import fit_sindy_quadratic
@@ -37,6 +39,7 @@ __all__ = [
     "Fit",
     "Ladder",
     "Network",
+    "Optics",
     "OutsideTrainingWarning",
     "QuadraticReduction",
     "Reduction",
@@ -65,6 +68,7 @@ __all__ = [
     "load_provenance",
     "newton",
     "output_map",
+    "pareto_front",
     "period_error",
     "pole_derivatives",
     "reduce",

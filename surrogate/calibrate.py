@@ -9,19 +9,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofem import CrossSection, Foster, checks
-from thermofem.dataset import drive_of
+from thermofem import CrossSection, Foster, checks, waveforms
+from thermofem.dataset import Drive, drive_of
 from thermofem.display import shown
 
-from .design import _ends, family_over
 from .family import Certified, Family
+from .search import Ranges, family_over, inside
 
 if TYPE_CHECKING:
     import xarray as xr
 
 Array = NDArray[np.float64]
 
-STEP = 1e-4  # of a range, of central differences of the responses
 STARTS = 4  # of Gauss-Newton
 BLIND = 0.3  # of a range: a combination whose standard error is larger is not seen by the data
 ON_EDGE = 1e-6  # of a range
@@ -42,6 +41,9 @@ class Calibration:
     reduced_chi_square : float
         residual over noise, squared, per degree of freedom; about 1 where ``noise`` is right and the model explains
         the data. nan without noise.
+    correlation : float
+        of neighbouring residuals: 0 for noise, within 2/sqrt(samples); near 1 where the geometry cannot explain the
+        data.
     unseen : tuple of str
         combinations of parameters that the data cannot tell apart, in words.
     active : tuple of str
@@ -56,6 +58,7 @@ class Calibration:
     covariance: Array = field(repr=False)
     residual: float
     reduced_chi_square: float
+    correlation: float
     unseen: tuple[str, ...]
     active: tuple[str, ...]
     certified: Certified = field(repr=False)
@@ -79,7 +82,8 @@ def calibrate(
 
         min over the box of sum over samples of (delta_T(t; p) - measured)^2/noise^2,    covariance = noise^2 (J^T J)^-1
 
-    by Gauss-Newton (trust region with bounds, SciPy) from several starts, on the derivatives of a family's members.
+    by Gauss-Newton (trust region with bounds, SciPy) from several starts, on the derivatives of a family's members with
+    respect to its parameters.
 
     Parameters
     ----------
@@ -110,30 +114,20 @@ def calibrate(
     measured = np.concatenate([drive.rise for drive in drives])
     if measured.size <= len(low):
         raise checks.InputError(f"{measured.size} samples do not determine {len(low)} parameters; give more of both")
+    span = _Span(low, high, np.array(family.box.logarithmic) & (low > 0))
     scale = checks.positive("noise", noise, unit="K") if noise is not None else float(np.std(measured)) or 1.0
 
     def values_of(x: Array) -> dict[str, float]:
-        row = low + np.clip(x, 0, 1) * (high - low)
+        row = span.row(x)
         return {name: float(value) for name, value in zip(family.names, row, strict=True)}
 
-    def predicted(x: Array) -> Array:
-        model = family.at(values_of(x))
-        each = [
-            model.periodic_response(d.wave, d.times.size) if d.periodic else model.response(d.wave, d.times)
-            for d in drives
-        ]
-        return np.concatenate(each)
-
     def misfit(x: Array) -> Array:
-        return (predicted(x) - measured) / scale
+        return (np.concatenate([_rise(family.at(values_of(x)), d) for d in drives]) - measured) / scale
 
     def jacobian(x: Array) -> Array:
-        columns = []
-        for k in range(x.size):
-            ends = np.array([max(x[k] - STEP, 0.0), min(x[k] + STEP, 1.0)])
-            pair = [predicted(np.where(np.arange(x.size) == k, end, x)) for end in ends]
-            columns.append((pair[1] - pair[0]) / (ends[1] - ends[0]) / scale)
-        return np.column_stack(columns)
+        modal = family.modal_derivative(span.row(x))
+        each = [modal.response(d.wave, _times(d), periodic=d.periodic) for d in drives]
+        return np.asarray(np.concatenate(each, axis=1).T * (span.slope(x) / scale))
 
     shares = np.random.default_rng(0).uniform(0.15, 0.85, (STARTS - 1, len(low)))
     starts = np.vstack([np.full(len(low), 0.5), shares])
@@ -145,15 +139,15 @@ def calibrate(
     freedom = measured.size - len(low)
     variance = 1.0 if noise is not None else float(left @ left) / freedom
     covariance, unseen = _covariance(jacobian(x), variance, family.names)
-    span = high - low
     found = values_of(x)
-    errors = np.sqrt(np.diag(covariance)) * span
+    errors = np.sqrt(np.diag(covariance)) * span.slope(x)
     return Calibration(
         values=found,
         standard_errors={name: float(error) for name, error in zip(family.names, errors, strict=True)},
-        covariance=covariance * np.outer(span, span),
+        covariance=covariance * np.outer(span.slope(x), span.slope(x)),
         residual=float(np.sqrt(np.mean((left * scale) ** 2))),
         reduced_chi_square=float(left @ left) / freedom if noise is not None else np.nan,
+        correlation=float(np.mean(left[1:] * left[:-1]) / max(np.mean(left**2), 1e-300)),
         unseen=unseen,
         active=tuple(n for n, y in zip(family.names, x, strict=True) if y <= ON_EDGE or y >= 1 - ON_EDGE),
         certified=family.certify(**found),
@@ -161,15 +155,44 @@ def calibrate(
     )
 
 
-def _bounds(family: Family, free: Mapping[str, tuple[float, float]] | None) -> tuple[Array, Array]:
+@dataclass(frozen=True, eq=False)
+class _Span:
+    """Parameters as shares 0 to 1 of their ranges, of the logarithm where a campaign says so."""
+
+    low: Array
+    high: Array
+    logarithmic: NDArray[np.bool_]
+
+    @property
+    def _decades(self) -> Array:
+        return np.log(np.where(self.logarithmic, self.high / np.where(self.logarithmic, self.low, 1.0), 1.0))
+
+    def row(self, x: Array) -> Array:
+        """Parameters, held inside the ranges."""
+        share = np.clip(x, 0, 1)
+        linear = self.low + share * (self.high - self.low)
+        return np.asarray(np.where(self.logarithmic, self.low * np.exp(share * self._decades), linear))
+
+    def slope(self, x: Array) -> Array:
+        """d(parameter)/d(share)."""
+        return np.asarray(np.where(self.logarithmic, self.row(x) * self._decades, self.high - self.low))
+
+
+def _times(drive: Drive) -> Array:
+    return waveforms.period_times(drive.wave, drive.times.size) if drive.periodic else drive.times
+
+
+def _rise(model: Foster, drive: Drive) -> Array:
+    if drive.periodic:
+        return model.periodic_response(drive.wave, drive.times.size)
+    return model.response(drive.wave, drive.times)
+
+
+def _bounds(family: Family, free: Ranges | None) -> tuple[Array, Array]:
     low, high = family.box.low.copy(), family.box.high.copy()
-    for name in free or {}:
-        k = family.names.index(checks.choice("parameter", name, family.names))
-        a, b = _ends(name, (free or {})[name])
-        slack = 1e-9 * (high[k] - low[k])
-        if not low[k] - slack <= a < b <= high[k] + slack:
-            raise checks.InputError(f"{name} = ({a:g}, {b:g}) must lie inside the family's {low[k]:g} .. {high[k]:g}")
-        low[k], high[k] = max(a, low[k]), min(b, high[k])
+    for name, pair in (free or {}).items():
+        a, b = inside(family, name, pair)
+        low[family.names.index(name)], high[family.names.index(name)] = a, b
     return low, high
 
 

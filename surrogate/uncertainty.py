@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofem import Foster, checks
+from thermofem import checks
 
-from .design import QUANTITIES
 from .family import Family
+from .layer import layer_of
+from .quantities import Optics, Property, Quantity, word
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,10 +26,12 @@ OUTSIDE = 1e-3  # share of the samples that may leave the box; they are held at 
 def uncertainty(
     family: Family,
     distributions: Mapping[str, Any],
-    quantity: str | Callable[[Foster], float] = "thermal_resistance",
+    quantity: Quantity = "thermal_resistance",
     *,
     samples: int = 1024,
     fixed: Mapping[str, float] | None = None,
+    optics: Optics | None = None,
+    layer: int | None = None,
     seed: int = 0,
 ) -> xr.Dataset:
     """Distribution of a property of the members, and the Sobol index of every parameter.
@@ -40,13 +44,18 @@ def uncertainty(
     distributions : dict from parameter to a SciPy distribution
         independent: ``{"radius": scipy.stats.norm(7e-6, 20e-9)}``; anything with ``ppf``.
     quantity : str or callable
-        "thermal_resistance", "rise_time", or a function of a thermal model, see `surrogate.design`. Members without the
-        property (nan, or InputError) are counted and left out; Sobol indices then hold for the others together with
-        their mean in the place of those.
+        "thermal_resistance", "rise_time", "time_constant", or a function of a thermal model, see `surrogate.design`;
+        one that returns an array (a DataArray keeps its coordinates) is a map, and one of Booleans a map of
+        probabilities. Members without the property (nan, or InputError) are counted and left out; Sobol indices then
+        hold for the others together with their mean in the place of those.
     samples : int
         base samples n, a power of two; the property is worked out n (p + 2) times for p parameters.
     fixed : dict from parameter to float
         of the parameters that are not varied; default the middle of their range.
+    optics : Optics
+        how the optics follow the geometry; functions then take a second argument, the dict of changes.
+    layer : int
+        work the property out for so many members only and interpolate (scikit-learn); for what takes long.
     seed : int
 
     Returns
@@ -54,7 +63,9 @@ def uncertainty(
     xarray.Dataset
         over "parameter": first_order and total_order with their 95 % intervals (``_low``, ``_high``, by bootstrap);
         over "sample": ``value``. Attributes: mean, standard_deviation, quantile_05, quantile_50, quantile_95, missing
-        (share of members without the property). The optics' dependence on geometry is not part of it.
+        (share of members without the property), and of a layer layer_error and layer_worst, relative, over held-out
+        members. Of a map: mean (of Booleans the probability), standard_deviation, first_order and total_order at every
+        point (nan where nothing varies). Without ``optics`` it is the thermal part alone.
 
     Raises
     ------
@@ -64,92 +75,172 @@ def uncertainty(
 
     Source: I. M. Sobol, Math. Comput. Simul. 55, 271 (2001); estimators of `scipy.stats.sobol_indices`.
     """
-    import xarray as xr
-    from scipy.stats import sobol_indices
+    names = _checked(family, distributions, fixed or {}, samples)
+    dists = [distributions[name] for name in names]
+    one = Property(family, quantity, optics)
+    sampled = _Sampled(_many(one, names, fixed or {}), _clip(family, names), lambda: one.reason)
+    attrs: dict[str, Any] = {"quantity": word(quantity), "samples": samples}
+    if layer is not None:
+        low, high = np.array(_box(family, names)).T
+        made = layer_of(sampled.scalars, dists, (low, high), layer, sampled.reason)
+        attrs |= {"layer": layer, "layer_error": made.error, "layer_worst": made.worst}
+        sampled.values = made
+    indices = _sobol(sampled, dists, samples, seed)
+    if sampled.like is not None:
+        return _map(sampled, indices, names, attrs)
+    return _scalar(sampled, indices, names, attrs)
 
+
+def _checked(
+    family: Family, distributions: Mapping[str, Any], fixed: Mapping[str, float], samples: int
+) -> tuple[str, ...]:
     if not isinstance(family, Family):
         raise checks.InputError(f"family is a {type(family).__name__}; surrogate.train_family gives one")
     names = tuple(distributions)
     if not names:
         raise checks.InputError("distributions is empty; give one for at least one parameter")
-    for name in (*names, *(fixed or {})):
+    for name in (*names, *fixed):
         checks.choice("parameter", name, family.names)
     for name, one in distributions.items():
         checks.has(name, one, "ppf", hint="a distribution of scipy.stats with its numbers is needed")
     if samples < 2 or samples & (samples - 1):
         raise checks.InputError(f"samples = {samples} must be a power of two")
-    values = _property(family, names, quantity, fixed or {})
-    seen: list[Array] = []
+    return names
 
-    def function(x: Array) -> Array:
-        found = values(x)
-        seen.append(found)
-        return np.where(np.isnan(found), np.nanmean(found), found)[None]
 
-    dists = [distributions[name] for name in names]
-    indices = sobol_indices(func=function, n=samples, dists=dists, rng=np.random.default_rng(seed))
-    ends = indices.bootstrap(confidence_level=0.95, n_resamples=200)
-    every = np.concatenate(seen[:2])  # the two independent sets of samples
+class _Sampled:
+    """The property of samples, kept as it is worked out.
+
+    Parameters
+    ----------
+    values : callable
+        from parameters of shape (p, n), inside the box, to shape (n,) or (n, *shape of a map).
+    clip, reason : callable
+        holds samples inside the box; says why members lack the property.
+    """
+
+    def __init__(
+        self, values: Callable[[Array], Any], clip: Callable[[Array], Array], reason: Callable[[], str]
+    ) -> None:
+        self.values, self.clip, self.reason = values, clip, reason
+        self.seen: list[Array] = []
+        self.like: Any = None  # a member's map, where the property is one
+
+    def scalars(self, x: Array) -> Array:
+        found = self.values(self.clip(x))
+        if np.ndim(found[0]):
+            raise checks.InputError("a layer interpolates one number, and the quantity returns an array")
+        return np.asarray(found, dtype=float)
+
+    def __call__(self, x: Array) -> Array:
+        """As `scipy.stats.sobol_indices` wants it, shape (points, n)."""
+        found = self.values(self.clip(x))
+        maps = [one for one in found if np.ndim(one)]
+        if maps:
+            self.like = maps[0]
+            found = [one if np.ndim(one) else np.full(np.shape(self.like), np.nan) for one in found]
+        table = np.array([np.ravel(one) for one in found], dtype=float)
+        self.seen.append(table)
+        if np.isnan(table).all():
+            raise checks.InputError(f"no sample has the property: {self.reason()}")
+        whole = np.where(np.isnan(table), np.nanmean(table, axis=0), table).T
+        return np.tile(whole, (2, 1)) if len(whole) == 1 else whole  # SciPy fails on one property of one parameter
+
+    @property
+    def every(self) -> Array:
+        """The two independent sets of samples, shape (2 n, points)."""
+        return np.concatenate(self.seen[:2])
+
+
+def _sobol(sampled: _Sampled, dists: list[Any], samples: int, seed: int) -> Any:
+    from scipy.stats import sobol_indices
+
+    with np.errstate(divide="ignore", invalid="ignore"):  # points of a map where nothing varies
+        return sobol_indices(func=sampled, n=samples, dists=dists, rng=np.random.default_rng(seed))
+
+
+def _scalar(sampled: _Sampled, indices: Any, names: tuple[str, ...], attrs: dict[str, Any]) -> xr.Dataset:
+    import xarray as xr
+
+    with np.errstate(divide="ignore", invalid="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # an index that is 1 in every resample has no spread
+        bounds = indices.bootstrap(confidence_level=0.95, n_resamples=200)
+    every = sampled.every[:, 0]
     there = every[~np.isnan(every)]
     data = {}
     for kind in ("first_order", "total_order"):
-        interval = getattr(ends, kind).confidence_interval
+        interval = getattr(bounds, kind).confidence_interval
         for suffix, array in (("", getattr(indices, kind)), ("_low", interval.low), ("_high", interval.high)):
-            data[kind + suffix] = ("parameter", np.ravel(array), {"long_name": f"Sobol index, {kind}", "units": "1"})
+            column = np.reshape(array, (2, len(names)))[0]
+            column = np.where(np.isnan(column), np.reshape(getattr(indices, kind), (2, len(names)))[0], column)
+            data[kind + suffix] = ("parameter", column, {"long_name": f"Sobol index, {kind}", "units": "1"})
     low, half, high = np.quantile(there, (0.05, 0.5, 0.95))
-    return xr.Dataset(
-        {**data, "value": ("sample", every, {"long_name": _word(quantity)})},
-        coords={"parameter": list(names)},
-        attrs={
-            "quantity": _word(quantity),
-            "mean": float(there.mean()),
-            "standard_deviation": float(there.std(ddof=1)),
-            "quantile_05": float(low),
-            "quantile_50": float(half),
-            "quantile_95": float(high),
-            "missing": float(np.isnan(every).mean()),
-        },
-    )
+    attrs |= {
+        "mean": float(there.mean()),
+        "standard_deviation": float(there.std(ddof=1)),
+        "quantile_05": float(low),
+        "quantile_50": float(half),
+        "quantile_95": float(high),
+        "missing": float(np.isnan(every).mean()),
+    }
+    value = ("sample", every, {"long_name": attrs["quantity"]})
+    return xr.Dataset({**data, "value": value}, coords={"parameter": list(names)}, attrs=attrs)
 
 
-def _word(quantity: str | Callable[[Foster], float]) -> str:
-    return quantity if isinstance(quantity, str) else getattr(quantity, "__name__", "quantity")
+def _map(sampled: _Sampled, indices: Any, names: tuple[str, ...], attrs: dict[str, Any]) -> xr.Dataset:
+    import xarray as xr
+
+    like = xr.DataArray(sampled.like)
+    boolean, shape = like.dtype == bool, like.shape
+    every = sampled.every
+    spread = np.nanstd(every, axis=0, ddof=1)
+    quiet = spread == 0
+    words = "probability" if boolean else f"mean of {attrs['quantity']}"
+    data: dict[str, Any] = {
+        "mean": (like.dims, np.nanmean(every, axis=0).reshape(shape), {"long_name": words}),
+        "standard_deviation": (like.dims, spread.reshape(shape), {"long_name": "standard deviation"}),
+    }
+    for kind in ("first_order", "total_order"):
+        table = np.reshape(getattr(indices, kind), (-1, len(names)))[: quiet.size]
+        table = np.where(quiet[:, None], np.nan, table).T.reshape(len(names), *shape)
+        data[kind] = (("parameter", *like.dims), table, {"long_name": f"Sobol index, {kind}", "units": "1"})
+    coords = {name: one for name, one in like.coords.items() if set(one.dims) <= set(like.dims)}
+    attrs |= {"missing": float(np.isnan(every).any(axis=1).mean())}
+    return xr.Dataset(data, coords={"parameter": list(names), **coords}, attrs=attrs)
 
 
-def _property(
-    family: Family, names: tuple[str, ...], quantity: str | Callable[[Foster], float], fixed: Mapping[str, float]
-) -> Callable[[Array], Array]:
-    """The property of many members, from an array of shape (parameters, n); nan where a member has none."""
-    middle = dict(zip(family.names, family.box.middle, strict=True))
-    rest = {name: float(fixed.get(name, middle[name])) for name in family.names if name not in names}
-    ends = {name: (lo, hi) for name, lo, hi in zip(family.names, family.box.low, family.box.high, strict=True)}
-    one: Callable[[Foster], float] | None = None
-    if not isinstance(quantity, str):
-        one = quantity
-    elif checks.choice("quantity", quantity, QUANTITIES, hint="or give a function of a model") != "thermal_resistance":
-        one = QUANTITIES[quantity]
+def _box(family: Family, names: tuple[str, ...]) -> list[tuple[float, float]]:
+    places = [family.names.index(name) for name in names]
+    return [(float(family.box.low[k]), float(family.box.high[k])) for k in places]
 
-    def values(x: Array) -> Array:
-        inside = {}
-        for name, column in zip(names, x, strict=True):
-            low, high = ends[name]
+
+def _clip(family: Family, names: tuple[str, ...]) -> Callable[[Array], Array]:
+    """Samples held inside the box, or InputError where more than a few leave it."""
+
+    def clip(x: Array) -> Array:
+        rows = []
+        for name, column, (low, high) in zip(names, x, _box(family, names), strict=True):
             out = float(((column < low) | (column > high)).mean())
             if out > OUTSIDE:
                 raise checks.InputError(
                     f"{name}: {out:.1%} of the samples lie outside the family's {low:g} .. {high:g}; train a wider one"
                 )
-            inside[name] = np.clip(column, low, high)
-        if one is None:
-            rows = family.box.rows({**inside, **rest})
-            channel = family.ports.index(family.inputs[0]), family.ports.index(family.outputs[0])
-            return family.members.resistances(rows, *channel)
-        found = np.empty(x.shape[1])
-        for k in range(found.size):
-            model = family.at({**rest, **{name: float(column[k]) for name, column in inside.items()}})
-            try:
-                found[k] = one(model)
-            except checks.InputError:
-                found[k] = np.nan
-        return found
+            rows.append(np.clip(column, low, high))
+        return np.array(rows)
+
+    return clip
+
+
+def _many(one: Property, names: tuple[str, ...], fixed: Mapping[str, float]) -> Callable[[Array], Any]:
+    """The property of many members from parameters of shape (p, n), of all at once where it is the resistance."""
+    family = one.family
+    middle = dict(zip(family.names, family.box.middle, strict=True))
+    rest = {name: float(fixed.get(name, middle[name])) for name in family.names if name not in names}
+
+    def values(x: Array) -> Any:
+        if one.quantity == "thermal_resistance":
+            columns: dict[str, Any] = {**dict(zip(names, x, strict=True)), **rest}
+            return family.thermal_resistance(**columns)
+        return [one({**rest, **dict(zip(names, map(float, column), strict=True))}) for column in x.T]
 
     return values

@@ -18,7 +18,7 @@ from ..arguments import check_ring
 from ..progress import bar
 from ..resonator import RingResonator
 from ..thermal import Compact
-from ..unknowns import Unknowns, unknowns
+from ..unknowns import ThermalFamily, Unknowns, unknowns
 from .cycles import Cycle, Observed, misfit
 from .matching import Target, coarse, polished, residuals, simulated, targets_of
 
@@ -68,7 +68,7 @@ def identify(
     traces: xr.Dataset | Sequence[xr.Dataset],
     *,
     free: Sequence[str],
-    model: ThermalModel | None = None,
+    model: ThermalModel | ThermalFamily | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     runs: int = 10,
     seed: int = 1,
@@ -95,10 +95,11 @@ def identify(
         fields of the ring ("bus_rate", "loss_rate", "fca_cross_section", ...) or of its carriers ("tau_n", "tau_p", or
         "tau0" for both at one ratio), and the parameters of one thermal law: "kappa" (1/s), "tau_f", "tau_s" (s), "eta"
         of the second-order equation; "tau_th" (s) and "heat_capacity" (J/K) of Newton's law; "R" (K/W) and "tau" (s),
-        all poles of ``model``.
-    model : ThermalModel, optional
+        all poles of ``model``; or the parameters of a family.
+    model : ThermalModel or family, optional
         what the thermal parameters start from (a linear one), or where none is free the model, of any kind that
-        `simulate` takes. By default the paper's.
+        `simulate` takes. By default the paper's. Of a family of models, such as `surrogate.Family`, all parameters
+        are free, within its ranges; ``family.held(radius=7e-6)`` holds some.
     bounds : mapping of name to (low, high), optional
         by default a factor of 4 either side of the start.
     runs : int

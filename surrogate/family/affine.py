@@ -17,12 +17,14 @@ from thermofem.mesh.generate import make_faces
 from thermofem.sizes import size_function, sizes
 
 from .box import Box
-from .laws import values
+from .laws import Values, values
 from .lines import Grid
 from .surfaces import SAMPLES, Compressed, Points, points
 from .terms import Cells, element_terms, merged
 
 Array = NDArray[np.float64]
+
+PROPERTIES = ("ambient", "material", "interface", "boundary")  # kinds of paths that `laws.values` reads
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,12 +50,20 @@ class Coefficients:
 
     def __call__(self, rows: Array) -> tuple[Array, Array, Array]:
         """Coefficients of K (n, q), of M (n, m) and of volumes (n, 2 c) for parameters (n, p)."""
-        at = values(self.box, rows)
+        at = self._constant or values(self.box, rows)
         stiffness, capacity, volume = self.cells.coefficients(self.grid, self.box, rows, at)
         K, M = stiffness[:, self._firsts[0]], capacity[:, self._firsts[1]]
         if self.surface is not None:
             K = np.concatenate([K, self.surface.points.weights(self.grid, self.box, rows, at)], axis=1)
         return K, M, volume
+
+    @cached_property
+    def _constant(self) -> Values | None:
+        """Properties that hold for all members, where no parameter changes one."""
+        paths = [path for v in self.box.campaign.variations for path in v.paths]
+        if self.surface is not None or any(path.split(".")[0] in PROPERTIES for path in paths):
+            return None
+        return values(self.box, self.box.middle[None])
 
     @cached_property
     def _firsts(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

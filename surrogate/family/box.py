@@ -47,7 +47,7 @@ class Box:
         Raises
         ------
         InputError
-            nothing is varied, words are varied, a single value, or a parameter that is there but changes nothing.
+            nothing is varied, words are varied, a single value, or corners that are no geometry.
         """
         if not campaign.variations:
             raise checks.InputError("the campaign varies nothing; add a [[vary]] table with from and to")

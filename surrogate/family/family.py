@@ -105,6 +105,12 @@ class Family:
         return self.box.names
 
     @property
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """Both ends of each parameter, SI."""
+        ends = zip(self.names, self.box.low, self.box.high, strict=True)
+        return {name: (float(low), float(high)) for name, low, high in ends}
+
+    @property
     def engine(self) -> str:
         """How members are made: "lines" (sums of fixed matrices) or "moved meshes" (reassembled)."""
         return self.members.engine
@@ -141,6 +147,13 @@ class Family:
         """`model` of the first channel with the parameters in a mapping."""
         a, b = self._channel(None, None)
         return self._foster(self.members.member(self.box.row(values)).modes(), a, b)
+
+    def held(self, **values: float) -> Held:
+        """The members with some parameters held, as `coupled.identify` takes them."""
+        for name, value in values.items():
+            low, high = self.ranges[checks.choice("parameter", name, self.names)]
+            checks.between(name, value, low, high)
+        return Held(self, dict(values))
 
     def system(self, **values: float) -> StateSpace:
         """Return the small StateSpace of one member with all inputs and outputs."""
@@ -210,7 +223,7 @@ class Family:
 
         a, b = self._channel(heated, read)
         row = self.box.row(values)
-        modal = self._modal_derivative(row, a, b)
+        modal = self.modal_derivative(row, (a, b))
         per = {"units": "K/W per unit of the parameter"}
         data = xr.Dataset(
             {"thermal_resistance": ("parameter", modal.resistance(), {"long_name": "derivative of R_th", **per})},
@@ -231,10 +244,11 @@ class Family:
             data["impedance"] = ("parameter", "frequency"), modal.impedance(f), per
         return data
 
-    def _modal_derivative(self, row: Array, a: int, b: int) -> ModalDerivative:
+    def modal_derivative(self, row: Array, channel: tuple[int, int] | None = None) -> ModalDerivative:
         """The member in M-orthonormal modes, and derivatives of its matrices by central differences."""
         from scipy.linalg import eigh
 
+        a, b = channel or self._channel(None, None)
         small = self.members.member(row)
         rate, v = eigh(small.K, small.M, check_finite=False)
         K, M, heating, reading = [], [], [], []
@@ -272,6 +286,28 @@ class Family:
         R = modes.R(a, b)
         kept = (np.abs(R) > FAINT * np.abs(R).sum()) & (modes.tau > 0)
         return Foster(R=R[kept], tau=modes.tau[kept], inputs=(self.ports[a],), outputs=(self.ports[b],))
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """Members of a family with some parameters held."""
+
+    family: Family
+    values: dict[str, float]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the other parameters."""
+        return tuple(name for name in self.family.names if name not in self.values)
+
+    @property
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """Both ends of each of those, SI."""
+        return {name: ends for name, ends in self.family.ranges.items() if name not in self.values}
+
+    def at(self, values: Mapping[str, float]) -> Foster:
+        """A member."""
+        return self.family.at({**self.values, **values})
 
 
 def coarse_difference(small: Small, heated: int) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,11 +120,22 @@ class LineTerms:
 
     def _square(self, packed: Array) -> Array:
         n = self.size
-        full = np.zeros((n, n))
-        upper = np.triu_indices(n)
+        full, upper = np.zeros((n, n)), self._upper
         full[upper] = packed
         full.T[upper] = packed
         return full
+
+    @cached_property
+    def _upper(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        i, j = np.triu_indices(self.size)
+        return i, j
+
+    @cached_property
+    def _static_terms(self) -> tuple[tuple[NDArray[np.intp], NDArray[np.intp]], Array, Array]:
+        """Places and terms of K between the static functions, and the ports of those."""
+        n, upper = self.statics, np.triu_indices(self.size)
+        kept = np.flatnonzero((upper[0] < n) & (upper[1] < n))
+        return (upper[0][kept], upper[1][kept]), np.ascontiguousarray(self.K[:, kept]), self.ports[:, :, :n]
 
     def member(self, row: Array) -> Small:
         """Matrices of one member."""
@@ -133,11 +145,7 @@ class LineTerms:
 
     def resistances(self, rows: Array, heated: int, read: int) -> Array:
         """Static gain of many members, shape (n,), from the static functions."""
-        n = self.statics
-        upper = np.triu_indices(self.size)
-        kept = np.flatnonzero((upper[0] < n) & (upper[1] < n))
-        at = upper[0][kept], upper[1][kept]
-        terms, ports = self.K[:, kept], self.ports[:, :, :n]
+        n, (at, terms, ports) = self.statics, self._static_terms
         result = np.empty(len(rows))
         for start in range(0, len(rows), CHUNK):
             K, _, volume = self.coefficients(rows[start : start + CHUNK])

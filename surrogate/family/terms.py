@@ -13,6 +13,7 @@ parameters; their weights lie in a small space, from which a few points determin
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -52,6 +53,12 @@ class Cells:
         i, j, owner = zip(*found, strict=True)
         return cls(np.array(i), np.array(j), list(owner), [box.base.material_of(name).name for name in owner])
 
+    @cached_property
+    def _materials(self) -> tuple[list[str], NDArray[np.intp]]:
+        """Every material once, and which one each cell has."""
+        names = list(dict.fromkeys(self.material))
+        return names, np.array([names.index(m) for m in self.material])
+
     def coefficients(self, grid: Grid, box: Box, rows: Array, at: Values | None = None) -> tuple[Array, Array, Array]:
         """Coefficients of stiffness (n, 4 c), capacity (n, 2 c) and volume (n, 2 c) for parameters (n, p)."""
         offset = rows - box.middle
@@ -59,7 +66,8 @@ class Cells:
         a, b = (x[:, self.i] for x in grid.r.maps(offset))
         _, d = grid.z.maps(offset)
         d = d[:, self.j]
-        k_r, k_z, c = (np.stack([x[m] for m in self.material], axis=1) for x in (at.k_r, at.k_z, at.capacity))
+        names, index = self._materials
+        k_r, k_z, c = (np.array([x[m] for m in names])[index].T for x in (at.k_r, at.k_z, at.capacity))
         along_r, along_z = k_r * d / b, k_z * b / d
         stiffness = np.concatenate([along_r * a, along_r * b, along_z * a, along_z * b], axis=1)
         volume = np.concatenate([b * d * a, b * d * b], axis=1)

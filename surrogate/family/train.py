@@ -7,24 +7,26 @@ import json
 import logging
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofem import Campaign, assemble, checks
+from thermofem import Campaign, checks
 from thermofem import __version__ as version
 from thermofem.campaign import schema
 from thermofem.toml_file import read
 
 from .affine import LineEngine
 from .box import Box
-from .certify import FINER, FINEST, own
+from .certify import FINEST, own
 from .family import Family, HeldOut, coarse_difference
 from .lines import NotAlongLinesError
 from .moved import MovedEngine, MovedMembers
 from .reduced import LineTerms, Modes, difference
+from .solving import Solver, truth_of
 from .training import SHARE, Trainer
 
 Array = NDArray[np.float64]
@@ -34,6 +36,7 @@ log = logging.getLogger("thermofem")
 MESH = 0.5  # accuracy of the first reference mesh over the tolerance
 MESHES = 3  # reference meshes tried
 HELD_OUT = 8  # members
+NOTHING = 1e-9  # relative change of a response over the range of a parameter that does nothing
 SAFETY = 1.5  # on floor and factor of the predicted error
 
 
@@ -44,6 +47,8 @@ def train_family(
     seed: int = 0,
     held_out: int = HELD_OUT,
     progress: Callable[[str], None] | None = None,
+    executor: Executor | None = None,
+    folder: str | Path | None = None,
 ) -> Family:
     """Train one reduced basis for all members of a campaign's ranges.
 
@@ -58,7 +63,11 @@ def train_family(
     held_out : int
         random members, never trained on, whose own finer meshes give ``family.error``.
     progress : callable
-        gets a line of text after every member.
+        gets a line of text after every batch of members.
+    executor : Executor
+        anything that keeps the contract of `concurrent.futures`; default this process alone.
+    folder : str or Path
+        keeps the members that are solved; training that was interrupted goes on from it.
 
     Returns
     -------
@@ -79,14 +88,12 @@ def train_family(
     report = progress or (lambda line: None)
     inputs, outputs = _channels(box)
     ports, heated = tuple(dict.fromkeys((*inputs, *outputs))), len(inputs)
-    rows = box.draw(held_out, seed + 7919)
-    truths: list[Modes] = []
-    for number, row in enumerate(rows):
-        report(f"held-out member {number + 1} of {held_out}")
-        heat = assemble(box.geometry(row), max(FINER * tolerance, FINEST))
-        truths.append(own(heat, ports, tolerance)[0])
+    key = f"{campaign_hash(box.campaign)} {box.low} {box.high} {ports} {tolerance:.17g} {version}"
+    solver = Solver(key, executor, None if folder is None else checks.path("folder", folder))
+    rows, truths = _held_out(box, held_out, seed, ports, tolerance, solver)
+    report(f"{len(truths)} held-out members solved")
     engine, references = _engine(box, ports, heated, tolerance, rows, truths)
-    found = Trainer(engine, ports, tolerance, seed, heated, report).run()
+    found = Trainer(engine, ports, tolerance, seed, heated, report, solver).run()
     members: LineTerms | MovedMembers
     if found.terms is not None:
         members = found.terms
@@ -101,6 +108,8 @@ def train_family(
     rest = [difference(one, reference, heated) for one, reference in zip(modes, references, strict=True)]
     ratios = [each / max(coarse_difference(one, heated), 1e-12) for each, one in zip(rest, small, strict=True)]
     error = HeldOut(errors)
+    for name in _idle(box, members, heated):
+        log.warning("parameter %r changes nothing in this geometry; leave it out", name)
     if error.worst > tolerance:
         log.warning(
             "the family errs by up to %.1e on members it has not seen, more than tolerance = %g; take smaller ranges "
@@ -127,6 +136,29 @@ def train_family(
             "unknowns": engine.unknowns,
         },
     )
+
+
+def _held_out(
+    box: Box, count: int, seed: int, ports: tuple[str, ...], tolerance: float, solver: Solver
+) -> tuple[Array, list[Modes]]:
+    """Random members on their own finer meshes; those that fail are left out."""
+    rows = box.draw(count, seed + 7919)
+    tasks = [(box.geometry(row).to_toml(), ports, tolerance) for row in rows]
+    found = solver(truth_of, tasks, rows)
+    there = [k for k, one in enumerate(found) if one is not None]
+    return rows[there], [found[k] for k in there]
+
+
+def _idle(box: Box, members: LineTerms | MovedMembers, heated: int) -> list[str]:
+    """Parameters whose whole range moves no response by more than `NOTHING`."""
+    found = []
+    for k, name in enumerate(box.names):
+        rows = np.tile(box.middle, (2, 1))
+        rows[:, k] = box.low[k], box.high[k]
+        low, high = (members.member(row).modes() for row in rows)
+        if difference(low, high, heated) < NOTHING:
+            found.append(name)
+    return found
 
 
 def read_campaign(path: str | Path) -> Campaign:

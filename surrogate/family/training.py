@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .affine import LineEngine
-from .basis import Member, extended, solved
+from .basis import Member, extended
 from .box import Box
 from .moved import MovedEngine, projected
 from .reduced import LineTerms, difference
+from .solving import Solver, member_of
 
 Array = NDArray[np.float64]
 
@@ -61,6 +62,7 @@ class Trainer:
     seed: int
     heated: int
     report: Callable[[str], None]
+    solver: Solver
 
     def __post_init__(self) -> None:
         self.box: Box = self.engine.box
@@ -75,22 +77,29 @@ class Trainer:
         rows = self._first()
         for number in range(MOST):
             errors = []
-            for row in rows:
-                heat = self.engine.heat(row)
-                member = solved(row, heat, self.ports, self.tolerance)
+            new = self._solved(rows)
+            for member in new:
                 if number:
-                    errors.append(difference(projected(heat, self.V, self.ports).modes(), member.modes, self.heated))
+                    here = projected(self.engine.heat(member.row), self.V, self.ports).modes()
+                    errors.append(difference(here, member.modes, self.heated))
                 self.members.append(member)
-                self.report(f"{len(self.members)} members solved, {self.V.shape[1]} functions")
+            self.report(f"{len(self.members)} members solved, {self.V.shape[1]} functions")
             if errors:
                 left.append(max(errors))
                 if left[-1] <= SHARE * self.tolerance:
                     break
             self.earlier = self.V.shape[1]
-            fields = np.hstack([member.fields for member in self.members[-len(rows) :]])
+            fields = np.hstack([member.fields for member in new])
             self.V = extended(self.V, self.X, fields, KEPT * self.tolerance)
             rows = self._next(number)
         return self._finish(left)
+
+    def _solved(self, rows: Array) -> list[Member]:
+        """Members on the reference mesh; those that fail are left out."""
+        tasks = [(self.engine, row, self.ports, self.tolerance) for row in rows]
+        mesh = f"{self.engine.unknowns} {self.engine.reference.mesh.points.sum():.15g}"
+        found = self.solver(member_of, tasks, rows, mesh)
+        return [member for member in found if member is not None]
 
     def _first(self) -> Array:
         """The middle, some corners and points inside."""

@@ -15,6 +15,8 @@ from html.parser import HTMLParser
 
 import pytest
 
+import coupled
+import surrogate
 import thermofem as th
 from thermofem.cli.reproduce import Settings, run
 from thermofem.cli.reproduce.claims import RAISED, Claim, claims, marked_up, plain
@@ -126,6 +128,19 @@ def test_numbers_are_those_of_independent_codes(outcome):
     # tolerance 1e-3 K in the loop, 1e-4 of R_th in the reduction: periods to a few 1e-4
     assert loop["worst_reduction_period_error"] < 5e-4
     assert loop["predictors"]["newton_passes"] > 2 * loop["predictors"]["usual_passes"]
+
+
+def test_the_nearest_stack_pulses_as_its_own_mesh_does(outcome):
+    found = numbers(outcome[0], "stacks_explained")
+    assert found["share_all"] <= min(found["share"].values())
+    best = found["nearest"]
+    oxide = replace(th.materials.find("SiO2"), conductivity=best["conductivity"])
+    geometry = replace(th.strip_ring(box=best["box"], cladding=best["oxide"]), materials=(oxide,))
+    model = surrogate.reduce(th.assemble(geometry).system, 1e-4).model
+    cycle = coupled.limit_cycle(coupled.borghi2021(), model, power=1e-3 * 10**0.8)
+    # tolerance 5e-3 of the family, 1e-3 of the mesh; the period goes with R_th and the time constants
+    assert cycle.attrs["period"] == pytest.approx(best["period"], rel=1e-2)
+    assert cycle.attrs["swing"] == pytest.approx(best["swing"], rel=1e-2)
 
 
 def test_every_number_of_the_page_is_that_of_its_file(outcome, page):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import ClassVar
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -168,3 +169,41 @@ def test_a_trace_must_say_its_drive(traces):
     silent.attrs = {}
     with pytest.raises(th.InputError, match=r"traces\[0\] does not say its drive"):
         coupled.identify(RING, silent, free=["kappa"])
+
+
+class Rings:
+    """Foster networks over one thickness: the protocol of a family."""
+
+    names = ("box",)
+    ranges: ClassVar = {"box": (1e-6, 4e-6)}
+
+    def at(self, values):
+        return th.Foster(R=[2e3, 6e9 * values["box"] ** 0.5 / 1e3], tau=[60e-9, 1.2e-6])
+
+
+def test_a_family_is_a_thermal_model_with_parameters_of_its_own():
+    ring = coupled.borghi2021()
+    what = unknowns(ring, ["box", "loss_rate"], Rings())
+    assert what.names == ("box", "loss_rate")
+    np.testing.assert_allclose(np.exp([what.low[0], what.start[0], what.high[0]]), [1e-6, 2e-6, 4e-6])
+    moved, model = what.build(np.log([3e-6, 6e9]))
+    assert moved.loss_rate == pytest.approx(6e9)
+    np.testing.assert_allclose(model.R, Rings().at({"box": 3e-6}).R)
+    with pytest.raises(th.InputError, match=r"box of the family must be free or held: family.held\(box=...\)"):
+        unknowns(ring, ["loss_rate"], Rings())
+    with pytest.raises(th.InputError, match="unknown"):
+        unknowns(ring, ["box", "kappa"], Rings())
+    with pytest.raises(th.InputError, match="must lie inside the family's"):
+        unknowns(ring, ["box"], Rings(), {"box": (1e-6, 5e-6)})
+
+
+@pytest.mark.slow
+def test_drop_traces_calibrate_a_stack():
+    ring = coupled.borghi2021()
+    traces = [
+        coupled.simulate(ring, Rings().at({"box": 2.6e-6}), power=p, detuning=d, duration=12e-6)
+        for p, d in ((6.31e-3, 0.0), (5.01e-3, -10e9))
+    ]
+    found = coupled.identify(ring, traces, free=["box"], model=Rings(), runs=1)
+    # traces without noise: what the step of the integration leaves, rtol 1e-5, through the derivative of the period
+    assert found.parameters["box"] == pytest.approx(2.6e-6, rel=2e-3)

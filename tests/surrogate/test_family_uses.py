@@ -105,3 +105,139 @@ def test_what_the_data_cannot_tell_apart_is_named(family):
 def test_calibration_needs_data(family):
     with pytest.raises(th.InputError, match="data is empty"):
         surrogate.calibrate(family, [])
+
+
+def test_ishigami_has_its_known_indices(family, monkeypatch):
+    # y = sin x1 + 7 sin^2 x2 + 0.1 x3^4 sin x1 over (-pi, pi)^3; I. M. Sobol and Y. L. Levitan (1999)
+    monkeypatch.setattr(surrogate.Family, "at", lambda self, values: None)
+    spread, slopes = {}, {}
+    for name, low, high in zip(family.names, family.box.low, family.box.high, strict=True):
+        spread[name] = stats.uniform(low, high - low)
+        slopes[name] = {name: 2 * np.pi / (high - low)}
+    centre = {name: one.mean() for name, one in spread.items()}
+
+    def ishigami(model, changes):
+        x = [changes[name] for name in family.names]
+        return np.sin(x[0]) + 7 * np.sin(x[1]) ** 2 + 0.1 * x[2] ** 4 * np.sin(x[0])
+
+    data = surrogate.uncertainty(family, spread, ishigami, samples=2048, optics=surrogate.Optics(slopes, centre))
+    # the estimators err by about 1/sqrt(2048)
+    np.testing.assert_allclose(data.first_order, [0.3139, 0.4424, 0.0], atol=0.05)
+    np.testing.assert_allclose(data.total_order, [0.5576, 0.4424, 0.2437], atol=0.05)
+
+
+def test_the_probability_of_a_map_is_the_share_of_the_members(family):
+    import xarray as xr
+
+    limits = family.thermal_resistance(radius=7e-6, width=500e-9, box=np.linspace(1.9e-6, 2.1e-6, 5))
+
+    def above(model):
+        return xr.DataArray(model.thermal_resistance > limits, dims="limit", coords={"limit": limits})
+
+    spread = {"box": stats.norm(2e-6, 50e-9)}
+    data = surrogate.uncertainty(family, spread, above, samples=64, fixed={"radius": 7e-6, "width": 500e-9})
+    # R_th rises with the box: the probability that it exceeds that of a box is the tail of the distribution;
+    # 128 quasi-random members give it to a few hundredths
+    tail = 1 - spread["box"].cdf(np.linspace(1.9e-6, 2.1e-6, 5))
+    np.testing.assert_allclose(data["mean"], tail, atol=0.05)
+    assert data["mean"].attrs["long_name"] == "probability"
+    np.testing.assert_array_equal(data.limit, limits)
+
+
+def test_optics_follow_the_geometry(family):
+    optics = surrogate.Optics(
+        {"bus_rate": {"width": 2e17}, "loss_rate": {"width": ([400e-9, 500e-9, 600e-9], [1e9, 2e9, 5e9])}},
+        at={"width": 500e-9},
+    )
+    changes = optics.changes(family, {"radius": 7e-6, "width": 550e-9, "box": 2e-6})
+    assert changes == pytest.approx({"bus_rate": 1e10, "loss_rate": 1.5e9})
+
+    def rate(model, changes):
+        return 40e9 + changes["bus_rate"]
+
+    found = surrogate.design(family, {"width": (400e-9, 600e-9)}, target={rate: 45e9}, optics=optics)
+    assert found.values["width"] == pytest.approx(525e-9, rel=1e-3)
+    assert found.sensitivity["rate"]["width"] == pytest.approx(2e17)
+    with pytest.raises(th.InputError, match="did you mean 'width'"):
+        surrogate.uncertainty(
+            family, {"box": stats.norm(2e-6, 1e-9)}, rate, optics=surrogate.Optics({"a": {"widht": 1.0}})
+        )
+    with pytest.raises(th.InputError, match="two arrays of one length"):
+        surrogate.Optics({"a": {"width": ([1.0, 0.0], [1.0, 2.0])}}).check(family)
+
+
+def test_a_layer_states_its_error(family):
+    def slow(model):
+        return 1.0 / model.thermal_resistance
+
+    spread = {"width": stats.norm(500e-9, 5e-9), "box": stats.norm(2e-6, 50e-9)}
+    data = surrogate.uncertainty(family, spread, slow, samples=256, fixed={"radius": 7e-6}, layer=40)
+    exact = surrogate.uncertainty(family, spread, samples=256, fixed={"radius": 7e-6})
+    # the layer is made from all functions, the resistance of arrays from the static ones: 1e-4 apart
+    np.testing.assert_allclose(1 / data["value"], exact["value"], rtol=3e-4)
+    assert 0 < data.attrs["layer_error"] < 1e-4
+    with pytest.raises(th.InputError, match="24 at least"):
+        surrogate.uncertainty(family, spread, slow, samples=256, layer=10)
+
+    def none(model):
+        raise th.InputError("it comes to rest")
+
+    with pytest.raises(th.InputError, match=r"40 of 40 members do not have the property.*it comes to rest"):
+        surrogate.uncertainty(family, spread, none, samples=256, layer=40)
+
+
+def test_no_member_beats_the_pareto_front(family):
+    front = surrogate.pareto_front(
+        family, target={"thermal_resistance": "smallest", "rise_time": "smallest"}, generations=8
+    )
+    R, t = front["thermal_resistance"].values, front["rise_time"].values
+    assert np.all(np.diff(R) >= 0)
+    assert np.all(np.diff(t) <= 0)  # less of one is more of the other
+    for row in family.box.draw(64, seed=3):
+        model = family.at(dict(zip(family.names, map(float, row), strict=True)))
+        rise = surrogate.quantities.rise_time(model)
+        assert not np.any((model.thermal_resistance < 0.97 * R) & (rise < 0.97 * t))
+
+
+def test_targets_that_exclude_each_other_come_with_a_front(family):
+    found = surrogate.design(
+        family, {"box": (1e-6, 3e-6)}, target={"thermal_resistance": 6e3, "rise_time": 1e-5}, fixed={"radius": 8e-6}
+    )
+    assert not found.reached
+    assert found.front.sizes["member"] > 3
+    with pytest.raises(th.InputError, match="words are for"):
+        surrogate.design(family, target={"rise_time": "smallest"})
+    with pytest.raises(th.InputError, match="two targets or more"):
+        surrogate.pareto_front(family, target={"rise_time": "smallest"})
+    with pytest.raises(th.InputError, match="did you mean 'smallest'"):
+        surrogate.pareto_front(family, target={"rise_time": "smalest", "thermal_resistance": 1e4})
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_derivatives_of_responses_are_those_of_the_members(family, periodic):
+    row = np.array([7e-6, 500e-9, 2e-6])
+    wave = th.SquareWave(power=2e-3, period=1e-6, duty=1 / 3)
+    times = th.waveforms.period_times(wave, 40)
+    exact = family.modal_derivative(row).response(wave, times, periodic=periodic)
+    for k, size in enumerate(family.box.high - family.box.low):
+        rises = []
+        for sign in (1, -1):
+            moved = row + sign * 1e-4 * size * (np.arange(3) == k)
+            model = family.at(dict(zip(family.names, map(float, moved), strict=True)))
+            rises.append(model.periodic_response(wave, 40) if periodic else model.response(wave, times))
+        slope = (rises[0] - rises[1]) / (2e-4 * size)
+        # the difference errs by some 1e-8, the derivative by the square of its step in a rate, 1e-8
+        np.testing.assert_allclose(exact[k], slope, atol=1e-6 * np.abs(slope).max())
+
+
+def test_correlated_residuals_say_that_the_geometry_cannot_explain_the_data(family):
+    truth = {"radius": 6.2e-6, "width": 470e-9, "box": 2.2e-6}
+    data = synthetic(family, truth, 0.01, 0)
+    assert abs(surrogate.calibrate(family, data, noise=0.01).correlation) < 4 / np.sqrt(151)
+    times = data["time"].values
+    wrong = th.dataset.build(
+        times, data["delta_T"].values * (1 + 0.1 * np.sin(np.log(times + 1e-9))), th.Constant(1e-3)
+    )
+    found = surrogate.calibrate(family, wrong, noise=0.01)
+    assert found.correlation > 0.5
+    assert found.reduced_chi_square > 10

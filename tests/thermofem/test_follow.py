@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import thermofem as th
-from thermofem.campaign import follow
+from thermofem.campaign import follow, work
 from thermofem.campaign.follow import Leader, assemble_like
 
 
@@ -41,3 +41,23 @@ def test_a_member_whose_mesh_cannot_follow_gets_its_own(leader, needs_mesher, mo
     assert leader.follow(th.strip_ring(radius=5e-6)) is None
     heat = assemble_like(th.strip_ring().to_toml(), th.heated_ring(), 1e-2)
     assert heat.heated == ("core", "heater")
+
+
+def test_files_made_from_an_earlier_one_hold_the_same():
+    import io
+
+    import xarray as xr
+
+    def results(scale: float, name: str):
+        data = th.dataset.build([0.0, 1e-9, 1e-6], scale * np.array([0.0, 1.0, 5.0]), th.Constant(1e-3))
+        values = {"campaign_values": name, "thermal_resistances": [scale, 2 * scale], "rtol": 1e-3 * scale}
+        return {"step": data.assign_attrs(values), "again": (2 * data).assign_attrs(values)}
+
+    first, second = results(1.0, "{}"), results(3.5, '{"width": 4.5e-07}')
+    for one in (first, second, first):
+        content = io.BytesIO(work._bytes(one)), io.BytesIO(work._written(one))
+        for group in (None, "again"):
+            ours, theirs = (xr.load_dataset(c, engine="h5netcdf", group=group) for c in content)
+            xr.testing.assert_identical(ours, theirs)
+    longer = {"step": first["step"].isel(time=[0, 1]), "again": first["again"]}  # another layout is written anew
+    assert xr.load_dataset(io.BytesIO(work._bytes(longer)), engine="h5netcdf").sizes["time"] == 2

@@ -150,6 +150,12 @@ def _bytes(results: dict[str, xr.Dataset]) -> bytes:
 
     Made in memory: HDF5 can take the whole process down when a disk is full.
     """
+    from .template import filled
+
+    return filled(results, _written)
+
+
+def _written(results: dict[str, xr.Dataset]) -> bytes:
     import h5netcdf
     from xarray.backends import H5NetCDFStore
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import multiprocessing
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,10 +13,11 @@ import typer
 
 from .. import dataset, quantity
 from ..checks import InputError
-from .detuning import detuning_of
-from .files import check_outputs, ring_of, say_ring, working
+from .files import check_outputs, ring_of, working
 from .kinds import expect
+from .maps import grid
 from .output import note, say
+from .quantities import cycle_property, optics_of, pulsing_points, pulsing_range
 
 if TYPE_CHECKING:
     from surrogate import Family
@@ -22,22 +26,35 @@ FamilyFile = Annotated[Path, typer.Argument(metavar="FAMILY", help="Family file 
 Fix = Annotated[list[str] | None, typer.Option(help="Keep a parameter, e.g. 'radius=7 um'; may be repeated.")]
 Period = Annotated[str | None, typer.Option(help="Settled period of self-pulsing, e.g. '900 ns'.")]
 Ring = Annotated[str, typer.Option(help="Ring file (TOML) or borghi2021, for the settled period.")]
-Power = Annotated[str, typer.Option(help="Laser power in the waveguide, for the settled period.")]
-Detuning = Annotated[str, typer.Option(help="Laser minus cold resonance (GHz or pm), for the settled period.")]
+Power = Annotated[str, typer.Option(help="Laser power in the waveguide, for self-pulsing.")]
+Detuning = Annotated[str, typer.Option(help="Laser minus cold resonance (GHz or pm), for self-pulsing.")]
+OpticsOption = Annotated[
+    list[str] | None,
+    typer.Option(help="d(optics)/d(parameter) in SI, e.g. 'bus_rate/width=-1e17' or 'detuning/width=1e20'."),
+]
 
 
 def family(
     file: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML) with ranges.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="File to write.")] = Path("family.json"),
     tolerance: Annotated[float, typer.Option(help="Wanted relative error of R_th and of every step.")] = 1e-3,
+    folder: Annotated[
+        Path | None, typer.Option(help="Keeps solved members; started again, training goes on from it.")
+    ] = None,
+    workers: Annotated[int, typer.Option(help="Processes that solve members.", min=1)] = 1,
 ) -> dict[str, Any]:
     """Train one thermal model for all rings in the ranges of a campaign."""
     import surrogate
 
     check_outputs([output], inputs=[file])
     expect(file, "campaign")
-    with working("training"):
-        found = surrogate.train_family(file, tolerance)
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(working("training"))
+        pool = None
+        if workers > 1:
+            spawn = multiprocessing.get_context("spawn")
+            pool = stack.enter_context(ProcessPoolExecutor(workers, mp_context=spawn))
+        found = surrogate.train_family(file, tolerance, executor=pool, folder=folder)
     found.save(output)
     note(
         f"{found.size} functions ({found.engine}); error over {found.error.count} rings not seen: "
@@ -53,33 +70,44 @@ def design(
     resistance: Annotated[str | None, typer.Option(help="Thermal resistance, e.g. '9000 K/W'.")] = None,
     rise_time: Annotated[str | None, typer.Option(help="10 to 90 % after a step, e.g. '2 us'.")] = None,
     period: Period = None,
-    fix: Annotated[
-        list[str] | None, typer.Option(help="Keep a parameter, e.g. 'radius=7 um'; may be repeated.")
+    swing: Annotated[str | None, typer.Option(help="Temperature swing of the settled cycle, e.g. '6 K'.")] = None,
+    range_: Annotated[
+        str | None, typer.Option("--range", help="Range of self-pulsing in detuning at --power, e.g. '30 GHz'.")
     ] = None,
+    fix: Fix = None,
+    optics: OpticsOption = None,
     seed: Annotated[int, typer.Option(help="Of the starting points of the search.")] = 0,
     ring: Ring = "borghi2021",
     power: Power = "8 dBm",
     detuning: Detuning = "0 GHz",
 ) -> dict[str, Any]:
-    """Find the ring of a family with a wanted thermal resistance, rise time or settled period."""
+    """Find the ring of a family with wanted properties; several that exclude each other give a Pareto front."""
     import surrogate
 
-    found = surrogate.load_family(file)
-    target: dict[Any, float] = {}
-    if resistance:
-        target["thermal_resistance"] = quantity.parse(resistance, "K/W", name="--resistance")
-    if rise_time:
-        target["rise_time"] = quantity.parse(rise_time, "s", name="--rise-time")
-    if period:
-        target[settled_period(ring, power, detuning)] = quantity.parse(period, "s", name="--period")
+    found, drive = surrogate.load_family(file), (ring, power, detuning)
+    asked: list[tuple[str, str | None, str, Callable[[], Any]]] = [
+        ("--resistance", resistance, "K/W", lambda: "thermal_resistance"),
+        ("--rise-time", rise_time, "s", lambda: "rise_time"),
+        ("--period", period, "s", lambda: cycle_property("period", *drive)),
+        ("--swing", swing, "K", lambda: cycle_property("swing", *drive)),
+        ("--range", range_, "Hz", lambda: pulsing_range(*drive)),
+    ]
+    target = {make(): quantity.parse(text, unit, name=option) for option, text, unit, make in asked if text is not None}
     if not target:
-        raise InputError("nothing is wanted; add --resistance, --rise-time or --period")
+        raise InputError("nothing is wanted; add --resistance, --rise-time, --period, --swing or --range")
     with working("searching"):
-        result = surrogate.design(found, target=target, fixed=_fixed(found, fix), seed=seed)
+        options: dict[str, Any] = {"fixed": _fixed(found, fix), "optics": optics_of(found, optics), "seed": seed}
+        result = surrogate.design(found, target=target, **options)
     say(result.message)
     for name, unit in zip(found.names, found.box.units, strict=True):
         say(f"{name} = {quantity.write(result.values[name], unit)}")
     say(f"its own mesh: R_th = {result.certified.thermal_resistance:.6g} K/W, off by {result.certified.error:.1e}")
+    front = None
+    if result.front is not None:
+        front = {name: column.values.tolist() for name, column in result.front.items()}
+        say(f"members that no other beats in all targets ({', '.join(result.achieved)}):")
+        for k in _some(result.front.sizes["member"]):
+            say("  ".join(f"{name} = {values[k]:.5g}" for name, values in front.items()))
     return {
         "values": result.values,
         "achieved": result.achieved,
@@ -87,39 +115,55 @@ def design(
         "active": list(result.active),
         "sensitivity": result.sensitivity,
         "error": result.certified.error,
+        "front": front,
     }
+
+
+def _some(count: int, most: int = 9) -> list[int]:
+    """A few places out of many, ends included."""
+    return sorted({round(k * (count - 1) / (most - 1)) for k in range(most)})
 
 
 def uncertainty(
     file: FamilyFile,
     spread: Annotated[list[str], typer.Option(help="Mean and standard deviation, e.g. 'width=450 nm,5 nm'.")],
-    fix: Annotated[
-        list[str] | None, typer.Option(help="Keep a parameter, e.g. 'radius=7 um'; may be repeated.")
-    ] = None,
+    fix: Fix = None,
     period: Annotated[bool, typer.Option("--period", help="The settled period, not the thermal resistance.")] = False,
+    map_: Annotated[
+        Path | None, typer.Option("--map", help="Probability of self-pulsing over power and detuning, into this file.")
+    ] = None,
+    points: Annotated[str, typer.Option(help="Number of powers and of detunings of --map.")] = "15, 31",
     samples: Annotated[int, typer.Option(help="Base samples, a power of two.")] = 1024,
+    layer: Annotated[int | None, typer.Option(help="Work out so many members only and interpolate.")] = None,
     seed: Annotated[int, typer.Option(help="Of the samples.")] = 0,
+    optics: OpticsOption = None,
     ring: Ring = "borghi2021",
     power: Power = "8 dBm",
     detuning: Detuning = "0 GHz",
 ) -> dict[str, Any]:
-    """What normal fabrication tolerances make of R_th or of the settled period, and which of them matters."""
-    from scipy import stats
+    """What normal fabrication tolerances make of R_th, the settled period or the self-pulsing map; what matters most.
 
+    For --map, --power and --detuning are pairs: '3 dBm, 10 dBm' and '-30 GHz, 30 GHz'.
+    """
     import surrogate
 
+    check_outputs([map_], inputs=[file])
     found = surrogate.load_family(file)
-    spreads = {}
-    for text in spread:
-        name, unit, value = _assigned(found, text, "--spread")
-        mean, _, width = value.partition(",")
-        if not width:
-            raise InputError(f"--spread {text!r} needs a mean and a standard deviation: 'width=450 nm,5 nm'")
-        centre = quantity.parse(mean.strip(), unit, name=f"--spread {name}")
-        spreads[name] = stats.norm(centre, quantity.parse(width.strip(), unit, name=f"--spread {name}"))
-    what: Any = settled_period(ring, power, detuning) if period else "thermal_resistance"
+    spreads = _spreads(found, spread)
+    what: Any = "thermal_resistance"
+    if map_:
+        what = pulsing_points(ring, *grid(ring_of(ring), power, detuning, points))
+    elif period:
+        what = cycle_property("period", ring, power, detuning)
+    options: dict[str, Any] = {"samples": samples, "fixed": _fixed(found, fix), "optics": optics_of(found, optics)}
+    options["seed"] = seed
     with working("sampling"):
-        data = surrogate.uncertainty(found, spreads, what, samples=samples, fixed=_fixed(found, fix), seed=seed)
+        data = surrogate.uncertainty(found, spreads, what, layer=layer, **options)
+    if map_:
+        dataset.save(data, map_)
+        unsure = float(((data["mean"] > 0.05) & (data["mean"] < 0.95)).mean())
+        say(f"{unsure:.0%} of the points pulse with a probability between 5 and 95 %; wrote {map_}")
+        return {"map": map_, "unsure": unsure, "probability": data["mean"].values.tolist()}
     unit = "s" if period else "K/W"
     say(f"mean {data.attrs['mean']:.6g} {unit}")
     say(
@@ -128,8 +172,25 @@ def uncertainty(
     )
     for name, first, total in zip(data.parameter.values, data.first_order.values, data.total_order.values, strict=True):
         say(f"{name}: first-order Sobol index {first:.3f}, total {total:.3f}")
+    if layer:
+        say(f"interpolated between {layer} members; rms error {data.attrs['layer_error']:.1e} over held-out ones")
     indices = {str(n): float(v) for n, v in zip(data.parameter.values, data.first_order.values, strict=True)}
     return {**data.attrs, "first_order": indices}
+
+
+def _spreads(found: Family, given: list[str]) -> dict[str, Any]:
+    """Normal distributions from 'name=mean,deviation'."""
+    from scipy import stats
+
+    spreads = {}
+    for text in given:
+        name, unit, value = _assigned(found, text, "--spread")
+        mean, _, width = value.partition(",")
+        if not width:
+            raise InputError(f"--spread {text!r} needs a mean and a standard deviation: 'width=450 nm,5 nm'")
+        centre = quantity.parse(mean.strip(), unit, name=f"--spread {name}")
+        spreads[name] = stats.norm(centre, quantity.parse(width.strip(), unit, name=f"--spread {name}"))
+    return spreads
 
 
 def calibrate(
@@ -158,21 +219,6 @@ def calibrate(
         "unseen": list(result.unseen),
         "active": list(result.active),
     }
-
-
-def settled_period(ring: str, power: str, detuning: str) -> Callable[[Any], float]:
-    """The period of self-pulsing as a function of a thermal model."""
-    import coupled
-
-    resonator = ring_of(ring)
-    say_ring(resonator, ring)
-    watts = quantity.parse(power, "W", name="--power")
-    hertz = detuning_of(detuning, resonator)
-
-    def period(model: Any) -> float:
-        return float(coupled.limit_cycle(resonator, model, power=watts, detuning=hertz).attrs["period"])
-
-    return period
 
 
 def _ranges(found: Family) -> dict[str, Any]:

@@ -101,8 +101,14 @@ def stability(
 
 
 def _setting(model: Path, ring: str, power: str, detuning: str, points: str) -> tuple[RingResonator, tuple[Any, Any]]:
-    """Ring and axes; powers evenly spaced in dBm."""
+    """Ring and axes."""
     expect(model, "model")
+    resonator = ring_of(ring)
+    return resonator, grid(resonator, power, detuning, points)
+
+
+def grid(ring: RingResonator, power: str, detuning: str, points: str) -> tuple[Any, Any]:
+    """Powers evenly spaced in dBm, and detunings."""
     low, high = _ends(power, "W", "--power")
     checks.positive("--power", low, unit="W")
     try:
@@ -111,11 +117,10 @@ def _setting(model: Path, ring: str, power: str, detuning: str, points: str) -> 
         raise checks.InputError(f"--points = {points!r} must be two whole numbers, such as '20, 20'") from None
     if not (2 <= n <= 2000 and 2 <= m <= 2000):
         raise checks.InputError(f"--points = {points!r} must lie between 2 and 2000")
-    resonator = ring_of(ring)
-    parts = [detuning_of(part, resonator) for part in _pair(detuning, "--detuning")]
+    parts = [detuning_of(part, ring) for part in _pair(detuning, "--detuning")]
     if parts[0] == parts[1]:
         raise checks.InputError(f"--detuning = {detuning!r}: the two are equal")
-    return resonator, (np.geomspace(low, high, n), np.linspace(min(parts), max(parts), m))
+    return np.geomspace(low, high, n), np.linspace(min(parts), max(parts), m)
 
 
 def _ends(text: str, unit: str, name: str) -> tuple[float, float]:

@@ -17,7 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..algebra.poles import pole_responses
+from ..waveforms import Waveform
+
 Array = NDArray[np.float64]
+
+STEP = 1e-4  # of a rate: half the width of the difference that gives the answer of a double pole to 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,3 +106,18 @@ class ModalDerivative:
         of_c = self.of_reading + np.einsum("j,pji->pi", c, turn)
         of_R = (of_b * c + b * of_c) / rate - b * c * of_rate / rate**2
         return of_R, -of_rate / rate**2
+
+    def response(self, wave: Waveform, times: Array, *, periodic: bool = False) -> Array:
+        """d of the rise in K under a power, shape (p, t), where poles are simple.
+
+        With g_i = R_i lambda_i and the answer X_i of a pole of rate lambda_i,
+        d(rise) = sum_i dg_i X_i + g_i dX_i/dlambda_i dlambda_i.
+        """
+        of_R, of_tau = self.poles()
+        rate, gain = self.rate, self.heating * self.reading
+        of_rate = -of_tau * rate**2
+        X, up, down = (
+            pole_responses(rate * factor, wave, times, periodic=periodic) for factor in (1, 1 + STEP, 1 - STEP)
+        )
+        of_X = (up - down) / (2 * STEP * rate)
+        return np.asarray((of_R * rate + gain / rate * of_rate) @ X.T + (gain * of_rate) @ of_X.T)

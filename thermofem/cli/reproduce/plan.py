@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
-from . import carrier_stages, heat_stages, loop_stages, map_stages, paper_stages, pulsing_stages, training_stages
+from . import (
+    carrier_stages,
+    heat_stages,
+    loop_stages,
+    map_stages,
+    paper_stages,
+    pulsing_stages,
+    stack_stages,
+    training_stages,
+)
 from .settings import Settings
 from .stages import Stage
 
@@ -25,6 +34,7 @@ STAGES = (
     Stage("runs", "the paper's own models", paper_stages.runs, (), (), 1),
     Stage("readings", "the print at its word", paper_stages.readings, (), ("grid",), 3),
     Stage("heating", "Fig. 5(b): the heat of self-pulsing", pulsing_stages.heating, (), (*FEM, "cycle"), 7),
+    Stage("stacks_explained", "stacks that explain the experiment", stack_stages.explained, (), ("cycle",), 15),
     Stage("loop", "FEM in the loop", loop_stages.loop, ("elements",), (*LOOP, "fitted"), 15),
     Stage("loop_map", "FEM in the loop: a map", loop_stages.loop_map, ("elements",), (*LOOP, "grid", "loop_every"), 40),
     Stage("fits", "Fig. 4(d): models fitted to traces", pulsing_stages.fits, ("loop",), ("runs",), 25),

@@ -16,6 +16,7 @@ from ...plot import BLUE, GREEN, INK, ORANGE, PURPLE, VERMILION
 from .plot_heat import COLOURS, figure_of, panel
 from .pulsing_stages import label
 from .settings import MARKED
+from .stack_stages import CORE, STATED
 from .store import Result
 
 if TYPE_CHECKING:
@@ -24,6 +25,12 @@ if TYPE_CHECKING:
     from matplotlib.lines import Line2D
 
 WINDOW = 2.6e-6  # s, of the traces
+STACK_LINES = (
+    ("period", "period 0.75, 0.85 µs"),
+    ("frequency", "0.7, 1.4 MHz over the plane"),
+    ("tau_th", "417 ns ± 5 %"),
+    ("heat_capacity", "6.9 c_p ± 5 %"),
+)
 
 
 def map_of(results: Mapping[str, Result], model: str) -> xr.Dataset:
@@ -195,3 +202,23 @@ NEWTON_LINES = {
 }
 SECOND_LINES = {"second order": ("-", BLUE, "second order")}
 OTHER_LINES = {"SINDy": ("-.", GREEN, "SINDy"), "reduction": ("--", PURPLE, "reduction")}
+
+
+def stacks(results: Mapping[str, Result]) -> Axes:
+    """How far the worst statement is at the best conductivity, over both oxides; lines of each statement for silica."""
+    ax, result = panel(), results["stacks_explained"]
+    data = result.data["stacks"]
+    box, above = data["box"].values * 1e6, (data["oxide"].values - CORE) * 1e6
+    worst = data["worst"].min("conductivity").transpose("oxide", "box").values
+    drawn = ax.contourf(box, above, worst, levels=np.arange(0.8, 3.1, 0.2), cmap="Greys_r", extend="both")
+    figure_of(ax).colorbar(drawn, ax=ax, label="worst statement / half of its range")
+    silica = data.interp(conductivity=1.38)
+    for (name, words), colour in zip(STACK_LINES, (BLUE, GREEN, VERMILION, ORANGE), strict=True):
+        lines = ax.contour(box, above, silica[name].transpose("oxide", "box").values, STATED[name], colors=colour)
+        if any(np.size(path.vertices) for path in lines.get_paths()):
+            ax.plot([], [], color=colour, label=words)
+    best = result.numbers["nearest"]
+    ax.plot(best["box"] * 1e6, best["oxide"] * 1e6, "*", color="white", mec=INK, ms=13, clip_on=False, zorder=5)
+    figure_of(ax).legend(loc="outside upper left", ncols=2, frameon=False, fontsize="small")
+    ax.set(xlabel="buried oxide (µm)", ylabel="oxide above the core (µm)")
+    return ax

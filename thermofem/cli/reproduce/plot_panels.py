@@ -40,6 +40,7 @@ PANELS: dict[str, Callable[[Mapping[str, Result]], Axes]] = {
     "other_traces": partial(plot_maps.traces, lines=plot_maps.OTHER_LINES),
     "overlaps": plot_maps.overlaps,
     "cost": plot_maps.cost,
+    "stacks_explained": plot_maps.stacks,
     "square": plot_heat.square,
     "traces": plot_maps.centre_traces,
 }

@@ -78,16 +78,11 @@ def heating(job: Job) -> Result:
 
     The absorbed power is that of Newton's law with the pair of the paper's caption, as in the paper.
     """
-    run = coupled.simulate(
-        coupled.borghi2021(), newton_of(paper.NEWTON_FIT), power=watts(CENTRE[0]), detuning=CENTRE[1] * 1e9,
-        duration=20e-6,
-    )  # fmt: skip
-    period, n = coupled.pulsing(run).period, job.settings.cycle
-    times = np.linspace(0, period, n)
-    power = np.interp(20e-6 - 1.5 * period + times, run["time"].values, run["absorbed"].values)
-    power[-1] = power[0]
-    wave = Sampled(times, power, repeat=True)
-    data = solve_periodic(elements_of(job.settings.accuracy), wave, 2 * n)
+    n = job.settings.cycle
+    wave, samples = heat_of_the_pair(n)
+    times, power = np.asarray(wave.times), np.asarray(wave.power)
+    period = float(times[-1])
+    data = solve_periodic(elements_of(job.settings.accuracy), wave, samples)
     second, free = surrogate.fit_second_order(data), surrogate.fit_newton(data)
     one = _lifetime_of(data, paper.HEAT_CAPACITY)
     models = {
@@ -114,6 +109,19 @@ def heating(job: Job) -> Result:
         },
     }
     return Result(numbers, {"elements": data}, models)
+
+
+def heat_of_the_pair(count: int) -> tuple[Sampled, int]:
+    """The absorbed power of a settled cycle of Newton's law with the pair of Fig. 5(b), and samples of an answer."""
+    run = coupled.simulate(
+        coupled.borghi2021(), newton_of(paper.NEWTON_FIT), power=watts(CENTRE[0]), detuning=CENTRE[1] * 1e9,
+        duration=20e-6,
+    )  # fmt: skip
+    period = coupled.pulsing(run).period
+    times = np.linspace(0, period, count)
+    power = np.interp(20e-6 - 1.5 * period + times, run["time"].values, run["absorbed"].values)
+    power[-1] = power[0]
+    return Sampled(times, power, repeat=True), 2 * count
 
 
 def _lifetime_of(data: xr.Dataset, heat_capacity: float) -> Foster:

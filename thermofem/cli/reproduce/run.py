@@ -80,8 +80,9 @@ def _words(settings: Settings, results: Mapping[str, Result]) -> tuple[list[Sect
     """What stands at the top, and the sections that have something to show."""
     lead, sections = read()
     chosen = [section for section in sections if section.quick <= settings.quick]
+    chosen = [section for section in chosen if known(section.text, results)]  # without gmsh some numbers are missing
     if settings.quick:
-        chosen = [section for section in chosen if shown(section, results) and known(section.text, results)]
+        chosen = [section for section in chosen if shown(section, results)]
     return [box for box in lead if known(box.text, results)], chosen
 
 

@@ -1,0 +1,127 @@
+"""Members solved on any Executor, and kept in a folder from which an interrupted training goes on."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import logging
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem import CrossSection, assemble, checks
+from thermofem.dataset import write_whole
+
+from .affine import LineEngine
+from .basis import Member, solved
+from .certify import FINER, FINEST, own
+from .moved import MovedEngine
+from .reduced import Modes
+
+Array = NDArray[np.float64]
+Task = tuple[Any, ...]
+
+log = logging.getLogger("thermofem")
+
+
+def truth_of(geometry: str, ports: tuple[str, ...], tolerance: float) -> Modes:
+    """A member on its own finer mesh, from the text of its geometry."""
+    heat = assemble(CrossSection.from_toml_text(geometry), max(FINER * tolerance, FINEST))
+    return own(heat, ports, tolerance)[0]
+
+
+def member_of(engine: LineEngine | MovedEngine, row: Array, ports: tuple[str, ...], tolerance: float) -> Member:
+    """A member on the reference mesh."""
+    return solved(row, engine.heat(row), ports, tolerance)
+
+
+@dataclass(frozen=True, eq=False)
+class Solver:
+    """Where members are solved and kept.
+
+    Attributes
+    ----------
+    key : str
+        of everything that the members share; others in the folder are left alone.
+    executor : Executor or None
+        None solves in this process.
+    folder : Path or None
+    """
+
+    key: str
+    executor: Executor | None = None
+    folder: Path | None = None
+
+    def __call__(
+        self, function: Callable[..., Any], tasks: Sequence[Task], marks: Iterable[Array], shared: str = ""
+    ) -> list[Any]:
+        """Results in order; None for a task that failed, which a line in the log names.
+
+        ``marks`` tell the tasks apart, and ``shared`` says what they have in common beside `key`.
+
+        Raises
+        ------
+        InputError
+            of a task, or all of them failed.
+        """
+        paths = [self._path(function.__name__, shared, mark) for mark in marks]
+        kept = [_read(path) if path and path.is_file() else None for path in paths]
+        left = [k for k, one in enumerate(kept) if one is None]
+        futures = {k: self._submit(function, tasks[k]) for k in left}
+        for k, future in futures.items():
+            try:
+                found = kept[k] = future.result()
+            except checks.InputError:
+                for other in futures.values():
+                    other.cancel()
+                raise
+            except Exception as error:
+                log.warning("a member failed and is left out: %s: %s", type(error).__name__, error)
+                continue
+            if (path := paths[k]) is not None:
+                _write(path, found)
+        if tasks and all(one is None for one in kept):
+            raise checks.InputError("every member of a batch failed; the log says why")
+        return kept
+
+    def _submit(self, function: Callable[..., Any], task: Task) -> Future[Any]:
+        if self.executor is not None:
+            return self.executor.submit(function, *task)
+        done: Future[Any] = Future()
+        try:
+            done.set_result(function(*task))
+        except Exception as error:
+            done.set_exception(error)
+        return done
+
+    def _path(self, name: str, shared: str, mark: Array) -> Path | None:
+        if self.folder is None:
+            return None
+        content = f"{self.key} {name} {shared}".encode() + np.ascontiguousarray(mark).tobytes()
+        return self.folder / f"{hashlib.sha256(content).hexdigest()[:24]}.npz"
+
+
+def _write(path: Path, found: Member | Modes) -> None:
+    modes = found if isinstance(found, Modes) else found.modes
+    arrays: dict[str, Any] = {"tau": modes.tau, "ports": modes.ports}
+    if isinstance(found, Member):
+        arrays |= {"row": found.row, "static": found.static, "fields": found.fields}
+    memory = io.BytesIO()
+    np.savez(memory, **arrays)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(path, lambda p: p.write_bytes(memory.getvalue()))
+
+
+def _read(path: Path) -> Member | Modes | None:
+    """What was kept; None where the file is damaged."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            modes = Modes(file["tau"], file["ports"])
+            return Member(file["row"], modes, file["static"], file["fields"]) if "row" in file else modes
+    except (OSError, ValueError, KeyError, EOFError):
+        return None

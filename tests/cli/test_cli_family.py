@@ -1,0 +1,102 @@
+"""thermofem family, design, uncertainty and calibrate, as a user types them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import surrogate
+import thermofem as th
+from thermofem.cli import app
+
+CAMPAIGN = """
+[[vary]]
+name = "box"
+path = "layer.box.thickness"
+from = "1.5 um"
+to = "2.5 um"
+"""
+
+
+def run(*arguments: str) -> str:
+    done = CliRunner().invoke(app, list(arguments))
+    assert done.exit_code == 0, (done.output, done.exception)
+    return done.output
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("family")
+    (folder / "strip.toml").write_text(th.strip_ring().to_toml())
+    (folder / "rings.toml").write_text('geometry = "strip.toml"\n' + CAMPAIGN)
+    run("family", str(folder / "rings.toml"), "-o", str(folder / "family.json"), "--tolerance", "1e-2")
+    return folder
+
+
+def test_a_campaign_without_drives_becomes_a_family(folder):
+    family = surrogate.load_family(folder / "family.json")
+    assert family.names == ("box",)
+    assert family.error <= 1e-2
+
+
+def test_design(folder):
+    wanted = surrogate.load_family(folder / "family.json").model(box=2.1e-6).thermal_resistance
+    text = run("design", str(folder / "family.json"), "--resistance", f"{wanted!r} K/W")
+    assert "reached" in text
+    assert "box = 2.1" in text or "box = 2.099" in text
+
+
+def test_uncertainty(folder):
+    text = run("uncertainty", str(folder / "family.json"), "--spread", "box=2 um,20 nm", "--samples", "64")
+    assert "box: first-order Sobol index 1.0" in text or "Sobol index 0.9" in text
+
+
+def test_the_map_of_probabilities_and_the_settled_period(folder):
+    spread = ("uncertainty", str(folder / "family.json"), "--spread", "box=2 um,20 nm")
+    drive = ("--power", "3 dBm, 10 dBm", "--detuning", "-20 GHz, 20 GHz", "--points", "3, 4", "--samples", "4")
+    text = run(*spread, "--map", str(folder / "map.nc"), *drive, "--optics", "bus_rate/box=1e15")
+    assert "of the points pulse" in text
+    found = th.load(folder / "map.nc")
+    assert found["mean"].dims == ("power", "detuning")
+    # at 10 dBm and -6.7 GHz every member pulses, at 3 dBm and -20 GHz none (the map of the paper's ring)
+    assert found["mean"].values[2, 1] == 1
+    assert found["mean"].values[0, 0] == 0
+    text = run(*spread, "--period", "--layer", "12", "--samples", "4")
+    assert "interpolated between 12 members" in text
+    assert 6e-7 < float(text.split("mean ")[1].split(" s")[0]) < 8e-7  # 685 ns at 2 um
+
+
+def test_targets_that_exclude_each_other(folder):
+    text = run("design", str(folder / "family.json"), "--resistance", "8000 K/W", "--rise-time", "1 us")
+    assert "no member of this family does that" in text
+    assert "that no other beats" in text
+
+
+def test_the_range_of_self_pulsing(folder):
+    text = run("design", str(folder / "family.json"), "--range", "10 GHz", "--power", "3 dBm")
+    assert "range_of_pulsing" in text
+
+
+def test_calibrate(folder):
+    times = np.append(0.0, np.geomspace(2e-9, 50e-6, 60))
+    rise = 1e-3 * surrogate.load_family(folder / "family.json").model(box=1.8e-6).step_response(times)
+    th.save(th.dataset.build(times, rise, th.Constant(1e-3)), folder / "trace.nc")
+    assert "box = 1.8e-06" in run("calibrate", str(folder / "family.json"), str(folder / "trace.nc"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("design", "{}/family.json"), "nothing is wanted"),
+        (("design", "{}/family.json", "--resistance", "9000 K/W", "--fix", "radius=7 um"), "is unknown"),
+        (("uncertainty", "{}/family.json", "--spread", "box=2 um"), "needs a mean and a standard deviation"),
+        (("uncertainty", "{}/family.json", "--spread", "box=2 um,1 nm", "--optics", "bus_rate=1"), "must be written"),
+        (("uncertainty", "{}/family.json", "--spread", "box=2 um,1 nm", "--optics", "bus/box=1"), "did you mean"),
+        (("design", "{}/rings.toml", "--resistance", "9000 K/W"), "is not a family"),
+    ],
+)
+def test_what_cannot_be_done_is_said(folder, arguments, message):
+    done = CliRunner().invoke(app, [text.format(folder) for text in arguments])
+    assert isinstance(done.exception, th.InputError)
+    assert message in str(done.exception)

@@ -1,0 +1,109 @@
+"""Training of families: members on Executors, kept in folders, and what goes wrong on the way."""
+
+from __future__ import annotations
+
+import logging
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from test_family import BOX, STEP, campaign
+
+import surrogate
+import thermofem as th
+from surrogate.family.box import Box
+from surrogate.family.reduced import Modes, Small
+from surrogate.family.solving import Solver
+from surrogate.family.train import _idle
+from thermofem.campaign.vary import Variation
+
+MARKS = [np.array([float(k)]) for k in range(4)]
+
+
+def modes(number: float) -> Modes:
+    if number == 2.0:
+        raise ArithmeticError("singular")
+    return Modes(np.array([1e-6, number]), np.array([[1.0, 2.0]]))
+
+
+def refuse(number: float) -> Modes:
+    raise AssertionError(f"member {number} was solved again")
+
+
+@pytest.mark.parametrize("threads", [0, 2])
+def test_a_failed_member_is_named_and_the_rest_goes_on(tmp_path, caplog, threads):
+    pool = ThreadPoolExecutor(threads) if threads else None
+    found = Solver("key", pool, tmp_path / "parts")(modes, [(float(k),) for k in range(4)], MARKS)
+    assert [one is None for one in found] == [False, False, True, False]
+    assert "ArithmeticError: singular" in caplog.text
+    assert len(list((tmp_path / "parts").iterdir())) == 3
+
+
+def test_training_goes_on_from_what_is_kept(tmp_path):
+    tasks, marks = [(0.0,), (1.0,)], MARKS[:2]
+    first = Solver("key", None, tmp_path)(modes, tasks, marks)
+    refuse.__name__ = "modes"
+    again = Solver("key", None, tmp_path)(refuse, tasks, marks)
+    np.testing.assert_array_equal(again[1].tau, first[1].tau)
+    next(tmp_path.iterdir()).write_bytes(b"torn")
+    with pytest.raises(th.InputError, match="every member of a batch failed"):
+        Solver("another key", None, tmp_path)(refuse, tasks, marks)
+    assert Solver("key", None, tmp_path)(modes, tasks, marks)[0].tau.size == 2
+
+
+def test_a_mistake_of_the_user_is_not_a_failed_member():
+    def wrong(number: float) -> Modes:
+        raise th.InputError("the core leaves its cladding")
+
+    with pytest.raises(th.InputError, match="leaves its cladding"):
+        Solver("key")(wrong, [(1.0,)], MARKS[:1])
+
+
+def test_a_parameter_that_does_nothing_is_found():
+    class Members:
+        def member(self, row):
+            return Small(np.diag([1.0, row[0] * 1e6]), np.eye(2) * 1e-6, np.array([[1.0, 1.0]]))
+
+    idle = Variation("idle", ("part.core.width",), "m", low=400e-9, high=600e-9)
+    assert _idle(Box.of(campaign(BOX, idle)), Members(), 1) == ["idle"]
+
+
+@pytest.mark.parametrize(
+    ("variations", "message"),
+    [
+        # at one corner the core is higher than its cladding
+        (
+            (
+                Variation("height", ("part.core.height",), "m", low=0.2e-6, high=0.5e-6),
+                Variation("cladding", ("layer.cladding.thickness",), "m", low=0.3e-6, high=2e-6),
+            ),
+            r"the ranges contradict each other: at height = 5e-07, cladding = 3e-07",
+        ),
+        ((Variation("no", ("part.rim.width",), "m", low=1e-6, high=2e-6),), "rim"),
+    ],
+)
+def test_ranges_that_cannot_be_are_named(variations, message):
+    with pytest.raises(th.InputError, match=message):
+        surrogate.train_family(campaign(*variations))
+
+
+@pytest.mark.slow
+def test_a_kept_training_gives_the_same_family(tmp_path, monkeypatch):
+    plan = th.Campaign(th.strip_ring().to_toml(), (BOX,), (STEP,), samples=1)
+    with ThreadPoolExecutor(2) as pool:
+        first = surrogate.train_family(plan, 1e-2, held_out=2, executor=pool, folder=tmp_path)
+    count = len(list(tmp_path.iterdir()))
+    assert count >= 2 + 5  # held out and first batch
+    again = surrogate.train_family(plan, 1e-2, held_out=2, folder=tmp_path)
+    assert len(list(tmp_path.iterdir())) == count
+    np.testing.assert_allclose(again.model(box=2e-6).R, first.model(box=2e-6).R, rtol=1e-12)
+
+
+@pytest.mark.slow
+def test_too_few_members_for_the_tolerance_are_said(caplog, monkeypatch):
+    monkeypatch.setattr("surrogate.family.training.MOST", 1)
+    radius = Variation("radius", ("part.core.radius",), "m", low=3e-6, high=20e-6)
+    with caplog.at_level(logging.WARNING):
+        family = surrogate.train_family(campaign(radius, BOX), 1e-3, held_out=2)
+    assert family.error > 1e-3
+    assert "more than tolerance = 0.001" in caplog.text

@@ -1,0 +1,109 @@
+"""Properties of rings that ``thermofem design`` and ``uncertainty`` know, as functions of a thermal model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .. import quantity
+from ..checks import InputError, choice
+from .detuning import detuning_of
+from .files import ring_of, say_ring
+
+if TYPE_CHECKING:
+    from coupled import RingResonator
+    from surrogate import Family, Optics
+
+Change = Mapping[str, float]
+
+DETUNINGS = np.linspace(-60e9, 100e9, 161)  # Hz, over which the range of self-pulsing is looked for
+
+
+def cycle_property(name: str, ring: str, power: str, detuning: str) -> Callable[..., float]:
+    """Period or swing of the settled cycle."""
+    import coupled
+
+    resonator, watts, hertz = _drive(ring, power, detuning)
+
+    def of_cycle(model: Any, changes: Change | None = None) -> float:
+        moved, shift = _changed(resonator, changes)
+        return float(coupled.limit_cycle(moved, model, power=watts, detuning=hertz + shift).attrs[name])
+
+    of_cycle.__name__ = f"settled_{name}"
+    return of_cycle
+
+
+def pulsing_range(ring: str, power: str, detuning: str) -> Callable[..., float]:
+    """Range of detunings in Hz over which no state is stable, at one power."""
+    import coupled
+
+    resonator, watts, _ = _drive(ring, power, detuning)
+
+    def range_of_pulsing(model: Any, changes: Change | None = None) -> float:
+        moved, _ = _changed(resonator, changes)
+        growth = coupled.stability_map(moved, model, [watts, 1.001 * watts], DETUNINGS).growth_rate.values[0]
+        low, high = growth[:-1], growth[1:]
+        share = np.clip(np.maximum(low, high) / np.maximum(np.abs(high - low), 1e-300), 0.0, 1.0)
+        return float(share.sum() * np.diff(DETUNINGS)[0])
+
+    return range_of_pulsing
+
+
+def pulsing_points(ring: str, powers: Any, detunings: Any) -> Callable[..., Any]:
+    """Where no state is stable, Boolean over power and detuning."""
+    import coupled
+
+    resonator = ring_of(ring)
+    say_ring(resonator, ring)
+
+    def pulses(model: Any, changes: Change | None = None) -> Any:
+        moved, shift = _changed(resonator, changes)
+        found = coupled.stability_map(moved, model, powers, detunings + shift).regime == "self-pulsing"
+        return found.assign_coords(detuning=detunings)
+
+    return pulses
+
+
+def optics_of(family: Family, given: Sequence[str] | None) -> Optics | None:
+    """``--optics 'bus_rate/width=-1e17'``, SI; "detuning" moves the laser against the resonance."""
+    import surrogate
+    from coupled.unknowns import optical_names
+
+    known = {*optical_names(ring_of("borghi2021")), "detuning"}
+    slopes: dict[str, dict[str, Any]] = {}
+    for text in given or []:
+        left, sign, value = text.partition("=")
+        number, stroke, parameter = left.partition("/")
+        if not (sign and stroke):
+            raise InputError(f"--optics {text!r} must be written number/parameter=slope, as 'bus_rate/width=-1e17'")
+        number = choice("--optics: number", number.strip(), known)
+        try:
+            slopes.setdefault(number, {})[parameter.strip()] = float(value)
+        except ValueError:
+            raise InputError(f"--optics {text!r}: {value!r} is not a number") from None
+    if not slopes:
+        return None
+    found = surrogate.Optics(slopes)
+    found.check(family)
+    return found
+
+
+def _drive(ring: str, power: str, detuning: str) -> tuple[RingResonator, float, float]:
+    resonator = ring_of(ring)
+    say_ring(resonator, ring)
+    watts = quantity.parse(power, "W", name="--power")
+    return resonator, watts, detuning_of(detuning, resonator)
+
+
+def _changed(ring: RingResonator, changes: Change | None) -> tuple[RingResonator, float]:
+    """The ring with changed numbers, and the change of the detuning."""
+    from coupled.unknowns import varied
+
+    if not changes:
+        return ring, 0.0
+    rest = {name: change for name, change in changes.items() if name != "detuning"}
+    owners = {name: ring if hasattr(ring, name) else ring.carriers for name in rest}
+    moved = varied(ring, {name: getattr(owners[name], name) + change for name, change in rest.items()})
+    return moved, changes.get("detuning", 0.0)
