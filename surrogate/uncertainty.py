@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+RESAMPLES = 200  # of the members, for the intervals of the indices
 OUTSIDE = 1e-3  # share of the samples that may leave the box; they are held at its edge
 
 
@@ -135,11 +135,14 @@ class _Sampled:
     def __call__(self, x: Array) -> Array:
         """As `scipy.stats.sobol_indices` wants it, shape (points, n)."""
         found = self.values(self.clip(x))
-        maps = [one for one in found if np.ndim(one)]
-        if maps:
-            self.like = maps[0]
-            found = [one if np.ndim(one) else np.full(np.shape(self.like), np.nan) for one in found]
-        table = np.array([np.ravel(one) for one in found], dtype=float)
+        if isinstance(found, np.ndarray):
+            table = found[:, None].astype(float)
+        else:
+            maps = [one for one in found if np.ndim(one)]
+            if maps:
+                self.like = maps[0]
+                found = [one if np.ndim(one) else np.full(np.shape(self.like), np.nan) for one in found]
+            table = np.array([np.ravel(one) for one in found], dtype=float)
         self.seen.append(table)
         if np.isnan(table).all():
             raise checks.InputError(f"no sample has the property: {self.reason()}")
@@ -162,18 +165,15 @@ def _sobol(sampled: _Sampled, dists: list[Any], samples: int, seed: int) -> Any:
 def _scalar(sampled: _Sampled, indices: Any, names: tuple[str, ...], attrs: dict[str, Any]) -> xr.Dataset:
     import xarray as xr
 
-    with np.errstate(divide="ignore", invalid="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # an index that is 1 in every resample has no spread
-        bounds = indices.bootstrap(confidence_level=0.95, n_resamples=200)
     every = sampled.every[:, 0]
     there = every[~np.isnan(every)]
     data = {}
+    intervals = _intervals(sampled, len(names), attrs["samples"])
     for kind in ("first_order", "total_order"):
-        interval = getattr(bounds, kind).confidence_interval
-        for suffix, array in (("", getattr(indices, kind)), ("_low", interval.low), ("_high", interval.high)):
-            column = np.reshape(array, (2, len(names)))[0]
-            column = np.where(np.isnan(column), np.reshape(getattr(indices, kind), (2, len(names)))[0], column)
-            data[kind + suffix] = ("parameter", column, {"long_name": f"Sobol index, {kind}", "units": "1"})
+        column = np.reshape(getattr(indices, kind), (2, len(names)))[0]
+        low, high = intervals[kind]
+        for suffix, array in (("", column), ("_low", low), ("_high", high)):
+            data[kind + suffix] = ("parameter", array, {"long_name": f"Sobol index, {kind}", "units": "1"})
     low, half, high = np.quantile(there, (0.05, 0.5, 0.95))
     attrs |= {
         "mean": float(there.mean()),
@@ -185,6 +185,21 @@ def _scalar(sampled: _Sampled, indices: Any, names: tuple[str, ...], attrs: dict
     }
     value = ("sample", every, {"long_name": attrs["quantity"]})
     return xr.Dataset({**data, "value": value}, coords={"parameter": list(names)}, attrs=attrs)
+
+
+def _intervals(sampled: _Sampled, parameters: int, n: int) -> dict[str, tuple[Array, Array]]:
+    """95 % of the indices of resampled members; SciPy's own bootstrap takes a time that grows with n^2."""
+    A, B, AB = (np.where(np.isnan(f), np.nanmean(f), f) for f in (table[:, 0] for table in sampled.seen))
+    middle = np.concatenate([A, B]).mean()
+    A, B, AB = A - middle, B - middle, AB.reshape(n, parameters).T - middle
+    rng, found = np.random.default_rng(0), []
+    for _ in range(RESAMPLES):
+        k = rng.integers(n, size=n)
+        a, b, ab = A[k], B[k], AB[:, k]
+        variance = max(np.concatenate([a, b]).var(), 1e-300)
+        found.append([(b * (ab - a)).mean(axis=1) / variance, ((a - ab) ** 2).mean(axis=1) / 2 / variance])
+    low, high = np.quantile(found, (0.025, 0.975), axis=0)
+    return {"first_order": (low[0], high[0]), "total_order": (low[1], high[1])}
 
 
 def _map(sampled: _Sampled, indices: Any, names: tuple[str, ...], attrs: dict[str, Any]) -> xr.Dataset:

@@ -95,6 +95,14 @@ class LineEngine:
         self._vertex = vertex  # a cell that each vertex touches: its lines give the vertex' place
         self.reference = on_mesh(box.base, self.mesh, self.resistance, accuracy)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """For other processes: the mesh, without matrices and factors."""
+        return {name: value for name, value in self.__dict__.items() if name not in ("reference", "_sampled")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self.reference = on_mesh(self.box.base, self.mesh, self.resistance, self.accuracy)
+
     @property
     def unknowns(self) -> int:
         """Unknowns of the reference mesh."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofem import HeatProblem, assemble, checks
+from thermofem import HeatProblem, Mesh, assemble, checks
 from thermofem.heat.problem import on_mesh, resistances
 from thermofem.mesh.motion import Motion
 
@@ -37,6 +38,10 @@ class MovedEngine:
         self.mesh = self.reference.mesh
         self._motion = Motion(self.mesh, box.base)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For other processes: the mesh, without factors."""
+        return _on_mesh, (self.box, self.accuracy, self.mesh)
+
     @property
     def unknowns(self) -> int:
         """Unknowns of the base mesh."""
@@ -58,6 +63,10 @@ class MovedEngine:
             raise checks.InputError(f"no family over this box: at {where} {error}; take smaller ranges") from None
         resistance = resistances(geometry)
         return on_mesh(geometry, moved, resistance, self.accuracy)
+
+
+def _on_mesh(box: Box, accuracy: float, mesh: Mesh) -> MovedEngine:
+    return MovedEngine(box, accuracy, on_mesh(box.base, mesh, resistances(box.base), accuracy))
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
-from concurrent.futures import ThreadPoolExecutor
+import multiprocessing
+import pickle
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -11,7 +13,9 @@ from test_family import BOX, STEP, campaign
 
 import surrogate
 import thermofem as th
+from surrogate.family.affine import LineEngine
 from surrogate.family.box import Box
+from surrogate.family.moved import MovedEngine
 from surrogate.family.reduced import Modes, Small
 from surrogate.family.solving import Solver
 from surrogate.family.train import _idle
@@ -87,10 +91,19 @@ def test_ranges_that_cannot_be_are_named(variations, message):
         surrogate.train_family(campaign(*variations))
 
 
+def test_engines_travel_to_other_processes():
+    box = Box.of(campaign(BOX))
+    for kind in (LineEngine, MovedEngine):
+        engine = kind(box, 1e-2)
+        engine.reference.thermal_resistance()  # makes factors, which stay behind
+        here, there = (one.heat(box.low) for one in (engine, pickle.loads(pickle.dumps(engine))))
+        np.testing.assert_array_equal(there.mesh.points, here.mesh.points)
+
+
 @pytest.mark.slow
 def test_a_kept_training_gives_the_same_family(tmp_path, monkeypatch):
     plan = th.Campaign(th.strip_ring().to_toml(), (BOX,), (STEP,), samples=1)
-    with ThreadPoolExecutor(2) as pool:
+    with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as pool:
         first = surrogate.train_family(plan, 1e-2, held_out=2, executor=pool, folder=tmp_path)
     count = len(list(tmp_path.iterdir()))
     assert count >= 2 + 5  # held out and first batch
