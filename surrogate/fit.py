@@ -7,7 +7,7 @@ particle swarm of the paper can be put before it and then only picks the start.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -311,7 +311,7 @@ class Training:
         covariance = jacobian @ found.covariance @ jacobian.T
         deviation = np.sqrt(np.maximum(covariance.diagonal(), 0))
         safe = np.maximum(deviation, np.finfo(float).tiny)
-        return Fit(
+        fit = Fit(
             model=model,
             parameters={name: float(value) for name, value in parameters.items()},
             standard_errors=dict(zip(parameters, deviation.tolist(), strict=True)),
@@ -323,6 +323,7 @@ class Training:
             geometry=self.geometry,
             swarm_residual=swarm_residual,
         )
+        return replace(fit, model=replace(model, origin=fit.provenance))
 
 
 def _common(values: Sequence[Any]) -> Any:

@@ -10,7 +10,7 @@ Dynamical Systems (SIAM, 2005), ch. 11. The bound is derived in `surrogate.certi
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -80,7 +80,8 @@ class Reduction(HasModel):
         """Provenance that `surrogate.save_model` writes with the model."""
         method = "rational Krylov reduction"
         bound, shifts = self.error_bound, self.shifts.tolist()
-        return {"method": method, "tolerance": self.tolerance, "error_bound": bound, "shifts": shifts}
+        made = {"method": method, "tolerance": self.tolerance, "error_bound": bound, "shifts": shifts}
+        return {**(self.model.origin or {}), **made}
 
     def lift(self, states: ArrayLike) -> Array:
         """States of the full system, shape (..., n), from states of the model, shape (..., order).
@@ -131,8 +132,8 @@ def reduce(system: StateSpace, tolerance: float = 1e-4) -> Reduction:
     scale = _scale(projection, found.pairs)
     model, basis = _model(system, projection, found.basis, found.heated, found.read)
     bound = (certificate.samples / scale).reshape(-1, *shape)
-    return Reduction(
-        model=model,
+    reduction = Reduction(
+        model=replace(model, origin=system.origin),
         error_bound=float(np.max(certificate.top / scale)),
         channel_bounds=(certificate.top / scale).reshape(shape),
         frequency=certificate.omega / (2 * np.pi),
@@ -142,6 +143,7 @@ def reduce(system: StateSpace, tolerance: float = 1e-4) -> Reduction:
         tolerance=tolerance,
         solves=found.solves,
     )
+    return replace(reduction, model=replace(model, origin=reduction.provenance))
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,7 +249,7 @@ def _model(
 ) -> tuple[Foster | StateSpace, Array]:
     """The reduced model, and the basis that takes its states to those of the full system."""
     rate, B, C = projection.rate[::-1], projection.ports[::-1, heated], projection.ports[::-1, read].T
-    names = {"inputs": system.inputs, "outputs": system.outputs}
+    names: dict[str, Any] = {"inputs": system.inputs, "outputs": system.outputs}
     if heated.size == 1 and read.size == 1:
         return Foster(R=C[0] * B[:, 0] / rate, tau=1 / rate, **names), modes[:, ::-1] / C[0]
     return StateSpace(np.eye(rate.size), -np.diag(rate), B, C, **names), modes[:, ::-1]

@@ -20,7 +20,7 @@ W. Q. Liu, V. Sreeram, K. L. Teo, Syst. Control Lett. 33, 219 (1998) (symmetric 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -65,7 +65,8 @@ class Truncation(HasModel):
     @property
     def provenance(self) -> dict[str, Any]:
         """Provenance that `surrogate.save_model` writes with the model."""
-        return {"method": "balanced truncation, static gain restored", "error_bound": self.error_bound}
+        made = {"method": "balanced truncation, static gain restored", "error_bound": self.error_bound}
+        return {**(self.model.origin or {}), **made}
 
     def lift(self, states: ArrayLike) -> Array:
         """States of the full system, shape (..., n), from states of the model, shape (..., order)."""
@@ -117,13 +118,16 @@ def balanced_truncation(system: StateSpace, order: int, *, tolerance: float = 1e
     tail, certificate = 2 * float(sigma[order:].sum()), float(fine.certificate.top.max())
     alpha = static / float(R.sum())
     restoring = abs(alpha - 1) * float(np.abs(R).sum())  # between two parts R_i of either sign: |H_r| may exceed H_r(0)
-    model = Foster(R=alpha * R[::-1], tau=1 / kept[::-1], inputs=system.inputs, outputs=system.outputs)
+    model = Foster(
+        R=alpha * R[::-1], tau=1 / kept[::-1], inputs=system.inputs, outputs=system.outputs, origin=system.origin
+    )
     basis = fine.basis @ modes[:, ::-1] / (F[:, read] @ modes)[::-1]
-    return Truncation(
-        model=model,
+    found = Truncation(
+        model=replace(model, origin=system.origin),
         error_bound=(certificate + tail + restoring) / abs(static),
         truncation_bound=tail / abs(static),
         singular_values=sigma,
         certificate=certificate / abs(static),
         basis=basis,
     )
+    return replace(found, model=replace(model, origin=found.provenance))

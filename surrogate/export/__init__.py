@@ -40,7 +40,8 @@ def export_model(
         "spice" (subcircuit), "verilog-a" (module), "fmu" (FMI co-simulation; needs pythonfmu or pythonfmu3), "mat"
         (matrices for SciPy, MATLAB, pyMOR) or "csv" (poles).
     provenance : mapping
-        `load_provenance` of the model's file, for the header; default the ``.provenance`` of a fit or reduction.
+        `load_provenance` of the model's file, for the header; default the ``.provenance`` of a fit or
+        reduction, or the ``.origin`` of a model.
     fmi : 2 or 3
         version of FMI, for "fmu".
 
@@ -71,8 +72,8 @@ def export_model(
         hint="a thermal model is needed, such as thermofem.Foster or a fit",
     )
     checks.has("provenance", provenance or {}, "items", hint="a mapping is needed, such as the .provenance of a fit")
-    if provenance is None and isinstance(model, HasModel):
-        provenance = model.provenance
+    if provenance is None:
+        provenance = model.provenance if isinstance(model, HasModel) else getattr(model, "origin", None)
     model = bare(model)
     lines = header(model, provenance or {})
     if to == "fmu":

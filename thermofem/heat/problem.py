@@ -132,7 +132,8 @@ class HeatProblem:
         """
         inputs = _names("heated", heated, self.heated, self.heated)
         outputs = _names("read", read, self.readable, inputs)
-        return self.discretization.state_space(inputs, outputs)
+        origin = {"geometry": self.geometry.to_toml(), "mesh_accuracy": self.accuracy}
+        return replace(self.discretization.state_space(inputs, outputs), origin=origin)
 
     @cached_property
     def nonlinear(self) -> bool:

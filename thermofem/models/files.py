@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +47,8 @@ def save_model(model: ThermalModel, path: str | Path, *, provenance: Mapping[str
         of a kind listed in docs/models.md, or a fit or reduction that holds one.
     path : str or Path
     provenance : mapping
-        where the model comes from, anything that JSON can hold; default the ``.provenance`` of a fit or reduction.
+        where the model comes from, anything that JSON can hold; default the ``.provenance`` of a fit or reduction,
+        or the ``.origin`` of a model.
 
     Returns
     -------
@@ -59,8 +61,8 @@ def save_model(model: ThermalModel, path: str | Path, *, provenance: Mapping[str
         a kind that has no JSON form (the FEM itself: reduce it first), an unphysical model, provenance that JSON
         cannot hold, or a folder that does not exist or cannot be written.
     """
-    if provenance is None and isinstance(model, HasModel):
-        provenance = model.provenance
+    if provenance is None:
+        provenance = model.provenance if isinstance(model, HasModel) else getattr(model, "origin", None)
     kind: Any = model if type(model) in KINDS.values() else bare(model)
     name = type(kind).__name__
     if KINDS.get(name) is not type(kind):
@@ -93,13 +95,16 @@ def load_model(path: str | Path) -> Any:
     """
     content = _content(path)
     try:
-        return KINDS[checks.choice("kind", str(content.get("kind")), KINDS)].from_json(content)
+        model = KINDS[checks.choice("kind", str(content.get("kind")), KINDS)].from_json(content)
     except KeyError as error:
         raise checks.InputError(f"{path} has no {error.args[0]!r}; docs/models.md lists the fields") from None
     except (TypeError, AttributeError) as error:
         raise checks.InputError(f"{path} is not laid out as docs/models.md says: {error}") from None
     except checks.InputError as error:
         raise checks.InputError(f"{path}: {error}") from None
+    provenance = content.get("provenance")
+    known = isinstance(provenance, dict) and provenance and isinstance(model, Foster | StateSpace)
+    return replace(model, origin=provenance) if known else model
 
 
 def load_provenance(path: str | Path) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -35,6 +35,8 @@ class Foster:
     R : array, shape (n,), K/W
     tau : array, shape (n,), s
         kept in increasing order, each with its R.
+    origin : dict, optional
+        where the model comes from (geometry as TOML, how it was made); exports and model files keep it.
 
     Raises
     ------
@@ -49,6 +51,7 @@ class Foster:
     tau: ArrayLike
     inputs: tuple[str, ...] = ("core",)
     outputs: tuple[str, ...] = ("core",)
+    origin: Mapping[str, Any] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         R, tau = checks.array("R", self.R), checks.array("tau", self.tau)

@@ -17,7 +17,7 @@ def names(content: Mapping[str, Any], which: str) -> tuple[str, ...]:
     return check_names(which, content[which])
 
 
-def parts(content: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
+def parts(content: Mapping[str, Any]) -> dict[str, Any]:
     """Heated and read parts, as keyword arguments of a model."""
     return {which: names(content, which) for which in ("inputs", "outputs")}
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -43,6 +43,8 @@ class StateSpace:
     B : array, shape (n, inputs)
     C : array, shape (outputs, n)
     inputs, outputs : tuple of str
+    origin : dict, optional
+        where the model comes from (geometry as TOML, how it was made); exports and model files keep it.
     """
 
     E: Any
@@ -51,6 +53,7 @@ class StateSpace:
     C: Array
     inputs: tuple[str, ...] = ("core",)
     outputs: tuple[str, ...] = ("core",)
+    origin: Mapping[str, Any] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         for name in ("E", "A", "B", "C"):
@@ -74,7 +77,7 @@ class StateSpace:
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle the fields only; cached results are not copied to other processes."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
+        return {one.name: getattr(self, one.name) for one in fields(self)}
 
     @property
     def order(self) -> int:
@@ -85,9 +88,8 @@ class StateSpace:
         """The same system with one input and one output (default: the first of each)."""
         i = self.inputs.index(checks.choice("heated", heated or self.inputs[0], self.inputs))
         j = self.outputs.index(checks.choice("read", read or self.outputs[0], self.outputs))
-        return StateSpace(
-            self.E, self.A, self.B[:, [i]], self.C[[j]], inputs=(self.inputs[i],), outputs=(self.outputs[j],)
-        )
+        names: dict[str, Any] = {"inputs": (self.inputs[i],), "outputs": (self.outputs[j],)}
+        return StateSpace(self.E, self.A, self.B[:, [i]], self.C[[j]], origin=self.origin, **names)
 
     @cached_property
     def gain(self) -> Array:
