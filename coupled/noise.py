@@ -106,7 +106,8 @@ def _white(density: float, bandwidth: float, duration: float, seed: int) -> tupl
     # each line has the power density/length: amplitude^2/2 = density/length
     spectrum[1 : lines + 1] = (draw @ [1, 1j]) * np.sqrt(density / length) * n / 2
     values = np.asarray(np.fft.irfft(spectrum, n), dtype=float)
-    return np.arange(n + 1) * (length / n), np.append(values, values[0])
+    times: Array = np.asarray(np.arange(n + 1) * (length / n), dtype=float)
+    return times, np.asarray(np.append(values, values[0]), dtype=float)
 
 
 def _wave(times: Array, values: Array) -> Any:

@@ -34,6 +34,8 @@ Array = NDArray[np.float64]
 
 METHODS = ("projection", "pso")
 EXPLAINED = 0.2  # share of the variance below which data count as noise; the paper's single pole explains 0.9 and more
+TRANSFER = "where another part is read than the one that is heated, give transfer=True"
+CANCELLING = 100.0  # R of a pole over R_th from which poles of opposite sign count as one
 UNSEEN = np.log(2)  # standard deviation of ln(tau) from which a time constant counts as not seen: a factor of two
 
 
@@ -144,6 +146,7 @@ def fit_second_order(
     *,
     heat_capacity: float = BORGHI2021_HEAT_CAPACITY,
     method: str = "projection",
+    transfer: bool | None = None,
 ) -> Fit:
     """Train the paper's second-order equation (Eq. 3): two poles.
 
@@ -154,6 +157,8 @@ def fit_second_order(
     heat_capacity : float, J/K
         m c_p by which kappa and eta are normalised.
     method : "projection" or "pso"
+    transfer : bool, optional
+        as in `fit_foster`; eta may then be negative.
 
     Returns
     -------
@@ -167,16 +172,16 @@ def fit_second_order(
         data without power or rise, or that no stable pair of heating poles fits.
     """
     heat_capacity = check_heat_capacity(heat_capacity)
-    training = Training.of(data)
+    training = Training.of(data, transfer=transfer)
     found, swarm = training.search(2, method)
     (slow, fast), (g_s, g_f) = np.exp(found.log_rate), found.gain
     c_f, c_s = g_f * heat_capacity, g_s * heat_capacity
-    poles = Foster(R=[g_f / fast, g_s / slow], tau=[1 / fast, 1 / slow])
+    poles = Foster(R=[g_f / fast, g_s / slow], tau=[1 / fast, 1 / slow], **training.parts)
     parameters = second_order_parameters(poles, heat_capacity)
-    if min(c_f, c_s) < 0:
+    if min(c_f, c_s) < 0 and not training.transfer:
         raise checks.InputError(
             f"the best pair of poles cools when heated (kappa = {parameters['kappa']:.3g} 1/s, eta = "
-            f"{parameters['eta']:.3g}); do power and delta_T belong together?"
+            f"{parameters['eta']:.3g}); do power and delta_T belong together? {TRANSFER}"
         )
     jacobian = np.array(  # of (kappa, tau_f, tau_s, eta) by (log slow, log fast, g_s, g_f)
         [
@@ -186,7 +191,8 @@ def fit_second_order(
             [0, 0, heat_capacity, heat_capacity],
         ]
     )
-    return training.fit(second_order(**parameters, heat_capacity=heat_capacity), parameters, jacobian, found, swarm)
+    model = poles if training.transfer else second_order(**parameters, heat_capacity=heat_capacity)
+    return training.fit(model, parameters, jacobian, found, swarm)
 
 
 def fit_foster(
@@ -195,8 +201,9 @@ def fit_foster(
     *,
     thermal_resistance: float | None = None,
     method: str = "projection",
+    transfer: bool | None = None,
 ) -> Fit:
-    """Train a Foster network of ``order`` poles, every R_i >= 0.
+    """Train a Foster network of ``order`` poles, every R_i >= 0 where the heated part is read.
 
         dT = sum_i x_i,    dx_i/dt = (R_i P - x_i)/tau_i
 
@@ -209,6 +216,9 @@ def fit_foster(
         static gain to impose; default the Datasets' own ``thermal_resistance`` where all agree (`thermofem.solve`
         writes it), else none.
     method : "projection" or "pso"
+    transfer : bool, optional
+        whether another part is read than the one that is heated, as a core under its heater: the R_i then have either
+        sign, because the rise begins late. By default what the Datasets' ``heated`` and ``read`` say, else False.
 
     Returns
     -------
@@ -223,11 +233,11 @@ def fit_foster(
     """
     if checks.between("order", order, 1, 12) != int(order):
         raise checks.InputError(f"order = {order!r} must be a whole number of poles")
-    training = Training.of(data, thermal_resistance=thermal_resistance, impose=True)
+    training = Training.of(data, thermal_resistance=thermal_resistance, impose=True, transfer=transfer)
     found, swarm = training.search(int(order), method)
-    kept = found.gain > 0
-    if not kept.any():
-        raise checks.InputError("no pole of the fit heats; do power and delta_T belong together?")
+    kept = found.gain != 0 if training.transfer else found.gain > 0
+    if not np.any(found.gain > 0):
+        raise checks.InputError(f"no pole of the fit heats; do power and delta_T belong together? {TRANSFER}")
     rate, gain = np.exp(found.log_rate), found.gain
     fastest_first = np.flatnonzero(kept)[::-1]
     R, tau, n = gain / rate, 1 / rate, rate.size
@@ -238,7 +248,7 @@ def fit_foster(
     for position, i in enumerate(fastest_first, start=1):
         parameters[f"tau_{position}"] = tau[i]
         rows.append(np.concatenate([-tau[i] * np.eye(n)[i], np.zeros(n)]))
-    model = Foster(R=R[fastest_first], tau=tau[fastest_first])
+    model = Foster(R=R[fastest_first], tau=tau[fastest_first], **training.parts)
     return training.fit(model, parameters, np.array(rows), found, swarm)
 
 
@@ -249,6 +259,9 @@ class Training:
     problem: Problem
     names: tuple[str, ...]
     geometry: str | None
+    transfer: bool = False
+    parts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """Names of the heated and the read part, of a transfer channel."""
 
     @classmethod
     def of(
@@ -257,8 +270,9 @@ class Training:
         *,
         thermal_resistance: float | None = None,
         impose: bool = False,
+        transfer: bool | None = None,
     ) -> Training:
-        """Read Datasets; ``impose`` their static gain and positive gains."""
+        """Read Datasets; ``impose`` their static gain and, unless it is a ``transfer`` channel, positive gains."""
         datasets = list(data) if isinstance(data, Sequence) else [data]
         drives: list[Drive] = [drive_of(d) for d in datasets]
         if not drives:
@@ -272,7 +286,14 @@ class Training:
             if not np.any(drive.wave(drive.times)) and not np.any(drive.wave.before(drive.times)):
                 raise checks.InputError(f"the power of the {drive.name} is zero throughout; what heated it?")
         geometry = _common([d.attrs.get("geometry") for d in datasets])
-        return cls(Problem(drives, thermal_resistance, impose), tuple(d.name for d in drives), geometry)
+        heated, read = (_common([d.attrs.get(name) for d in datasets]) for name in ("heated", "read"))
+        known = bool(heated and read)
+        if transfer is None:
+            transfer = known and heated != read
+        apart = known and heated != read
+        parts = {"inputs": (heated if apart else "heater",), "outputs": (read if apart else "core",)}
+        problem = Problem(drives, thermal_resistance, impose and not transfer)
+        return cls(problem, tuple(d.name for d in drives), geometry, transfer, parts if transfer else {})
 
     def search(self, order: int, method: str) -> tuple[Optimum, float | None]:
         """The optimum, and the residual of the swarm before it was polished."""
@@ -319,7 +340,7 @@ class Training:
             residual=found.residual,
             relative_residual=found.relative_residual,
             training=self.names,
-            notes=tuple(_unseen(found, self.problem.span)),
+            notes=(*_unseen(found, self.problem.span), *_cancelling(model)),
             geometry=self.geometry,
             swarm_residual=swarm_residual,
         )
@@ -329,6 +350,16 @@ class Training:
 def _common(values: Sequence[Any]) -> Any:
     """The one value that all Datasets share, or None."""
     return values[0] if all(v == values[0] for v in values) else None
+
+
+def _cancelling(model: Foster) -> list[str]:
+    """A sentence on poles of opposite sign that are nearly one, as of a transfer channel with too many."""
+    largest, total = float(np.abs(np.asarray(model.R)).max()), abs(model.thermal_resistance)
+    if largest <= CANCELLING * total:
+        return []
+    return [
+        f"poles of up to {largest:.2g} K/W cancel to {total:.2g} K/W: two of them are nearly one, so take one fewer"
+    ]
 
 
 def _unseen(found: Optimum, span: tuple[float, float]) -> list[str]:

@@ -32,6 +32,7 @@ def fit(
     time: Annotated[str | None, typer.Option(help="Column with the time; two columns need no names.")] = None,
     temperature: Annotated[str | None, typer.Option(help="Column with the temperature; V counts as K.")] = None,
     start: Annotated[str | None, typer.Option(help="When the heating began; default: found in the trace.")] = None,
+    transfer: Annotated[bool, typer.Option(help="Another part was read than heated; solve's files say so.")] = False,
     baseline: Annotated[str | None, typer.Option(help="Temperature at rest; default: the mean before.")] = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="File to write.")] = Path("model.json"),
 ) -> dict[str, Any]:
@@ -51,7 +52,7 @@ def fit(
         found = _sindy(training)
     else:
         with working("training"):
-            found = _trained(kind, training, order)
+            found = _trained(kind, training, order, transfer or None)
     provenance = {**found.provenance, **({"assumed": assumed} if assumed else {})}
     surrogate.save_model(found.model, output, provenance=_finite(provenance))
     _print(found, kind)
@@ -75,16 +76,16 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and value != value else value
 
 
-def _trained(kind: str, training: list[xr.Dataset], order: int) -> Any:
+def _trained(kind: str, training: list[xr.Dataset], order: int, transfer: bool | None) -> Any:
     import surrogate
 
     if kind == "newton":
         return surrogate.fit_newton(training)
     if kind == "second-order":
-        return surrogate.fit_second_order(training)
+        return surrogate.fit_second_order(training, transfer=transfer)
     if kind == "spectrum":
         return surrogate.fit_spectrum(training)
-    return surrogate.fit_foster(training, order=order)
+    return surrogate.fit_foster(training, order=order, transfer=transfer)
 
 
 def _sindy(training: list[xr.Dataset]) -> Any:
