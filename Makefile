@@ -62,6 +62,7 @@ audit: .venv/installed-dev
 	$(BIN)/python tests/fuzz/audit.py $(MINUTES)
 	$(BIN)/python tests/audit/accuracy.py 200
 	$(BIN)/python tests/audit/reductions.py 1500
+	$(BIN)/python tests/audit/families.py
 
 # against named peers, in an environment of its own; goes on where it was; BENCH=--quick, BENCH=--again
 bench: .venv-bench/installed

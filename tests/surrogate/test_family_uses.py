@@ -7,8 +7,10 @@ import pytest
 from scipy import stats
 from test_family import BOX, RADIUS, WIDTH, campaign
 
+import coupled
 import surrogate
 import thermofem as th
+from coupled.unknowns import ThermalFamily, unknowns
 
 
 @pytest.fixture(scope="module")
@@ -241,3 +243,18 @@ def test_correlated_residuals_say_that_the_geometry_cannot_explain_the_data(fami
     found = surrogate.calibrate(family, wrong, noise=0.01)
     assert found.correlation > 0.5
     assert found.reduced_chi_square > 10
+
+
+def test_a_family_and_a_held_one_are_what_identify_takes(family):
+    held = family.held(radius=7e-6)
+    assert isinstance(family, ThermalFamily)
+    assert isinstance(held, ThermalFamily)
+    assert held.names == ("width", "box")
+    assert held.ranges["box"] == (1e-6, 3e-6)
+    there = {"width": 500e-9, "box": 2e-6}
+    np.testing.assert_array_equal(held.at(there).R, family.model(radius=7e-6, **there).R)
+    ring, model = unknowns(coupled.borghi2021(), ["width", "box", "loss_rate"], held).build(np.log([5e-7, 2e-6, 6e9]))
+    assert ring.loss_rate == pytest.approx(6e9)
+    assert model.thermal_resistance == pytest.approx(held.at(there).thermal_resistance, rel=1e-9)
+    with pytest.raises(th.InputError, match="radius = 1e-05 must lie between 5e-06 and 9e-06"):
+        family.held(radius=1e-5)
