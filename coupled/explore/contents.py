@@ -89,13 +89,14 @@ def paper_models() -> list[dict[str, Any]]:
     laws = {
         "second order, FEM-trained (Borghi 2021)": _second_order(borghi.SECOND_ORDER_FEM),
         "second order, experiment (Borghi 2021)": _second_order(borghi.SECOND_ORDER_EXPERIMENT),
-        "Newton's law, 275 ns (Borghi 2021)": _newton(borghi.NEWTON_MAPS),
-        "Newton's law, 65 ns (Van Vaerenbergh 2012)": _newton(vanvaerenbergh.NEWTON),
+        "Newton's law, 275 ns (Borghi 2021)": newton(borghi.NEWTON_MAPS),
+        "Newton's law, 65 ns (Van Vaerenbergh 2012)": newton(vanvaerenbergh.NEWTON),
     }
     return [model_of(name, law) | {"hidden": True} for name, law in laws.items()]
 
 
-def _newton(law: NewtonParameters) -> Foster:
+def newton(law: NewtonParameters) -> Foster:
+    """Return the pole of Newton's law."""
     return Foster(R=[law.tau_th / law.heat_capacity], tau=[law.tau_th])
 
 

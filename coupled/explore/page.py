@@ -23,6 +23,7 @@ from ..parameters.borghi2021 import borghi2021
 from ..parameters.vanvaerenbergh2012 import vanvaerenbergh2012
 from ..resonator import RingResonator
 from . import bundle, contents
+from .borders import borders
 from .geometries import family_of
 from .section import section_of
 
@@ -78,7 +79,8 @@ def explore(
 
     The page integrates the equations of `simulate` by the same method, with the same coefficients and step control; it
     finds fixed points, their stability, Hopf and fold curves as `steady_states`, `stability_map`, `hopf_curves` and
-    `fold_curves` do, and settled cycles by Newton's method on the return map.
+    `fold_curves` do, and settled cycles by Newton's method on the return map. The curves of `cycle_fold_curves` are
+    computed here for the first view, and shown while ring and model are those.
 
     Parameters
     ----------
@@ -154,7 +156,7 @@ def explore(
         "tableaus": bundle.tableaus(),
         "reference": _step(heat) if heat is not None else None,
         "section": section_of(heat, found) if heat is not None and found is not None else None,
-        "cycles": _has_limit_cycle(),
+        "borders": borders(rings, everything, ring, next(iter(given.values()), None) if start["model"] == 0 else None),
         "family": grid
         and grid
         | {
@@ -181,13 +183,6 @@ def _family_fields(grid: dict[str, Any] | None) -> str:
     fields = [_field(f"p{k}", html.escape(p["name"]), html.escape(grid["units"][k])) for k, p in enumerate(grid["parameters"]) if p["moved"]]  # fmt: skip  # noqa: E501
     words = f"Interpolated between members: steps within {100 * grid['error']:.2g} % of the thermal resistance."
     return "\n".join(fields) + f'<p class="soft">{words}</p>'
-
-
-def _has_limit_cycle() -> bool:
-    """Whether this version has coupled.limit_cycle, which a copied script then calls."""
-    import coupled
-
-    return hasattr(coupled, "limit_cycle")
 
 
 def _step(heat: HeatProblem) -> dict[str, Any]:

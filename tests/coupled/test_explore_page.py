@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import json
+import os
 import re
+import shlex
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -10,6 +15,9 @@ from browser import chromium
 
 import coupled
 import thermofem as th
+from coupled.explore import bundle, contents
+from coupled.explore.borders import STORED
+from coupled.parameters.borghi2021 import NEWTON_MAPS
 
 pytestmark = pytest.mark.slow
 
@@ -125,6 +133,53 @@ def test_the_copied_script_gives_the_same_numbers(page, capsys):
     printed = capsys.readouterr().out
     period = float(re.search(r"period ([\d.]+) ns", printed)[1])
     assert period == pytest.approx(page.evaluate("ringPage.shown.trace.pulsing.period"), rel=1e-6)
+
+
+def test_the_copied_command_gives_the_same_numbers(page, tmp_path):
+    """The block runs in a shell as it is; drop power and heat of its file at the times of the page's trace."""
+    page.fill("#loadedQ", "7000")
+    page.fill("#power", "9")
+    page.check("input[value=cold]")
+    settled(page)
+    page.click("#command")
+    block = page.input_value("#copied-text")
+    program = [sys.executable, "-m", "thermofem"]
+    folder = tmp_path / "bin"
+    folder.mkdir()
+    command = folder / "thermofem"
+    command.write_text(f'#!/bin/sh\nexec {shlex.join(program)} "$@"\n')
+    command.chmod(0o755)
+    path = f"{folder}{os.pathsep}{os.environ['PATH']}"
+    subprocess.run(
+        ["sh", "-ec", block], cwd=tmp_path, check=True, env={**os.environ, "PATH": path}, capture_output=True
+    )
+    run = th.load(tmp_path / "traces.nc")
+    found = coupled.pulsing(run)
+    page_says = page.evaluate("ringPage.shown.trace.pulsing")
+    assert found.period * 1e9 == pytest.approx(page_says["period"], rel=1e-6)
+    assert found.duty == pytest.approx(page_says["duty"], abs=1e-5)
+    assert found.swing == pytest.approx(page_says["swing"], rel=1e-5)
+
+
+def test_the_plane_shows_where_cycles_fold(page):
+    """Newton's law of the paper: the stored curve, until a number of the ring moves."""
+    names = page.evaluate("Array.from(document.querySelectorAll('#preset option'), o => o.text)")
+    page.select_option("#preset", index=next(k for k, name in enumerate(names) if "Newton's law at 7 dBm" in name))
+    page.wait_for_function("document.querySelector('#plane').textContent.includes('fold of cycles')", timeout=60_000)
+    page.fill("#loadedQ", "6000")
+    page.wait_for_function("!document.querySelector('#plane').textContent.includes('fold of cycles')", timeout=60_000)
+
+
+def test_the_stored_folds_of_cycles_are_those_of_the_ring():
+    """Against branches in the detuning, which know nothing of the curve."""
+    (curve,) = json.loads(bundle.text_of(STORED))
+    ring, newton = coupled.borghi2021().with_lumped_fcd(), contents.newton(NEWTON_MAPS)
+    for power, detuning in (curve[5], curve[-5]):
+        branch = coupled.continue_cycle(
+            ring, newton, "detuning", (detuning + 3e9, detuning - 6e9), power=power, detuning=detuning - 5e9
+        )
+        (fold,) = branch["detuning"].values[branch["special"].values == "fold"]
+        assert fold == pytest.approx(detuning, abs=2e4)  # 1e-6 of the window, and seven digits
 
 
 def test_no_response_needs_a_worker(browser, file):

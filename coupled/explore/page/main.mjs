@@ -7,7 +7,7 @@ import { engineOf } from "./engine.mjs";
 import { balance, steadyStates, survey } from "./equilibria.mjs";
 import { cold, integrate, methodOf } from "./rosenbrock.mjs";
 import { DENSITY, FJ, NS, UW, absorbedPower, derivedRates, driveOf, dropRate, systemOf, turnOf } from "./ring.mjs";
-import { FIELDS, addFamilyFields, hashOf, modelOf, objection, ringOf, stateOf, valueOf, watts } from "./state.mjs";
+import { FIELDS, addFamilyFields, hashOf, modelOf, objection, ringOf, stateOf, valueOf, watts, bordersOf } from "./state.mjs";
 import { theme } from "./plot.mjs";
 import { mapImage, phaseFigure, planeFigure, tracesFigure, transmissionFigure } from "./figures.mjs";
 import { errorFigure, fieldImage, sectionFigure, spectrumFigure, stepFigure } from "./thermal.mjs";
@@ -310,7 +310,7 @@ function paint() {
   const window = data.rings[state.ring].window;
   if (shown.map && !shown.map.image) shown.map.image = mapImage(shown.map, colours);
   const w = widthOf("plane");
-  shown.plane = planeFigure(w, Math.round(Math.min(0.86 * w, 470)), { window, map: shown.map, curves: shown.curves, cycles: [], state }, colours);
+  shown.plane = planeFigure(w, Math.round(Math.min(0.86 * w, 470)), { window, map: shown.map, curves: shown.curves, cycles: bordersOf(state, data), state }, colours);
   put("plane", shown.plane.svg);
   const now = stretch();
   const drop = dropRate(ringOf(state, data)) * NS;

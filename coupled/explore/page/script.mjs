@@ -55,7 +55,7 @@ export function pythonOf(state, data) {
     "found = coupled.pulsing(run)",
     'print(f"{found.regime}: period {found.period * 1e9:.4f} ns, duty {found.duty:.4f}, swing {found.swing:.4f} K")',
   );
-  if (state.view === "cycle" && data.cycles) {
+  if (state.view === "cycle") {
     lines.push(
       'if found.regime == "self-pulsing":',
       "    cycle = coupled.limit_cycle(ring, model, **light)",

@@ -82,6 +82,13 @@ export function modelOf(state, data) {
   return { ...given, R: kept.map((i) => out[i]), tau: kept.map((i) => given.tau[i]) };
 }
 
+/** The curves of folds of cycles that Python computed for this ring and model; none once a field of the ring has moved. */
+export function bordersOf(state, data) {
+  if (RING_FIELDS.some((name) => state[name] !== null)) return [];
+  const known = data.borders.find((entry) => entry.ring === state.ring && entry.model === state.model);
+  return known ? known.curves.map((curve) => curve.map(([power, detuning]) => ({ power, detuning }))) : [];
+}
+
 /** Power in W of a level in dBm. */
 export function watts(dBm) {
   return 1e-3 * 10 ** (dBm / 10);

@@ -1,0 +1,66 @@
+"""Curves of folds of cycles for the page, which does not follow them itself: those of its first view and of a preset.
+
+Those of the preset (Newton's law of Borghi et al.) are kept in ``cycle_folds.json``; `stored` says how they were made,
+and a test compares them.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from thermofem.checks import InputError
+from thermofem.models import ThermalModel
+
+from ..resonator import RingResonator
+from . import bundle
+
+STORED = "cycle_folds.json"
+PRESET = ("Borghi 2021, lumped FCD", "Newton's law, 275 ns (Borghi 2021)")  # ring and model
+POINTS = 80  # of a curve
+
+
+def borders(
+    rings: list[dict[str, Any]], models: list[dict[str, Any]], ring: RingResonator, model: ThermalModel | None
+) -> list[dict[str, Any]]:
+    """Return the curves with the places of ring and model among those of the page: points (W, Hz)."""
+    out = []
+    names = [r["name"] for r in rings], [m["name"] for m in models]
+    if PRESET[0] in names[0] and PRESET[1] in names[1]:
+        place = {"ring": names[0].index(PRESET[0]), "model": names[1].index(PRESET[1])}
+        out.append(place | {"curves": json.loads(bundle.text_of(STORED))})
+    if model is not None:
+        out.append({"ring": 0, "model": 0, "curves": curves_of(ring, model, rings[0]["window"])})
+    return [entry for entry in out if entry["curves"]]
+
+
+def curves_of(ring: RingResonator, model: ThermalModel, window: dict[str, Any]) -> list[list[list[float]]]:
+    """Return the folds of cycles in a window (dBm, GHz), where a Hopf curve in or near it is subcritical."""
+    from ..cycles.cycle_folds import cycle_fold_curves
+    from ..equilibria.boundaries import hopf_curves
+
+    axes = 1e-3 * 10 ** (np.array(window["power"]) / 10), np.array(window["detuning"]) * 1e9
+    try:
+        hard = any(
+            bool(np.any(c["leading"].values & (c["lyapunov"].values > 0))) for c in hopf_curves(ring, model, *axes)
+        )
+        found = cycle_fold_curves(ring, model, *axes) if hard else []
+    except InputError:  # a window that the steady states of this ring do not reach
+        return []
+    return [_thinned(curve["power"].values, curve["detuning"].values) for curve in found]
+
+
+def _thinned(power: np.ndarray, detuning: np.ndarray) -> list[list[float]]:
+    """At most `POINTS` points of a curve, with the digits that a figure needs."""
+    k = np.unique(np.linspace(0, power.size - 1, POINTS).astype(int))
+    return [[float(f"{P:.7g}"), float(f"{nu:.7g}")] for P, nu in zip(power[k], detuning[k], strict=True)]
+
+
+def stored() -> str:
+    """Return the text of the file of the preset's curves, computed anew."""
+    from ..parameters.borghi2021 import NEWTON_MAPS, borghi2021
+    from .contents import WINDOWS, newton
+
+    return json.dumps(curves_of(borghi2021().with_lumped_fcd(), newton(NEWTON_MAPS), WINDOWS[PRESET[0]])) + "\n"
