@@ -132,7 +132,7 @@ def presets(rings: list[dict[str, Any]], models: list[dict[str, Any]], start: di
          "Three fixed points: one stable, a saddle, an unstable focus. From cold the ring stays on the first."),
         ("Borghi 2021: Newton's law at 7 dBm, -10 GHz", lumped | {"power": 7.0, "detuning": -10.0},
          "One time constant: the swing is three times that of the second-order law, and the duty far too small."),
-        ("Van Vaerenbergh 2012: pulsing all-pass ring", small | {"power": -2.2, "detuning": -15.0},
-         "Critically coupled, Q = 62 000, lifetime 5.3 ns: pulses of tens of nanoseconds."),
+        ("Van Vaerenbergh 2012: pulsing all-pass ring", small | {"power": -2.2185, "detuning": -7.0},
+         "Critically coupled, Q = 62 000, lifetime 5.3 ns: pulses of 79 ns. The paper's Fig. 3 is at -7.7 GHz."),
     ]  # fmt: skip
     return [{"name": name, "state": start | state, "text": text} for name, state, text in rows]

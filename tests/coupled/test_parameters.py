@@ -8,6 +8,7 @@ from scipy.constants import c
 
 import coupled
 import thermofem as th
+from coupled.explore import contents
 from coupled.parameters import vanvaerenbergh2012 as van_vaerenbergh
 
 RING = coupled.vanvaerenbergh2012()
@@ -51,3 +52,23 @@ def test_van_vaerenbergh_loses_and_heats_as_its_paper_counts_them():
     # theta = |a|^2 at low power: P_0th = m c_p n_Si ((1 + k)/k)^2/(4 dn/dT tau_th eta Gamma_th Q_i), Q_i = 2 Q
     warmed = MODEL.thermal_resistance * 2 * RING.loss_rate
     assert warmed == pytest.approx(0.9355 * 65e-9 * 0.4 / (2330 * 3.19e-18 * 700 * tau_ph), rel=1e-12)
+
+
+def test_the_preset_of_the_page_leads_to_the_figure():
+    """A cold ring comes to rest at the laser of Fig. 3; the cycle of the preset leads to the figure's."""
+    rings, models = [contents.ring_of(RING)], contents.paper_models()
+    others = [contents.ring_of(ring) for ring in (coupled.borghi2021(), coupled.borghi2021().with_lumped_fcd())]
+    rows = contents.presets([*rings, *others], models, {"ring": 0, "model": 0})
+    state = next(row["state"] for row in rows if row["name"].startswith("Van Vaerenbergh"))
+    assert rings[state["ring"]]["name"] == RING.name
+    law = models[state["model"]]
+    assert (law["R"], law["tau"]) == (MODEL.R.tolist(), MODEL.tau.tolist())
+    figure = LASER["detuning"]
+    branch = coupled.continue_cycle(
+        RING, MODEL, "detuning", (figure, -6e9), power=1e-3 * 10 ** (state["power"] / 10),
+        detuning=state["detuning"] * 1e9,
+    )  # fmt: skip
+    assert float(branch["detuning"][-1]) == pytest.approx(figure, rel=1e-9)
+    assert branch["stability"].values[-1] == "stable"
+    # the readings scatter by 1 %
+    assert float(branch["period"][-1]) == pytest.approx(np.polyfit(np.arange(TOPS.size), TOPS, 1)[0] * 1e-9, rel=0.01)
