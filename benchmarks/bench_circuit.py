@@ -24,7 +24,7 @@ from coupled.circuit.system import system_of
 from coupled.circuit.waves import detunings_at, lasers_at
 
 RINGS, PITCH = 16, 25e-6
-PEER_SYMBOLS = 10  # LSODA runs so many; its time for more is in proportion
+PEER_SYMBOLS = 5  # LSODA runs so many; its time for more is in proportion
 RING = coupled.borghi2021()
 POLES = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
 
@@ -88,17 +88,22 @@ def small(repeats: int) -> list[dict[str, Any]]:
     names = [f"ring {k + 1}" for k in range(RINGS)]
     lasers = [coupled.LaserPort(name, f"{name}.in") for name in names]
     apart, inputs = coupled.Circuit([RING] * RINGS, lasers=lasers), dict.fromkeys(names, power)
-    alone = lambda: coupled.simulate(RING, POLES, power=power, duration=20e-6)  # noqa: E731
+    alone = lambda: coupled.simulate(RING, POLES, power=power, duration=200e-6)  # noqa: E731
     runs = {
-        "one ring, 20 us": lambda: coupled.simulate_circuit(one, POLES, inputs={"in": power}, duration=20e-6),
-        f"{RINGS} rings apart, 20 us": lambda: coupled.simulate_circuit(apart, POLES, inputs=inputs, duration=20e-6),
+        "one ring, 200 us": lambda: coupled.simulate_circuit(one, POLES, inputs={"in": power}, duration=200e-6),
+        f"{RINGS} rings apart, 200 us": lambda: coupled.simulate_circuit(apart, POLES, inputs=inputs, duration=200e-6),
     }
-    exact = coupled.simulate(RING, POLES, power=power, duration=20e-6, rtol=1e-10, times=[20e-6])
+    # of the energy after 2 us: later on the phase of the pulses is all that differs
+    brief = {"duration": 2e-6, "times": [2e-6]}
+    exact = float(coupled.simulate(RING, POLES, power=power, **brief, rtol=1e-11).energy[-1])
+    errors = [
+        float(np.abs(coupled.simulate_circuit(c, POLES, inputs=light, **brief).energy.values / exact - 1).max())
+        for c, light in ((one, {"in": power}), (apart, inputs))
+    ]
     found = []
-    for (how, run), many in zip(runs.items(), (1, RINGS), strict=True):
+    for (how, run), many, error in zip(runs.items(), (1, RINGS), errors, strict=True):
         run(), alone()
         ours, theirs = ratio(run, alone, repeats)
-        error = abs(float(run().energy.values[0, -1]) / float(exact.energy[-1]) - 1)
         row = {"who": "simulate_circuit", "how": f"{how}; 1 is {many} times simulate", "error": error}
         found.append(row | {"seconds": ours, "ratio": ours / (many * theirs)})
     return found
@@ -117,13 +122,13 @@ def against_lsoda(symbols: int, peer: bool, whole: bool) -> list[dict[str, Any]]
     few, stream = stream_of(PEER_SYMBOLS, 1e9), stream_of(100_000 if whole else symbols, 1e9)
     run_stream(circuit, array, few, 1e-3)
     exact, found = run_stream(circuit, array, few, 1e-10), []
-    for rtol in (1e-3, 1e-4, 1e-5):
+    for rtol in (1e-2, 1e-3, 1e-4):
         spent = seconds(lambda rtol=rtol: run_stream(circuit, array, stream, rtol)) * 1e-4 / stream.stop
         error = difference(run_stream(circuit, array, few, rtol), exact)
         how = f"{RINGS} rings on a bus, {array.order} states of heat, 100 us at 1 GHz, rtol {rtol:g}"
         found.append({"who": "simulate_circuit", "how": how, "error": error, "seconds": spent, "ratio": 1.0})
         print(found[-1], flush=True)
-    for rtol in (1e-4, 1e-5, 1e-6) if peer else ():
+    for rtol in (1e-3, 1e-4, 1e-5) if peer else ():
         begin = time.process_time()
         error = difference(lsoda(circuit, array, few, few.stop, rtol), exact)
         spent = (time.process_time() - begin) * 1e-4 / few.stop
@@ -141,16 +146,16 @@ def long_run() -> dict[str, Any]:
     heat = th.assemble(th.strip_ring(outer_radius=150e-6))
     array = surrogate.reduce_array(heat, [(PITCH * k, 0) for k in range(3)], tolerance=1e-3)
     circuit, stream = coupled.scissor([RING] * 3, phase=0.5), stream_of(100_000, 1e8)
-    few = stream_of(200, 1e8)
-    error = difference(run_stream(circuit, array, few, 1e-4), run_stream(circuit, array, few, 1e-9))
-    spent = seconds(lambda: run_stream(circuit, array, stream, 1e-4))
-    how = f"three-ring SCISSOR, {array.order} states of heat, 1 ms at 100 MHz, rtol 0.0001"
+    few, rtol = stream_of(200, 1e8), 1e-2
+    error = difference(run_stream(circuit, array, few, rtol), run_stream(circuit, array, few, 1e-9))
+    spent = seconds(lambda: run_stream(circuit, array, stream, rtol))
+    how = f"three-ring SCISSOR, {array.order} states of heat, 1 ms at 100 MHz, rtol {rtol:g}"
     return {"who": "simulate_circuit", "how": how, "error": error, "seconds": spent, "ratio": 1.0}
 
 
 def rows(repeats: int) -> list[dict[str, Any]]:
     """Rows of the table of benchmarks."""
-    return [*small(2 * repeats + 1), *against_lsoda(500, True, repeats > 1), long_run()]
+    return [*small(2 * repeats + 1), *against_lsoda(500, True, False), long_run()]
 
 
 def main() -> None:

@@ -68,9 +68,9 @@ for label, (heat, colour) in laws.items():
     print(f"powers 0.16 % apart, {label}: {phase[-1] - phase[0]:+.2f} pulses of difference in 190 us")
     axes[1, 1].plot(t * 1e6, phase - phase[0], color=colour, lw=1)
 axes[1, 0].set_xlabel("time (µs)")
-axes[0, 0].legend(frameon=False, fontsize="small", loc="lower left")
+axes[0, 1].legend([axes[0, 1].lines[k] for k in (0, 1)], list(laws), frameon=False, fontsize="small", loc="lower left")
 axes[0, 1].set(xlabel="detuning of ring 2 (GHz)", ylabel="swing of ring 2 (K)")
-axes[1, 1].set(xlabel="time (µs)", ylabel="pulses of ring 1 more than of ring 2")
+axes[1, 1].set(xlabel="time (µs)", ylabel="lead of ring 1 (pulses)")
 share = array.crosstalk[0, 1] / array.crosstalk[0, 0]
 print(f"crosstalk {share:.3f}, half of it after {array.half_times[0, 1] * 1e6:.1f} us")
 figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "two_rings.png", dpi=150)

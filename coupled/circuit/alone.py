@@ -49,9 +49,9 @@ def run_alone(
     from ..kernels import equations as eq
     from ..window import units
 
-    ring, laser = circuit.resonators[0], circuit.lasers[0]
-    share = abs(laser.transmission) ** 2
-    turned = float(circuit.frequency or 0.0) - ring.frequency + laser.offset
+    ring, port = circuit.resonators[0], circuit.lasers[0]
+    share = abs(port.transmission) ** 2
+    turned = float(circuit.frequency or 0.0) - ring.frequency + port.offset
     arriving: Any = power if share == 1 else pieces("power", power, 0.0, duration).times(share)
     moved: Any = detuning if turned == 0 else [detuning, turned]
     heated = offset if np.any(offset.coefficients) else 0.0
@@ -62,11 +62,14 @@ def run_alone(
         detuning=float(moved) if _is_number(moved) else moved,
         offset=heated, rtol=rtol, method=method, times=times, progress=progress,
     )  # fmt: skip
-    a = run.field / np.sqrt(eq.FJ) * laser.transmission / np.sqrt(share) if share else run.field / np.sqrt(eq.FJ)
-    watts = np.maximum(pieces("power", power, 0.0, duration)(run.time), 0) / eq.UW
-    waves = np.outer(a, light.seen_ring[:, 0]) * np.sqrt(eq.NS) + np.outer(np.sqrt(watts), light.seen_laser[:, 0])
-    seen = np.stack([waves.real, waves.imag], axis=-1).reshape(len(a), -1)
-    rows = np.column_stack([run.time / eq.NS, a.real, a.imag, run.carriers / eq.DENSITY, run.delta_T, seen])
+    a = run.field / np.sqrt(eq.FJ) * port.transmission / np.sqrt(share) if share else run.field / np.sqrt(eq.FJ)
+    laser = np.sqrt(np.maximum(pieces("power", power, 0.0, duration)(run.time), 0) / eq.UW)
+    rows = np.empty((len(a), 5 + 2 * len(light.terminals)))
+    rows[:, 0], rows[:, 1], rows[:, 2] = run.time / eq.NS, a.real, a.imag
+    rows[:, 3], rows[:, 4] = run.carriers / eq.DENSITY, run.delta_T
+    for q, (by_ring, by_laser) in enumerate(zip(light.seen_ring[:, 0], light.seen_laser[:, 0], strict=True)):
+        wave = (by_ring * np.sqrt(eq.NS)) * a + by_laser * laser
+        rows[:, 5 + 2 * q], rows[:, 6 + 2 * q] = wave.real, wave.imag
     return rows, run.final.as_array() / unit, np.array([*run.counts, 0])
 
 

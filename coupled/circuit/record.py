@@ -53,7 +53,8 @@ def dataset_of(
     time = rows[:, 0] * eq.NS
     states = rows[:, 1 : 1 + 4 * n].reshape(-1, n, 4)
     Q = len(light.terminals)
-    waves = rows[:, 1 + 4 * n : 1 + 4 * n + 2 * Q].reshape(-1, Q, 2) @ np.array([1, 1j]) * np.sqrt(eq.UW)
+    real, imaginary = (rows[:, 1 + 4 * n + k : 1 + 4 * n + 2 * Q : 2].T for k in (0, 1))
+    power = (real**2 + imaginary**2) * eq.UW  # of every observed wave
     energy = (states[:, :, 0] ** 2 + states[:, :, 1] ** 2).T * eq.FJ
     absorbed = [heating(np.ascontiguousarray(states[:, i, :3]), rings, i) * eq.UW for i in range(n)]
     of_rings = {
@@ -63,14 +64,12 @@ def dataset_of(
         "absorbed": np.array(absorbed),
         "scattered": 2 * np.array([ring.scattering_rate for ring in circuit.resonators])[:, None] * energy,
     }
-    out = waves[:, D : D + ports].T
+    shown, seen = power[D : D + ports], slice(D, D + ports)
     variables: dict[str, Any] = {name: (("ring", "time"), values, described(name)) for name, values in of_rings.items()}
-    variables["output"] = (("port", "time"), np.abs(out) ** 2, described("output"))
-    variables["phase"] = (("port", "time"), np.angle(out), described("phase"))
+    variables["output"] = (("port", "time"), shown, described("output"))
+    variables["phase"] = (("port", "time"), np.arctan2(imaginary[seen], real[seen]), described("phase"))
     variables["input"] = (("laser", "time"), np.array([np.maximum(p(time), 0) for p in powers]), described("input"))
-    lost = (np.abs(waves) ** 2 @ light.lost).real
-    variables["lost"] = (("time",), lost, described("lost"))
-    shown = np.abs(out) ** 2
+    variables["lost"] = (("time",), light.lost @ power, described("lost"))
     if corner.size:
         late = corner[D : D + ports] > 0
         shown = np.where(late[:, None], rows[:, -Q + D : rows.shape[1] - Q + D + ports].T * eq.UW, shown)

@@ -31,6 +31,8 @@ class Pieces(NamedTuple):
     def __call__(self, t: ArrayLike) -> Array:
         """The value at ``t``, continuous from the right; the first and last piece go on outside."""
         times = np.asarray(t, dtype=float)
+        if len(self.coefficients) == 1 and not self.coefficients[0, 1:].any():
+            return np.full(times.shape, self.coefficients[0, 0])
         k = np.clip(np.searchsorted(self.edges, times, side="right") - 1, 0, len(self.coefficients) - 1)
         u = times - self.edges[k]
         return np.asarray(
