@@ -45,6 +45,7 @@ _KINDS: dict[str, tuple[str, str, tuple[tuple[float, str], ...]]] = {
     "m^3/s": ("an absorption rate", "1e-13 m^3/s", ()),
     "1/s/J": ("an absorption rate", "5.6e21 1/s/J", ()),
     "1/m^3/s/J^2": ("a generation rate", "9.9e57 1/m^3/s/J^2", ()),
+    "K/W": ("a thermal resistance", "9 K/mW", ((1e3, "K/mW"),)),
     "W/m/K": ("a thermal conductivity", "130 W/m/K", ()),
     "kg/m^3": ("a density", "2330 kg/m^3", ()),
     "J/kg/K": ("a specific heat", "700 J/kg/K", ()),
