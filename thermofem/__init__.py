@@ -104,7 +104,7 @@ if _TYPE_CHECKING:
 
 # name -> module, imported when first used: processes of a campaign and derivatives cost time that few runs need
 _LATE = {"Campaign": ".campaign", "open_campaign": ".campaign", "derivatives": ".heat.derivatives"}
-_RENAMED = {"Power": "PowerLaw"}  # old name -> new name; the old names go with the next release
+_RENAMED = {"Power": "PowerLaw"}  # old name -> new name; the old names go with 0.3
 
 
 def __getattr__(name: str) -> _Any:
