@@ -72,7 +72,7 @@ def circuit_limit_cycle(
     >>> circuit = coupled.bus(coupled.borghi2021())
     >>> cycle = coupled.circuit_limit_cycle(circuit, model, inputs={"in": 6.31e-3})
     >>> print(f"{cycle.attrs['period'] * 1e9:.1f} ns")
-    375.8 ns
+    686.0 ns
     """
     import xarray as xr
 
