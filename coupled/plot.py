@@ -9,8 +9,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from thermofem.checks import choice
+from thermofem.plot_style import GREEN, PURPLE, takes
 from thermofem.plot_style import axes as new_axes
-from thermofem.plot_style import takes
 
 from .plot_axes import HEAT, LIGHT, dbm
 from .plot_maps import plot_map, plot_maps
@@ -165,7 +165,7 @@ def plot_transmission(
     ax.plot(x, np.where(touching, y, np.nan), color="#111111", linewidth=1.4, label="stable")
     dots: dict[str, Any] = {"color": "#111111", "linewidth": 1.2, "linestyle": (0, (1, 1.5))}
     ax.plot(x, np.where(stable, np.nan, y), **dots, label="unstable")
-    for (title, run), colour in zip((sweeps or {}).items(), (LIGHT, HEAT, "#009E73", "#CC79A7"), strict=False):
+    for (title, run), colour in zip((sweeps or {}).items(), (LIGHT, HEAT, GREEN, PURPLE), strict=False):
         ax.plot(run[name].values * scale, run[show].values * unit, color=colour, linewidth=1.1, alpha=0.85, label=title)
     ax.set(xlabel="power (mW)" if by_power else "detuning (GHz)", ylabel=label, xlim=(np.nanmin(x), np.nanmax(x)))
     ax.set_ylim(bottom=0)

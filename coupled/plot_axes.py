@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-LIGHT, HEAT = "#0072B2", "#D55E00"  # blue and vermilion of Okabe and Ito, apart for every kind of colour vision
+from thermofem.plot_style import BLUE as LIGHT
+from thermofem.plot_style import VERMILION as HEAT
+
+__all__ = ["HEAT", "LIGHT", "dbm", "readable"]
 
 
 def dbm(power: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from thermofem.checks import InputError, choice
-from thermofem.plot_style import takes
+from thermofem.plot_style import GREEN, ORANGE, PURPLE, takes
 
 from .plot_axes import HEAT, LIGHT, readable
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 RUN = "a Dataset of coupled.simulate or coupled.cosimulate"
-OTHERS = ("#009E73", "#CC79A7", "#E69F00")
+OTHERS = (GREEN, PURPLE, ORANGE)
 OUTPUTS = {
     "drop": "drop power",
     "through": "through power",
