@@ -112,13 +112,15 @@ def markdown(doc: str) -> str:
 
 def entries(lines: list[str]) -> str:
     """Names with what they are: a bullet each."""
-    text = ""
+    text, begun = "", False
     for line in lines:
         if line and not line.startswith(" "):
             name, colon, kind = line.partition(" : ")
             text += f"\n- `{name}`{': ' + escaped(kind) if colon else ''}"
+            begun = False
         elif line.strip():
-            text += f" {'— ' if text.endswith(('`', '*')) else ''}{escaped(line.strip())}"
+            text += f"{' ' if begun else ' — '}{escaped(line.strip())}"
+            begun = True
     return text.strip("\n")
 
 

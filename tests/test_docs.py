@@ -217,6 +217,6 @@ def test_a_docstring_becomes_markdown():
         "First *line* <x>.\n\n    y = a_b\n\nParameters\n----------\na : float, m\n    what ``it`` is\n\n>>> 1\n1"
     )
     assert text == (
-        "First \\*line\\* &lt;x>.\n\n```text\ny = a_b\n```\n\n**Parameters**\n\n- `a`: float, m what `it` is\n\n"
+        "First \\*line\\* &lt;x>.\n\n```text\ny = a_b\n```\n\n**Parameters**\n\n- `a`: float, m — what `it` is\n\n"
         "```pycon\n>>> 1\n1\n```\n"
     )
