@@ -43,7 +43,7 @@ def test_the_fem_in_the_loop_is_the_certified_reduction(dBm, GHz):
 
 
 def test_period_at_8_dBm_after_20_us():
-    """The last cycle from cold: 680 ns and 5.87 K, found independently for this section; 1e-2 for what the other mesh differs."""
+    """The last cycle from cold: 680 ns and 5.87 K, found independently; 1e-2 for what the other mesh differs."""
     found = coupled.pulsing(coupled.cosimulate(RING, strip()[0], power=MW, duration=20e-6))
     assert found.period == pytest.approx(680e-9, rel=1e-2, abs=0)
     assert found.swing == pytest.approx(5.87, rel=1e-2)
