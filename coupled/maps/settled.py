@@ -14,6 +14,7 @@ from thermofem import checks
 
 from ..cycles.measures import measure
 from ..cycles.orbit import Problem, problem, shoot
+from ..cycles.parameters import under_laser
 from ..cycles.start import RestError, Settled, nontrivial, settled, stable_points
 from ..equilibria.steady import absorbable, internal
 from ..pulsing import Regime
@@ -30,13 +31,17 @@ def settled_row(model: Any, points: list[Point], watch: NDArray[np.float64]) -> 
     """Return regime, period (s), duty, swing (K) and the reason at every point of a row."""
     out: list[Found] = []
     before: Settled | None = None
+    p, at, last = None, None, None
     for ring, power, detuning in points:
         if watch[0] > 0:
             raise KeyboardInterrupt
         try:
-            p = problem(ring, model, power, detuning)
-            still = stable_points(p, internal(ring, model, absorbable(ring, power)))
-            cell, before = _point(p, still, before)
+            if p is None or last is None or ring is not last[0]:
+                p = problem(ring, model, power, detuning)
+            if at is None or (ring, power) != last:
+                at, last = internal(ring, model, absorbable(ring, power)), (ring, power)
+            p = under_laser(p, power, detuning)
+            cell, before = _point(p, stable_points(p, at), before)
         except (checks.InputError, RuntimeError, np.linalg.LinAlgError) as error:
             cell, before = ("failed", np.nan, np.nan, np.nan, str(error)), None
         out.append(cell)
@@ -48,7 +53,7 @@ def _point(p: Problem, still: NDArray[np.float64], before: Settled | None) -> tu
     found = None
     if before is not None and before.pulses == 1 and still.size == 0:
         near = shoot(p, before.orbit.start, before.orbit.T, 1, ROUGH, NEIGHBOUR_SHOTS)
-        if near is not None and np.abs(nontrivial(near)).max() < 1:
+        if near is not None and (size := float(np.abs(nontrivial(near)).max())) < 1:
             found = Settled(near, 1)
     if found is None:
         try:
@@ -57,8 +62,8 @@ def _point(p: Problem, still: NDArray[np.float64], before: Settled | None) -> tu
             return (str(Regime.STABLE), np.nan, np.nan, 0.0, str(rest)), None
         except checks.InputError as error:
             return (str(Regime.SLOW_TRANSIENT), np.nan, np.nan, np.nan, str(error)), None
+        size = float(np.abs(nontrivial(found.orbit)).max())
     seen = measure(p, found.orbit)
-    size = float(np.abs(nontrivial(found.orbit)).max())
     words = f"settled cycle; a deviation shrinks to {size:.3g} of itself in a period"
     if found.pulses > 1:
         words += f"; {found.pulses} pulses in a period"
