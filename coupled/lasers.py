@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import checks
+from thermofem.display import shown
 
 from .arguments import detuning_in_time, power_in_time
 from .inputs import Input, add, joint, pieces
@@ -34,6 +35,7 @@ BEAT = 0.1  # of a beat, that a step may last
 QUIET = 0.1  # of the carriers' lifetime
 
 
+@shown
 @dataclass(frozen=True)
 class Laser:
     """A further laser on a ring.

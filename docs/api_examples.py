@@ -162,6 +162,11 @@ family = surrogate.load_family("family.json")
 found = surrogate.design(family, target={"thermal_resistance": 9e3}, fixed={"box": 2e-6})
 spread = surrogate.uncertainty(family, {"radius": stats.norm(7e-6, 20e-9), "box": stats.norm(2e-6, 40e-9)}, samples=64)
 
+# %% surrogate.Optics surrogate.pareto_front
+optics = surrogate.Optics({"bus_rate": {"radius": -2e15}}, at={"radius": 7e-6})
+target = {"thermal_resistance": "smallest", "rise_time": "smallest"}
+front = surrogate.pareto_front(family, target=target, optics=optics, generations=2)
+
 # %% surrogate.calibrate surrogate.Calibration
 rise = family.model(radius=6.6e-6, box=2e-6).step_response(times) * 1e-3
 trace = th.dataset.build(times, rise, th.Constant(1e-3))
