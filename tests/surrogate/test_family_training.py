@@ -115,6 +115,7 @@ def test_a_kept_training_gives_the_same_family(tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_too_few_members_for_the_tolerance_are_said(caplog, monkeypatch):
     monkeypatch.setattr("surrogate.family.training.MOST", 1)
+    monkeypatch.setattr("surrogate.family.training.Trainer._first", lambda self: self.box.middle[None])
     radius = Variation("radius", ("part.core.radius",), "m", low=3e-6, high=20e-6)
     with caplog.at_level(logging.WARNING):
         family = surrogate.train_family(campaign(radius, BOX), 1e-3, held_out=2)
