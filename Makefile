@@ -63,6 +63,7 @@ audit: .venv/installed-dev
 	$(BIN)/python tests/audit/accuracy.py 200
 	$(BIN)/python tests/audit/reductions.py 1500
 	$(BIN)/python tests/audit/families.py
+	$(BIN)/python tests/audit/pulls.py 50
 
 # against named peers, in an environment of its own; goes on where it was; BENCH=--quick, BENCH=--again
 bench: .venv-bench/installed

@@ -74,21 +74,21 @@ GENERATORS = {
 @pytest.mark.parametrize("generator", GENERATORS)
 @pytest.mark.parametrize("reader", READERS)
 def test_a_result_or_one_line(reader, generator, tmp_path):
-    begin = time.monotonic()
+    begin = time.process_time()
     for text in GENERATORS[generator]:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             says_one_line(lambda: READERS[reader](text, tmp_path))  # noqa: B023 - called at once
-    assert time.monotonic() - begin < SECONDS
+    assert time.process_time() - begin < SECONDS
 
 
 @pytest.mark.parametrize("unit", ["m", "s", "W", "K", ""])
 def test_no_quantity_hangs(unit):
     for text in hostile.units():
-        begin = time.monotonic()
+        begin = time.process_time()
         with pytest.raises(th.InputError):
             th.quantity.parse(text, unit)
-        assert time.monotonic() - begin < SECONDS
+        assert time.process_time() - begin < SECONDS
 
 
 NUMBERS = [10**400, 10**5000, -(10**400), float("nan"), float("inf"), "1_0", "١", None, "9" * 400]
@@ -122,6 +122,8 @@ def test_names_are_refused_wherever_a_model_is_made_or_loaded(tmp_path):
         for make in (
             lambda: th.Foster(R=[5e3], tau=[1e-6], inputs=(name,)),  # noqa: B023 - called at once
             lambda: th.StateSpace(eye, -eye, eye, eye, outputs=(name,)),  # noqa: B023
+            lambda: surrogate.Cauer([5e3], [2e-10], (name,)),  # noqa: B023
+            lambda: surrogate.Network(-eye, eye[0], (name,), th.Foster([1.0], [1.0]), 1.0),  # noqa: B023
             lambda: th.Part(name, "Si", 1e-6, 2e-6, 0.0, 1e-7),  # noqa: B023
             lambda: th.Layer(name, "Si", 1e-6),  # noqa: B023
         ):
@@ -132,6 +134,23 @@ def test_names_are_refused_wherever_a_model_is_made_or_loaded(tmp_path):
         with pytest.raises(th.InputError) as error:
             surrogate.load_model(path)
         assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"inputs": ["core", "core"]}, "one of each"),
+        ({"units": {"R": "K/mW", "tau": "us"}}, "R is in 'K/mW'; a model file holds it in K/W"),
+        ({"units": 5}, "units must be an object"),
+        ({"poles": [{"R": 5e3, "tau": True}]}, "not a number"),
+        ({"poles": [{"R": 5e3, "tau": 1e-320}]}, "must lie in 1e-20"),
+    ],
+)
+def test_a_model_file_that_means_something_else_is_refused(change, words, tmp_path):
+    good = surrogate.save_model(th.Foster(R=[5e3], tau=[1e-6]), tmp_path / "good.json")
+    good.write_text(json.dumps({**json.loads(good.read_text()), **change}))
+    with pytest.raises(th.InputError, match=words):
+        surrogate.load_model(good)
 
 
 def test_netcdf_that_points_elsewhere_or_declares_too_much(tmp_path):

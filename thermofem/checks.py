@@ -88,7 +88,7 @@ class MissingLibraryError(ImportError):
 def finite(name: str, value: Any, *, unit: str = "", hint: str = "") -> float:
     """Return ``value`` as a float, or raise InputError unless it is one finite number."""
     try:
-        if isinstance(value, str | bytes):  # "1e-3" would be checked as a number and kept as text
+        if isinstance(value, str | bytes | bool):  # "1e-3" would be checked as a number and kept as text
             raise TypeError
         number = float(value)
     except OverflowError:

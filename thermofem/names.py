@@ -16,7 +16,7 @@ MOST = 10_000  # names in one list
 _NAME = re.compile(r"\w[\w .+-]*")
 RULE = f"take letters, digits, spaces and _ . + -, at most {LONGEST}"
 
-__all__ = ["LONGEST", "RULE", "ascii_lines", "check_name", "check_names", "lines_of", "one_line"]
+__all__ = ["LONGEST", "RULE", "ascii_lines", "check_name", "check_names", "check_one", "lines_of", "one_line"]
 
 
 def check_name(what: str, name: Any) -> str:
@@ -40,6 +40,14 @@ def check_names(what: str, names: Any) -> tuple[str, ...]:
     if not isinstance(names, list | tuple) or not 0 < len(names) <= MOST:
         raise InputError(f"{what} = {shown(names)} must be a list of names, 1 to {MOST}")
     return tuple(check_name(what, name) for name in names)
+
+
+def check_one(what: str, names: Any) -> tuple[str, ...]:
+    """Return a list of one name as a tuple, for a model with one input and one output."""
+    found = check_names(what, names)
+    if len(found) != 1:
+        raise InputError(f"{what} = {shown(names)}; this kind of model has one of each, a StateSpace takes several")
+    return found
 
 
 def lines_of(text: str, *, most: int = 4000) -> list[str]:

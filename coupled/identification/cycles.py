@@ -141,17 +141,28 @@ def observe(trace: xr.Dataset, name: str = "trace") -> Observed:
     return seen
 
 
-def cycle_of(run: xr.Dataset) -> Cycle:
-    """The mean of the last three cycles of a noiseless trace of `simulate`, each by its own clock."""
+def cycle_of(run: xr.Dataset, *, whole: bool = False) -> Cycle:
+    """The mean cycle of a noiseless trace of `simulate`.
+
+    ``whole`` takes all cycles of its second half by one clock, as `observe` does with a measured trace of that length:
+    what has not settled is then in both. Otherwise the last three count, each by its own clock.
+    """
     found = pulsing(run)
     t, drop, N = (run[name].values for name in ("time", "drop", "carriers"))
-    level = N[t >= t[-1] / 2]
-    edges = crossings(t, N, (level.min() + level.max()) / 2)[-LAST - 1 :]
+    late = t >= t[-1] - SETTLED_SHARE * (t[-1] - t[0])
+    edges = crossings(t, N, (N[late].min() + N[late].max()) / 2)[-LAST - 1 :]
     if found.regime != Regime.SELF_PULSING or edges.size < 2:
         still = np.zeros(HARMONICS + 1, dtype=complex)
         still[0] = np.interp(np.linspace(t[0] + 0.75 * (t[-1] - t[0]), t[-1], 512), t, drop).mean()
         return Cycle(float("nan"), still)
-    return Cycle(float(np.mean(np.diff(edges))), _pieces(t, drop, edges, SAMPLES).mean(axis=0))
+    clock, begin = float(np.mean(np.diff(edges))), t[-1] - SETTLED_SHARE * (t[-1] - t[0])
+    if not whole or t[-1] - begin < 2 * clock:
+        return Cycle(clock, _pieces(t, drop, edges, SAMPLES).mean(axis=0))
+    for _ in range(2):
+        marks = begin + clock * np.arange((t[-1] - begin) / clock)
+        mean = Observed(clock, _pieces(t, drop, marks, SAMPLES), absolute=True).mean()
+        clock = mean.period
+    return mean
 
 
 def misfit(model: Cycle, measured: Cycle, absolute: bool = True) -> tuple[Array, Cycle]:

@@ -28,6 +28,7 @@ LONGEST = 40e-6  # s simulated for a trace that is longer
 IMPOSSIBLE = 1e3  # residual where the parameters make no model
 STAGES = (2, 6, HARMONICS)  # harmonics that count, one after the other
 EVALUATIONS = 15  # steps of least squares in each
+FEWEST = 4  # cycles of a trace whose scatter says something
 
 
 class Target(NamedTuple):
@@ -37,6 +38,8 @@ class Target(NamedTuple):
     power: float
     detuning: float
     duration: float
+    whole: bool = True
+    """Whether ``duration`` is that of the trace, so that the same cycles are compared."""
 
 
 def targets_of(traces: xr.Dataset | Sequence[xr.Dataset]) -> list[Target]:
@@ -54,7 +57,7 @@ def targets_of(traces: xr.Dataset | Sequence[xr.Dataset]) -> list[Target]:
         power = check_power(power, f"the power of {name}")
         detuning = check_detuning(trace.attrs["detuning"], f"the detuning of {name}")
         length = float(trace["time"].values[-1] - trace["time"].values[0])
-        targets.append(Target(observed, power, detuning, min(length, LONGEST)))
+        targets.append(Target(observed, power, detuning, min(length, LONGEST), length <= LONGEST))
     return targets
 
 
@@ -63,7 +66,7 @@ def simulated(ring: RingResonator, model: Compact, target: Target) -> Cycle:
     run = simulate(
         ring, model, power=target.power, detuning=target.detuning, duration=target.duration, rtol=RTOL
     )  # fmt: skip
-    return cycle_of(run)
+    return cycle_of(run, whole=target.whole)
 
 
 def residuals(what: Unknowns, targets: list[Target], wanted: list[Cycle], x: Array) -> Array:
@@ -113,3 +116,30 @@ def polished(
         )
         x = np.clip(best.x, what.low, what.high)
     return x, float(2 * best.cost)
+
+
+def deviations(what: Unknowns, targets: list[Target], x: Array) -> Array:
+    """Standard deviations of the logarithms at the optimum ``x`` from the scatter of the cycles of each trace.
+
+    Jackknife: with r the residuals, J their derivative and i a cycle of a trace with n,
+
+        x_(i) = x - (J^T J)^-1 J^T (r_(i) - r),      variance = sum over the traces of (n - 1)/n sum_i (x_(i) - mean)^2
+    """
+    wanted = [target.observed.mean() for target in targets]
+    if min(len(target.observed.pieces) for target in targets) < FEWEST:
+        return np.full(x.size, np.nan)
+    slopes = []
+    for step in STEP * np.eye(x.size):
+        above, below = (residuals(what, targets, wanted, x + sign * step) for sign in (1, -1))
+        slopes.append((above - below).ravel() / (2 * STEP))
+    U, size, Vt = np.linalg.svd(np.array(slopes).T, full_matrices=False)
+    solve = (Vt.T / np.maximum(size, np.finfo(float).tiny)) @ U.T
+    solve = solve.reshape(x.size, len(targets), -1)
+    ring, model = what.build(x)
+    variance = np.zeros(x.size)
+    for k, target in enumerate(targets):
+        cycle, n = simulated(ring, model, target), len(target.observed.pieces)
+        rest = [target.observed.mean(np.delete(np.arange(n), i)) for i in range(n)]
+        moved = np.array([solve[:, k] @ misfit(cycle, aim, target.observed.absolute)[0] for aim in rest])
+        variance += (n - 1) * moved.var(axis=0)
+    return np.asarray(np.sqrt(variance))

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
 from ..display import shown
+from ..names import check_one
 from ..waveforms import Waveform
 from .contract import ThermalModel
 from .foster import Foster, linear_poles
@@ -64,6 +65,8 @@ class Cauer:
             raise checks.InputError(f"R has {R.size} entries and C {C.size}; each node needs one of both")
         if min(R.min(), C.min()) <= 0:
             raise checks.InputError("R and C of a ladder must be positive")
+        for name in ("inputs", "outputs"):
+            object.__setattr__(self, name, check_one(name, getattr(self, name)))
         object.__setattr__(self, "R", R)
         object.__setattr__(self, "C", C)
 

@@ -96,6 +96,7 @@ def load_model(path: str | Path) -> Any:
     content = _content(path)
     try:
         model = KINDS[checks.choice("kind", str(content.get("kind")), KINDS)].from_json(content)
+        _check_units(content.get("units", {}), model.to_json()["units"])
     except KeyError as error:
         raise checks.InputError(f"{path} has no {error.args[0]!r}; docs/models.md lists the fields") from None
     except (TypeError, AttributeError) as error:
@@ -105,6 +106,15 @@ def load_model(path: str | Path) -> Any:
     provenance = content.get("provenance")
     known = isinstance(provenance, dict) and provenance and isinstance(model, Foster | StateSpace)
     return replace(model, origin=provenance) if known else model
+
+
+def _check_units(stated: Any, units: Mapping[str, str]) -> None:
+    """InputError where a file says another unit than the one its numbers are read in."""
+    if not isinstance(stated, dict):
+        raise checks.InputError("units must be an object, as in docs/models.md")
+    for name, unit in units.items():
+        if stated.get(name, unit) != unit:
+            raise checks.InputError(f"{name} is in {checks.shown(stated[name])}; a model file holds it in {unit}")
 
 
 def load_provenance(path: str | Path) -> dict[str, Any]:

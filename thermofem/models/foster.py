@@ -12,11 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from .. import checks, waveforms
 from ..algebra.poles import pole_responses
 from ..display import shown
-from ..names import check_names
+from ..names import check_one
 from .json_fields import parts
 
 Array = NDArray[np.float64]
 
+SHORTEST, LONGEST = 1e-20, 1e12  # s, of a time constant: beyond them rates and charges overflow in other programs
 AGREEMENT = 1e-9  # thermal_resistance against the sum of R: 17 digits are written, a person may keep 10
 
 
@@ -59,8 +60,10 @@ class Foster:
             raise checks.InputError(f"R has {R.size} entries and tau {tau.size}; each pole needs one of both")
         if np.any(tau <= 0):
             raise checks.InputError(f"tau = {tau.min():g} s must be positive; a negative one grows without bound")
+        if not SHORTEST <= tau.min() <= tau.max() <= LONGEST:
+            raise checks.InputError(f"tau = {tau.min():g} to {tau.max():g} s must lie in {SHORTEST:g}..{LONGEST:g} s")
         for name in ("inputs", "outputs"):
-            object.__setattr__(self, name, check_names(name, getattr(self, name)))
+            object.__setattr__(self, name, check_one(name, getattr(self, name)))
         order = np.argsort(tau)
         object.__setattr__(self, "R", R[order])
         object.__setattr__(self, "tau", tau[order])

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
 from ..display import shown
+from ..names import check_names
 from ..waveforms import Waveform
 from .contract import warn_beyond
 from .foster import Foster
@@ -43,6 +44,9 @@ class Network:
     names: tuple[str, ...]
     poles: Foster
     largest_rise: float
+
+    def __post_init__(self) -> None:
+        check_names("states", self.names)
 
     @property
     def inputs(self) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import checks, waveforms
 from ..display import shown
-from ..names import check_names
+from ..names import check_one
 from .contract import check_rise, warn_beyond
 from .json_fields import parts
 from .state_space import StateSpace
@@ -76,9 +76,7 @@ class Quadratic:
         if fastest >= 0:
             raise checks.InputError(f"A is not stable: a pole grows at {fastest:.3g} 1/s")
         for name in ("inputs", "outputs"):
-            object.__setattr__(self, name, check_names(name, getattr(self, name)))
-            if len(getattr(self, name)) != 1:
-                raise checks.InputError(f"{name} = {getattr(self, name)}; a Quadratic has one of each")
+            object.__setattr__(self, name, check_one(name, getattr(self, name)))
         check_rise(self.largest_rise)
 
     def _repr_html_(self) -> str:
