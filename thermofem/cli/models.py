@@ -125,6 +125,11 @@ def _validate_models(
     check_outputs([output, figure], inputs=[*models, reference], images=[figure])
     for path in (*models, reference):
         expect(path, "model")
+    stems = [path.stem for path in models]
+    if len(set(stems)) < len(stems):
+        raise checks.InputError(
+            f"{' and '.join(map(str, models))} hold a name twice; curves are told apart by file name"
+        )
     judge, curves = surrogate.load_model(reference), {}
     for path in models:
         model = surrogate.load_model(path)
