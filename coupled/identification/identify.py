@@ -136,7 +136,7 @@ def identify(
     if not isinstance(runs, Integral) or not 1 <= runs <= 1000:
         raise checks.InputError(
             f"runs = {runs!r} must be a whole number and lie between 1 and 1000; "
-            "ten give a standard deviation to a quarter"
+            "several show whether the search ends in one minimum"
         )
     found, front = [], np.empty((0, len(targets)))
     wanted = [target.observed.mean() for target in targets]
