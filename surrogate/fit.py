@@ -260,7 +260,7 @@ class Training:
     names: tuple[str, ...]
     geometry: str | None
     transfer: bool = False
-    parts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    parts: Mapping[str, Any] = field(default_factory=dict)
     """Names of the heated and the read part, of a transfer channel."""
 
     @classmethod
