@@ -34,6 +34,7 @@ class Listened(Bar):
         ("solve", ["solve", "warm.toml", "--square", "1 us", "--duration", "1 us"], "1 of 1 us"),
         ("solve", ["solve", "warm.toml", "--square", "1 us", "--periodic"], "of 7 or so"),
         ("models", ["simulate", "model.json", "--duration", "2 ms"], "2 of 2 ms"),
+        ("cosimulate", ["cosimulate", "--duration", "2 us"], "2 of 2 us"),
     ],
 )
 def test_what_takes_long_says_how_far_it_is(module, arguments, last, tmp_path, monkeypatch):

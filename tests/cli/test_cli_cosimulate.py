@@ -15,7 +15,6 @@ def test_traces_fields_and_figure(tmp_path):
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert "self-pulsing" in done.stdout or "slow transient" in done.stdout
-    assert "2 of 2 us" in done.stderr
     assert "the ring 'Borghi 2021'; --ring RING.toml" in done.stderr
     run = th.load(tmp_path / "run.nc")
     assert run.field.sizes["field_time"] == 2

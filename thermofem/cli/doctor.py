@@ -17,7 +17,7 @@ from .output import show
 
 PACKAGES = (
     "scikit-fem", "meshio", "pygmsh", "gmsh", "shapely", "numpy", "scipy", "qdldl", "numba", "xarray", "h5netcdf",
-    "h5py", "pint", "typer", "rich", "matplotlib", "contourpy", "pymoo", "pysindy", "cvxpy",
+    "h5py", "pint", "typer", "rich", "matplotlib", "contourpy", "pymoo", "pysindy", "scikit-learn", "cvxpy",
 )  # fmt: skip
 
 
