@@ -33,7 +33,7 @@ class Bar:
     ) -> None:
         self.duration, self.periodic = duration, periodic
         self.progress: Progress | None = None
-        if not watched():
+        if not stays and not watched():  # a bar that stays is a line of the log
             return
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
