@@ -7,8 +7,8 @@ White frequency noise of that density makes a Lorentzian line with ``linewidth``
 are the Fourier series of a record a little longer than the run, with independent normal amplitudes: what is drawn is
 the same for every run of one seed, bandwidth and duration.
 
-Sources: Petermann, Laser Diode Modulation and Noise (1988), Section 7.1 (RIN); Di Domenico, Schilt and Thomann, Appl.
-Opt. 49, 4801 (2010), Eq. 1 (linewidth of white frequency noise).
+Sources: Petermann, Laser Diode Modulation and Noise (1988) (RIN); Di Domenico, Schilt and Thomann, Appl.
+Opt. 49, 4801 (2010) (linewidth of white frequency noise: pi times its density).
 """
 
 from __future__ import annotations

@@ -11,8 +11,8 @@ Light of another frequency counts twice in W: the average of |a + b|^4 over the 
 field turns with the first laser on its resonance; others on the same one beat with it, theta_l being the phase between.
 Every step solves the full system, whose order is small. Internal units, as in `equations`.
 
-Sources: Lin, Painter and Agrawal, Opt. Express 15, 16604 (2007), Eqs. 9-11 (cross two-photon absorption and cross-Kerr,
-factor 2); Agrawal, Nonlinear Fiber Optics (2019), Section 7.1.
+Sources: Lin, Painter and Agrawal, Opt. Express 15, 16604 (2007) (cross two-photon absorption and cross-Kerr,
+factor 2); Agrawal, Nonlinear Fiber Optics (2019), chapter on cross-phase modulation.
 """
 
 from __future__ import annotations
