@@ -15,12 +15,17 @@ pytestmark = pytest.mark.slow
 SCRIPT = ROOT / "tests" / "fuzz" / "readers.py"
 
 
-@pytest.fixture(scope="module")
-def readers():
-    spec = importlib.util.spec_from_file_location("readers", SCRIPT)
+def loaded(name):
+    """A script of the folder by its path: another folder of the tests has the name `audit`."""
+    spec = importlib.util.spec_from_file_location(name, SCRIPT.with_name(f"{name}.py"))
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope="module")
+def readers():
+    return loaded("readers")
 
 
 def test_what_is_edited_is_valid(readers):
@@ -42,12 +47,11 @@ def test_files_that_end_early_are_documented_errors(readers):
 
 @pytest.fixture(scope="module")
 def audit():
-    sys.path.insert(0, str(SCRIPT.parent))
+    sys.path.insert(0, str(SCRIPT.parent))  # where its generators are
     try:
-        import audit
+        return loaded("audit")
     finally:
         sys.path.remove(str(SCRIPT.parent))
-    return audit
 
 
 def test_a_short_audit_finds_nothing(audit):

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 import pytest
 import xarray as xr
+from audit import verdicts
 
 import coupled
 import surrogate
@@ -247,39 +249,11 @@ def test_what_is_no_run_is_named():
         coupled.pulsing(trace(spoiled))
 
 
-def random_ring(seed):
-    """Any ring and network, lit anywhere at the edge of where its fixed points lose stability; None without an edge."""
-    rng = np.random.default_rng(seed)
-
-    def between(low, high):
-        return float(np.exp(rng.uniform(np.log(low), np.log(high))))
-
-    ring = replace(
-        coupled.borghi2021(),
-        bus_rate=between(5e9, 80e9),
-        drop_rate=float(rng.integers(2)) * between(5e9, 80e9),
-        loss_rate=between(1e9, 15e9),
-        scattering_rate=between(1e8, 1e10),
-        fcd=((-between(1e-27, 1e-26), 1.0),),
-        tpa_coefficient=between(4e-12, 2e-11),
-        carriers=coupled.ConstantLifetime(between(2e-9, 60e-9)),
-    )
-    tau = [between(1e-8, 5e-6) for _ in range(rng.integers(1, 7))]
-    model = th.Foster(R=between(2e3, 1.2e4) * rng.dirichlet(np.ones(len(tau))), tau=tau)
-    powers, detunings = np.geomspace(0.5e-3, 15e-3, 12), np.linspace(-8, 3, 45) * ring.linear_rate / (2 * np.pi)
-    pulses = coupled.stability_map(ring, model, powers, detunings).regime.values == "self-pulsing"
-    edges = np.argwhere(pulses[:, 1:] != pulses[:, :-1])
-    if edges.size == 0:
-        return None
-    i, j = edges[rng.integers(len(edges))]
-    return ring, model, float(powers[i]), float(rng.uniform(detunings[j], detunings[j + 1]))
-
-
 def test_no_verdict_at_the_edge_is_contradicted_by_a_run_six_times_as_long():
     """What 20 us at rtol 1e-6 say of some 16 random rings, where it is hardest to say; 120 us at 1e-8 are the judge."""
     said = {"self-pulsing": 0, "stable": 0, "slow transient": 0}
     times = np.linspace(100e-6, 120e-6, 4001)
-    for ring, model, power, detuning in filter(None, map(random_ring, range(4, 28))):
+    for ring, model, power, detuning in chain.from_iterable(map(verdicts.random_ring, range(4, 28))):
         found = coupled.pulsing_map(ring, model, [power], [detuning], duration=20e-6, rtol=1e-6)
         regime, reason, period = (found[name].values.item() for name in ("regime", "reason", "period"))
         said[regime] += 1
@@ -294,3 +268,12 @@ def test_no_verdict_at_the_edge_is_contradicted_by_a_run_six_times_as_long():
             assert period == pytest.approx((up[-1] - up[0]) / (up.size - 1), rel=0.05)
     assert min(said["self-pulsing"], said["stable"]) >= 3
     assert said["slow transient"] <= sum(said.values()) / 2
+
+
+def test_an_audit_of_a_few_cells_finds_nothing():
+    """`make audit` judges 4000; a verdict that a run contradicts is counted."""
+    assert verdicts.main(6, first=500) == 0
+    assert verdicts.wrong("self-pulsing", last=1e-6, before=1e-6)
+    assert verdicts.wrong("stable", last=0.5, before=0.5)
+    assert not verdicts.wrong("stable", last=0.5, before=0.9)
+    assert not verdicts.wrong("slow transient", last=0.5, before=0.5)

@@ -122,12 +122,12 @@ def killed_campaigns(count: int, seed: int = 0) -> tuple[int, bool]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "strip.toml").write_text(th.strip_ring().to_toml())
-        vary = '[[vary]]\npath = "material.SiO2.conductivity"\nfrom = "1 W/m/K"\nto = "2 W/m/K"\ncount = 12\n'
+        vary = '[[vary]]\npath = "material.SiO2.conductivity"\nfrom = "1 W/m/K"\nto = "2 W/m/K"\ncount = 400\n'
         (folder / "plan.toml").write_text(f'geometry = "strip.toml"\n{vary}[[drive]]\npower = "1 mW"\n')
         script = folder / "run.py"
         script.write_text(CAMPAIGN)
         done, found = kills(
-            lambda: [sys.executable, str(script), str(folder / "plan.toml"), str(folder / "out")], count, 12.0, seed
+            lambda: [sys.executable, str(script), str(folder / "plan.toml"), str(folder / "out")], count, 6.0, seed
         )
         if "failed=0" not in found:
             print(found)
