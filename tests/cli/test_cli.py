@@ -157,3 +157,24 @@ def test_solve_writes_fields(tmp_path):
     done = thermofem("solve", "--square", "1 us", "--periodic", "--field-times", "1 us", cwd=tmp_path)
     assert done.returncode == 2
     assert "--periodic keeps no fields" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["solve", "--nosuch"], "No such option: --nosuch; `thermofem solve --help` lists what there is"),
+        (["nosuch"], "No such command 'nosuch'; `thermofem --help` lists what there is"),
+        (["solve", "--samples", "1e9"], "Invalid value for '--samples'"),
+        (["fit"], "Missing argument 'data'; `thermofem fit --help` lists what there is"),
+    ],
+)
+def test_wrong_usage_is_one_line_too(arguments, said, monkeypatch, capsys):
+    from thermofem.cli import main
+
+    monkeypatch.setattr("sys.argv", ["thermofem", *arguments])
+    with pytest.raises(SystemExit) as stop:
+        main()
+    error = capsys.readouterr().err
+    assert stop.value.code == 2
+    assert error.startswith(f"thermofem: error: {said}")
+    assert error.count("\n") == 1

@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 
@@ -47,16 +47,34 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):  # a terminal that knows ASCII alone gets escapes, not a traceback
             stream.reconfigure(errors="backslashreplace")
     try:
-        app()
+        code = app(prog_name="thermofem", standalone_mode=False)
     except InputError as error:
         _fail(error.for_text(), 2)
     except (MissingLibraryError, OSError) as error:  # OSError: a disk that is full, a name that is too long
         _fail(str(error), 2)
     except KeyboardInterrupt:
         _fail("interrupted", 130)
+    except Exception as error:
+        if not hasattr(error, "format_message"):  # what click raises for its own part; typer may bring another click
+            raise
+        _wrong_usage(error)
+    if code == 130:
+        _fail("interrupted", 130)
+    if type(code) is int:
+        sys.exit(code)
 
 
-def _fail(text: str, code: int) -> None:
+def _wrong_usage(error: Any) -> NoReturn:
+    """Leave with one line on what the command line has wrong, or with the help where it has nothing at all."""
+    context: Any = getattr(error, "ctx", None)
+    if type(error).__name__ == "NoArgsIsHelpError":
+        print(context.get_help())
+        sys.exit(2)
+    where = context.command_path if context else "thermofem"
+    _fail(f"{error.format_message().rstrip('.')}; `{where} --help` lists what there is", 2)
+
+
+def _fail(text: str, code: int) -> NoReturn:
     """Leave with one line on standard error."""
     print("thermofem: " + ("error: " if code == 2 else "") + one_line(text), file=sys.stderr)
     sys.exit(code)
