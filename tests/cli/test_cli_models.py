@@ -61,6 +61,7 @@ shell = "0.8 um"
 """
 
 
+@pytest.mark.slow
 def test_fit_identifies_a_sindy_network_from_shells(folder):
     (folder / "shells.toml").write_text(th.strip_ring().to_toml() + SHELLS)
     drive = ["--square", "1 us", "--duration", "20 us", "--samples", "10001"]

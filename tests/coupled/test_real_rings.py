@@ -76,9 +76,9 @@ def test_light_is_neither_made_nor_lost(name):
     assert np.all(run["drop"].values == 0) == (ring.drop_bus_rate == 0)
 
 
-def test_ten_random_rings_agree_with_radau():
+def test_random_rings_agree_with_radau():
     draw = np.random.default_rng(5)
-    for _ in range(10):
+    for _ in range(4):
         ring = replace(
             REAL,
             bus_rate=draw.uniform(10e9, 60e9),

@@ -206,7 +206,11 @@ def test_complex_steps_on_one_mesh(path):
 
 @pytest.mark.parametrize(
     ("name", "path"),
-    [("radius", "part.core.radius"), ("width", "part.core.width"), ("box", "layer.box.thickness")],
+    [
+        ("radius", "part.core.radius"),
+        pytest.param("width", "part.core.width", marks=pytest.mark.slow),
+        pytest.param("box", "layer.box.thickness", marks=pytest.mark.slow),
+    ],
 )
 def test_converged_meshes_have_these_slopes(name, path):
     base = {"radius": 7.955e-6, "width": 450e-9, "box": 2e-6}[name]
