@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -98,3 +99,12 @@ def threads():
     """An executor for campaigns that need no process of their own."""
     with ThreadPoolExecutor(2) as executor:
         yield executor
+
+
+@pytest.fixture(autouse=True)
+def kept_level():
+    """The level of the log as it was: a command with `-q` or `-v` sets it for the rest of its process."""
+    log = logging.getLogger("thermofem")
+    level = log.level
+    yield
+    log.setLevel(level)
