@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 DUTY_LEVEL = 0.45  # of the drop power between its minimum and its maximum; the paper's definition, caption of Fig. 6
 QUIET = 1e-4  # relative range of the carriers that is no oscillation (at least ten times rtol)
 SETTLED = 0.02  # relative change of an amplitude, or of the carriers at the end, that counts as none
+EIGHTHS = np.linspace([1 / 4, 1 / 8], [1 / 8, 0], 64, axis=1)  # of a trace, before its end: the last but one, the last
+GROWS = 1e-3  # relative movement of the carriers in the last eighth that counts where it was smaller before
+FAR = 0.1  # relative change of the period from cycle to cycle beyond which no period can be told
 STEADY_PERIOD = 1e-5  # relative change of the period from cycle to cycle that counts as none
 GONE = 0.2  # share of the last amplitude: an oscillation whose limit is smaller decays to rest
 FINE = 12  # samples that a cycle needs at least
@@ -172,6 +175,10 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     begin, end = float(up[-1 - together]), float(up[-1])
     before = begin - float(up[-1 - 2 * together]) if up.size > 2 * together else end - begin
     drift = (end - begin) / before - 1
+    if abs(drift) > FAR:
+        words = f"{seen}cycles whose length still changes by {100 * drift:+.2g} % from one to the next"
+        words += f": simulate {wanted:.2g} s"
+        return replace(_quiet(Regime.SLOW_TRANSIENT, words, swing, heights.size), suggested_duration=wanted)
     unequal = _miss(heights, waits[:-1], together)
     last = (t >= begin) & (t <= end)
     low, high = drop[last].min(), drop[last].max()
@@ -312,6 +319,10 @@ def _under_way(t: Array, N: Array, swing: float, cycles: int) -> Pulsing:
     ratio = np.clip(after / before, 0, 0.95) if before else 0.0
     change = float((np.ptp(tail) + abs(after) * ratio / (1 - ratio)) / tail.max())  # with what an exponential has left
     if change <= SETTLED:
+        earlier, later = np.ptp(np.interp(t[-1] - (t[-1] - t[0]) * EIGHTHS, t, N), axis=1)
+        if later > max(earlier, GROWS * tail.max()):
+            words = "a movement of the carriers that grows instead of dying away: simulate longer"
+            return _quiet(Regime.SLOW_TRANSIENT, words, swing, cycles)
         words = f"settled: from the last quarter on the carriers move by {100 * change:.1g} %"
         return _quiet(Regime.STABLE, words, swing, cycles)
     seen = f"{cycles} complete cycle{'s' if cycles != 1 else ''} and no more" if cycles else "no complete cycle"

@@ -270,6 +270,24 @@ def test_no_verdict_at_the_edge_is_contradicted_by_a_run_six_times_as_long():
     assert said["slow transient"] <= sum(said.values()) / 2
 
 
+def test_cycles_that_lengthen_by_a_fifth_have_no_period():
+    ends = np.cumsum(0.7e-6 * 1.2 ** np.arange(11))  # s; each cycle 1.2 times as long as the last
+    phase = 2 * np.pi * np.interp(TIMES, np.concatenate([[0.0], ends]), np.arange(12))
+    found = coupled.pulsing(trace(2 + np.sin(phase + 0.3)))
+    assert found.regime == "slow transient"
+    assert "changes by +2" in found.reason
+    assert found.suggested_duration > DURATION
+
+
+def test_a_movement_that_grows_is_no_rest():
+    """An unstable focus left slowly: 0.4 % of the carriers at the end, e times as much 3 us later."""
+    to_go = TIMES - DURATION
+    found = coupled.pulsing(trace(2 + 1.5e-2 * np.exp(to_go / 3e-6) * np.sin(2 * np.pi * to_go / 5e-6 + 0.5)))
+    assert (found.regime, "grows" in found.reason) == ("slow transient", True)
+    dying = coupled.pulsing(trace(2 + 4e-3 * np.exp(-TIMES / 8e-6) * np.sin(2 * np.pi * to_go / 30e-6 + 0.5)))
+    assert (dying.regime, "settled" in dying.reason) == ("stable", True)
+
+
 def test_an_audit_of_a_few_cells_finds_nothing():
     """`make audit` judges 4000; a verdict that a run contradicts is counted."""
     assert verdicts.main(6, first=500) == 0
