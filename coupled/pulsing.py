@@ -23,8 +23,8 @@ DUTY_LEVEL = 0.45  # of the drop power between its minimum and its maximum; the 
 QUIET = 1e-4  # relative range of the carriers that is no oscillation (at least ten times rtol)
 SETTLED = 0.02  # relative change of an amplitude, or of the carriers at the end, that counts as none
 EIGHTHS = np.linspace([1 / 4, 1 / 8], [1 / 8, 0], 64, axis=1)  # of a trace, before its end: the last but one, the last
-GROWS = 1e-3  # relative movement of the carriers in the last eighth that counts where it was smaller before
-FAR = 0.1  # relative change of the period from cycle to cycle beyond which no period can be told
+GROWS = 1e-3  # relative movement of the carriers in the last eighth that counts where it was smaller before: 10 QUIET
+FAR = 0.1  # relative change of the period from cycle to cycle beyond which none is told: seven such cycles double it
 STEADY_PERIOD = 1e-5  # relative change of the period from cycle to cycle that counts as none
 GONE = 0.2  # share of the last amplitude: an oscillation whose limit is smaller decays to rest
 FINE = 12  # samples that a cycle needs at least
@@ -91,7 +91,10 @@ def pulsing(run: xr.Dataset | Record) -> Pulsing:
 
     A cycle begins where the carriers rise through the middle of their range, because the drop power has two maxima per
     cycle. The trace is self-pulsing if it has two complete cycles, oscillates until its end, and its amplitude does not
-    fall. It is a slow transient if the oscillation still decays or the trace is shorter than two periods.
+    fall. It is a slow transient if the oscillation still decays, if the last movement of the carriers grows, if a cycle
+    differs from the last in length by more than a tenth, or if the trace is shorter than two periods.
+    "Stable" is judged from the trace alone: slow heat may still carry the ring into pulses, which `steady_states` and
+    `limit_cycle` can tell.
     A run whose light or heaters vary in its second half is driven. The period is that of the last cycle of a transient;
     ``drift`` says by how much it still moves.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import pkgutil
 from importlib import import_module
+from itertools import product
 
 import matplotlib
 import matplotlib.pyplot as plt
@@ -50,14 +51,16 @@ def closed():
     plt.close("all")
 
 
-@pytest.mark.parametrize("wrong", WRONG)
-@pytest.mark.parametrize("name", FUNCTIONS)
+def is_wrong(name: str, wrong: str) -> bool:
+    """Whether a function must refuse a thing: some take a geometry, and an empty Dataset is an empty mapping."""
+    first = next(iter(inspect.signature(FUNCTIONS[name]).parameters))
+    right = {"a geometry": ("geometry",), "no data": ("curves", "maps")}
+    return first not in right.get(wrong, ())
+
+
+@pytest.mark.parametrize(("name", "wrong"), [pair for pair in product(FUNCTIONS, WRONG) if is_wrong(*pair)])
 def test_a_plot_function_says_what_it_takes(name, wrong):
     parameters = list(inspect.signature(FUNCTIONS[name]).parameters.values())
-    if wrong == "a geometry" and parameters[0].name == "geometry":
-        pytest.skip("that is what it takes")
-    if wrong == "no data" and parameters[0].name in ("curves", "maps"):
-        pytest.skip("a mapping without anything in it")
     more = [NEEDED.get(p.name, 0) for p in parameters[1:] if p.default is p.empty and p.kind is p.POSITIONAL_OR_KEYWORD]
     with pytest.raises(th.InputError, match=parameters[0].name) as caught:
         FUNCTIONS[name](WRONG[wrong], *more)

@@ -73,7 +73,10 @@ def swings(cell: Cell, duration: float) -> tuple[float, float]:
 
 
 def wrong(regime: str, last: float, before: float) -> bool:
-    """Whether a long run contradicts a verdict; pulses that still fall from tenth to tenth contradict no rest."""
+    """Whether a long run contradicts a verdict; pulses that still fall from tenth to tenth contradict no rest.
+
+    A fall of 5 % counts: pulses that persist differ by less than 1e-4 between the tenths.
+    """
     if regime == "self-pulsing":
         return last < SWING
     return regime == "stable" and last > SWING and last > 0.95 * before
