@@ -175,7 +175,7 @@ def _nodes(start: float, length: float, bend: Array, rate: Array, allowed: float
     return np.array(out)
 
 
-class Constant(NamedTuple):
+class ConstantHeating(NamedTuple):
     """A model under constant heaters: the light's channel, and the rise by the heaters in K."""
 
     model: Compact
@@ -196,7 +196,7 @@ class Constant(NamedTuple):
 
 def constant(
     model: ThermalModel, heaters: Mapping[str, Any] | None, heated: str | None = None, read: str | None = None
-) -> Constant:
+) -> ConstantHeating:
     """The same for heaters of constant power in W, on for long.
 
         dT = dT_model + sum_h R_h P_h
@@ -211,4 +211,4 @@ def constant(
     for name, value in (heaters or {}).items():
         powers[name] = checks.between(f"heaters[{name!r}]", value, 0, LARGEST_POWER, unit="W", hint=hint)
     rise = sum(found.transfers[name].thermal_resistance * power for name, power in powers.items())
-    return Constant(found.model, float(rise), powers)
+    return ConstantHeating(found.model, float(rise), powers)

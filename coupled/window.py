@@ -174,12 +174,12 @@ def _event(event: Event | None) -> Array:
 
 
 def laser_of(ring: RingResonator, start: float, stop: float, power: Any, detuning: Any, offset: Any = 0.0) -> Any:
-    """Power, detuning and temperature offset as the compiled integration takes them, `rosenbrock.Laser`.
+    """Power, detuning and temperature offset as the compiled integration takes them, `rosenbrock.LaserPieces`.
 
     An offset shifts the resonance as a detuning of thermal_shift x offset does, so it becomes one.
     """
     from .kernels import equations as eq
-    from .kernels.rosenbrock import Laser
+    from .kernels.rosenbrock import LaserPieces
 
     if isinstance(power, float) and isinstance(detuning, float) and isinstance(offset, float) and power >= 0:
         turned = eq.internal_detuning(detuning) + ring.thermal_shift * eq.NS * offset
@@ -195,17 +195,19 @@ def laser_of(ring: RingResonator, start: float, stop: float, power: Any, detunin
     turning = add([nu.times(2 * np.pi * eq.NS), dT.times(ring.thermal_shift * eq.NS)]).on(edges)
     scale = eq.NS ** np.arange(4)
     drive = P.on(edges).coefficients * (2 * ring.bus_rate * eq.NS / eq.UW)
-    return Laser(edges / eq.NS, np.ascontiguousarray(drive * scale), np.ascontiguousarray(turning.coefficients * scale))
+    return LaserPieces(
+        edges / eq.NS, np.ascontiguousarray(drive * scale), np.ascontiguousarray(turning.coefficients * scale)
+    )
 
 
 def constant_laser(start: float, stop: float, drive: float, detuning: float) -> Any:
     """A laser that does not change; times in s, drive and detuning in internal units."""
     from .kernels import equations as eq
-    from .kernels.rosenbrock import Laser
+    from .kernels.rosenbrock import LaserPieces
 
     zero = [0.0, 0.0, 0.0]
     edges = np.array([start / eq.NS, stop / eq.NS])
-    return Laser(edges, np.array([[drive * drive, *zero]]), np.array([[detuning, *zero]]))
+    return LaserPieces(edges, np.array([[drive * drive, *zero]]), np.array([[detuning, *zero]]))
 
 
 def check_end(counts: NDArray[np.int64], reached: float, duration: float, rtol: float) -> None:

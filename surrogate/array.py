@@ -33,7 +33,7 @@ from thermofem import Foster, HeatProblem, InputError, StateSpace, checks
 from thermofem.display import shown
 
 from .array_certificate import Pairs, reduce_pairs
-from .array_places import SAME, Rings, check_places, places_of, rings_of, with_copies
+from .array_places import SAME, RingKinds, check_places, places_of, rings_of, with_copies
 
 Array = NDArray[np.float64]
 
@@ -199,7 +199,7 @@ class Sources:
     row: NDArray[np.intp]
 
 
-def _sources(rings: Rings, g: int, apart: Array, heated: Sequence[str], tolerance: float) -> Sources:
+def _sources(rings: RingKinds, g: int, apart: Array, heated: Sequence[str], tolerance: float) -> Sources:
     """Reduce the fields of one kind of ring, read by every ring at its distance."""
     row, readers = np.zeros(apart.shape, dtype=np.intp), []
     known: dict[tuple[int, int], int] = {}
@@ -217,7 +217,7 @@ def _sources(rings: Rings, g: int, apart: Array, heated: Sequence[str], toleranc
     return Sources([reduce_pairs(solved, part, read, tolerance) for part in heated], row)
 
 
-def _assembled(sources: Sequence[Sources], rings: Rings, heaters: Sequence[str]) -> tuple[StateSpace, Array, Any]:
+def _assembled(sources: Sequence[Sources], rings: RingKinds, heaters: Sequence[str]) -> tuple[StateSpace, Array, Any]:
     """All sources, read by all rings; the bounds of the channels, and how many poles each has."""
     n = len(rings.of)
     rates, inputs, outputs, names = [], [], [], []
@@ -252,7 +252,7 @@ def _assembled(sources: Sequence[Sources], rings: Rings, heaters: Sequence[str])
     return model, bounds, poles
 
 
-def _asymmetry(sources: Sequence[Sources], rings: Rings) -> float:
+def _asymmetry(sources: Sequence[Sources], rings: RingKinds) -> float:
     """Largest relative difference of the static gains of two rings of different kind, each as the source."""
     worst = 0.0
     for i, j in zip(*np.nonzero(rings.of[:, None] < rings.of), strict=True):

@@ -114,7 +114,7 @@ def _projected(system: StateSpace, basis: Array, more: Array | None) -> Pairs:
 
 
 @dataclass(frozen=True, eq=False)
-class Reference:
+class ChannelReference:
     """A reduction that has the copy among its ports: poles, their residues, and the bound of its own error in K/W."""
 
     rate: Array
@@ -124,9 +124,9 @@ class Reference:
 
 def _references(
     system: StateSpace, own: StateSpace, read: Sequence[str], tolerance: float
-) -> tuple[Array, list[Reference]]:
+) -> tuple[Array, list[ChannelReference]]:
     """What errors are relative to, in K/W, and a certified second reduction of every channel."""
-    references: list[Reference] = []
+    references: list[ChannelReference] = []
     scale = np.empty(len(read))
     for start in range(0, len(read), CHUNK):
         rows = range(start, min(start + CHUNK, len(read)))
@@ -138,14 +138,14 @@ def _references(
         rate, b = found.projection.rate, found.basis.T @ np.asarray(system.B[:, 0])
         for k, top in zip(rows, found.certificate.top, strict=True):
             residue = b * (found.basis.T @ np.asarray(system.C[k]))
-            references.append(Reference(rate, residue, float(top)))
+            references.append(ChannelReference(rate, residue, float(top)))
             scale[k] = (b * (found.basis.T @ mixed[k - start]) / rate).sum()
     error = references[0].error
     rest = [replace(r, error=r.error + FLOOR * error) for r in references[1:]]
     return np.abs(scale), [references[0], *rest]
 
 
-def _difference(rate: Array, residue: Array, other: Reference) -> float:
+def _difference(rate: Array, residue: Array, other: ChannelReference) -> float:
     """The largest |sum of poles - sum of the other's poles| over frequencies, in K/W."""
     low, high = min(rate[0], other.rate[0]) / 1e3, max(rate[-1], other.rate[-1]) * 1e3
     s = 1j * np.geomspace(low, high, int(np.log10(high / low) * PER_DECADE))[:, None]
@@ -153,7 +153,7 @@ def _difference(rate: Array, residue: Array, other: Reference) -> float:
     return BETWEEN * float(np.abs(gap).max())
 
 
-def _bound(pairs: Pairs, k: int, reference: Reference) -> float:
+def _bound(pairs: Pairs, k: int, reference: ChannelReference) -> float:
     return reference.error + _difference(pairs.rate, pairs.source * pairs.read[k], reference)
 
 
@@ -162,7 +162,7 @@ def _without_fast_poles(pairs: Pairs, scale: Array, tolerance: float) -> Pairs:
     read, bound = pairs.read.copy(), pairs.bound.copy()
     for k in range(1, len(read)):
         residue = pairs.source * pairs.read[k]
-        whole = Reference(pairs.rate, residue, 0.0)
+        whole = ChannelReference(pairs.rate, residue, 0.0)
         for kept in range(1, pairs.rate.size):
             fewer = residue[:kept].copy()
             fewer[-1] += pairs.rate[kept - 1] * (residue[kept:] / pairs.rate[kept:]).sum()

@@ -33,14 +33,14 @@ class Kind:
 
 
 @dataclass(frozen=True, eq=False)
-class Rings:
+class RingKinds:
     """Kinds of rings, and which one each ring is of, shape (N,)."""
 
     kinds: list[Kind]
     of: NDArray[np.intp]
 
 
-def rings_of(heat: Any, count: int, heated: str | None, heaters: Sequence[str]) -> Rings:
+def rings_of(heat: Any, count: int, heated: str | None, heaters: Sequence[str]) -> RingKinds:
     """The kinds of ``count`` rings from one heat problem for all, or one for each.
 
     Raises
@@ -67,7 +67,7 @@ def rings_of(heat: Any, count: int, heated: str | None, heaters: Sequence[str]) 
             _check_stack(kinds[0].heat, one, i)
             known = len(kinds) - 1
         of[i] = known
-    return Rings(kinds, of)
+    return RingKinds(kinds, of)
 
 
 def _equal(one: HeatProblem, other: HeatProblem) -> bool:
@@ -103,7 +103,7 @@ def places_of(positions: ArrayLike) -> Array:
     return places
 
 
-def check_places(rings: Rings, places: Array) -> Array:
+def check_places(rings: RingKinds, places: Array) -> Array:
     """Distances of all pairs in m, shape (N, N).
 
     Raises
@@ -134,7 +134,7 @@ def check_places(rings: Rings, places: Array) -> Array:
     return np.asarray(between)
 
 
-def with_copies(rings: Rings, g: int, readers: Sequence[tuple[int, float]]) -> tuple[HeatProblem, tuple[str, ...]]:
+def with_copies(rings: RingKinds, g: int, readers: Sequence[tuple[int, float]]) -> tuple[HeatProblem, tuple[str, ...]]:
     """The heat problem of one kind with copies of readers, (kind, distance in m), on a mesh that resolves them."""
     own = rings.kinds[g]
     if not readers:

@@ -25,7 +25,7 @@ from thermofem.models.lumped import (
     second_order_parameters,
 )
 
-from .projection import Optimum, Problem, optimum, polish
+from .projection import FitProblem, Optimum, optimum, polish
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -256,7 +256,7 @@ def fit_foster(
 class Training:
     """The training data and the attributes of their Datasets."""
 
-    problem: Problem
+    problem: FitProblem
     names: tuple[str, ...]
     geometry: str | None
     transfer: bool = False
@@ -292,7 +292,7 @@ class Training:
             transfer = known and heated != read
         apart = known and heated != read
         parts = {"inputs": (heated if apart else "heater",), "outputs": (read if apart else "core",)}
-        problem = Problem(drives, thermal_resistance, impose and not transfer)
+        problem = FitProblem(drives, thermal_resistance, impose and not transfer)
         return cls(problem, tuple(d.name for d in drives), geometry, transfer, parts if transfer else {})
 
     def search(self, order: int, method: str) -> tuple[Optimum, float | None]:

@@ -19,7 +19,7 @@ TESTED = 5  # one member of so many is held out
 
 
 @dataclass(frozen=True, eq=False)
-class Layer:
+class Interpolant:
     """A property as a function of the varied parameters.
 
     Attributes
@@ -51,7 +51,7 @@ def layer_of(
     box: tuple[Array, Array],
     count: int,
     reason: Callable[[], str] = lambda: "nan",
-) -> Layer:
+) -> Interpolant:
     """Work out ``count`` members of a spread, and interpolate between them.
 
     Parameters
@@ -90,7 +90,7 @@ def layer_of(
     curve = smooth(u[~test], found[~test])
     off = (curve(u[test]) - found[test]) / scale
     rms, worst = float(np.sqrt(np.mean(off**2))), float(np.abs(off).max())
-    return Layer(span[:, 0], span[:, 1], curve, rms, worst, int(test.sum()))
+    return Interpolant(span[:, 0], span[:, 1], curve, rms, worst, int(test.sum()))
 
 
 def smooth(u: Array, y: Array) -> Callable[[Array], Array]:

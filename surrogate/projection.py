@@ -53,7 +53,7 @@ class Optimum:
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class FitProblem:
     """Samples of one or several drives, each divided by its swing, and prior knowledge.
 
     Attributes
@@ -109,7 +109,7 @@ class Problem:
         return min(shortest), max(float(np.ptp(d.times)) for d in self.drives)
 
 
-def optimum(problem: Problem, order: int) -> Optimum:
+def optimum(problem: FitProblem, order: int) -> Optimum:
     """Best ``order`` poles, from several starts.
 
     Raises
@@ -124,12 +124,12 @@ def optimum(problem: Problem, order: int) -> Optimum:
     return _conclude(problem, min(ends, key=lambda end: end[1])[0])
 
 
-def polish(problem: Problem, log_rate: Array) -> Optimum:
+def polish(problem: FitProblem, log_rate: Array) -> Optimum:
     """The optimum next to given rates."""
     return _conclude(problem, _descend(problem, log_rate)[0])
 
 
-def _descend(problem: Problem, start: Array) -> tuple[Array, float]:
+def _descend(problem: FitProblem, start: Array) -> tuple[Array, float]:
     """Least squares in the logarithms of the rates; the end and its sum of squares."""
     from scipy.optimize import least_squares
 
@@ -155,7 +155,7 @@ def _descend(problem: Problem, start: Array) -> tuple[Array, float]:
     return end.x, float(end.cost)
 
 
-def _starts(problem: Problem, order: int) -> list[Array]:
+def _starts(problem: FitProblem, order: int) -> list[Array]:
     """For few poles the best set of grid rates, by trying all; for more, log-spaced rates over several spans."""
     shortest, longest = problem.span
     if order <= SCANNED:
@@ -177,7 +177,7 @@ def _best_columns(columns: Array, target: Array, count: int) -> list[int]:
     return max((list(pick) for pick in combinations(range(phi.shape[1]), count)), key=explained)
 
 
-def _conclude(problem: Problem, log_rate: Array) -> Optimum:
+def _conclude(problem: FitProblem, log_rate: Array) -> Optimum:
     """Gains, covariance and residuals at the rates found."""
     log_rate = np.sort(log_rate)
     phi = problem.columns(log_rate)

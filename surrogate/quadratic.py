@@ -38,7 +38,7 @@ from thermofem.algebra.krylov import symmetric_part
 from thermofem.display import shown
 from thermofem.materials.laws import Law
 from thermofem.models import HasModel, NonlinearSystem
-from thermofem.transient.nonlinear import Lift
+from thermofem.transient.nonlinear import NodalOperator
 
 from .output_map import check_nonlinear
 from .reduce import Reduction, reduce
@@ -115,7 +115,7 @@ def reduce_quadratic(system: NonlinearSystem, power: float, *, tolerance: float 
     if not system.content.laws:
         fields.append(_hot_basis(system, full))
     rate, V = _modes(system, np.column_stack(fields))
-    model = _lifted(system, rate, V, [(full, power), (half, power / 2)])
+    model = _quadratic_form(system, rate, V, [(full, power), (half, power / 2)])
     between = 0.75 * power
     error = abs(float(model.steady_rise(between)) / float(system.steady_rise(between)[0]) - 1)
     return QuadraticReduction(model, rom, power, error, V)
@@ -139,7 +139,7 @@ def _modes(system: NonlinearSystem, fields: Array) -> tuple[Array, Array]:
     return rate, V @ Z
 
 
-def _lifted(system: NonlinearSystem, rate: Array, V: Array, steady: list[tuple[Array, float]]) -> Quadratic:
+def _quadratic_form(system: NonlinearSystem, rate: Array, V: Array, steady: list[tuple[Array, float]]) -> Quadratic:
     """The model of the module's docstring from modes and steady fields, the one at full power first."""
     n, linear = rate.size, system.linear
     full = steady[0][0]
@@ -190,11 +190,11 @@ def _content_terms(system: NonlinearSystem, V: Array, steady: Array) -> Array:
     return m
 
 
-def _operators(lift: Lift) -> Iterator[tuple[Law, Any, Any]]:
+def _operators(operator: NodalOperator) -> Iterator[tuple[Law, Any, Any]]:
     """Every law with its nodes and its part of the matrix."""
-    start = lift.matrix.shape[1] - sum(at.size for _, at in lift.laws)
-    for law, at in lift.laws:
-        yield law, at, lift.matrix[:, start : start + at.size]
+    start = operator.matrix.shape[1] - sum(at.size for _, at in operator.laws)
+    for law, at in operator.laws:
+        yield law, at, operator.matrix[:, start : start + at.size]
         start += at.size
 
 

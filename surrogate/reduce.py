@@ -23,7 +23,7 @@ from thermofem.models import HasModel
 from thermofem.waveforms import Waveform
 
 from .certificate import Certificate, Indices, Projection, certify, certify_defect, leftover
-from .space import Space
+from .space import CertifiedSpace
 
 Array = NDArray[np.float64]
 
@@ -188,14 +188,14 @@ def project(system: StateSpace, tolerance: float) -> Projected:
     """The certified projection that `reduce` and `balanced_truncation` begin with; raises as `reduce`."""
     checks.between("tolerance", tolerance, 1e-7, 0.1, hint="it is relative to the static gain")
     K, M, ports, heated, read = _parts(system)
-    space = Space(K, M, ports, tolerance)
+    space = CertifiedSpace(K, M, ports, tolerance)
     pairs = (np.repeat(read, heated.size), np.tile(heated, read.size))
     projection, certificate = _grow(space, pairs, tolerance)
     basis = space.V @ projection.vectors
     return Projected(projection, certificate, basis, heated, read, space.shifts, space.solves)
 
 
-def _grow(space: Space, pairs: tuple[Indices, Indices], tolerance: float) -> tuple[Projection, Certificate]:
+def _grow(space: CertifiedSpace, pairs: tuple[Indices, Indices], tolerance: float) -> tuple[Projection, Certificate]:
     """Extend the basis until its certificate meets the tolerance."""
     while space.order < MOST and not space.exhausted:
         j, solution = space.solve_next()
@@ -216,7 +216,7 @@ def _grow(space: Space, pairs: tuple[Indices, Indices], tolerance: float) -> tup
     return _grow_on(space, pairs, tolerance)
 
 
-def _grow_on(space: Space, pairs: tuple[Indices, Indices], tolerance: float) -> tuple[Projection, Certificate]:
+def _grow_on(space: CertifiedSpace, pairs: tuple[Indices, Indices], tolerance: float) -> tuple[Projection, Certificate]:
     """The same where round-off hides what the basis leaves of the ports: with residuals and defects as they are."""
     reached, idle = np.inf, 0
     while True:

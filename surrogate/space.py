@@ -26,7 +26,7 @@ EXHAUSTED = 1e-13  # of the ports outside the basis: round-off
 FAR = 200.0  # between two shifts: beyond, the bound in their middle is three times the error (measured)
 
 
-class Space(krylov.Space):
+class CertifiedSpace(krylov.KrylovSpace):
     """A rational Krylov space that grows one shift at a time, and its projection."""
 
     projection: Projection

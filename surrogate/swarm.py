@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .projection import Problem
+from .projection import FitProblem
 
 Array = NDArray[np.float64]
 
@@ -18,7 +18,7 @@ GENERATIONS = 10
 SEED = 1
 
 
-def swarm(problem: Problem, order: int) -> tuple[Array, float]:
+def swarm(problem: FitProblem, order: int) -> tuple[Array, float]:
     """Run the swarm.
 
     Returns

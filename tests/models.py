@@ -13,7 +13,7 @@ import surrogate
 import thermofem as th
 from thermofem.heat.matrices import capacity, conduction
 from thermofem.models import NonlinearSystem, foster
-from thermofem.transient.nonlinear import lift
+from thermofem.transient.nonlinear import nodal_operator
 
 
 @cache
@@ -55,7 +55,10 @@ def coarse_warm_fem() -> NonlinearSystem:
         cells = np.isin(mesh.region, regions)
         flows.append((conduction(d.basis, k * cells), k_law))
         contents.append((capacity(d.basis, c * cells), c_law))
-    flow, content = lift(flows, 0 * d.stiffness, d.free, 300.0), lift(contents, 0 * d.mass, d.free, 300.0)
+    flow, content = (
+        nodal_operator(flows, 0 * d.stiffness, d.free, 300.0),
+        nodal_operator(contents, 0 * d.mass, d.free, 300.0),
+    )
     return NonlinearSystem(
         d.state_space(("core",), ("core",)),
         replace(flow, matrix=flow.matrix[d.free]),

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import checks, netcdf, waveforms
-from .quantity import FIELDS
+from .quantity import VARIABLES
 from .record import Record, column
 from .version import __version__
 
@@ -138,7 +138,7 @@ def stamp(kind: str) -> dict[str, Any]:
 
 def describe(name: str) -> dict[str, str]:
     """Attributes of one field, as xarray's plots read them."""
-    return {"units": FIELDS[name].unit, "long_name": FIELDS[name].long_name}
+    return {"units": VARIABLES[name].unit, "long_name": VARIABLES[name].long_name}
 
 
 def drive_of(data: xr.Dataset) -> Drive:

@@ -1,7 +1,7 @@
 """netCDF files of any origin: their layout is looked at before anything of them is loaded.
 
 A file may declare more values than it holds, or bytes that lie in other files. `check` refuses both; `in_si` converts
-the variables that `quantity.FIELDS` names from the units that the file states.
+the variables that `quantity.VARIABLES` names from the units that the file states.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def _values(name: str, item: Any) -> int:
 
 
 def in_si(data: xr.Dataset) -> xr.Dataset:
-    """The Dataset with every known variable in the unit of `quantity.FIELDS`; no unit counts as that unit.
+    """The Dataset with every known variable in the unit of `quantity.VARIABLES`; no unit counts as that unit.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def in_si(data: xr.Dataset) -> xr.Dataset:
     return data.assign(changed) if changed else data
 
 
-def _line(given: str, field: quantity.Field, name: str) -> tuple[float, float]:
+def _line(given: str, field: quantity.Variable, name: str) -> tuple[float, float]:
     """Offset and factor of a unit; a rise in degrees Celsius has no offset."""
     unit = "" if field.unit == "1" else field.unit
     if unit not in quantity.SI:  # no unit that a person writes
@@ -122,12 +122,12 @@ def _line(given: str, field: quantity.Field, name: str) -> tuple[float, float]:
     return (0.0 if "rise" in field.long_name else offset), factor
 
 
-def _field(name: str) -> quantity.Field | None:
+def _field(name: str) -> quantity.Variable | None:
     """What a variable is, by its name."""
-    known = quantity.FIELDS.get(name)
+    known = quantity.VARIABLES.get(name)
     if known is None:
         prefix = next((p for p in _PREFIXES if name.startswith(p) and len(name) > len(p)), None)
-        known = quantity.FIELDS[prefix[:-1]] if prefix else None
+        known = quantity.VARIABLES[prefix[:-1]] if prefix else None
     return known
 
 

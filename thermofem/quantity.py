@@ -1,7 +1,7 @@
 """Units at the boundary: text such as "450 nm" or "8 dBm" becomes a plain number in SI, and back.
 
 Inside the package every number is SI; text with units exists only where a person reads or writes (TOML, command line,
-plots). `FIELDS` gives the unit and the long name of every field of a dataset.
+plots). `VARIABLES` gives the unit and the long name of every field of a dataset.
 """
 
 from __future__ import annotations
@@ -58,41 +58,41 @@ _KINDS: dict[str, tuple[str, str, tuple[tuple[float, str], ...]]] = {
 SI = frozenset(_KINDS)  # the units that values are read in
 
 
-class Field(NamedTuple):
+class Variable(NamedTuple):
     """Unit and long name of one field of a dataset."""
 
     unit: str
     long_name: str
 
 
-FIELDS: dict[str, Field] = {
-    "time": Field("s", "time"),
-    "power": Field("W", "absorbed power"),
-    "delta_T": Field("K", "mean temperature rise"),
-    "temperature": Field("K", "temperature"),
-    "energy": Field("J", "energy stored in the resonator"),
-    "carriers": Field("1/m^3", "free-carrier density"),
-    "drop": Field("W", "power at the drop port"),
-    "through": Field("W", "power at the through port"),
-    "absorbed": Field("W", "power absorbed in the resonator"),
-    "scattered": Field("W", "power scattered out of the resonator"),
-    "input_power": Field("W", "power in the bus waveguide"),
-    "detuning": Field("Hz", "laser frequency minus cold resonance"),
-    "frequency": Field("Hz", "frequency"),
-    "period": Field("s", "period"),
-    "period_model": Field("s", "period for which the model has the same swing"),
-    "error": Field("s", "period error"),
-    "relative_error": Field("1", "relative period error"),
-    "duty": Field("1", "duty cycle"),
-    "swing": Field("K", "peak-to-peak temperature rise"),
-    "growth_rate": Field("1/s", "largest real part of the eigenvalues"),
-    "regime": Field("1", "dynamic regime"),
-    "impedance": Field("K/W", "thermal impedance"),
-    "heat_in": Field("J", "heat put in"),
-    "heat_stored": Field("J", "heat stored"),
-    "heat_out": Field("J", "heat carried off through the boundary"),
-    "r": Field("m", "distance from the axis of the ring"),
-    "z": Field("m", "height above the datum"),
+VARIABLES: dict[str, Variable] = {
+    "time": Variable("s", "time"),
+    "power": Variable("W", "absorbed power"),
+    "delta_T": Variable("K", "mean temperature rise"),
+    "temperature": Variable("K", "temperature"),
+    "energy": Variable("J", "energy stored in the resonator"),
+    "carriers": Variable("1/m^3", "free-carrier density"),
+    "drop": Variable("W", "power at the drop port"),
+    "through": Variable("W", "power at the through port"),
+    "absorbed": Variable("W", "power absorbed in the resonator"),
+    "scattered": Variable("W", "power scattered out of the resonator"),
+    "input_power": Variable("W", "power in the bus waveguide"),
+    "detuning": Variable("Hz", "laser frequency minus cold resonance"),
+    "frequency": Variable("Hz", "frequency"),
+    "period": Variable("s", "period"),
+    "period_model": Variable("s", "period for which the model has the same swing"),
+    "error": Variable("s", "period error"),
+    "relative_error": Variable("1", "relative period error"),
+    "duty": Variable("1", "duty cycle"),
+    "swing": Variable("K", "peak-to-peak temperature rise"),
+    "growth_rate": Variable("1/s", "largest real part of the eigenvalues"),
+    "regime": Variable("1", "dynamic regime"),
+    "impedance": Variable("K/W", "thermal impedance"),
+    "heat_in": Variable("J", "heat put in"),
+    "heat_stored": Variable("J", "heat stored"),
+    "heat_out": Variable("J", "heat carried off through the boundary"),
+    "r": Variable("m", "distance from the axis of the ring"),
+    "z": Variable("m", "height above the datum"),
 }
 
 

@@ -47,7 +47,7 @@ _ABSOLUTE = 100.0  # K; a record that begins further from rest is a temperature,
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class Columns:
     """Columns of numbers with the names and units that their header gives.
 
     Attributes
@@ -149,7 +149,7 @@ def read_csv(
     return dataset.build(t, rise[first:], wave, read=(temperature,), attributes=origin)
 
 
-def parse(text: str) -> Table:
+def parse(text: str) -> Columns:
     """Find the table in a text; InputError when there are no numbers or a row breaks off.
 
     >>> parse("% Time (us)   T (K)\\n0   293.15\\n1   294.5").units
@@ -173,7 +173,7 @@ def parse(text: str) -> Table:
     if not rows:
         raise InputError("no line of at least two numbers; a table of time and temperature is needed")
     names, units = _header(header, len(rows[0]))
-    return Table(names, units, np.array(rows), np.array(at))
+    return Columns(names, units, np.array(rows), np.array(at))
 
 
 def _given(units: Mapping[str, str] | None) -> dict[str, str]:
@@ -248,7 +248,7 @@ def _is_unit(cell: str) -> bool:
     return False
 
 
-def _numbers(table: Table, role: str, name: str, given: Mapping[str, str]) -> Array:
+def _numbers(table: Columns, role: str, name: str, given: Mapping[str, str]) -> Array:
     """A column in SI."""
     k = table.column(role, name)
     values = table.values[:, k]
@@ -285,7 +285,7 @@ def _scalar(name: str, value: str | float | None, unit: str) -> float | None:
     return quantity.parse(value, unit, name=name) if isinstance(value, str) else checks.finite(name, value, unit=unit)
 
 
-def _clock(table: Table, times: Array, start: float | None) -> tuple[Array, int]:
+def _clock(table: Columns, times: Array, start: float | None) -> tuple[Array, int]:
     """Times from the start of the heating on, and the first row that is kept."""
     back = np.flatnonzero(np.diff(times) < 0)
     if back.size:

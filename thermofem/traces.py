@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from . import checks, dataset, files, quantity
 from .algebra.poles import pole_responses
 from .checks import InputError
-from .tables import LARGEST, Table, header_unit, parse
+from .tables import LARGEST, Columns, header_unit, parse
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -125,7 +125,7 @@ def read_trace(
     return Trace(data, t0, level, tuple(said), tuple(warned))
 
 
-def _columns(table: Table, time: str | None, temperature: str | None) -> tuple[int, int]:
+def _columns(table: Columns, time: str | None, temperature: str | None) -> tuple[int, int]:
     """Places of the two columns; of a table of two the first is the time."""
     listed = ", ".join(table.names)
     if time is None and temperature is None:
@@ -149,7 +149,7 @@ def _roles(time: str | None, temperature: str | None) -> list[tuple[str, str | N
     return [("time", time), ("temperature", temperature)]
 
 
-def _values(table: Table, place: int) -> Array:
+def _values(table: Columns, place: int) -> Array:
     values = table.values[:, place]
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
@@ -157,7 +157,7 @@ def _values(table: Table, place: int) -> Array:
     return values
 
 
-def _time(table: Table, place: int, given: str | None, said: list[str]) -> Array:
+def _time(table: Columns, place: int, given: str | None, said: list[str]) -> Array:
     """Times in s, increasing."""
     values, unit = _values(table, place), header_unit(given or table.units[place])
     name = table.names[place]
@@ -174,7 +174,7 @@ def _time(table: Table, place: int, given: str | None, said: list[str]) -> Array
     return t
 
 
-def _rise(table: Table, place: int, given: str | None, said: list[str], warned: list[str]) -> Array:
+def _rise(table: Columns, place: int, given: str | None, said: list[str], warned: list[str]) -> Array:
     """Temperatures in K; a voltage counts as kelvin."""
     values, unit = _values(table, place), header_unit(given or table.units[place])
     name = table.names[place]

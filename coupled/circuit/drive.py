@@ -104,7 +104,7 @@ def echoes(edges: Array, light: Light, duration: float) -> Array:
 def internal_drive(
     circuit: Circuit, light: Light, powers: list[Pieces], frame: Pieces, offsets: list[Pieces], duration: float
 ) -> Any:
-    """The run's `layout.Drive`.
+    """The run's `layout.LaserTable`.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def internal_drive(
         what the heaters add to each ring.
     """
     from ..kernels import equations as eq
-    from .layout import Drive
+    from .layout import LaserTable
 
     scale = eq.NS ** np.arange(4)
     power_edges = joint(*powers)
@@ -133,7 +133,7 @@ def internal_drive(
     every = every[np.concatenate([[True], np.diff(every) > 4e-16 * duration])]
     middle = (every[:-1] + every[1:]) / 2
     lasers = [laser.offset for laser in circuit.lasers]
-    return Drive(
+    return LaserTable(
         edges=every / eq.NS,
         power_piece=np.clip(np.searchsorted(power_edges, middle) - 1, 0, len(power) - 1),
         detuning_piece=np.clip(np.searchsorted(detuning_edges, middle) - 1, 0, len(detuning_edges) - 2),

@@ -10,7 +10,7 @@ from ..kernels.control import fastest_growth
 from ..kernels.equations import Array, absorbed_power, dispersion, optics, optics_jacobian
 from ..kernels.kinds import Poles
 from . import layout, waves
-from .layout import Complex, Heat, Network, Rings, rates_of
+from .layout import Complex, Heat, LightNetwork, Rings, rates_of
 from .waves import inputs_of
 
 LARGEST_SPECTRUM = 90  # rows of the Jacobian of the whole circuit whose eigenvalues are computed
@@ -34,7 +34,7 @@ def neighbours(y: Array, heat: Heat, out: Array) -> None:
 
 @compiled
 def right_hand_side(
-    y: Array, laser: Complex, delayed: Complex, detuning: Array, rings: Rings, heat: Heat, net: Network
+    y: Array, laser: Complex, delayed: Complex, detuning: Array, rings: Rings, heat: Heat, net: LightNetwork
 ) -> Array:
     """Return dy/dt in internal units, shape (3 N + N K,), at the waves of lasers and delayed waveguides."""
     n, K = heat.gain.shape
@@ -62,7 +62,7 @@ def right_hand_side(
 
 
 @compiled
-def jacobian(y: Array, detuning: Array, rings: Rings, heat: Heat, net: Network) -> Array:
+def jacobian(y: Array, detuning: Array, rings: Rings, heat: Heat, net: LightNetwork) -> Array:
     """Return d(dy/dt)/dy of the circuit, with the light of delayed waveguides held."""
     n, K = heat.gain.shape
     out, other = np.zeros((y.size, y.size)), np.empty(n)
@@ -98,7 +98,7 @@ def jacobian(y: Array, detuning: Array, rings: Rings, heat: Heat, net: Network) 
 
 
 @compiled
-def growing(y: Array, detuning: Array, rings: Rings, heat: Heat, net: Network) -> float:
+def growing(y: Array, detuning: Array, rings: Rings, heat: Heat, net: LightNetwork) -> float:
     """Return the modulus of the fastest mode that grows, in 1/ns, or 0 where all decay.
 
     Of the whole circuit where it is small, else of each ring with its own heat.

@@ -25,7 +25,7 @@ from ..kernels.tableaus import Tableau
 from . import equations, kernel, waves
 from .equations import growing, neighbours
 from .kernel import moved, step, step_error, workspace
-from .layout import Complex, Drive, Heat, Integers, Network, Rings
+from .layout import Complex, Heat, Integers, LaserTable, LightNetwork, Rings
 from .waves import cubic_through, delayed_at, detected_at, detunings_at, energy_to, inputs_of, lasers_at, observe
 
 ROW_LIMIT = 40_000_000  # numbers kept at the accepted steps, 320 MB
@@ -69,8 +69,8 @@ class Now(NamedTuple):
 
 @compiled
 def waves_between(
-    f: float, t: float, h: float, piece: int, y: Array, out: Array, k: Array, d: Array, drive: Drive, net: Network,
-    past: Array, cubics: Complex, filled: int, now: Now,
+    f: float, t: float, h: float, piece: int, y: Array, out: Array, k: Array, d: Array, drive: LaserTable,
+    net: LightNetwork, past: Array, cubics: Complex, filled: int, now: Now,
 ) -> None:  # fmt: skip
     """Write the observed waves at the fraction ``f`` of a step to ``now.waves``."""
     for i in range(now.fields.size):
@@ -118,8 +118,8 @@ def gather(nodes: Complex, f: float, h: float, corner: Array, before: Array, out
 
 @compiled
 def integrate(
-    y: Array, drive: Drive, rings: Rings, heat: Heat, net: Network, method: Tableau, rtol: float, times: Array,
-    average: bool, corner: Array, max_steps: int, watch: Array,
+    y: Array, drive: LaserTable, rings: Rings, heat: Heat, net: LightNetwork, method: Tableau, rtol: float,
+    times: Array, average: bool, corner: Array, max_steps: int, watch: Array,
 ) -> tuple[Array, Array, float, Integers]:  # fmt: skip
     """Integrate a circuit from ``y`` through every piece of ``drive``, whose edges it lands on.
 

@@ -27,10 +27,10 @@ from ..kernels.control import relative_change, squared_error
 from ..kernels.equations import Array, dispersion, optics, optics_jacobian
 from ..kernels.tableaus import Tableau
 from . import layout
-from .layout import Complex, Heat, Integers, Network, Rings, rates_of
+from .layout import Complex, Heat, Integers, LightNetwork, Rings, rates_of
 
 
-class Space(NamedTuple):
+class Workspace(NamedTuple):
     """What a step works in."""
 
     inverses: Array  # (N, 3, 3)
@@ -49,17 +49,19 @@ class Space(NamedTuple):
 
 
 @compiled
-def workspace(n: int, poles: int) -> Space:
+def workspace(n: int, poles: int) -> Workspace:
     """Return a new workspace for ``n`` rings of ``poles`` thermal states."""
     e = np.empty
-    return Space(
+    return Workspace(
         e((n, 3, 3)), e((3 * n, 3 * n)), np.empty(3 * n, np.int64), e(3 * n), e((n, 2)), e((n, 3)), e((n, poles)),
         e(n), e(n), e(n), e((n, 3)), e(n), e(n),
     )  # fmt: skip
 
 
 @inlined
-def _prepare(y: Array, h: float, detuning: Array, rings: Rings, heat: Heat, net: Network, s: float, w: Space) -> None:
+def _prepare(
+    y: Array, h: float, detuning: Array, rings: Rings, heat: Heat, net: LightNetwork, s: float, w: Workspace
+) -> None:
     """Fill the workspace with the matrices of a step of ``h`` ns from ``y``, factorized."""
     n, K = heat.gain.shape
     looped = net.order.size == 0
@@ -110,7 +112,7 @@ def _prepare(y: Array, h: float, detuning: Array, rings: Rings, heat: Heat, net:
 
 
 @inlined
-def _solve(net: Network, w: Space) -> None:
+def _solve(net: LightNetwork, w: Workspace) -> None:
     """Overwrite the right-hand sides by the solution of the step's linear system."""
     if net.order.size == 0:
         solve(w.matrix, w.pivots, w.right)
@@ -130,7 +132,7 @@ def _solve(net: Network, w: Space) -> None:
 @compiled
 def step(
     y: Array, h: float, inputs: Complex, input_slopes: Complex, detuning: Array, detuning_slopes: Array, rings: Rings,
-    heat: Heat, net: Network, method: Tableau, out: Array, k: Array, x: Array, total: Array, w: Space,
+    heat: Heat, net: LightNetwork, method: Tableau, out: Array, k: Array, x: Array, total: Array, w: Workspace,
 ) -> None:  # fmt: skip
     """Take one step of ``h`` ns from ``y`` to ``out``.
 
@@ -208,7 +210,7 @@ def step(
 @compiled
 def step_error(
     y: Array, out: Array, k: Array, x: Array, rings: Rings, heat: Heat, rtol: float, missed: Array, other: Array,
-    w: Space,
+    w: Workspace,
 ) -> float:  # fmt: skip
     """Return the error of a step in units of the tolerance: of the worst ring, as for a ring alone.
 
@@ -231,7 +233,7 @@ def step_error(
 
 
 @compiled
-def moved(y: Array, out: Array, rings: Rings, w: Space) -> float:
+def moved(y: Array, out: Array, rings: Rings, w: Workspace) -> float:
     """Return the largest relative change of the state of any ring in a step."""
     most = 0.0
     for i in range(rings.rates.shape[0]):

@@ -32,7 +32,7 @@ class Heat(NamedTuple):
     crossed: bool  # whether heat goes from ring to ring
 
 
-class Network(NamedTuple):
+class LightNetwork(NamedTuple):
     """Light between rings, with L lasers, D delayed waveguides and Q observed waves."""
 
     start: Integers  # of each ring's row of M among the entries, shape (N + 1,)
@@ -47,7 +47,7 @@ class Network(NamedTuple):
     delay: Array  # shape (D,), ns
 
 
-class Drive(NamedTuple):
+class LaserTable(NamedTuple):
     """Lasers and detunings: cubics in the time since the edge of their piece."""
 
     edges: Array  # ns, where steps end, shape (m + 1,)

@@ -33,7 +33,7 @@ class System:
         what the heaters add to each ring.
     detuning : float, Hz
         0 where it varies.
-    drive, rings, states, net : layout.Drive, Rings, Heat and Network
+    drive, rings, states, net : layout.LaserTable, Rings, Heat and LightNetwork
     """
 
     light: Light
@@ -107,13 +107,13 @@ def _states(heat: RingHeat) -> Any:
 def _network(light: Light) -> Any:
     """The waveguides in internal units: entries of M by row, without what round-off left."""
     from ..kernels import equations as eq
-    from .layout import Network
+    from .layout import LightNetwork
     from .network import NOTHING
 
     M = light.between
     kept = np.abs(M) > NOTHING * np.abs(M).max(initial=0.0)
     root = np.sqrt(eq.NS)
-    return Network(
+    return LightNetwork(
         start=np.concatenate([[0], np.cumsum(kept.sum(axis=1))]).astype(np.int64),
         column=np.nonzero(kept)[1].astype(np.int64),
         entry=np.ascontiguousarray(M[kept] * eq.NS),

@@ -14,11 +14,11 @@ from typing import Any
 
 from ..kernels.compiling import compiled, inlined
 from ..kernels.equations import Array
-from .layout import Complex, Drive, Network
+from .layout import Complex, LaserTable, LightNetwork
 
 
 @compiled
-def lasers_at(drive: Drive, piece: int, t: float, wave: Complex, slope: Complex) -> None:
+def lasers_at(drive: LaserTable, piece: int, t: float, wave: Complex, slope: Complex) -> None:
     """Write the waves of the lasers in sqrt(uW) at ``t``, and their slopes, bounded where a power leaves 0."""
     p = drive.power_piece[piece]
     u = t - drive.power_edges[p]
@@ -35,7 +35,7 @@ def lasers_at(drive: Drive, piece: int, t: float, wave: Complex, slope: Complex)
 
 
 @compiled
-def detunings_at(drive: Drive, piece: int, t: float, values: Array, slopes: Array) -> None:
+def detunings_at(drive: LaserTable, piece: int, t: float, values: Array, slopes: Array) -> None:
     """Write the detunings of all rings at ``t`` in rad/ns, and their slopes."""
     p = drive.detuning_piece[piece]
     u = t - drive.detuning_edges[p]
@@ -72,7 +72,7 @@ def delayed_at(
 
 
 @inlined
-def inputs_of(net: Network, laser: Complex, delayed: Complex, out: Complex) -> None:
+def inputs_of(net: LightNetwork, laser: Complex, delayed: Complex, out: Complex) -> None:
     """Write what lasers and delayed waveguides send into each ring, in sqrt(fJ)/ns."""
     for i in range(out.size):
         total = 0.0 + 0.0j
@@ -84,7 +84,7 @@ def inputs_of(net: Network, laser: Complex, delayed: Complex, out: Complex) -> N
 
 
 @compiled
-def observe(net: Network, fields: Complex, laser: Complex, delayed: Complex, out: Complex) -> None:
+def observe(net: LightNetwork, fields: Complex, laser: Complex, delayed: Complex, out: Complex) -> None:
     """Write the observed waves in sqrt(uW)."""
     for q in range(out.size):
         total = 0.0 + 0.0j

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from .hopf_end import hopf_near
-from .path import Family, Place, on_a_good_mesh, predicted, weights
+from .path import FreeParameters, Place, on_a_good_mesh, predicted, weights
 from .start import nontrivial
 
 Array = NDArray[np.float64]
@@ -39,7 +39,7 @@ class Found(NamedTuple):
 
 
 def follow(
-    family: Family, start: Place, direction: float, low: float, high: float, most: int
+    family: FreeParameters, start: Place, direction: float, low: float, high: float, most: int
 ) -> tuple[list[Found], str]:
     """Return the cycles from ``start`` on, the parameter going in ``direction`` at first, and why the branch ends."""
     tangent = _unit(family, start, start.directions[0] * np.sign(direction * start.directions[0, -1]))
@@ -47,7 +47,7 @@ def follow(
 
 
 def follow_along(
-    family: Family, start: Place, tangent: Array, low: float, high: float, most: int
+    family: FreeParameters, start: Place, tangent: Array, low: float, high: float, most: int
 ) -> tuple[list[Found], str]:
     """`follow` with the tangent given, in the units of `weights`."""
     place, step = start, FIRST
@@ -87,7 +87,7 @@ def follow_along(
     return out, "the number of points"
 
 
-def outwards(family: Family, place: Place, direction: Array) -> Array:
+def outwards(family: FreeParameters, place: Place, direction: Array) -> Array:
     """The tangent at a place, in the units of `weights`, that goes with a ``direction``."""
     unit = weights(family, place.orbit)
     tangent = _unit(family, place, place.directions[0])
@@ -100,7 +100,7 @@ def relative_range(place: Place) -> float:
     return float(np.ptp(N) / N.max())
 
 
-def _mirrored(family: Family, place: Place, ahead: Place) -> bool:
+def _mirrored(family: FreeParameters, place: Place, ahead: Place) -> bool:
     """Whether a step led through a Hopf point, behind which the same cycles begin half a period later."""
     unit = weights(family, place.orbit)[: place.orbit.start.size]
     one, other = (unit * (q.orbit.start - _mean(q)) for q in (place, ahead))
@@ -129,17 +129,17 @@ def torus(place: Place) -> float:
     return float(np.prod(1 - mu[i] * mu[j]).real)
 
 
-def _unit(family: Family, place: Place, direction: Array) -> Array:
+def _unit(family: FreeParameters, place: Place, direction: Array) -> Array:
     """A direction in the units of `weights`, of length 1."""
     scaled = direction * weights(family, place.orbit)
     return np.asarray(scaled / np.linalg.norm(scaled))
 
 
-def _raw(family: Family, place: Place, tangent: Array) -> Array:
+def _raw(family: FreeParameters, place: Place, tangent: Array) -> Array:
     return np.asarray(tangent / weights(family, place.orbit))
 
 
-def _longest(family: Family, place: Place) -> float:
+def _longest(family: FreeParameters, place: Place) -> float:
     """The step in which no stage changes by more than `TURN`."""
     from ..kernels import orbit_mesh, orbits
 
@@ -148,14 +148,14 @@ def _longest(family: Family, place: Place) -> float:
     return min(LONGEST, TURN / max(moved, 1e-12))
 
 
-def _ahead(family: Family, place: Place, tangent: Array, step: float) -> Place | None:
+def _ahead(family: FreeParameters, place: Place, tangent: Array, step: float) -> Place | None:
     """The cycle a ``step`` along the tangent."""
     per_length = place.directions[0] * weights(family, place.orbit) @ tangent
     found = predicted(family, place, np.array([step / per_length]), tangent[None])
     return found[0] if found else None
 
 
-def _between(family: Family, place: Place, ahead: Place, tangent: Array, step: float) -> list[Found]:
+def _between(family: FreeParameters, place: Place, ahead: Place, tangent: Array, step: float) -> list[Found]:
     """What lies between two cycles, in order."""
 
     def fold(q: Place) -> float:
@@ -171,7 +171,9 @@ def _between(family: Family, place: Place, ahead: Place, tangent: Array, step: f
     return sorted(out, key=lambda f: _distance(family, place, f.place, tangent))
 
 
-def _located(family: Family, place: Place, tangent: Array, step: float, test: Callable[[Place], float]) -> Place | None:
+def _located(
+    family: FreeParameters, place: Place, tangent: Array, step: float, test: Callable[[Place], float]
+) -> Place | None:
     """The cycle within a step where ``test`` vanishes; lengths to 1e-9, by Brent's method."""
     seen: dict[float, Place] = {0.0: place}
 
@@ -195,7 +197,7 @@ def _has_a_pair(place: Place) -> bool:
     return bool(np.any((np.abs(np.abs(mu) - 1) < 1e-3) & (np.abs(mu.imag) > 1e-3)))
 
 
-def _distance(family: Family, place: Place, other: Place, tangent: Array) -> float:
+def _distance(family: FreeParameters, place: Place, other: Place, tangent: Array) -> float:
     change = np.concatenate([other.orbit.start - place.orbit.start, [other.orbit.T - place.orbit.T],
                              other.values - place.values])  # fmt: skip
     return float((change * weights(family, place.orbit)) @ tangent)

@@ -21,7 +21,7 @@ from .hopf_start import born, is_hopf_point, laser_of
 from .measures import measure
 from .orbit import problem
 from .parameters import value_of
-from .path import Family, first_place
+from .path import FreeParameters, first_place
 from .result import stability
 from .start import settled
 
@@ -91,7 +91,7 @@ def continue_cycle(
     P, nu = _laser(guess, power, detuning)
     ends = _ends(values)
     p = problem(ring, small, P, nu)
-    family = Family(p, (parameter,), np.array([ends.max() - ends.min()]))
+    family = FreeParameters(p, (parameter,), np.array([ends.max() - ends.min()]))
     here = value_of(p, parameter)
     if not ends.min() <= here <= ends.max():
         raise checks.InputError(f"values = {ends.tolist()} do not hold {here:g}, the {parameter} of the first cycle")
@@ -130,7 +130,7 @@ def _laser(guess: Any, power: float | None, detuning: float | None) -> tuple[flo
     return float(P), float(nu)
 
 
-def _dataset(family: Family, found: list[branch.Found], why: str) -> xr.Dataset:
+def _dataset(family: FreeParameters, found: list[branch.Found], why: str) -> xr.Dataset:
     """A branch in SI."""
     import xarray as xr
 

@@ -19,7 +19,7 @@ from .fold_path import follow_folds
 from .hopf_start import born, laser_of
 from .measures import measure
 from .orbit import problem
-from .path import Family, Place, corrected, weights
+from .path import FreeParameters, Place, corrected, weights
 from .start import nontrivial
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ def _folds_from(ring: RingResonator, model: Compact, seed: xr.Dataset, window: _
     """The folds on the branch of a Hopf point in detuning, as places of both parameters with the direction across."""
     p = problem(ring, model, *laser_of(seed))
     here = window.ranges(np.array([p.power, p.detuning]))
-    one = Family(p, ("detuning",), here[1:])
+    one = FreeParameters(p, ("detuning",), here[1:])
     try:
         start, tangent = born(one, seed)
     except InputError:
@@ -144,7 +144,7 @@ def _folds_from(ring: RingResonator, model: Compact, seed: xr.Dataset, window: _
     for fold in (f.place for f in found if f.kind == "fold"):
         across = fold.directions[0] * weights(one, fold.orbit)
         across = np.insert(across / np.linalg.norm(across), -1, 0.0)
-        both = Family(p, ("power", "detuning"), here)
+        both = FreeParameters(p, ("power", "detuning"), here)
         rows = np.stack([across, np.eye(across.size)[-2]])
         place = corrected(both, fold.orbit, np.array([p.power, fold.values[0]]), rows, weights(both, fold.orbit))
         if place is not None:
@@ -156,8 +156,8 @@ def _curve(ring: RingResonator, model: Compact, fold: Place, across: Array, wind
     """The curve through a fold, cut to the window."""
     base = problem(ring, model, float(fold.values[0]), float(fold.values[1]))
 
-    def family(values: Array) -> Family:
-        return Family(base, ("power", "detuning"), window.ranges(values))
+    def family(values: Array) -> FreeParameters:
+        return FreeParameters(base, ("power", "detuning"), window.ranges(values))
 
     ways = [follow_folds(family, fold, across, sign, window.inside, POINTS) for sign in (-1.0, 1.0)]
     places = [*ways[0][0][::-1], *ways[1][0][1:]]

@@ -27,7 +27,7 @@ from ..resonator import RingResonator
 from ..thermal import compact
 from .guess import from_guess
 from .measures import ENERGY, HEAT, measure
-from .orbit import Orbit, Problem, problem, settle
+from .orbit import CycleProblem, Orbit, problem, settle
 from .parameters import parameter_names, slope, value_of
 from .scheme import scheme
 from .start import settled
@@ -107,7 +107,7 @@ def cycle_derivatives(
     return xr.Dataset(variables, coords={"parameter": names}, attrs=attrs)
 
 
-def _differentiable(p: Problem, name: str) -> bool:
+def _differentiable(p: CycleProblem, name: str) -> bool:
     """Whether a number has a step for differences."""
     try:
         slope(p, name, np.zeros((1, p.units.size)))
@@ -116,7 +116,7 @@ def _differentiable(p: Problem, name: str) -> bool:
     return True
 
 
-def derivatives(p: Problem, orbit: Orbit, names: Sequence[str]) -> Array:
+def derivatives(p: CycleProblem, orbit: Orbit, names: Sequence[str]) -> Array:
     """Return d(period in s, duty, swing in K, extinction in dB)/d(parameter in SI), shape (parameters, 4)."""
     from ..kernels import orbit_mesh, orbits
 
@@ -145,7 +145,7 @@ def derivatives(p: Problem, orbit: Orbit, names: Sequence[str]) -> Array:
     return out
 
 
-def _values(p: Problem, orbit: Orbit, at: Array) -> Array:
+def _values(p: CycleProblem, orbit: Orbit, at: Array) -> Array:
     """U and dT (columns ENERGY and HEAT) at fractions of the period, in any order."""
     from ..kernels import orbit_mesh
 
@@ -155,12 +155,12 @@ def _values(p: Problem, orbit: Orbit, at: Array) -> Array:
     return out
 
 
-def _slopes(p: Problem, orbit: Orbit, at: Array) -> Array:
+def _slopes(p: CycleProblem, orbit: Orbit, at: Array) -> Array:
     """Their derivatives by the fraction, of the polynomials: the equations magnify an error of the field by 1e3."""
     return np.asarray((_values(p, orbit, at + BIT) - _values(p, orbit, at - BIT)) / (2 * BIT))
 
 
-def _turns(p: Problem, orbit: Orbit, at: Array) -> Array:
+def _turns(p: CycleProblem, orbit: Orbit, at: Array) -> Array:
     """The extremes of U (two) and dT (two) moved to those of the polynomials, by Newton's method."""
     at = at.copy()
     column = np.array([ENERGY, ENERGY, HEAT, HEAT])
@@ -171,7 +171,7 @@ def _turns(p: Problem, orbit: Orbit, at: Array) -> Array:
     return np.asarray(np.clip(at, SMALL, 1 - SMALL))
 
 
-def _rise(p: Problem, states: Array, moved: Array) -> Array:
+def _rise(p: CycleProblem, states: Array, moved: Array) -> Array:
     """Changes of dT with those of the states."""
     thermal: Any = p.at.thermal
     if isinstance(p.model, Quadratic):

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from .branch import relative_range
 from .orbit import CLOSE_ENOUGH, Orbit
-from .path import Family, Place, on_a_good_mesh, one_step, weights
+from .path import FreeParameters, Place, on_a_good_mesh, one_step, weights
 
 Array = NDArray[np.float64]
 
@@ -43,8 +43,8 @@ class _Frame(NamedTuple):
 
 
 def follow_folds(
-    family: Callable[[Array], Family], start: Place, across: Array, sign: float, inside: Callable[[Array], bool],
-    most: int,
+    family: Callable[[Array], FreeParameters], start: Place, across: Array, sign: float,
+    inside: Callable[[Array], bool], most: int,
 ) -> tuple[list[Place], str]:  # fmt: skip
     """Return folds from ``start`` on, and why the curve ends.
 
@@ -82,7 +82,7 @@ def follow_folds(
     return out, "the number of points"
 
 
-def _framed(family: Family, place: Place, along: Array | None, across: Array) -> _Frame:
+def _framed(family: FreeParameters, place: Place, along: Array | None, across: Array) -> _Frame:
     """Orthonormal directions in the tangent plane: across the curve, and along it."""
     plane = place.directions * weights(family, place.orbit)
     q, _ = np.linalg.qr(plane.T)
@@ -99,7 +99,7 @@ def _framed(family: Family, place: Place, along: Array | None, across: Array) ->
     return _Frame(place, t, n / np.linalg.norm(n), 0.0)
 
 
-def _longest(family: Family, frame: _Frame) -> float:
+def _longest(family: FreeParameters, frame: _Frame) -> float:
     """The step in which no stage changes by more than `TURN`."""
     from ..kernels import orbit_mesh, orbits
 
@@ -108,13 +108,13 @@ def _longest(family: Family, frame: _Frame) -> float:
     return float(min(LONGEST, TURN / max(orbits.moved(change, size), 1e-12)))
 
 
-def _coefficients(family: Family, place: Place, direction: Array) -> Array:
+def _coefficients(family: FreeParameters, place: Place, direction: Array) -> Array:
     """A direction in the tangent plane by the directions of a place."""
     plane = place.directions * weights(family, place.orbit)
     return np.asarray(np.linalg.lstsq(plane.T, direction, rcond=None)[0])
 
 
-def _next(family: Family, frame: _Frame, step: float) -> tuple[Place, float, int] | None:
+def _next(family: FreeParameters, frame: _Frame, step: float) -> tuple[Place, float, int] | None:
     """The fold a ``step`` along the curve, dg by the distance across, and how many steps it took."""
     place, unit, m = frame.place, weights(family, frame.place.orbit), frame.place.orbit.start.size
     rows = np.stack([frame.along, frame.across])

@@ -11,14 +11,14 @@ from thermofem.checks import InputError
 
 from ..states import State, starting_point
 from .hopf_start import is_hopf_point, near_hopf
-from .orbit import Orbit, Problem, settle, shoot
+from .orbit import CycleProblem, Orbit, settle, shoot
 from .scheme import scheme
 from .start import Settled, settled
 
 Array = NDArray[np.float64]
 
 
-def from_guess(p: Problem, guess: Any) -> Settled:
+def from_guess(p: CycleProblem, guess: Any) -> Settled:
     """Return the cycle near a guess; InputError where there is none."""
     if isinstance(guess, State):
         return settled(p, starting_point(guess, p.units.size - 3).as_array() / p.units, "the guess")
@@ -45,7 +45,7 @@ def from_guess(p: Problem, guess: Any) -> Settled:
     )
 
 
-def near(p: Problem, trial: Orbit, pulses: int) -> Settled | None:
+def near(p: CycleProblem, trial: Orbit, pulses: int) -> Settled | None:
     """The cycle near a trial orbit: on its mesh, or else along traces from its beginning."""
     found = settle(p, trial) or shoot(p, trial.start, trial.T, pulses)
     if found is None or np.ptp(found.Y[:, :, 2]) <= 1e-5 * found.Y[:, :, 2].max():
@@ -53,7 +53,7 @@ def near(p: Problem, trial: Orbit, pulses: int) -> Settled | None:
     return Settled(found, pulses)
 
 
-def trial_of(p: Problem, cycle: Any) -> Orbit:
+def trial_of(p: CycleProblem, cycle: Any) -> Orbit:
     """Another cycle as a trial orbit; heat of another model is at its own periodic state under the power absorbed."""
     states = np.asarray(cycle["states"].values, dtype=float)
     tau = np.asarray(cycle.attrs["mesh"], dtype=float)

@@ -11,13 +11,13 @@ from scipy.linalg import expm
 from scipy.optimize import newton
 
 from .orbit import Orbit
-from .path import Family, Place
+from .path import FreeParameters, Place
 from .scheme import scheme
 
 Array = NDArray[np.float64]
 
 
-def hopf_near(family: Family, place: Place) -> Place | None:
+def hopf_near(family: FreeParameters, place: Place) -> Place | None:
     """The Hopf point near a small cycle of a family with one parameter; None where there is none."""
     omega, mean = 2 * np.pi / place.orbit.T, _mean_energy(place.orbit)
     start = float(place.values[0])
@@ -45,7 +45,7 @@ def _mean_energy(orbit: Orbit) -> float:
     return float((weight * (orbit.Y[:, :, 0] ** 2 + orbit.Y[:, :, 1] ** 2)).sum())
 
 
-def _pair(family: Family, value: float, energy: float, omega: float) -> tuple[Array, complex, Array]:
+def _pair(family: FreeParameters, value: float, energy: float, omega: float) -> tuple[Array, complex, Array]:
     """The fixed point nearest to an energy, its eigenvalue nearest to i omega, and its Jacobian."""
     from ..equilibria import balance, spectrum
     from ..equilibria.steady import absorbable, internal

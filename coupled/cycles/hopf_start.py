@@ -18,9 +18,9 @@ from thermofem.checks import InputError
 
 from .branch import follow, follow_along, outwards, relative_range
 from .hopf_end import turned
-from .orbit import FEWEST, Orbit, Problem
+from .orbit import FEWEST, CycleProblem, Orbit
 from .parameters import LASER, under_laser, value_of
-from .path import Family, Place, corrected, first_place, weights
+from .path import FreeParameters, Place, corrected, first_place, weights
 from .scheme import scheme
 
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ def laser_of(guess: Any) -> tuple[float, float]:
     return float(guess["power"]), float(guess["detuning"])
 
 
-def hopf_point(p: Problem, guess: Any) -> HopfPoint:
+def hopf_point(p: CycleProblem, guess: Any) -> HopfPoint:
     """The Hopf point of a problem that a point of a Hopf curve names by its energy and frequency."""
     from ..equilibria import balance, spectrum
     from ..equilibria.steady import absorbable, internal
@@ -71,7 +71,7 @@ def hopf_point(p: Problem, guess: Any) -> HopfPoint:
     return HopfPoint(y, vectors[:, k] * y[2] / vectors[2, k], omega)
 
 
-def small_cycle(p: Problem, point: HopfPoint, r: float) -> Orbit:
+def small_cycle(p: CycleProblem, point: HopfPoint, r: float) -> Orbit:
     """The ellipse of relative amplitude ``r``, as a trial orbit."""
     from ..kernels import orbit_mesh
 
@@ -83,7 +83,7 @@ def small_cycle(p: Problem, point: HopfPoint, r: float) -> Orbit:
     return Orbit(states[0].copy(), Y, tau, 2 * np.pi / point.omega, np.empty((0, 0)), np.inf)
 
 
-def born(family: Family, guess: Any) -> tuple[Place, Array]:
+def born(family: FreeParameters, guess: Any) -> tuple[Place, Array]:
     """A small cycle of a family beside a Hopf point, and the tangent of its branch away from it."""
     p, own = family.base, laser_of(guess)
     point = hopf_point(p if (p.power, p.detuning) == own else under_laser(p, *own), guess)
@@ -99,7 +99,7 @@ def born(family: Family, guess: Any) -> tuple[Place, Array]:
     raise InputError("no small cycle was found at the Hopf point given as guess: Newton's method finds none")
 
 
-def near_hopf(p: Problem, guess: Any) -> Orbit:
+def near_hopf(p: CycleProblem, guess: Any) -> Orbit:
     """The cycle of a problem, along the branch from a Hopf point under another power or detuning."""
     own = dict(zip(LASER, laser_of(guess), strict=True))
     wanted = {"power": p.power, "detuning": p.detuning}
@@ -110,7 +110,7 @@ def near_hopf(p: Problem, guess: Any) -> Orbit:
     for name in names:
         ends = sorted((own[name], wanted[name]))
         span = ends[1] - ends[0]
-        family = Family(base, (name,), np.array([span]))
+        family = FreeParameters(base, (name,), np.array([span]))
         low, high = (ends[0], ends[1] + span) if wanted[name] < own[name] else (ends[0] - span, ends[1])
         if place is None:
             start, tangent = born(family, guess)

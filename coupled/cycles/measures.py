@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..pulsing import DUTY_LEVEL
-from .orbit import Orbit, Problem
+from .orbit import CycleProblem, Orbit
 from .scheme import scheme
 
 Array = NDArray[np.float64]
@@ -38,7 +38,7 @@ class Measures(NamedTuple):
     extremes: Array  # where U is lowest and highest, where dT is
 
 
-def measure(p: Problem, orbit: Orbit) -> Measures:
+def measure(p: CycleProblem, orbit: Orbit) -> Measures:
     """Measure an orbit."""
     grid = np.append(_fine(orbit), 1.0)
     seen = _look(p, orbit, grid)
@@ -65,13 +65,15 @@ def _fine(orbit: Orbit) -> Array:
     return np.asarray((orbit.tau[:-1, None] + np.diff(orbit.tau)[:, None] * parts).ravel())
 
 
-def _look(p: Problem, orbit: Orbit, at: Array) -> Array:
+def _look(p: CycleProblem, orbit: Orbit, at: Array) -> Array:
     from ..kernels import orbit_mesh
 
     return np.asarray(orbit_mesh.look(orbit.start, orbit.Y, orbit.tau, p.at, scheme(), at))
 
 
-def _extremes(p: Problem, orbit: Orbit, grid: Array, seen: Array, column: int) -> tuple[float, float, float, float]:
+def _extremes(
+    p: CycleProblem, orbit: Orbit, grid: Array, seen: Array, column: int
+) -> tuple[float, float, float, float]:
     """Where a column is lowest, its value there, where it is highest, and that value."""
     at = np.concatenate([[0.0], _passes(p, orbit, grid, seen, column + 1, 0.0)])
     values = _look(p, orbit, at)[:, column]
@@ -79,7 +81,7 @@ def _extremes(p: Problem, orbit: Orbit, grid: Array, seen: Array, column: int) -
     return float(at[low]), float(values[low]), float(at[high]), float(values[high])
 
 
-def _passes(p: Problem, orbit: Orbit, grid: Array, seen: Array, column: int, level: float) -> Array:
+def _passes(p: CycleProblem, orbit: Orbit, grid: Array, seen: Array, column: int, level: float) -> Array:
     """Where a column passes ``level``."""
     from ..kernels import orbit_mesh
 

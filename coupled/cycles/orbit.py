@@ -31,7 +31,7 @@ LARGEST_CHANGE = 0.3  # of the largest heat, in a step along a trace
 NO_TIMES = np.empty(0)
 
 
-class Problem(NamedTuple):
+class CycleProblem(NamedTuple):
     """One ring, heat and laser, in the units of the compiled code."""
 
     at: Ring
@@ -60,7 +60,7 @@ class Orbit(NamedTuple):
         return np.asarray(found[np.argsort(-np.abs(found))])
 
 
-def problem(ring: RingResonator, model: Compact, power: float, detuning: float) -> Problem:
+def problem(ring: RingResonator, model: Compact, power: float, detuning: float) -> CycleProblem:
     """Return ring, heat (`thermal.compact`) and laser in internal units."""
     from ..kernels import equations as eq
 
@@ -69,10 +69,10 @@ def problem(ring: RingResonator, model: Compact, power: float, detuning: float) 
     thermal = eq.internal_thermal(model)
     at = Ring(drive, eq.internal_detuning(detuning), rates, fcd, thermal)
     floor = window.floor_of(rates, drive, model.thermal_resistance * eq.UW)
-    return Problem(at, floor, window.units(thermal.order), ring, model, power, detuning)
+    return CycleProblem(at, floor, window.units(thermal.order), ring, model, power, detuning)
 
 
-def run(p: Problem, y: Array, duration: float, level: float = np.inf) -> tuple[Array, Array, bool]:
+def run(p: CycleProblem, y: Array, duration: float, level: float = np.inf) -> tuple[Array, Array, bool]:
     """Integrate over ``duration`` in ns, or until the carriers rise through ``level``.
 
     Returns rows (t, Re a, Im a, N, dT) at the accepted steps, the state at the end, and whether the level was met.
@@ -89,7 +89,7 @@ def run(p: Problem, y: Array, duration: float, level: float = np.inf) -> tuple[A
     return rows, end, bool(counts[2] == rosenbrock.EVENT)
 
 
-def around(p: Problem, y: Array, T: float, pulses: int) -> tuple[Array, Array] | None:
+def around(p: CycleProblem, y: Array, T: float, pulses: int) -> tuple[Array, Array] | None:
     """Integrate until the carriers have risen ``pulses`` times through their value in ``y``; rows, and the end."""
     parts: list[Array] = []
     level = float(y[2])
@@ -106,7 +106,7 @@ def around(p: Problem, y: Array, T: float, pulses: int) -> tuple[Array, Array] |
 
 
 def shoot(
-    p: Problem, y: Array, T: float, pulses: int = 1, error: float = POLYNOMIAL, shots: int = SHOTS
+    p: CycleProblem, y: Array, T: float, pulses: int = 1, error: float = POLYNOMIAL, shots: int = SHOTS
 ) -> Orbit | None:
     """Close an orbit from a state on it whose carriers rise, near ``T`` ns; None where Newton's method finds none.
 
@@ -137,7 +137,7 @@ def shoot(
     return None
 
 
-def settle(p: Problem, trial: Orbit, error: float = POLYNOMIAL) -> Orbit | None:
+def settle(p: CycleProblem, trial: Orbit, error: float = POLYNOMIAL) -> Orbit | None:
     """Close a trial orbit on its mesh, and on finer ones until the polynomials between the stages err by ``error``."""
     from ..kernels import orbits
 

@@ -14,7 +14,7 @@ from ..arguments import check_power
 from ..resonator import RingResonator
 from ..thermal import Compact
 from ..unknowns import LIFETIMES, optical_names, varied
-from .orbit import Problem, problem
+from .orbit import CycleProblem, problem
 
 Array = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ def parameter_names(ring: RingResonator, model: Compact) -> list[str]:
     return [*LASER, *own, *shifts, *poles]
 
 
-def value_of(p: Problem, name: str) -> float:
+def value_of(p: CycleProblem, name: str) -> float:
     """Return a number of a problem, in SI."""
     checks.choice("a parameter", name, parameter_names(p.ring, p.model))
     if name in LASER:
@@ -45,7 +45,7 @@ def value_of(p: Problem, name: str) -> float:
     return float(getattr(p.ring if hasattr(p.ring, name) else p.ring.carriers, name))
 
 
-def changed(p: Problem, name: str, value: float) -> Problem:
+def changed(p: CycleProblem, name: str, value: float) -> CycleProblem:
     """Return the problem with another value of a number."""
     ring, model, laser = p.ring, p.model, {"power": p.power, "detuning": p.detuning}
     kind, number = _pole(name)
@@ -61,7 +61,7 @@ def changed(p: Problem, name: str, value: float) -> Problem:
     return problem(ring, model, **laser)
 
 
-def slope(p: Problem, name: str, states: Array) -> Array:
+def slope(p: CycleProblem, name: str, states: Array) -> Array:
     """Return d(dy/dt)/d(parameter) at ``states``, shape (.., m), in internal units over SI, by differences."""
     if name in LASER:
         return _by_laser(p, name, states)
@@ -76,7 +76,7 @@ def slope(p: Problem, name: str, states: Array) -> Array:
     return np.asarray((4 * ends[0] - ends[1] - 3 * _flows(p, states)) / (2 * h))
 
 
-def under_laser(p: Problem, power: float, detuning: float) -> Problem:
+def under_laser(p: CycleProblem, power: float, detuning: float) -> CycleProblem:
     """The same ring and heat under another laser."""
     from ..kernels import equations as eq
 
@@ -86,7 +86,7 @@ def under_laser(p: Problem, power: float, detuning: float) -> Problem:
     return p._replace(at=at, floor=floor, power=power, detuning=detuning)
 
 
-def _by_laser(p: Problem, name: str, states: Array) -> Array:
+def _by_laser(p: CycleProblem, name: str, states: Array) -> Array:
     """`slope` for power and detuning: da/dt holds i drive - i detuning a."""
     from ..kernels import equations as eq
 
@@ -99,7 +99,7 @@ def _by_laser(p: Problem, name: str, states: Array) -> Array:
     return out
 
 
-def _flows(p: Problem, states: Array) -> Array:
+def _flows(p: CycleProblem, states: Array) -> Array:
     from ..kernels import orbits
 
     return np.asarray(orbits.flows(np.ascontiguousarray(states), p.at))

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .orbit import CLOSE_ENOUGH, POLYNOMIAL, SLACK, Orbit, Problem, remeshed
+from .orbit import CLOSE_ENOUGH, POLYNOMIAL, SLACK, CycleProblem, Orbit, remeshed
 from .parameters import changed, slope, value_of
 from .scheme import scheme
 
@@ -24,14 +24,14 @@ MOST_STEPS = 7  # of Newton's method
 FARTHEST = 0.5  # of the largest values, the first of them
 
 
-class Family(NamedTuple):
+class FreeParameters(NamedTuple):
     """A ring whose named numbers are free, and the ranges in whose units they are measured."""
 
-    base: Problem
+    base: CycleProblem
     names: tuple[str, ...]
     ranges: Array  # in SI
 
-    def at(self, values: Array) -> Problem:
+    def at(self, values: Array) -> CycleProblem:
         """The ring with other values, in SI."""
         p = self.base
         for name, value in zip(self.names, values, strict=True):
@@ -49,7 +49,7 @@ class Place(NamedTuple):
     steps: int  # of Newton's method that led here
 
 
-def weights(family: Family, orbit: Orbit) -> Array:
+def weights(family: FreeParameters, orbit: Orbit) -> Array:
     """The factors that make the unknowns (y_0, T, q) comparable."""
     from ..kernels import orbit_mesh
 
@@ -59,7 +59,7 @@ def weights(family: Family, orbit: Orbit) -> Array:
     return np.concatenate([1 / own, [1 / orbit.T], 1 / family.ranges])
 
 
-def predicted(family: Family, place: Place, along: Array, rows: Array) -> tuple[Place, Array] | None:
+def predicted(family: FreeParameters, place: Place, along: Array, rows: Array) -> tuple[Place, Array] | None:
     """Correct the prediction ``along`` (coefficients of the directions, shape (q,)) on the plane of ``rows``."""
     unit = weights(family, place.orbit)
     move = along @ place.directions
@@ -73,7 +73,7 @@ def predicted(family: Family, place: Place, along: Array, rows: Array) -> tuple[
 
 
 def corrected(
-    family: Family, orbit: Orbit, values: Array, rows: Array, unit: Array, tolerance: float = CLOSE_ENOUGH
+    family: FreeParameters, orbit: Orbit, values: Array, rows: Array, unit: Array, tolerance: float = CLOSE_ENOUGH
 ) -> tuple[Place, Array] | None:
     """Close a trial orbit with rows . (x - trial) = 0; return it, its return map with columns, or None."""
     x = np.concatenate([orbit.start, [orbit.T], values])
@@ -96,7 +96,7 @@ def corrected(
     return None
 
 
-def one_step(family: Family, orbit: Orbit, values: Array, rows: Array, unit: Array, target: Array):  # type: ignore[no-untyped-def]
+def one_step(family: FreeParameters, orbit: Orbit, values: Array, rows: Array, unit: Array, target: Array):  # type: ignore[no-untyped-def]
     """One step of Newton's method to V dx = ``target``, and the directions W; None where there is no step."""
     from ..kernels import orbit_mesh, orbits
 
@@ -119,7 +119,7 @@ def one_step(family: Family, orbit: Orbit, values: Array, rows: Array, unit: Arr
     return changes[0], Y - orbit.Y + stages[0], changes[1:], stages[1:], M, move
 
 
-def on_a_good_mesh(family: Family, place: Place, rows: Array, error: float = POLYNOMIAL) -> Place | None:
+def on_a_good_mesh(family: FreeParameters, place: Place, rows: Array, error: float = POLYNOMIAL) -> Place | None:
     """The same cycle on a mesh that is fine enough, and not far finer."""
     unit = error ** (1 / (scheme().c.size + 1))
     for _ in range(4):
@@ -134,7 +134,7 @@ def on_a_good_mesh(family: Family, place: Place, rows: Array, error: float = POL
     return place
 
 
-def first_place(family: Family, orbit: Orbit, rows: Array | None = None) -> Place | None:
+def first_place(family: FreeParameters, orbit: Orbit, rows: Array | None = None) -> Place | None:
     """A closed orbit as a place of the family; ``rows`` by default hold the parameters."""
     m, q = orbit.start.size, len(family.names)
     values = np.array([value_of(family.base, name) for name in family.names])

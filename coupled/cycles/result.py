@@ -11,7 +11,7 @@ from thermofem import dataset
 
 from ..equilibria.steady import provenance
 from .measures import measure
-from .orbit import Orbit, Problem
+from .orbit import CycleProblem, Orbit
 from .scheme import scheme
 from .start import Settled, nontrivial
 
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 UNSTABLE = 1 + 1e-9  # of a multiplier; they are exact to a few 1e-10
 
 
-def dataset_of(p: Problem, found: Settled) -> xr.Dataset:
+def dataset_of(p: CycleProblem, found: Settled) -> xr.Dataset:
     """Return what `limit_cycle` returns."""
     import xarray as xr
 
@@ -60,7 +60,7 @@ def dataset_of(p: Problem, found: Settled) -> xr.Dataset:
     return xr.Dataset(variables, coords={"time": time}, attrs=attrs)
 
 
-def _numbers(p: Problem, found: Settled) -> dict[str, Any]:
+def _numbers(p: CycleProblem, found: Settled) -> dict[str, Any]:
     """Period, what is measured on the cycle, and its stability in words."""
     orbit, measured = found.orbit, measure(p, found.orbit)
     period = orbit.T * 1e-9

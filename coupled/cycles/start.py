@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from thermofem.checks import InputError
 
 from ..pulsing import crossings
-from .orbit import POLYNOMIAL, Orbit, Problem, run, shoot
+from .orbit import POLYNOMIAL, CycleProblem, Orbit, run, shoot
 
 Array = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ class Settled(NamedTuple):
 
 
 def settled(
-    p: Problem,
+    p: CycleProblem,
     y: Array,
     begin: str = "a cold ring",
     points: Array | None = None,
@@ -101,7 +101,7 @@ def _spread(values: Array) -> float:
     return float(np.ptp(values)) if values.size else 0.0
 
 
-def _close(p: Problem, y: Array, T: float, level: float, error: float) -> tuple[Settled | None, str]:
+def _close(p: CycleProblem, y: Array, T: float, level: float, error: float) -> tuple[Settled | None, str]:
     """The stable cycle near a trace that pulses every ``T`` ns through ``level``, of one pulse or a few; or why not."""
     _, y, met = run(p, y, 4 * T, level)
     if not met:
@@ -138,12 +138,12 @@ def _range(orbit: Orbit) -> float:
     return float(np.ptp(orbit.Y[:, :, 2]))
 
 
-def _slowest(p: Problem) -> float:
+def _slowest(p: CycleProblem) -> float:
     """The slowest time constant of heat in ns."""
     return float(1 / p.at.thermal.slowest)
 
 
-def stable_points(p: Problem, at: Any = None) -> Array:
+def stable_points(p: CycleProblem, at: Any = None) -> Array:
     """The stable fixed points, rows (U, N, dT) in internal units; ``at`` as `equilibria.steady.internal` returns it."""
     from ..equilibria import balance, spectrum
     from ..equilibria.steady import absorbable, internal, kind_of

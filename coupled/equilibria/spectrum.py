@@ -6,8 +6,8 @@ The phase of the field does not matter, so a = sqrt(U). A perturbation exp(lambd
                 - D [beta + kerr (lambda + rho) + G(lambda) (heat (lambda + rho) + cross)] = 0
     G = sum_i gain_i/(lambda + rate_i)
     made = 4 g U^2,   alpha = fca made,   beta = S'(N) made,   rho = d(N/tau)/dN
-    heat = 4 thermal_shift lift (absorbed + fca N + 2 tpa U) U,     cross = 2 thermal_shift lift fca U made
-    lift = d(dT)/dz = 1 + 2 curvature z,                            kerr = 2 U times the Kerr shift of unit energy
+    heat = 4 thermal_shift slope (absorbed + fca N + 2 tpa U) U,     cross = 2 thermal_shift slope fca U made
+    slope = d(dT)/dz = 1 + 2 curvature z,                              kerr = 2 U times the Kerr shift of unit energy
 
 E times the product of all (lambda + rate_i) is the characteristic polynomial, of degree 3 + n. All its zeros are found
 at once, from those of a neighbour, and checked by their sum, which is the trace.
@@ -57,8 +57,8 @@ def secular(U: float, rates: Rates, fcd: Array, static: Any) -> Secular:
     saturation = 1.0 + rates.a * N
     rho = (1.0 + rates.b * N * (2.0 + rates.a * N)) / (rates.tau0 * saturation * saturation)
     made = 4.0 * rates.g * U * U
-    lift = bend(absorbed_power(U, N, rates), static)
-    heat = lift * 4.0 * rates.thermal_shift * (rates.absorbed + rates.fca * N + 2.0 * rates.tpa * U) * U
+    slope = bend(absorbed_power(U, N, rates), static)
+    heat = slope * 4.0 * rates.thermal_shift * (rates.absorbed + rates.fca * N + 2.0 * rates.tpa * U) * U
     return Secular(
         at.gamma,
         at.gamma + 2.0 * rates.tpa * U,
@@ -66,7 +66,7 @@ def secular(U: float, rates: Rates, fcd: Array, static: Any) -> Secular:
         rates.fca * made,
         dispersion(N, fcd)[1] * made,
         heat,
-        lift * 2.0 * rates.thermal_shift * rates.fca * U * made,
+        slope * 2.0 * rates.thermal_shift * rates.fca * U * made,
         2.0 * rates.kerr * U,
     )
 

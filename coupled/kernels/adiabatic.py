@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from . import equations, kinds
 from .compiling import compiled, forget_if_older, inlined
 from .equations import Array, Rates, absorbed_power, dispersion
-from .kinds import flow, lift, read
-from .laser import Laser, power_and_detuning
+from .kinds import flow, read, rise_of
+from .laser import LaserPieces, power_and_detuning
 from .rosenbrock import DONE, STEP_TOO_SMALL, STOPPED, TOO_MANY_STEPS
 
 A = np.array(
@@ -45,7 +45,7 @@ BETWEEN = 4  # rows for every accepted step: light turns faster than the carrier
 def field(y: Array, power: float, detuning: float, U: float, rates: Rates, fcd: Array, thermal: Any) -> Array:
     """Return Re a, Im a and U at rest in given carriers and heat, from a guess of U; ``power`` is the squared drive."""
     N = y[2]
-    own, D0 = rates.loss + rates.fca * N, -rates.thermal_shift * lift(read(y, thermal), thermal)[0] - detuning
+    own, D0 = rates.loss + rates.fca * N, -rates.thermal_shift * rise_of(read(y, thermal), thermal)[0] - detuning
     D0 -= dispersion(N, fcd)[0]
     U = max(U, 1e-30)
     for _ in range(60):
@@ -74,7 +74,7 @@ def _slopes(
 
 @compiled
 def integrate(
-    y: Array, laser: Laser, rates: Rates, fcd: Array, thermal: Any, rtol: float, floor: Array, times: Array,
+    y: Array, laser: LaserPieces, rates: Rates, fcd: Array, thermal: Any, rtol: float, floor: Array, times: Array,
     max_steps: int, watch: Array,
 ) -> tuple[Array, Array, float, NDArray[np.int64]]:  # fmt: skip
     """Integrate carriers and heat from ``y`` through every piece of ``laser``; as `rosenbrock.integrate`.
@@ -98,7 +98,7 @@ def integrate(
             row = filled
             filled += 1
             rows[row, 0], rows[row, 1], rows[row, 2] = t, a[0], a[1]
-            rows[row, 3], rows[row, 4] = y[2], lift(read(y, thermal), thermal)[0]
+            rows[row, 3], rows[row, 4] = y[2], rise_of(read(y, thermal), thermal)[0]
         while t < stop:
             if accepted + rejected >= max_steps or watch[0] > 0.0:
                 ended = STOPPED if watch[0] > 0.0 else TOO_MANY_STEPS
@@ -151,7 +151,7 @@ def integrate(
                 power, detuning = power_and_detuning(laser, piece, row_time - begin)
                 a = field(at, power, detuning, U_stage, rates, fcd, thermal)
                 rows[filled, 0], rows[filled, 1], rows[filled, 2] = row_time, a[0], a[1]
-                rows[filled, 3], rows[filled, 4] = at[2], lift(read(at, thermal), thermal)[0]
+                rows[filled, 3], rows[filled, 4] = at[2], rise_of(read(at, thermal), thermal)[0]
                 filled += 1
             t, U = t_new, U_stage
             y, out = out, y
@@ -160,7 +160,7 @@ def integrate(
                 power, detuning = power_and_detuning(laser, piece, t - begin)
                 a = field(y, power, detuning, U, rates, fcd, thermal)
                 rows[filled, 0], rows[filled, 1], rows[filled, 2] = t, a[0], a[1]
-                rows[filled, 3], rows[filled, 4] = y[2], lift(z_new, thermal)[0]
+                rows[filled, 3], rows[filled, 4] = y[2], rise_of(z_new, thermal)[0]
                 filled += 1
             h *= max(0.2, min(5.0, 0.9 * max(error, 1e-8) ** -0.2))
     a = field(y, power, detuning, U, rates, fcd, thermal)

@@ -25,7 +25,7 @@ from . import algebra, equations, kinds, quadratic
 from .algebra import eliminate
 from .compiling import compiled, forget_if_older
 from .equations import Array, Rates, dispersion, optics, optics_jacobian
-from .kinds import lift
+from .kinds import rise_of
 
 Complex = NDArray[np.complex128]
 
@@ -173,7 +173,7 @@ def network_pass(start: Array, Y: Array, tau: Array, T: float, ring: Ring, schem
             z = 0.0
             for q in range(modes):
                 z += (c_back[j, q] * (one[q] * xs[q] + h * lam[q] * gs[q] * P_hat[q])).real
-            dT, dT_slope = lift(z, ring.thermal)
+            dT, dT_slope = rise_of(z, ring.thermal)
             ar, ai, N = Y[k, j, 0], Y[k, j, 1], Y[k, j, 2]
             shift, slope = dispersion(N, ring.fcd)
             f[j, 0], f[j, 1], f[j, 2], _ = optics(ar, ai, N, dT, shift, ring.drive, ring.detuning, ring.rates)

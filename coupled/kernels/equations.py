@@ -30,7 +30,7 @@ from thermofem import Foster, OutputMap
 
 from . import kinds
 from .compiling import compiled, forget_if_older, inlined
-from .kinds import flow, lift, read, spread
+from .kinds import flow, read, rise_of, spread
 
 if TYPE_CHECKING:
     from ..resonator import RingResonator
@@ -88,7 +88,7 @@ def internal_thermal(model: Compact) -> Thermal:
     A, H, G, B, C = (np.ascontiguousarray(getattr(model, name), dtype=float) for name in "AHGBC")
     static = np.linalg.solve(A, B)
     weight = np.where(C != 0, np.abs(C), np.abs(C @ static) / np.abs(static).max())
-    return kinds.Quadratic(A * NS, H * NS, G * FJ, B * FJ, C, weight)
+    return kinds.QuadraticHeat(A * NS, H * NS, G * FJ, B * FJ, C, weight)
 
 
 def _poles(model: Foster) -> Array:
@@ -175,7 +175,7 @@ def optics_jacobian(
 def right_hand_side(y: Array, drive: float, detuning: float, rates: Rates, fcd: Array, thermal: Any) -> Array:
     """Return dy/dt, shape (3 + n,); ``thermal`` is one of the `kinds`."""
     out, shift = np.empty_like(y), dispersion(y[2], fcd)[0]
-    dT = lift(read(y, thermal), thermal)[0]
+    dT = rise_of(read(y, thermal), thermal)[0]
     out[0], out[1], out[2], heat = optics(y[0], y[1], y[2], dT, shift, drive, detuning, rates)
     flow(y, heat, thermal, out)
     return out
@@ -185,7 +185,7 @@ def right_hand_side(y: Array, drive: float, detuning: float, rates: Rates, fcd: 
 def jacobian(y: Array, detuning: float, rates: Rates, fcd: Array, thermal: Any) -> Array:
     """Return d(dy/dt)/dy, shape (3 + n, 3 + n), for the same kinds."""
     shift, slope = dispersion(y[2], fcd)
-    dT = lift(read(y, thermal), thermal)[0]
+    dT = rise_of(read(y, thermal), thermal)[0]
     J = optics_jacobian(y[0], y[1], y[2], dT, shift, slope, detuning, rates)
     out = np.zeros((y.size, y.size))
     for i in range(3):

@@ -52,7 +52,7 @@ class Poles(NamedTuple):
         return total
 
 
-class Quadratic(NamedTuple):
+class QuadraticHeat(NamedTuple):
     """A quadratic model in internal units."""
 
     A: Array  # 1/ns
@@ -72,7 +72,7 @@ class Quadratic(NamedTuple):
         """Rate of the slowest decay at rest in 1/ns."""
         return float(-np.linalg.eigvals(self.A).real.max())
 
-    def without_idle_poles(self) -> Quadratic:
+    def without_idle_poles(self) -> QuadraticHeat:
         """The system itself."""
         return self
 
@@ -107,7 +107,7 @@ class Curve(NamedTuple):
     slope: Array  # those of df/dx, x = 2 P/top - 1
 
 
-Thermal = Poles | Quadratic
+Thermal = Poles | QuadraticHeat
 SHARES, NEWTON_STEPS = 8, 12  # of the power, one after the other, and to each
 ROUGH, TINY = 1e-2, 1e-300
 OPTIONS = {"error_model": "numpy", "fastmath": {"contract", "reassoc", "nsz", "arcp"}}
@@ -115,14 +115,14 @@ OPTIONS = {"error_model": "numpy", "fastmath": {"contract", "reassoc", "nsz", "a
 
 def chosen(thermal: Any, poles: Body, quadratic: Body) -> Body:
     """Return the body for the kind of ``thermal``, a Numba type."""
-    return quadratic if thermal.instance_class in (Quadratic, Curve) else poles
+    return quadratic if thermal.instance_class in (QuadraticHeat, Curve) else poles
 
 
 def read(y: Array, thermal: Any) -> Any:
     """Return z at a state."""
 
 
-def lift(z: float, thermal: Any) -> Any:
+def rise_of(z: float, thermal: Any) -> Any:
     """Return dT and d(dT)/dz at ``z``."""
 
 
@@ -163,8 +163,8 @@ def _read(y: Any, thermal: Any) -> Body:
     return chosen(thermal, poles, quadratic)
 
 
-@overload(lift, jit_options=OPTIONS, strict=False)
-def _lift(z: Any, thermal: Any) -> Body:
+@overload(rise_of, jit_options=OPTIONS, strict=False)
+def _rise_of(z: Any, thermal: Any) -> Body:
     def poles(z: float, thermal: Any) -> tuple[float, float]:
         return z + thermal.curvature * z * z, 1.0 + 2.0 * thermal.curvature * z
 
@@ -254,7 +254,7 @@ def _rest(heat: Any, thermal: Any, out: Any) -> Body:
 @overload(spread, jit_options=OPTIONS, strict=False)
 def _spread(y: Any, heat: Any, by_heat: Any, by_dT: Any, thermal: Any, out: Any) -> Body:
     def poles(y: Array, heat: float, by_heat: Any, by_dT: Any, thermal: Any, out: Array) -> None:
-        slope = lift(read(y, thermal), thermal)[1]
+        slope = rise_of(read(y, thermal), thermal)[1]
         for j in range(3, y.size):
             out[j, j] = -thermal.poles[1, j - 3]
             for i in range(3):

@@ -9,7 +9,7 @@ from .compiling import inlined
 from .equations import Array
 
 
-class Laser(NamedTuple):
+class LaserPieces(NamedTuple):
     """The light that comes in, as cubics in t - edges[k] between edges[k] and edges[k + 1] (ns)."""
 
     edges: Array  # shape (m + 1,)
@@ -18,7 +18,7 @@ class Laser(NamedTuple):
 
 
 @inlined
-def light(laser: Laser, piece: int, u: float, h: float, at: Array, largest: float, drive: Array, detuning: Array, slopes: Array) -> None:  # fmt: skip  # noqa: E501
+def light(laser: LaserPieces, piece: int, u: float, h: float, at: Array, largest: float, drive: Array, detuning: Array, slopes: Array) -> None:  # fmt: skip  # noqa: E501
     """Write the laser at the stages of a step that begins ``u`` after the edge of its piece, and its slopes there.
 
     The drive sqrt(2 gamma_e P) is as steep as one likes where P leaves 0. Its slope is an ingredient of the step, not
@@ -35,7 +35,7 @@ def light(laser: Laser, piece: int, u: float, h: float, at: Array, largest: floa
 
 
 @inlined
-def power_and_detuning(laser: Laser, piece: int, u: float) -> tuple[float, float]:
+def power_and_detuning(laser: LaserPieces, piece: int, u: float) -> tuple[float, float]:
     """Return the squared drive and the detuning ``u`` after the edge of a piece."""
     p, d = laser.drive[piece], laser.detuning[piece]
     power = p[0] + u * (p[1] + u * (p[2] + u * p[3]))

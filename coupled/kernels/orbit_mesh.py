@@ -138,7 +138,7 @@ def look(start: Array, Y: Array, tau: Array, ring: Ring, scheme: Scheme, at: Arr
     for p in range(at.size):
         y = states[p]
         f = equations.right_hand_side(y, ring.drive, ring.detuning, ring.rates, ring.fcd, ring.thermal)
-        dT, slope = kinds.lift(read(y, ring.thermal), ring.thermal)
+        dT, slope = kinds.rise_of(read(y, ring.thermal), ring.thermal)
         out[p, 0], out[p, 1] = y[0] * y[0] + y[1] * y[1], 2.0 * (y[0] * f[0] + y[1] * f[1])
         out[p, 2], out[p, 3] = dT, slope * read(f, ring.thermal)
     return out

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from .algebra import factorize, inverse, solve
 from .compiling import compiled
 from .equations import Array, Rates, absorbed_power, dispersion, optics, optics_jacobian
-from .kinds import Quadratic, flow
+from .kinds import QuadraticHeat, flow
 from .tableaus import Tableau
 
 
 @compiled
 def step(
-    y: Array, h: float, drive: Array, detuning: Array, slopes: Array, rates: Rates, fcd: Array, thermal: Quadratic,
+    y: Array, h: float, drive: Array, detuning: Array, slopes: Array, rates: Rates, fcd: Array, thermal: QuadraticHeat,
     method: Tableau, out: Array, k: Array, total: Array, space: tuple[Array, NDArray[np.int64], Array],
 ) -> tuple[float, float]:  # fmt: skip
     """Take one step; as `rosenbrock.step`, with workspace of shape (n, n), (n,) and (3, 3 + n)."""

@@ -40,8 +40,8 @@ from .control import (
     squared_error,
 )
 from .equations import Array, Rates, dispersion, optics, optics_jacobian
-from .kinds import lift, read, weigh
-from .laser import Laser, light
+from .kinds import read, rise_of, weigh
+from .laser import LaserPieces, light
 from .tableaus import Tableau
 
 
@@ -65,7 +65,7 @@ def step(
         damping[i] = 1.0 / (s + poles[1, i])
         G += poles[0, i] * damping[i]
     shift, slope = dispersion(y[2], fcd)
-    dT, dT_slope = lift(start, thermal)
+    dT, dT_slope = rise_of(start, thermal)
     J = optics_jacobian(y[0], y[1], y[2], dT, shift, slope, detuning[0], rates)
     u0, u1, w = J[0][3] * dT_slope, J[1][3] * dT_slope, J[3]
     turn0, turn1 = h * slopes[1] * y[1], -h * slopes[1] * y[0]
@@ -91,7 +91,7 @@ def step(
             for i in range(n):
                 k[q, 3 + i] += (z - x * poles[1, i]) * k[j, 3 + i]
         if q > 0:
-            dT = lift(z_now, thermal)[0]
+            dT = rise_of(z_now, thermal)[0]
             f0, f1, f2, heat = optics(ar, ai, N, dT, dispersion(N, fcd)[0], drive[q], detuning[q], rates)
         back = 0.0
         for i in range(n):
@@ -129,7 +129,7 @@ def step_error(
 def _record(rows: Array, at: int, t: float, y: Array, z: float, thermal: Any) -> None:
     """Write t, Re a, Im a, N, dT into one row."""
     rows[at, 0], rows[at, 1], rows[at, 2], rows[at, 3] = t, y[0], y[1], y[2]
-    rows[at, 4] = lift(z, thermal)[0]
+    rows[at, 4] = rise_of(z, thermal)[0]
 
 
 @compiled
@@ -142,7 +142,7 @@ def _between(
     for i in range(3):
         rows[at, 1 + i] = dense_output(x, y[i], out[i], k[:, i], d)
     zx = dense_output(x, z, z_new, total, d)
-    rows[at, 4] = lift(zx, thermal)[0]
+    rows[at, 4] = rise_of(zx, thermal)[0]
 
 
 @inlined
@@ -192,7 +192,7 @@ def growing(y: Array, detuning: float, rates: Rates, fcd: Array, thermal: Any) -
 
 @compiled
 def integrate(
-    y: Array, laser: Laser, rates: Rates, fcd: Array, thermal: Any, method: Tableau, rtol: float, floor: Array,
+    y: Array, laser: LaserPieces, rates: Rates, fcd: Array, thermal: Any, method: Tableau, rtol: float, floor: Array,
     times: Array, per_step: int, first: float, event: Array, max_steps: int, watch: Array,
 ) -> tuple[Array, Array, float, float, Array, NDArray[np.int64]]:  # fmt: skip
     """Integrate from ``y`` through every piece of ``laser``, whose edges it lands on.
@@ -201,7 +201,7 @@ def integrate(
     ----------
     y : array, shape (3 + n,)
         Re a, Im a (sqrt(fJ)), N (1e23/m^3) and the states of the thermal model.
-    laser : Laser
+    laser : LaserPieces
     rates, fcd, thermal : Rates, array of shape (terms, 2), Thermal
         from `equations.internal_rates` and `internal_thermal`.
     method, rtol, floor : Tableau, float, array of shape (3,)
@@ -248,7 +248,7 @@ def integrate(
     crossings, crossed, kind = np.empty(16), 0, int(event[0])
     t, end = laser.edges[0], laser.edges[-1]
     z_new = read(y, thermal)
-    seen = _watched(kind, y[0], y[1], y[2], lift(z_new, thermal)[0]) - event[1]
+    seen = _watched(kind, y[0], y[1], y[2], rise_of(z_new, thermal)[0]) - event[1]
     if wanted == 0:
         _record(rows, 0, t, y, z_new, thermal)
         filled = 1
@@ -299,7 +299,7 @@ def integrate(
                     return rows[:filled], y, t, h, crossings[:crossed], np.array([accepted, rejected, STEP_TOO_SMALL])
                 continue
             if kind > 0:
-                rest = _watched(kind, out[0], out[1], out[2], lift(z_new, thermal)[0]) - event[1]
+                rest = _watched(kind, out[0], out[1], out[2], rise_of(z_new, thermal)[0]) - event[1]
                 if seen < 0.0 and rest >= 0.0:
                     low, high = 0.0, 1.0
                     for _ in range(40):  # bisection of the dense output

@@ -27,7 +27,7 @@ from . import algebra, equations, kinds
 from .algebra import factorize, solve
 from .compiling import compiled, forget_if_older, inlined
 from .equations import Array, Rates, dispersion
-from .kinds import flow, lift, read, spread, weigh
+from .kinds import flow, read, rise_of, spread, weigh
 from .rosenbrock import DONE, STEP_TOO_SMALL, STOPPED, TOO_MANY_STEPS, dense_output
 from .tableaus import Tableau
 
@@ -86,7 +86,7 @@ def slopes(
         i = _place(f, n)
         total += y[i] * y[i] + y[i + 1] * y[i + 1]
     shift = dispersion(N, fcd)[0]
-    dT = lift(read(y[: 3 + n], thermal), thermal)[0]
+    dT = rise_of(read(y[: 3 + n], thermal), thermal)[0]
     heat, made = 0.0, 0.0
     for f in range(fields):
         i, m = _place(f, n), modes[f]
@@ -112,7 +112,7 @@ def jacobian(y: Array, n: int, d: Array, modes: Array, rates: Rates, fcd: Array,
         i = _place(f, n)
         total += y[i] * y[i] + y[i + 1] * y[i + 1]
     shift, slope = dispersion(N, fcd)
-    dT = lift(read(y[: 3 + n], thermal), thermal)[0]
+    dT = rise_of(read(y[: 3 + n], thermal), thermal)[0]
     by_heat, by_dT = np.zeros(size), np.zeros(size)
     for f in range(fields):
         i, m = _place(f, n), modes[f]
@@ -255,7 +255,7 @@ def integrate(
 def _record(rows: Array, at: int, t: float, y: Array, n: int, thermal: Any) -> None:
     """Write t, the first field, N, dT and the other fields into one row."""
     rows[at, 0], rows[at, 1], rows[at, 2], rows[at, 3] = t, y[0], y[1], y[2]
-    rows[at, 4] = lift(read(y[: 3 + n], thermal), thermal)[0]
+    rows[at, 4] = rise_of(read(y[: 3 + n], thermal), thermal)[0]
     for i in range(y.size - 3 - n):
         rows[at, 5 + i] = y[3 + n + i]
 

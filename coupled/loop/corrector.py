@@ -28,7 +28,7 @@ from thermofem.algebra.krylov import CYCLES, krylov
 from thermofem.display import card
 from thermofem.models import Foster, NonlinearSystem, OutputMap, StateSpace, foster
 from thermofem.solve import mesh_hash
-from thermofem.transient.deflation import Field, State
+from thermofem.transient.deflation import FieldIntegrator, FieldState
 from thermofem.waveforms import Waveform, to_json
 
 Array = NDArray[np.float64]
@@ -99,7 +99,7 @@ class FEM:
         self.nonlinear = system if isinstance(system, NonlinearSystem) else None
         self.linear = system.linear if isinstance(system, NonlinearSystem) else system
         self.basis = krylov(self.linear, cycles)
-        self.field = Field(
+        self.field = FieldIntegrator(
             system,
             self.basis,
             tolerance=SHARE * tolerance,
@@ -110,7 +110,7 @@ class FEM:
         self.field_times = checks.array("field_times", field_times, increasing=True) if np.size(field_times) else None
         self.fields: list[Array] = []
         self.state, self.stored_before, self.tolerance = self.field.start(), 0.0, tolerance
-        self._tried: tuple[State, Array] | None = None
+        self._tried: tuple[FieldState, Array] | None = None
 
     def __repr__(self) -> str:
         return f"FEM({self.problem!r})"

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from thermofem import checks
 
 from ..arguments import check_axis, check_ring
-from ..heaters import Constant
+from ..heaters import ConstantHeating
 from ..resonator import RingResonator
 from ..ring_toml import UNITS
 from ..unknowns import optical_names, varied
@@ -50,7 +50,7 @@ class Grid:
             for name, axis in zip(self.names, self.axes, strict=True)
         }
 
-    def warmed(self, heaters: Constant) -> Grid:
+    def warmed(self, heaters: ConstantHeating) -> Grid:
         """The same points with the resonances where constant heaters move them."""
         moved = [[(ring, power, nu + heaters.turned(ring)) for ring, power, nu in row] for row in self.rows]
         return replace(self, rows=moved) if heaters.rise else self

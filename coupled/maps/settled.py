@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from thermofem import checks
 
 from ..cycles.measures import measure
-from ..cycles.orbit import Problem, problem, shoot
+from ..cycles.orbit import CycleProblem, problem, shoot
 from ..cycles.parameters import under_laser
 from ..cycles.start import RestError, Settled, nontrivial, settled, stable_points
 from ..equilibria.steady import absorbable, internal
@@ -48,7 +48,7 @@ def settled_row(model: Any, points: list[Point], watch: NDArray[np.float64]) -> 
     return out
 
 
-def _point(p: Problem, still: NDArray[np.float64], before: Settled | None) -> tuple[Found, Settled | None]:
+def _point(p: CycleProblem, still: NDArray[np.float64], before: Settled | None) -> tuple[Found, Settled | None]:
     """One point; ``before`` is the neighbour's cycle."""
     found = None
     if before is not None and before.pulses == 1 and still.size == 0:

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Network:
+class PoleCircuit:
     """R parallel to C for each pole, and how the pins are coupled to them.
 
     Attributes
@@ -47,7 +47,7 @@ class Network:
         return self.reads[self.read.index(pin)] if pin in self.read else None
 
 
-def network(model: Any, *, taken: tuple[str, ...]) -> Network:
+def network(model: Any, *, taken: tuple[str, ...]) -> PoleCircuit:
     """The network of a model of independent poles; pins are named after the parts, none of them as ``taken``."""
     found = modes(model)
     parts = list(dict.fromkeys([*found.inputs, *found.outputs]))
@@ -58,4 +58,4 @@ def network(model: Any, *, taken: tuple[str, ...]) -> Network:
     else:
         size = np.abs(found.B).max(axis=1)
         turns = found.B / size[:, None]
-    return Network(size / found.rate, 1 / size, turns, found.C, pins, heated, read, found.coefficient)
+    return PoleCircuit(size / found.rate, 1 / size, turns, found.C, pins, heated, read, found.coefficient)

@@ -17,7 +17,7 @@ from thermofem import Foster
 from thermofem.dataset import write_whole
 from thermofem.models.cauer import cauer
 
-from .circuit import Network, network
+from .circuit import PoleCircuit, network
 from .header import comment, identifiers
 
 USAGE = (
@@ -43,7 +43,7 @@ def write(model: Any, path: Path, header: list[str]) -> Path:
     return write_whole(path, lambda p: p.write_text(text, encoding="ascii"))
 
 
-def _foster(name: str, net: Network) -> list[str]:
+def _foster(name: str, net: PoleCircuit) -> list[str]:
     """R parallel to C, in series from the pin to the ambient."""
     nodes = [net.pins[0], *(f"n__{k}" for k in range(1, net.R.size)), "ambient"]
     lines = [f".subckt {name} {net.pins[0]} ambient"]
@@ -63,7 +63,7 @@ def _cauer(name: str, pin: str, model: Foster) -> list[str]:
     return [*lines, f".ends {name}"]
 
 
-def _coupled(name: str, net: Network, turns: NDArray[np.float64]) -> list[str]:
+def _coupled(name: str, net: PoleCircuit, turns: NDArray[np.float64]) -> list[str]:
     """One R and C for each pole; the pins feel sums of the poles and feed them shares of their power."""
     lines = [f".subckt {name} {' '.join(net.pins)} ambient"]
     for i, pin in enumerate(net.pins):
@@ -75,7 +75,7 @@ def _coupled(name: str, net: Network, turns: NDArray[np.float64]) -> list[str]:
     return [*lines, f".ends {name}"]
 
 
-def _pin(i: int, pin: str, net: Network) -> list[str]:
+def _pin(i: int, pin: str, net: PoleCircuit) -> list[str]:
     """A source that senses the power into the pin, and the sources that add up its temperature."""
     shares = net.read_by(i)
     if shares is None:

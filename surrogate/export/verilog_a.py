@@ -9,7 +9,7 @@ import numpy as np
 
 from thermofem.dataset import write_whole
 
-from .circuit import Network, network
+from .circuit import PoleCircuit, network
 from .header import comment, identifiers
 
 # reserved words of Verilog-AMS, none of which may name a pin
@@ -55,7 +55,7 @@ def _store(k: int, R: float, C: float) -> str:
     return f"  Pwr(pole__{k}) <+ Temp(pole__{k}) / {float(R)!r} + ddt({float(C)!r} * Temp(pole__{k}));"
 
 
-def _foster(net: Network) -> list[str]:
+def _foster(net: PoleCircuit) -> list[str]:
     """The poles in series from the pin to the ambient."""
     nodes = [net.pins[0], *(f"node__{k}" for k in range(1, net.R.size)), "ambient"]
     inner = [f"thermal {', '.join(nodes[1:-1])};"] if net.R.size > 1 else []
@@ -64,7 +64,7 @@ def _foster(net: Network) -> list[str]:
     return [*inner, *branches, "analog begin", *poles, "end"]
 
 
-def _coupled(net: Network, turns: np.ndarray) -> list[str]:
+def _coupled(net: PoleCircuit, turns: np.ndarray) -> list[str]:
     """One node for each pole, which takes its share of the power into the pins and adds its share to their Temp."""
     count = range(1, net.R.size + 1)
     lines = [f"thermal {', '.join(f'node__{k}' for k in count)};"]

@@ -18,7 +18,7 @@ from thermofem.sizes import size_function, sizes
 
 from .box import Box
 from .laws import Values, values
-from .lines import Grid
+from .lines import CellGrid
 from .surfaces import SAMPLES, Compressed, Points, points
 from .terms import Cells, element_terms, merged
 
@@ -34,7 +34,7 @@ class Coefficients:
     Attributes
     ----------
     box : Box
-    grid : Grid
+    grid : CellGrid
     cells : Cells
     stiffness, capacity : (int array, array)
         which term each coefficient of `Cells.coefficients` belongs to, and its factor.
@@ -42,7 +42,7 @@ class Coefficients:
     """
 
     box: Box
-    grid: Grid
+    grid: CellGrid
     cells: Cells
     stiffness: tuple[NDArray[np.intp], Array]
     capacity: tuple[NDArray[np.intp], Array]
@@ -85,7 +85,7 @@ class LineEngine:
     name = "lines"
 
     def __init__(self, box: Box, accuracy: float) -> None:
-        self.box, self.grid, self.accuracy = box, Grid.of(box), accuracy
+        self.box, self.grid, self.accuracy = box, CellGrid.of(box), accuracy
         self.cells = Cells.of(self.grid, box)
         mesh, cell = _mesh(self.grid, self.cells, box, accuracy)
         self.resistance = resistances(box.base)
@@ -184,7 +184,7 @@ def _summed(terms: Array, kinds: tuple[NDArray[np.intp], Array]) -> Array:
     return total
 
 
-def _mesh(grid: Grid, cells: Cells, box: Box, accuracy: float) -> tuple[Mesh, NDArray[np.intp]]:
+def _mesh(grid: CellGrid, cells: Cells, box: Box, accuracy: float) -> tuple[Mesh, NDArray[np.intp]]:
     """A mesh that conforms to all lines, regions named after owners, and the cell of every triangle."""
     r, z = grid.r.base, grid.z.base
     faces = tuple(

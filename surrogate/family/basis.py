@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from thermofem import HeatProblem
 
 from .certify import own
-from .reduced import Modes
+from .reduced import MemberModes
 
 Array = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ class Member:
     Attributes
     ----------
     row : array, shape (p,)
-    modes : Modes
+    modes : MemberModes
         its certified reduction.
     static : array, shape (unknowns, ports)
         fields at s = 0, of unit energy.
@@ -41,7 +41,7 @@ class Member:
     """
 
     row: Array
-    modes: Modes
+    modes: MemberModes
     static: Array
     fields: Array
 

@@ -11,7 +11,7 @@ from thermofem import CrossSection, HeatProblem, StateSpace, assemble
 from thermofem.display import shown
 
 from ..reduce import Projected, project
-from .reduced import Modes, difference
+from .reduced import MemberModes, difference
 
 Array = NDArray[np.float64]
 
@@ -47,17 +47,19 @@ class Certified:
     mesh_error: float
 
 
-def own(heat: HeatProblem, ports: tuple[str, ...], tolerance: float) -> tuple[Modes, Projected]:
+def own(heat: HeatProblem, ports: tuple[str, ...], tolerance: float) -> tuple[MemberModes, Projected]:
     """Certified modes of a heat problem between its ports."""
     d = heat.discretization
     columns = np.column_stack([d.means[name][d.free] for name in ports])
     system = StateSpace(E=d.E, A=-d.K, B=columns, C=columns.T, inputs=ports, outputs=ports)
     found = project(system, max(REDUCTION * tolerance, 1e-7))
     rate, beta = found.projection.rate, found.projection.ports
-    return Modes(1 / rate, (beta / np.sqrt(rate)[:, None]).T), found
+    return MemberModes(1 / rate, (beta / np.sqrt(rate)[:, None]).T), found
 
 
-def certified(geometry: CrossSection, modes: Modes, ports: tuple[str, ...], tolerance: float, heated: int) -> Certified:
+def certified(
+    geometry: CrossSection, modes: MemberModes, ports: tuple[str, ...], tolerance: float, heated: int
+) -> Certified:
     """Compare a member with its own mesh, which is finer than the family's tolerance.
 
     The first ``heated`` of the ports carry heat.

@@ -18,7 +18,7 @@ from ..reduce import reduce
 from . import files
 from .box import Box
 from .certify import Certified, certified
-from .reduced import LineTerms, Modes, Small, difference
+from .reduced import LineTerms, MemberModes, Small, difference
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -282,7 +282,7 @@ class Family:
         b = checks.choice("read", read or default, self.outputs)
         return self.ports.index(a), self.ports.index(b)
 
-    def _foster(self, modes: Modes, a: int, b: int) -> Foster:
+    def _foster(self, modes: MemberModes, a: int, b: int) -> Foster:
         R = modes.R(a, b)
         kept = (np.abs(R) > FAINT * np.abs(R).sum()) & (modes.tau > 0)
         return Foster(R=R[kept], tau=modes.tau[kept], inputs=(self.ports[a],), outputs=(self.ports[b],))

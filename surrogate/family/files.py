@@ -19,7 +19,7 @@ from thermofem.heat.problem import on_mesh, resistances
 
 from .affine import Coefficients
 from .box import Box
-from .lines import Axis, Grid
+from .lines import Axis, CellGrid
 from .moved import MovedEngine, MovedMembers
 from .reduced import LineTerms
 from .surfaces import Compressed, Points
@@ -171,7 +171,7 @@ def _box(content: dict[str, Any], arrays: dict[str, Array]) -> Box:
 
 
 def _lines(content: dict[str, Any], a: dict[str, Any], box: Box) -> LineTerms:
-    grid = Grid(Axis(a["r_base"], a["r_slope"]), Axis(a["z_base"], a["z_slope"]), content["owner"])
+    grid = CellGrid(Axis(a["r_base"], a["r_slope"]), Axis(a["z_base"], a["z_slope"]), content["owner"])
     surface = None
     if "surface" in content:
         s = content["surface"]

@@ -67,7 +67,7 @@ class Axis:
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
+class CellGrid:
     """Lines across both axes and the owner of every cell between them.
 
     Attributes
@@ -82,7 +82,7 @@ class Grid:
     owner: list[list[str | None]]
 
     @classmethod
-    def of(cls, box: Box) -> Grid:
+    def of(cls, box: Box) -> CellGrid:
         """Lines of the geometry in the middle of the box.
 
         Raises

@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Modes:
+class MemberModes:
     """A member in modes: Z_ab(s) = sum_i port_ai port_bi / (1 + s tau_i).
 
     Attributes
@@ -44,12 +44,12 @@ class Small:
     M: Array
     ports: Array
 
-    def modes(self) -> Modes:
+    def modes(self) -> MemberModes:
         """Solve M v = tau K v with v^T K v = 1: errors are relative to the largest time constant and to R_th."""
         from scipy.linalg import eigh
 
         tau, v = eigh(self.M, self.K, check_finite=False)
-        return Modes(np.maximum(tau, 0.0), self.ports @ v)
+        return MemberModes(np.maximum(tau, 0.0), self.ports @ v)
 
     def first(self, count: int) -> Small:
         """The member in the first functions alone."""
@@ -59,7 +59,7 @@ class Small:
 TIMES = np.geomspace(1e-9, 1e-3, 61)  # s; at which errors of step responses are looked at
 
 
-def difference(modes: Modes, truth: Modes, heated: int = 1) -> float:
+def difference(modes: MemberModes, truth: MemberModes, heated: int = 1) -> float:
     """Largest relative difference of R_th and of the step response from 1 ns on, over all channels.
 
     The first ``heated`` ports carry heat, all are read.

@@ -21,7 +21,7 @@ from .affine import LineEngine
 from .basis import Member, solved
 from .certify import FINER, FINEST, own
 from .moved import MovedEngine
-from .reduced import Modes
+from .reduced import MemberModes
 
 Array = NDArray[np.float64]
 Task = tuple[Any, ...]
@@ -29,7 +29,7 @@ Task = tuple[Any, ...]
 log = logging.getLogger("thermofem")
 
 
-def truth_of(geometry: str, ports: tuple[str, ...], tolerance: float) -> Modes:
+def truth_of(geometry: str, ports: tuple[str, ...], tolerance: float) -> MemberModes:
     """A member on its own finer mesh, from the text of its geometry."""
     heat = assemble(CrossSection.from_toml_text(geometry), max(FINER * tolerance, FINEST))
     return own(heat, ports, tolerance)[0]
@@ -106,8 +106,8 @@ class Solver:
         return self.folder / f"{hashlib.sha256(content).hexdigest()[:24]}.npz"
 
 
-def _write(path: Path, found: Member | Modes) -> None:
-    modes = found if isinstance(found, Modes) else found.modes
+def _write(path: Path, found: Member | MemberModes) -> None:
+    modes = found if isinstance(found, MemberModes) else found.modes
     arrays: dict[str, Any] = {"tau": modes.tau, "ports": modes.ports}
     if isinstance(found, Member):
         arrays |= {"row": found.row, "static": found.static, "fields": found.fields}
@@ -117,11 +117,11 @@ def _write(path: Path, found: Member | Modes) -> None:
     write_whole(path, lambda p: p.write_bytes(memory.getvalue()))
 
 
-def _read(path: Path) -> Member | Modes | None:
+def _read(path: Path) -> Member | MemberModes | None:
     """What was kept; None where the file is damaged."""
     try:
         with np.load(path, allow_pickle=False) as file:
-            modes = Modes(file["tau"], file["ports"])
+            modes = MemberModes(file["tau"], file["ports"])
             return Member(file["row"], modes, file["static"], file["fields"]) if "row" in file else modes
     except (OSError, ValueError, KeyError, EOFError):
         return None

@@ -21,7 +21,7 @@ from thermofem.heat.interface import PERFECT
 
 from .box import Box
 from .laws import Values
-from .lines import Grid
+from .lines import CellGrid
 
 Array = NDArray[np.float64]
 
@@ -73,7 +73,7 @@ class Points:
             parts=[self.parts[k] for k in chosen],
         )
 
-    def weights(self, grid: Grid, box: Box, rows: Array, at: Values) -> Array:
+    def weights(self, grid: CellGrid, box: Box, rows: Array, at: Values) -> Array:
         """w at every point for parameters of shape (n, p); shape (n, q)."""
         offset = rows - box.middle
         place = []
@@ -88,7 +88,7 @@ class Points:
         measure = 2 * np.pi * r * length * WEIGHT[self.gauss]
         return measure * self._exchange(grid, box, offset, at, r, z)
 
-    def _exchange(self, grid: Grid, box: Box, offset: Array, at: Values, r: Array, z: Array) -> Array:
+    def _exchange(self, grid: CellGrid, box: Box, offset: Array, at: Values, r: Array, z: Array) -> Array:
         """Heat per area and kelvin at every point."""
         h = np.zeros(r.shape)
         for q, kind in enumerate(self.kind):
@@ -104,7 +104,7 @@ class Points:
         return h
 
 
-def _source(grid: Grid, box: Box, offset: Array) -> Array:
+def _source(grid: CellGrid, box: Box, offset: Array) -> Array:
     """Height of the middle of the first heated part."""
     part = next(part for part in box.base.parts if part.heated)
     positions = grid.z.at(offset)

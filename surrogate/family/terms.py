@@ -23,7 +23,7 @@ from thermofem.heat.matrices import maps, reference
 
 from .box import Box
 from .laws import Values, values
-from .lines import Grid
+from .lines import CellGrid
 
 Array = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ class Cells:
     material: list[str]
 
     @classmethod
-    def of(cls, grid: Grid, box: Box) -> Cells:
+    def of(cls, grid: CellGrid, box: Box) -> Cells:
         """Number them."""
         found = [(i, j, name) for i, column in enumerate(grid.owner) for j, name in enumerate(column) if name]
         i, j, owner = zip(*found, strict=True)
@@ -59,7 +59,9 @@ class Cells:
         names = list(dict.fromkeys(self.material))
         return names, np.array([names.index(m) for m in self.material])
 
-    def coefficients(self, grid: Grid, box: Box, rows: Array, at: Values | None = None) -> tuple[Array, Array, Array]:
+    def coefficients(
+        self, grid: CellGrid, box: Box, rows: Array, at: Values | None = None
+    ) -> tuple[Array, Array, Array]:
         """Coefficients of stiffness (n, 4 c), capacity (n, 2 c) and volume (n, 2 c) for parameters (n, p)."""
         offset = rows - box.middle
         at = at or values(box, rows)

@@ -25,7 +25,7 @@ from .certify import FINEST, own
 from .family import Family, HeldOut, coarse_difference
 from .lines import NotAlongLinesError
 from .moved import MovedEngine, MovedMembers
-from .reduced import LineTerms, Modes, difference
+from .reduced import LineTerms, MemberModes, difference
 from .solving import Solver, truth_of
 from .training import SHARE, Trainer
 
@@ -140,7 +140,7 @@ def train_family(
 
 def _held_out(
     box: Box, count: int, seed: int, ports: tuple[str, ...], tolerance: float, solver: Solver
-) -> tuple[Array, list[Modes]]:
+) -> tuple[Array, list[MemberModes]]:
     """Random members on their own finer meshes; those that fail are left out."""
     rows = box.draw(count, seed + 7919)
     tasks = [(box.geometry(row).to_toml(), ports, tolerance) for row in rows]
@@ -190,8 +190,8 @@ def campaign_hash(campaign: Campaign) -> str:
 
 
 def _engine(
-    box: Box, ports: tuple[str, ...], heated: int, tolerance: float, rows: Array, truths: Sequence[Modes]
-) -> tuple[LineEngine | MovedEngine, list[Modes]]:
+    box: Box, ports: tuple[str, ...], heated: int, tolerance: float, rows: Array, truths: Sequence[MemberModes]
+) -> tuple[LineEngine | MovedEngine, list[MemberModes]]:
     """The engine on lines where it applies, with a mesh that leaves `SHARE` at held-out members; and those on it."""
     accuracy = MESH * tolerance
     for _ in range(MESHES):

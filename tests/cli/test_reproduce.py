@@ -20,7 +20,7 @@ import surrogate
 import thermofem as th
 from thermofem.cli.reproduce import Settings, run
 from thermofem.cli.reproduce.claims import RAISED, Claim, claims, marked_up, plain
-from thermofem.cli.reproduce.store import Result, Store, key_of
+from thermofem.cli.reproduce.store import Result, StageStore, key_of
 
 pytestmark = pytest.mark.slow
 
@@ -204,7 +204,7 @@ def test_keys_depend_on_settings_and_inputs():
 
 
 def test_a_store_gives_back_what_it_was_given(tmp_path):
-    store, model = Store(tmp_path), th.Foster(R=[1.0], tau=[1e-6])
+    store, model = StageStore(tmp_path), th.Foster(R=[1.0], tau=[1e-6])
     store.save("s", "key", Result({"a": float("nan"), "b": [1, 2.5]}, models={"m": model}), 1.0)
     found = store.load("s", "key")
     assert found.numbers == {"a": None, "b": [1, 2.5]}

@@ -11,7 +11,7 @@ import thermofem as th
 from coupled.cycles.branch import follow_along
 from coupled.cycles.hopf_start import born
 from coupled.cycles.orbit import problem
-from coupled.cycles.path import Family
+from coupled.cycles.path import FreeParameters
 
 RING = coupled.borghi2021()
 LUMPED, NEWTON = RING.with_lumped_fcd(), surrogate.newton(tau_th=275e-9)
@@ -77,7 +77,7 @@ def test_small_cycles_grow_as_the_first_lyapunov_coefficient_says(ring, model):
         k = int(np.argmin(np.abs(rest["frequency"].values - float(hopf["frequency"]))))
         rates.append(float(rest["growth_rate"][k]))
     slope = (rates[0] - rates[1]) / 2e6
-    family = Family(problem(ring, model, P, nu), ("detuning",), np.array([1e9]))
+    family = FreeParameters(problem(ring, model, P, nu), ("detuning",), np.array([1e9]))
     start, tangent = born(family, hopf)
     found, _ = follow_along(family, start, tangent, nu - 1e9, nu + 1e9, 4)
     for cycle in found[1:]:

@@ -8,7 +8,7 @@ import pytest
 import surrogate
 import thermofem as th
 from surrogate.family.box import Box
-from surrogate.family.reduced import Modes, difference
+from surrogate.family.reduced import MemberModes, difference
 from thermofem.campaign.vary import Schedule, Variation
 
 STEP = Schedule("step", th.Constant(1e-3), (0.0, 1e-6))
@@ -222,7 +222,7 @@ def test_tolerance_is_checked():
 def test_the_difference_sees_early_times():
     box = Box.of(campaign(WIDTH))
     truth = surrogate.reduce(th.assemble(box.base).system, 1e-5).model
-    modes = Modes(np.asarray(truth.tau), np.sqrt(truth.R)[None])
-    fast = Modes(modes.tau, modes.ports * np.where(modes.tau < 1e-8, 1.02, 1.0))
+    modes = MemberModes(np.asarray(truth.tau), np.sqrt(truth.R)[None])
+    fast = MemberModes(modes.tau, modes.ports * np.where(modes.tau < 1e-8, 1.02, 1.0))
     # the fastest poles carry the first nanosecond and little of R_th
     assert difference(fast, modes) > 1e-2 > 5 * abs(fast.R().sum() / modes.R().sum() - 1)

@@ -16,7 +16,7 @@ import thermofem as th
 from surrogate.family.affine import LineEngine
 from surrogate.family.box import Box
 from surrogate.family.moved import MovedEngine
-from surrogate.family.reduced import Modes, Small
+from surrogate.family.reduced import MemberModes, Small
 from surrogate.family.solving import Solver
 from surrogate.family.train import _idle
 from thermofem.campaign.vary import Variation
@@ -24,13 +24,13 @@ from thermofem.campaign.vary import Variation
 MARKS = [np.array([float(k)]) for k in range(4)]
 
 
-def modes(number: float) -> Modes:
+def modes(number: float) -> MemberModes:
     if number == 2.0:
         raise ArithmeticError("singular")
-    return Modes(np.array([1e-6, number]), np.array([[1.0, 2.0]]))
+    return MemberModes(np.array([1e-6, number]), np.array([[1.0, 2.0]]))
 
 
-def refuse(number: float) -> Modes:
+def refuse(number: float) -> MemberModes:
     raise AssertionError(f"member {number} was solved again")
 
 
@@ -56,7 +56,7 @@ def test_training_goes_on_from_what_is_kept(tmp_path):
 
 
 def test_a_mistake_of_the_user_is_not_a_failed_member():
-    def wrong(number: float) -> Modes:
+    def wrong(number: float) -> MemberModes:
         raise th.InputError("the core leaves its cladding")
 
     with pytest.raises(th.InputError, match="leaves its cladding"):

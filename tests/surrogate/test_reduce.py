@@ -13,7 +13,7 @@ import surrogate
 import thermofem as th
 from surrogate.certificate import PER_DECADE, ROUND_OFF, certify
 from surrogate.reduce import _parts
-from surrogate.space import Space
+from surrogate.space import CertifiedSpace
 from thermofem.algebra.krylov import orthonormal
 
 GEOMETRIES = list(geometries(8))
@@ -95,7 +95,7 @@ def test_each_shift_alone_gives_a_looser_bound_with_the_known_zeros():
     """After two rounds |Phi|^2 is the product over the shifts used and the Ritz values, whichever factor it is from."""
     system = strip(smallest=0.1)
     K, M, ports, *pairs = _parts(system)
-    space = Space(K, M, ports, 1e-3)
+    space = CertifiedSpace(K, M, ports, 1e-3)
     static, shifts = space.order, space.shifts[1:]
     for _ in range(2 * shifts.size):
         space.extend(space.solve_next()[1])

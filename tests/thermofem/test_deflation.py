@@ -12,7 +12,7 @@ from scipy.integrate import quad
 import thermofem as th
 from thermofem.algebra.krylov import krylov
 from thermofem.transient import integrate
-from thermofem.transient.deflation import Field
+from thermofem.transient.deflation import FieldIntegrator
 from thermofem.transient.fast_part import phi
 from thermofem.waveforms import Cubic
 
@@ -45,7 +45,7 @@ def test_phi_functions(y):
 @pytest.mark.parametrize(("cycles", "tolerance"), [(0, 1e-3), (2, 1e-3), (5, 1e-3), (5, 1e-4)])
 def test_any_basis_gives_the_full_order_field(cycles, tolerance):
     system = coarse_fem()
-    found, _ = march(Field(system, krylov(system, cycles), tolerance=tolerance), SQUARE, TIMES, 4)
+    found, _ = march(FieldIntegrator(system, krylov(system, cycles), tolerance=tolerance), SQUARE, TIMES, 4)
     assert np.abs(found - reference()).max() < tolerance
 
 
@@ -54,7 +54,7 @@ def test_with_conductivity_and_heat_capacity_that_depend_on_temperature(cycles):
     system, times, wave = coarse_warm_fem(), TIMES[:41], th.SquareWave(20e-3, 0.4e-6, 1 / 3)
     exact = integrate(system, wave, times, rtol=1e-5).outputs[:, 0]  # 2e-4 K
     linear = integrate(system.linear, wave, times, rtol=1e-5).outputs[:, 0]
-    found, _ = march(Field(system, krylov(system.linear, cycles), tolerance=2e-2), wave, times, 2)
+    found, _ = march(FieldIntegrator(system, krylov(system.linear, cycles), tolerance=2e-2), wave, times, 2)
     assert np.abs(found - exact).max() < 2e-2
     assert np.abs(linear - exact).max() > 0.2  # so that it is seen
 
@@ -62,7 +62,7 @@ def test_with_conductivity_and_heat_capacity_that_depend_on_temperature(cycles):
 def test_a_better_basis_takes_fewer_steps():
     system, work = coarse_fem(), {}
     for cycles in (0, 5):
-        field = Field(system, krylov(system, cycles), tolerance=1e-3)
+        field = FieldIntegrator(system, krylov(system, cycles), tolerance=1e-3)
         march(field, SQUARE, TIMES, 1)
         work[cycles] = field.stepper.steps
     assert work[5] < work[0] / 5
@@ -72,7 +72,7 @@ def test_heat_adds_up():
     d = coarse()[1]
     system = d.state_space(("core",), ("core",))
     for cycles, allowed in ((0, 1e-11), (5, 2e-6)):  # round-off; the cubics between the grid times of the fast part
-        field = Field(system, krylov(system, cycles), tolerance=1e-2, ledger=d.ledger)
+        field = FieldIntegrator(system, krylov(system, cycles), tolerance=1e-2, ledger=d.ledger)
         _, state = march(field, SQUARE, TIMES, 2)
         assert state.heat_in == pytest.approx(SQUARE.mean(0, 0.8e-6) * 0.8e-6, rel=1e-12, abs=0)
         assert state.heat_in - field.stored(state) - state.heat_out == pytest.approx(0, abs=allowed * state.heat_in)
@@ -80,7 +80,7 @@ def test_heat_adds_up():
 
 def test_a_window_can_be_taken_again():
     system = coarse_fem()
-    field = Field(system, krylov(system, 2), tolerance=1e-3)
+    field = FieldIntegrator(system, krylov(system, 2), tolerance=1e-3)
     start = field.advance(field.start(), [SQUARE], TIMES[:81])[1]
     first, end, _ = field.advance(start, [SQUARE], TIMES[80:])
     field.advance(start, [th.Constant(9e-3)], TIMES[80:])
@@ -96,8 +96,8 @@ def test_two_heated_parts_superpose():
     names = ("core", "oxide")
     system = d.state_space(names, ("core",))
     waves = [SQUARE, th.Pulse(20e-3, 0.3e-6, start=0.21e-6)]
-    found, _, _ = Field(system, krylov(system), tolerance=1e-3).advance(
-        Field(system, krylov(system), tolerance=1e-3).start(), waves, TIMES
+    found, _, _ = FieldIntegrator(system, krylov(system), tolerance=1e-3).advance(
+        FieldIntegrator(system, krylov(system), tolerance=1e-3).start(), waves, TIMES
     )
     alone = [
         integrate(system.channel(name, "core"), wave, TIMES, rtol=1e-7) for name, wave in zip(names, waves, strict=True)
@@ -130,6 +130,6 @@ def test_a_cubic_power_is_a_cubic():
 
 def test_a_window_starts_where_the_field_is():
     system = coarse_fem()
-    field = Field(system, krylov(system, 1), tolerance=1e-3)
+    field = FieldIntegrator(system, krylov(system, 1), tolerance=1e-3)
     with pytest.raises(th.InputError, match="the field is at 0 s"):
         field.advance(field.start(), [SQUARE], [1e-9, 2e-9])

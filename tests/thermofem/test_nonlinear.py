@@ -15,7 +15,7 @@ import thermofem as th
 from thermofem.materials import PowerLaw
 from thermofem.models import NonlinearSystem
 from thermofem.transient import integrate, integrate_periodic, newton_stages
-from thermofem.transient.nonlinear import lift, rows
+from thermofem.transient.nonlinear import nodal_operator, rows
 
 T0 = 300.0
 
@@ -23,8 +23,8 @@ T0 = 300.0
 def nonlinear(d, k, c, k_law, c_law, *, heated="body"):
     """One material with laws of temperature on a discretization of constants k, c at T0."""
     linear = d.state_space((heated,), (heated,))
-    flow = lift([(d.stiffness, k_law)], 0 * d.stiffness, d.free, T0)
-    content = lift([(d.mass, c_law)] if c_law else [], d.mass * (0 if c_law else 1), d.free, T0)
+    flow = nodal_operator([(d.stiffness, k_law)], 0 * d.stiffness, d.free, T0)
+    content = nodal_operator([(d.mass, c_law)] if c_law else [], d.mass * (0 if c_law else 1), d.free, T0)
     return NonlinearSystem(
         linear, replace(flow, matrix=flow.matrix[d.free]), replace(content, matrix=content.matrix[d.free])
     )
@@ -151,7 +151,7 @@ def test_manufactured_transient_follows_the_tolerance_in_time():
 def test_rows_and_directional_derivative_are_those_of_the_whole():
     """`rows` drops laws where their columns cancel; `derivative` is the Jacobian without its matrix."""
     d = rod(8)
-    flow = lift([(d.stiffness, PowerLaw(-1.3, 250.0))], 0 * d.stiffness, d.free, T0)  # not 1 at the ambient
+    flow = nodal_operator([(d.stiffness, PowerLaw(-1.3, 250.0))], 0 * d.stiffness, d.free, T0)  # not 1 at the ambient
     x, v = np.random.default_rng(1).uniform(0, 100, (2, d.free.size))
     drain = np.ones((1, d.mass.shape[0]))
     drain[0, d.held] = 0

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from thermofem.checks import InputError
-from thermofem.quantity import FIELDS, parse, write
+from thermofem.quantity import VARIABLES, parse, write
 
 
 @pytest.mark.parametrize(
@@ -98,12 +98,12 @@ def test_every_field_has_a_unit_that_exists_and_a_long_name():
     import pint
 
     registry = pint.UnitRegistry()
-    for name, field in FIELDS.items():
+    for name, field in VARIABLES.items():
         assert field.long_name, name
         if field.unit != "1":
             registry.parse_units(field.unit)
     wanted = {"time", "power", "delta_T", "energy", "carriers", "drop", "through", "absorbed", "period", "error"}
-    assert wanted <= FIELDS.keys()
+    assert wanted <= VARIABLES.keys()
 
 
 @pytest.mark.parametrize("text", ["9000", "9 km", "9 K/foo"])

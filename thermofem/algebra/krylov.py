@@ -52,7 +52,7 @@ class Basis:
         return replace(system, E=E, A=A, B=self.heating, C=system.C @ self.vectors)
 
 
-class Space:
+class KrylovSpace:
     """M-orthonormal fields, with K projected on them and the part of the heat vectors B outside their span.
 
     Parameters
@@ -122,7 +122,7 @@ class Space:
         self.order = wanted
 
 
-class Rounds(Space):
+class Rounds(KrylovSpace):
     """A rational Krylov space, grown by rounds through its shifts.
 
     Parameters

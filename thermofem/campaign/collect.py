@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from .. import checks, dataset, netcdf, waveforms
 from ..checks import InputError
-from .store import Store, write_file
+from .store import ResultStore, write_file
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -59,7 +59,7 @@ def open_campaign(directory: str | Path) -> xr.Dataset:
     """
     import xarray as xr
 
-    store = Store(checks.path("directory", directory))
+    store = ResultStore(checks.path("directory", directory))
     plan = store.read_plan()
     keys = [case[0] for case in plan["cases"]]
     path = store.directory / INDEX
@@ -75,7 +75,7 @@ def open_campaign(directory: str | Path) -> xr.Dataset:
     return xr.open_dataset(io.BytesIO(_content(store, plan, training=False, verify=True)), engine="h5netcdf")
 
 
-def write_collections(store: Store) -> None:
+def write_collections(store: ResultStore) -> None:
     """Write index and training collection of a campaign, each whole or not at all.
 
     Raises
@@ -88,7 +88,7 @@ def write_collections(store: Store) -> None:
     write_file(store.directory / TRAINING, _content(store, plan, training=True))
 
 
-def _content(store: Store, plan: dict[str, Any], *, training: bool, verify: bool = False) -> bytes:
+def _content(store: ResultStore, plan: dict[str, Any], *, training: bool, verify: bool = False) -> bytes:
     """One of the two files, chunk by chunk; in memory, as HDF5 may crash when a disk is full."""
     import h5netcdf
 
@@ -117,7 +117,7 @@ def _content(store: Store, plan: dict[str, Any], *, training: bool, verify: bool
     return memory.getvalue()
 
 
-def _layout(file: Any, plan: dict[str, Any], store: Store, finished: list[str], count: int) -> dict[str, Any]:
+def _layout(file: Any, plan: dict[str, Any], store: ResultStore, finished: list[str], count: int) -> dict[str, Any]:
     """Dimensions, the times and powers of the drives, and the empty variables over case; returns those."""
     probes = _probes(store.result(finished[0])) if finished else []
     file.attrs.update({**dataset.stamp("campaign"), "campaign": plan["name"], "geometry": plan["geometry"]})

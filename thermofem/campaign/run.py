@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 from .. import checks
 from ..checks import InputError, MissingLibraryError
 from .collect import write_collections
-from .store import Store
+from .store import ResultStore
 from .work import THREADS, Outcome, compute, prepare, ready
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def run(
     """
     if workers is not None:
         checks.between("workers", workers, 1, 1024)
-    store = Store(checks.path("directory", directory))
+    store = ResultStore(checks.path("directory", directory))
     cases = campaign.cases()
     with store.opened():
         store.write_plan(campaign, cases)
@@ -170,7 +170,7 @@ class _Loop:
     """State of one run."""
 
     campaign: Campaign
-    store: Store
+    store: ResultStore
     report: Callable[[Summary], None]
     summary: Summary
     deaths: dict[str, int] = field(default_factory=dict)

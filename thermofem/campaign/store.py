@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Store:
+class ResultStore:
     """The files of one campaign.
 
     Parameters

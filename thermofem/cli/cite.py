@@ -16,7 +16,7 @@ from .kinds import expect
 
 
 @dataclass(frozen=True)
-class Reference:
+class Citation:
     """One work: BibTeX kind, key and fields; the fields also make the line of text."""
 
     kind: str
@@ -38,12 +38,12 @@ class Reference:
         return f"@{self.kind}{{{self.key},\n{body}}}\n"
 
 
-def _article(key: str, author: str, title: str, journal: str, volume: int, pages: str, year: int) -> Reference:
+def _article(key: str, author: str, title: str, journal: str, volume: int, pages: str, year: int) -> Citation:
     fields = {"author": author, "title": title, "journal": journal, "volume": str(volume), "pages": pages}
-    return Reference("article", key, {**fields, "year": str(year)})
+    return Citation("article", key, {**fields, "year": str(year)})
 
 
-SOFTWARE = Reference(
+SOFTWARE = Citation(
     "software",
     "thermofem",
     {
@@ -103,7 +103,7 @@ def cite(
     return {"works": [{"key": work.key, "kind": work.kind, **work.fields} for work in works]}
 
 
-def references(provenance: dict[str, Any]) -> list[Reference]:
+def references(provenance: dict[str, Any]) -> list[Citation]:
     """The works behind a result with this provenance."""
     works = [SOFTWARE, PAPER]
     if provenance.get("geometry"):
@@ -112,7 +112,7 @@ def references(provenance: dict[str, Any]) -> list[Reference]:
         works.append(PYSINDY)
     for name, source in _materials(provenance).items():
         key = "material_" + re.sub(r"\W+", "_", name).strip("_").lower()
-        works.append(Reference("misc", key, {"title": f"Material {name}", "note": source}))
+        works.append(Citation("misc", key, {"title": f"Material {name}", "note": source}))
     return works
 
 

@@ -238,7 +238,7 @@ def maps(points: Array, triangles: NDArray[np.int64]) -> tuple[Array, Array]:
     return np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=1), corners[0]
 
 
-class Reference(NamedTuple):
+class ReferenceTriangle(NamedTuple):
     """Integrals on the reference triangle, with l_i linear and u the b functions of the element.
 
     Attributes
@@ -256,14 +256,14 @@ class Reference(NamedTuple):
     stiffness: Array
 
 
-def reference(basis: Any) -> Reference:
+def reference(basis: Any) -> ReferenceTriangle:
     """Integrals of the element of a basis."""
     kind: Any = type(basis.elem)
     return _integrals(kind)
 
 
 @cache
-def _integrals(element: Any) -> Reference:
+def _integrals(element: Any) -> ReferenceTriangle:
     from skfem.quadrature import get_quadrature
 
     elem = element()
@@ -272,7 +272,7 @@ def _integrals(element: Any) -> Reference:
     corner = np.array([1 - X[0] - X[1], X[0], X[1]])
     mass = np.einsum("iq,aq,bq,q->iab", corner, u, u, W)
     stiff = np.einsum("iq,amq,bnq,q->mniab", corner, du, du, W)
-    return Reference(np.einsum("iq,aq,q->ia", corner, u, W), mass.reshape(3, -1), stiff.reshape(12, -1))
+    return ReferenceTriangle(np.einsum("iq,aq,q->ia", corner, u, W), mass.reshape(3, -1), stiff.reshape(12, -1))
 
 
 def mean(basis: Any, inside: NDArray[np.bool_]) -> Array:

@@ -23,7 +23,7 @@ from ..materials.laws import Law, is_constant
 from ..mesh.refine import refined
 from ..models import NonlinearSystem, StateSpace
 from ..transient.modal import Modal
-from ..transient.nonlinear import Lift, NonlinearLedger, lift, rows
+from ..transient.nonlinear import NodalOperator, NonlinearLedger, nodal_operator, rows
 from ..transient.trajectory import Ledger
 from .accuracy import Estimate, MeshError
 from .adaptive import marked
@@ -182,7 +182,7 @@ class HeatProblem:
         return replace(self.ledger, direct=float(self.discretization.means[heated][self.discretization.held].sum()))
 
     @cached_property
-    def _everywhere(self) -> tuple[Lift, Lift]:
+    def _everywhere(self) -> tuple[NodalOperator, NodalOperator]:
         """F and H with the rows of all unknowns, held ones included."""
         d, (k, c) = self.discretization, properties(self.geometry, self.mesh)
         flows, contents = [], []
@@ -192,10 +192,10 @@ class HeatProblem:
             contents.append((capacity(d.basis, c * cells), law))
         rest = d.stiffness - sum(matrix for matrix, _ in flows), d.mass - sum(matrix for matrix, _ in contents)
         T0 = self.geometry.ambient
-        return lift(flows, rest[0], d.free, T0), lift(contents, rest[1], d.free, T0)
+        return nodal_operator(flows, rest[0], d.free, T0), nodal_operator(contents, rest[1], d.free, T0)
 
     @cached_property
-    def _flow_and_content(self) -> tuple[Lift, Lift]:
+    def _flow_and_content(self) -> tuple[NodalOperator, NodalOperator]:
         free = self.discretization.free
         flow, content = self._everywhere
         return replace(flow, matrix=flow.matrix[free]), replace(content, matrix=content.matrix[free])

@@ -28,7 +28,7 @@ class NonlinearSystem(AtSmallPower, NonlinearEquations):
     ----------
     linear : StateSpace
         the same at small power, around the ambient temperature.
-    flow, content : Lift
+    flow, content : NodalOperator
         F(x) in W and H(x) in J.
     """
 

@@ -44,7 +44,7 @@ FINER = 4.0 ** -np.arange(4)  # scales below a step at which what the basis leav
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class FieldState:
     """A field at one time: x = V z + r, and what the next step needs.
 
     Attributes
@@ -71,8 +71,8 @@ class State:
     heat_out: float = 0.0
 
 
-class Field:
-    """The full-order field of a heat problem, advanced window by window from any `State`.
+class FieldIntegrator:
+    """The full-order field of a heat problem, advanced window by window from any `FieldState`.
 
     Parameters
     ----------
@@ -116,13 +116,13 @@ class Field:
         self.unit = 0.0  # the first window: every step is this over a power of four, as far as the windows allow
         self._missed: dict[float, float] = {}
 
-    def start(self, time: float = 0.0) -> State:
+    def start(self, time: float = 0.0) -> FieldState:
         """The field at ambient temperature."""
         n, inputs = self.drive.shape[0], len(self.linear.inputs)
         k = self.drive.shape[1] - inputs
-        return State(time, np.zeros(k), np.zeros(n), np.zeros(n), np.zeros(inputs + k))
+        return FieldState(time, np.zeros(k), np.zeros(n), np.zeros(n), np.zeros(inputs + k))
 
-    def begin(self, x: Array, time: float = 0.0) -> State:
+    def begin(self, x: Array, time: float = 0.0) -> FieldState:
         """The field with the rise x in K, shape (n,)."""
         V, s = self.basis.vectors, self.stepper
         z = V.T @ (s.E @ x)
@@ -130,24 +130,24 @@ class Field:
         right = self.drive @ source + s.A @ r
         if self.newton is not None:
             right = right - self.newton.system.flow(x) - s.A @ x
-        return State(time, z, r, s.solve(0.0, right), source)
+        return FieldState(time, z, r, s.solve(0.0, right), source)
 
-    def temperature(self, state: State) -> Array:
+    def temperature(self, state: FieldState) -> Array:
         """Rise x in K, shape (n,)."""
         return np.asarray(self.basis.vectors @ state.z + state.r)
 
-    def stored(self, state: State) -> float:
+    def stored(self, state: FieldState) -> float:
         """Heat in the field in J; nan without a ledger."""
         return self.ledger.content(self.temperature(state)) if self.ledger else np.nan
 
     def advance(
-        self, state: State, waves: Sequence[Waveform], times: ArrayLike, *, keep: ArrayLike = ()
-    ) -> tuple[Array, State, Array]:
+        self, state: FieldState, waves: Sequence[Waveform], times: ArrayLike, *, keep: ArrayLike = ()
+    ) -> tuple[Array, FieldState, Array]:
         """Advance from ``state`` to the last of ``times``.
 
         Parameters
         ----------
-        state : State
+        state : FieldState
             at ``times[0]``; it stays as it is.
         waves : one Waveform for each input
         times : array, s
@@ -158,7 +158,7 @@ class Field:
         Returns
         -------
         outputs : array, shape (times, outputs), K
-        state : State
+        state : FieldState
             at the end.
         fields : array, shape (keep, n), K
 
@@ -207,7 +207,9 @@ class Field:
             count *= 4
         return count
 
-    def _step(self, fast: FastPart, state: State, t: float, h: float) -> tuple[State, float, tuple[Array, ...]] | None:
+    def _step(
+        self, fast: FastPart, state: FieldState, t: float, h: float
+    ) -> tuple[FieldState, float, tuple[Array, ...]] | None:
         """One step: the new state, its error in units of what is allowed, and r and h dr/dt at both ends."""
         piece = fast.piece(t, h)
         missed = float(piece.leftover @ self.missed(h)) / (SHARE * self.tolerance)
@@ -234,7 +236,7 @@ class Field:
             out += self.ledger.outflow(h, WEIGHTS, rests, slopes)
             out += float(self.ledger.drain_A @ (V @ (h * (WEIGHTS @ piece.stages[:, piece.energy.size :]))))
             out += float(self.ledger.drain_E @ (V @ (z[-1] - z[0])))
-        new = State(
+        new = FieldState(
             t + h, z[-1], rests[-1], slopes[-1], piece.stages[-1], h,
             state.heat_in + float(piece.energy.sum()), state.heat_out + out,
         )  # fmt: skip

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ..algebra.factor import Pencil, Solve
 from ..waveforms import Waveform
 from .esdirk import GAMMA, STAGE_TIMES, STAGES, Stepper
-from .nonlinear import Lift, NonlinearEquations, factorize_general
+from .nonlinear import NodalOperator, NonlinearEquations, factorize_general
 
 Array = NDArray[np.float64]
 
@@ -75,7 +75,7 @@ class NewtonStepper(Stepper):
         self._stored = _Nodal(system.content, self.E.diagonal())
         self._both = hstack([system.content.matrix, system.flow.matrix], format="csr")
         self._near = Pencil(self.E, -self.A)
-        self._neighbours = [_Neighbour(lift, self._near) for lift in (system.content, system.flow)]
+        self._neighbours = [_Neighbour(operator, self._near) for operator in (system.content, system.flow)]
         self._last: tuple[Array, Array] | None = None  # slope and dH/dt in W where the last step ended
 
     def start_slope(self, x: Array, t: float, h: float, stop: float) -> Array:
@@ -127,8 +127,8 @@ class NewtonStepper(Stepper):
         else:
             flows[0] = self.E @ slope
         slopes[0], states[0] = slope, x
-        lifted, matrix = self.system.content.lifted(x), self.system.content.matrix
-        shift, nodal, start = GAMMA * h, self._stored.integral(lifted), matrix @ lifted
+        extended, matrix = self.system.content.extended(x), self.system.content.matrix
+        shift, nodal, start = GAMMA * h, self._stored.integral(extended), matrix @ extended
         per_slope = h / self._stored.slope(x)
         for i in range(1, 6):
             known = start + h * (STAGES[i, :i] @ flows[:i])
@@ -136,9 +136,9 @@ class NewtonStepper(Stepper):
             found = self._newton(_foresee(i, states, slopes, per_slope), target, shift)
             if found is None:
                 return None
-            states[i], lifted = found, self.system.content.lifted(found)
-            flows[i] = (matrix @ lifted - known) / shift
-            slopes[i] = (self._stored.integral(lifted) - nodal - h * (STAGES[i, :i] @ slopes[:i])) / shift
+            states[i], extended = found, self.system.content.extended(found)
+            flows[i] = (matrix @ extended - known) / shift
+            slopes[i] = (self._stored.integral(extended) - nodal - h * (STAGES[i, :i] @ slopes[:i])) / shift
         self._last = slopes[5], flows[5]
         return slopes, states
 
@@ -171,7 +171,8 @@ class NewtonStepper(Stepper):
             rate, last = 0.0, np.inf
             for k in range(ITERATIONS):
                 change = self._correct(
-                    shift, target - self._both @ np.concatenate([content.lifted(x) - known, shift * flow.lifted(x)])
+                    shift,
+                    target - self._both @ np.concatenate([content.extended(x) - known, shift * flow.extended(x)]),
                 )
                 x = x + change
                 if not k:
@@ -221,14 +222,14 @@ class NewtonStepper(Stepper):
 
 
 class _Nodal:
-    """What a `Lift` does to each node when neighbours do the same: its laws, weighted by the diagonal of the matrix."""
+    """A `NodalOperator` at each node where the neighbours do the same: its laws, weighted by the diagonal."""
 
-    def __init__(self, lift: Lift, diagonal: Array) -> None:
-        self.ambient, self.size = lift.ambient, diagonal.size
+    def __init__(self, operator: NodalOperator, diagonal: Array) -> None:
+        self.ambient, self.size = operator.ambient, diagonal.size
         self.laws = []
         start = diagonal.size
-        for law, at in lift.laws:
-            block = lift.matrix[:, start : start + at.size].tocsr()
+        for law, at in operator.laws:
+            block = operator.matrix[:, start : start + at.size].tocsr()
             self.laws.append((law, at, np.asarray(block[at, np.arange(at.size)]).ravel() / diagonal[at]))
             start += at.size
 
@@ -239,27 +240,27 @@ class _Nodal:
             total[at] += weight * (law.factor(self.ambient + x[at]) / law.factor(self.ambient) - 1)
         return total
 
-    def integral(self, lifted: Array) -> Array:
-        """Its integral from ambient in K, from what `Lift.lifted` gives."""
-        x, start = lifted[: self.size], self.size
+    def integral(self, extended: Array) -> Array:
+        """Its integral from ambient in K, from what `NodalOperator.extended` gives."""
+        x, start = extended[: self.size], self.size
         total = x.copy()
         for _, at, weight in self.laws:
-            total[at] += weight * (lifted[start : start + at.size] - x[at])
+            total[at] += weight * (extended[start : start + at.size] - x[at])
             start += at.size
         return total
 
 
 class _Neighbour:
-    """The symmetric approximation of the derivative of a `Lift`, as values in the places of a `Pencil`."""
+    """The symmetric approximation of the derivative of a `NodalOperator`, as values in the places of a `Pencil`."""
 
-    def __init__(self, lift: Lift, pencil: Pencil) -> None:
-        self.ambient, self.laws = lift.ambient, []
-        n, start = lift.matrix.shape[0], lift.matrix.shape[0]
+    def __init__(self, operator: NodalOperator, pencil: Pencil) -> None:
+        self.ambient, self.laws = operator.ambient, []
+        n, start = operator.matrix.shape[0], operator.matrix.shape[0]
         rows, columns = pencil.rows_and_columns
         self.rest = np.zeros(rows.size)
-        self._add(pencil, lift.matrix[:, :n], self.rest)
-        for law, at in lift.laws:
-            block = lift.matrix[:, start : start + at.size].tocsc()
+        self._add(pencil, operator.matrix[:, :n], self.rest)
+        for law, at in operator.laws:
+            block = operator.matrix[:, start : start + at.size].tocsc()
             start += at.size
             where, values = pencil.places(_spread(block, at, n))
             local = np.zeros(n, dtype=np.intp)

@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Lift:
+class NodalOperator:
     """A nonlinear operator ``matrix @ [x, g_1(x), g_2(x), ...]``, every law at its own nodes.
 
     Attributes
@@ -45,7 +45,7 @@ class Lift:
     laws: tuple[tuple[Law, NDArray[np.intp]], ...]
     ambient: float
 
-    def lifted(self, x: Array) -> Array:
+    def extended(self, x: Array) -> Array:
         """[x, g_1(x), g_2(x), ...] in K, from x of shape (..., n)."""
         if not self.laws:
             return x
@@ -54,7 +54,7 @@ class Lift:
         return np.concatenate([x, *laws], axis=-1)
 
     def __call__(self, x: Array) -> Array:  # noqa: D102 - the class says what it is
-        return np.asarray(self.matrix @ self.lifted(x))
+        return np.asarray(self.matrix @ self.extended(x))
 
     def jacobian(self, x: Array) -> Any:
         """d/dx at ``x``, sparse."""
@@ -81,13 +81,13 @@ class NonlinearEquations:
     ----------
     linear : LinearSystem
         the same at small power, around the ambient temperature.
-    flow, content : Lift
+    flow, content : NodalOperator
         F(x) in W and H(x) in J.
     """
 
     linear: Any
-    flow: Lift
-    content: Lift
+    flow: NodalOperator
+    content: NodalOperator
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -119,17 +119,17 @@ class NonlinearLedger:
 
     Attributes
     ----------
-    stored, held : Lift with one row; J
+    stored, held : NodalOperator with one row; J
         enthalpy of everything, and the part of it that belongs to the held unknowns.
-    drain : Lift with one row; W
+    drain : NodalOperator with one row; W
         heat that flows out through held unknowns and convective boundaries.
     direct : float
         share of the power that enters at held unknowns.
     """
 
-    stored: Lift
-    held: Lift
-    drain: Lift
+    stored: NodalOperator
+    held: NodalOperator
+    drain: NodalOperator
     direct: float = 0.0
 
     def content(self, x: Array) -> float:
@@ -138,11 +138,13 @@ class NonlinearLedger:
 
     def outflow(self, h: float, weights: Array, states: Array, slopes: Array) -> float:
         """Heat in J that left during one step."""
-        flow = float(weights @ (self.drain.lifted(states) @ self.drain.matrix.toarray()[0]))
+        flow = float(weights @ (self.drain.extended(states) @ self.drain.matrix.toarray()[0]))
         return h * flow - float(self.held(states[-1])[0] - self.held(states[0])[0])
 
 
-def lift(parts: Sequence[tuple[Any, Law]], rest: Any, free: NDArray[np.intp], ambient: float) -> Lift:
+def nodal_operator(
+    parts: Sequence[tuple[Any, Law]], rest: Any, free: NDArray[np.intp], ambient: float
+) -> NodalOperator:
     """All rows of an operator from its matrices: ``rest`` follows no law, every other its own.
 
     Parameters
@@ -167,10 +169,10 @@ def lift(parts: Sequence[tuple[Any, Law]], rest: Any, free: NDArray[np.intp], am
         at = np.flatnonzero(np.diff(columns.indptr))
         blocks.append(columns[:, at])
         laws.append((law, at))
-    return Lift(hstack(blocks, format="csr"), tuple(laws), ambient)
+    return NodalOperator(hstack(blocks, format="csr"), tuple(laws), ambient)
 
 
-def rows(operator: Lift, matrix: Any) -> Lift:
+def rows(operator: NodalOperator, matrix: Any) -> NodalOperator:
     """The operator with ``matrix`` in front: some rows or sums of them, with the laws at the nodes they need."""
     from scipy.sparse import csr_matrix
 
@@ -186,4 +188,4 @@ def rows(operator: Lift, matrix: Any) -> Lift:
         start += at.size
         if kept.size:
             laws.append((law, kept))
-    return Lift(csr_matrix(total[:, needed]), tuple(laws), operator.ambient)
+    return NodalOperator(csr_matrix(total[:, needed]), tuple(laws), operator.ambient)

@@ -20,7 +20,7 @@ from .plan import stages_of
 from .sections import Section, read
 from .settings import Settings
 from .stages import run_stages
-from .store import Result, Store
+from .store import Result, StageStore
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -40,7 +40,7 @@ def run(out: Path, settings: Settings | None = None) -> dict[str, Any]:
     data, figures = (dataset.make_folder(dataset.make_folder(out) / name) for name in ("data", "figures"))
     stages = stages_of(settings)
     with _quiet():
-        done = run_stages(stages, settings, Store(data), console)
+        done = run_stages(stages, settings, StageStore(data), console)
     results = done.results
     lead, sections = _words(settings, results)
     rows = [claim for claim in claims() if claim.known(results)]

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from .settings import Settings
-from .store import Result, Store, key_of
+from .store import Result, StageStore, key_of
 
 if TYPE_CHECKING:
     Compute = Callable[["Job"], Result]
@@ -65,7 +65,7 @@ class Run:
     computed: tuple[str, ...]
 
 
-def run_stages(stages: Sequence[Stage], settings: Settings, store: Store, console: Console) -> Run:
+def run_stages(stages: Sequence[Stage], settings: Settings, store: StageStore, console: Console) -> Run:
     """Run the stages in order; what an earlier run finished under the same keys is read, not computed."""
     results: dict[str, Result] = {}
     computed: list[str] = []

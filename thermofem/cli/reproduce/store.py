@@ -46,7 +46,7 @@ class Result:
 
 
 @dataclass(frozen=True)
-class Store:
+class StageStore:
     """The folder of a reproduction's data.
 
     Parameters
