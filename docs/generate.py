@@ -118,15 +118,15 @@ laboratory stands by itself.
 MEASURED = """
 ## Measured in a laboratory
 
-{count} figures from {papers} sources. Each is computed from the stack as far as the source, named below, states it; only
-numbers that were seen there are listed. A straight shifter is closed to a ring of its length, which changes
-the π power by under 4 %. π power = λ/(2 L dn/dT R_th); ratio = computed over published. The range is what the computed
-figure becomes when one unknown goes from end to end. `python tests/devices.py` computes them from the linked geometry files;
-`tests/surrogate/test_published_devices.py` holds them.
+{count} figures from {papers} sources. Each is computed from the stack as far as the source, named below, states it.
+Only numbers that were seen there are listed. A straight shifter is closed to a ring of its length, which changes the
+π power by under 4 %. π power = λ/(2 L dn/dT R_th); ratio = computed over published. The range is what the computed
+figure becomes when one unknown goes from end to end. `python tests/devices.py` computes them from the linked geometry
+files; `tests/surrogate/test_published_devices.py` holds them.
 
-Static figures come within 30 % of the laboratory. Times and bandwidths do not: a computed step has a slow tail, of heat
-that spreads in oxide and silicon, where a fitted exponential has none, and contacts and metal, which cool, are not stated.
-Measured curves are compared elsewhere: thermal steps of an LED and a transistor, and the bistable loops of a ring, under
+Static figures come within 30 % of the laboratory. Times and bandwidths do not. A computed step has a slow tail of heat
+that spreads in oxide and silicon; a fitted exponential has none. Contacts and metal cool, and no source states them.
+Measured curves are compared elsewhere: thermal steps of an LED and a transistor, and bistable loops of a ring, under
 [families](families.md#calibration).
 
 """
@@ -209,7 +209,8 @@ def measured() -> str:
         for figure in row["figure"]:
             ours, low, high = figure["ours"], *figure["range"]
             text += f"| [{row['name']}](measured/{row['geometry']}) | {figure['what']} | {figure['published']:g} "
-            text += f"{figure['unit']} | {ours:g} {figure['unit']} | {ours / figure['published']:.2f} | {low:g} to {high:g} |\n"
+            text += f"{figure['unit']} | {ours:g} {figure['unit']} | {ours / figure['published']:.2f} "
+            text += f"| {low:g} to {high:g} |\n"
     for row in devices:
         vary = row["vary"]
         text += f"\n**{row['name']}.** {row['paper']}. Seen in: {row['seen']}. Not stated: {row['unknown']}. "

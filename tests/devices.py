@@ -1,6 +1,6 @@
 """Figures of published devices, computed from the geometry files of docs/measured.
 
-    python tests/devices.py        prints the figures of every device of docs/measured.toml
+python tests/devices.py        prints the figures of every device of docs/measured.toml
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Figures of published devices from their stacks: what docs/measured.toml says was computed, and how far it may lie off."""
+"""Figures of published devices from their stacks: what docs/measured.toml says was computed."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import pytest
 from devices import DEVICES, computed
 
 pytestmark = pytest.mark.slow
-# rounding to three digits, 0.5 %; the mesh, 0.5 % in R_th, which times and bandwidths on a flat tail see up to threefold
+# rounding to three digits, 0.5 %; the mesh, 0.5 % in R_th, up to threefold in times and bandwidths on a flat tail
 WITHIN = 0.02
 
 
@@ -20,7 +20,7 @@ def test_figures_of_published_devices(row):
 
 
 def test_static_figures_agree_with_the_laboratory_within_what_is_unknown():
-    """π powers, tunings and resistances: a stack of which all but a little is stated comes within 30 % of the figure."""
+    """π powers, tunings and resistances, as the validation page says."""
     static = {"pi_power", "tuning", "resistance", "undercut"}
     ratios = [f["ours"] / f["published"] for row in DEVICES for f in row["figure"] if f["kind"] in static]
     assert len(ratios) >= 6
