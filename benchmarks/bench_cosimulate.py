@@ -83,7 +83,7 @@ def main() -> None:
     heat = th.assemble(th.strip_ring(), accuracy)
     coupled.cosimulate(RING, heat, power=POWER, duration=10e-9)  # compiles
 
-    seconds, run = timed(lambda: coupled.cosimulate(RING, heat, power=POWER, duration=LONG, tolerance=1e-3))
+    seconds, run = timed(lambda: coupled.cosimulate(RING, heat, power=POWER, duration=LONG, max_discrepancy=1e-3))
     found = coupled.pulsing(run)
     print(f"{heat.unknowns} unknowns, (8 dBm, 0 GHz): period {found.period * 1e9:.2f} ns, swing {found.swing:.3f} K")
     print(
@@ -94,9 +94,9 @@ def main() -> None:
 
     system, times = lumped(heat.system), np.linspace(0, SHORT, 3001)
     drive = {"power": POWER, "duration": SHORT}
-    reference = trace(coupled.cosimulate(RING, system, tolerance=1e-5, rtol=1e-9, **drive), times)
+    reference = trace(coupled.cosimulate(RING, system, max_discrepancy=1e-5, rtol=1e-9, **drive), times)
     print(f"\n{SHORT * 1e9:.0f} ns from cold, the same lumped matrices:")
-    ours, run = timed(lambda: coupled.cosimulate(RING, system, tolerance=1e-3, **drive))
+    ours, run = timed(lambda: coupled.cosimulate(RING, system, max_discrepancy=1e-3, **drive))
     print(f"  cosimulate, 1e-3 K         {ours:8.2f} s   error {np.abs(trace(run, times) - reference).max():.0e} K")
     for rtol in (1e-4, 1e-6, 1e-7):  # the last two bracket the error of cosimulate
         theirs, rise = timed(lambda rtol=rtol: monolithic(system, times, rtol))

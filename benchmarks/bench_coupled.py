@@ -25,7 +25,7 @@ import thermofem as th
 from coupled import Method
 from coupled.kernels import equations as eq
 from coupled.kernels.interrupts import new_watch
-from coupled.kernels.rosenbrock import Laser, integrate
+from coupled.kernels.rosenbrock import LaserPieces, integrate
 from coupled.kernels.tableaus import tableau
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ SIXTEEN = th.Foster(R=np.repeat(MODEL.R, 8) / 8, tau=np.repeat(MODEL.tau, 8))  #
 
 def ours(method: Method, rtol: float, model: th.Foster = MODEL) -> Array:
     args = (eq.internal_thermal(model), tableau(method), rtol, FLOOR, TIMES, 1, 0.0, np.zeros(3), 10**7, new_watch())
-    laser = Laser(np.array([0, DURATION]), np.array([[DRIVE**2, 0, 0, 0]]), np.zeros((1, 4)))
+    laser = LaserPieces(np.array([0, DURATION]), np.array([[DRIVE**2, 0, 0, 0]]), np.zeros((1, 4)))
     return integrate(np.zeros(3 + model.order), laser, RATES, FCD, *args)[0][:, 1:]
 
 

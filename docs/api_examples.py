@@ -215,7 +215,7 @@ circuit = coupled.Circuit(
 )
 
 # %% coupled.FEM coupled.Corrector
-coupled.cosimulate(ring, coupled.FEM(heat, tolerance=1e-2), power=1e-3, duration=5e-8)
+coupled.cosimulate(ring, coupled.FEM(heat, max_discrepancy=1e-2), power=1e-3, duration=5e-8)
 
 # %% coupled.fit_carrier_decay coupled.CarrierFit
 decay = coupled.carrier_decay(ring.carriers, 1e23, np.linspace(0, 2e-7, 100))

@@ -21,7 +21,7 @@ newton = surrogate.newton(tau_th=275e-9)
 
 def relax(model, length, passes=12):
     """Largest discrepancy in K after each pass over a window that begins 20 ns before the first pulse."""
-    fem = coupled.FEM(heat, tolerance=1e-7)
+    fem = coupled.FEM(heat, max_discrepancy=1e-7)
     own, start = fem.predictor, 0.0
     state = coupled.State.cold(own.order)
     cold = advance(RING, own, state, 0.0, 1e-6, power=POWER, rtol=1e-8)

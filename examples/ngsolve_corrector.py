@@ -132,7 +132,7 @@ def main():
     heat = th.assemble(th.strip_ring())
     ours = coupled.cosimulate(ring, heat, **drive)
     predictor = coupled.FEM(heat).predictor
-    theirs = coupled.cosimulate(ring, Remote(), predictor=predictor, tolerance=5e-3, **drive)
+    theirs = coupled.cosimulate(ring, Remote(), predictor=predictor, max_discrepancy=5e-3, **drive)
     apart = np.abs(np.interp(ours.time, theirs.time, theirs.delta_T) - ours.delta_T).max()
     print(f"largest rise {float(ours.delta_T.max()):.3f} K, the two solvers are {float(apart) * 1e3:.1f} mK apart")
     print(f"{theirs.attrs['windows']} windows, {theirs.attrs['passes']} passes")

@@ -36,8 +36,8 @@ def heat():
         (lambda fit, heat: th.save(MODEL, "ring.nc"), "data is a Foster; .* surrogate.save_model"),
         (lambda fit, heat: coupled.cosimulate(RING, heat, progress=3, **LIGHT), "progress = 3 must be a function"),
         (
-            lambda fit, heat: coupled.pulsing_map(RING, MODEL, [1e-3], [0.0], duration=1e-7, progress=3),
-            "progress = 3 must be True or False",
+            lambda fit, heat: coupled.pulsing_map(RING, MODEL, [1e-3], [0.0], duration=1e-7, show_bar=3),
+            "show_bar = 3 must be True or False",
         ),
     ],
 )

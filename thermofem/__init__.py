@@ -25,6 +25,7 @@ from .heat import Discretization, HeatProblem, assemble, discretize
 from .materials import Material, Polynomial, PowerLaw, Table, silicon_film
 from .mesh import Mesh
 from .models import Foster, OutputMap, OutsideTrainingWarning, Quadratic, StateSpace, ThermalModel
+from .renamed import warn as _warn
 from .solve import solve, solve_periodic
 from .tables import read_csv
 from .version import __version__ as __version__
@@ -112,9 +113,7 @@ def __getattr__(name: str) -> _Any:
     if name in _LATE:
         return getattr(_import_module(_LATE[name], __name__), name)
     if name in _RENAMED:
-        import warnings
-
-        warnings.warn(f"thermofem.{name} is now thermofem.{_RENAMED[name]}", DeprecationWarning, stacklevel=2)
+        _warn(f"thermofem.{name}", f"thermofem.{_RENAMED[name]}")
         return globals()[_RENAMED[name]]
     if name in waveforms.KINDS:
         return waveforms.KINDS[name]

@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.tri import Triangulation
 
-from . import checks
+from . import checks, renamed
 from .checks import InputError, choice, positive
 from .dataset import check_image, write_whole
 from .fields import check_field
@@ -93,13 +93,14 @@ def plot_field(data: xr.Dataset, ax: Axes | None = None, *, at: int = 0, half_wi
     return ax
 
 
+@renamed.keywords(progress="on_frame")
 def animate_field(
     data: xr.Dataset,
     path: str | FilePath,
     *,
     frames_per_second: int = 10,
     half_width: float = 4e-6,
-    progress: Callable[[int, int], object] | None = None,
+    on_frame: Callable[[int, int], object] | None = None,
 ) -> FilePath:
     """Write the temperature field as a film, one frame for each kept time, all with one colour scale and window.
 
@@ -112,7 +113,7 @@ def animate_field(
     frames_per_second : int
     half_width : float, m
         of the window drawn.
-    progress : callable, optional
+    on_frame : callable, optional
         called with the number of the frame, from 0, and how many there are.
 
     Raises
@@ -144,7 +145,7 @@ def animate_field(
 
     film = animation.FuncAnimation(figure, draw, frames=data.sizes["field_time"])
     try:
-        write_whole(path, lambda p: film.save(p, writer=writer, dpi=120, progress_callback=progress))
+        write_whole(path, lambda p: film.save(p, writer=writer, dpi=120, progress_callback=on_frame))
     finally:
         plt.close(figure)
     return path

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofem import checks
+from thermofem import checks, renamed
 from thermofem.display import shown
 from thermofem.models import HasModel, ThermalModel
 
 from ..arguments import check_ring
-from ..progress import bar
+from ..bar import bar
 from ..resonator import RingResonator
 from ..thermal import Compact
 from ..unknowns import ThermalFamily, Unknowns, unknowns
@@ -63,6 +63,7 @@ class Identification(HasModel):
     front: Array
 
 
+@renamed.keywords(progress="show_bar")
 def identify(
     ring: RingResonator,
     traces: xr.Dataset | Sequence[xr.Dataset],
@@ -72,7 +73,7 @@ def identify(
     bounds: Mapping[str, tuple[float, float]] | None = None,
     runs: int = 10,
     seed: int = 1,
-    progress: bool = False,
+    show_bar: bool = False,
 ) -> Identification:
     """Find the parameters with which the simulated drop traces are closest to all the given ones at once.
 
@@ -106,7 +107,7 @@ def identify(
         independent searches, each with its own evolution. The one with the smallest misfit gives the parameters;
         ``samples`` shows how far the others, which may have ended in another minimum, are from it.
     seed : int
-    progress : bool
+    show_bar : bool
         whether to draw a bar on the terminal.
 
     Returns
@@ -140,7 +141,7 @@ def identify(
         )
     found, front = [], np.empty((0, len(targets)))
     wanted = [target.observed.mean() for target in targets]
-    with bar("identify", runs, progress) as advance:
+    with bar("identify", runs, show_bar) as advance:
         for run in range(runs):
             rng = np.random.default_rng([seed, run])
             found.append(_one_run(what, targets, wanted, int(rng.integers(2**31))))

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofem import checks
+from thermofem import checks, renamed
 
 from ..arguments import check_ring
-from ..progress import bar
+from ..bar import bar
 from ..resonator import RingResonator
 from ..unknowns import unknowns
 from .cycles import HARMONICS
@@ -26,13 +26,14 @@ GRID = 6  # start values of either parameter
 START = 2  # harmonics in the search from them
 
 
+@renamed.keywords(progress="show_bar")
 def fit_newton_per_trace(
     ring: RingResonator,
     traces: Sequence[xr.Dataset],
     *,
     bounds: dict[str, tuple[float, float]] | None = None,
     harmonics: int = 2,
-    progress: bool = False,
+    show_bar: bool = False,
 ) -> xr.Dataset:
     """Fit (tau_th, m c_p) of Newton's law to every drop trace on its own.
 
@@ -52,7 +53,7 @@ def fit_newton_per_trace(
     harmonics : int
         of the cycle that count beside period and mean, 1 to 32. One pole cannot follow the steep parts of a cycle, and
         to ask it for them splits the best pairs into two families.
-    progress : bool
+    show_bar : bool
 
     Returns
     -------
@@ -85,7 +86,7 @@ def fit_newton_per_trace(
     axes = [np.linspace(a, b, GRID + 2)[1:-1] for a, b in zip(what.low, what.high, strict=True)]
     grid = np.array(np.meshgrid(*axes)).reshape(2, -1).T
     rows: list[list[float]] = []
-    with bar("Newton's law", len(targets), progress) as advance:
+    with bar("Newton's law", len(targets), show_bar) as advance:
         for target in targets:
             one, wanted = [target], [target.observed.mean()]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,28 @@ from numba import njit
 # Sums may be reordered and fused; NaN and infinity keep their meaning, which the step control relies on.
 _FAST = {"contract", "reassoc", "nsz", "arcp"}
 
-compiled = njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
-inlined = njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST, forceinline=True)
+_compile = njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+_inline = njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST, forceinline=True)
+_seen: set[str] = set()  # files whose own outdated caches are gone
+
+
+def compiled(function: Callable[..., Any]) -> Any:
+    """Compile when first called."""
+    return _fresh(_compile(function))
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """Compile into the caller."""
+    return _fresh(_inline(function))
+
+
+def _fresh(kernel: Any) -> Any:
+    """Delete what an earlier version of the file left: Numba reads it before it is found old, classes that are gone too."""
+    source = kernel.py_func.__code__.co_filename
+    if source not in _seen:
+        _seen.add(source)
+        forget_if_older(kernel, source)
+    return kernel
 
 
 def forget_if_older(kernel: Any, source: str) -> None:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 PERIODS = 6  # of the FEM alone, at most
-ENOUGH = 0.3  # of the tolerance, that the temperature may still change in a period
+ENOUGH = 0.3  # of the largest discrepancy, that the temperature may still change in a period
 KINDS = "a run of coupled.cosimulate with the same heat, or a cycle of coupled.limit_cycle"
 
 
@@ -98,6 +98,6 @@ def _lifted(cycle: xr.Dataset, fem: FEM) -> Array:
         end = fem.tried
         change = end - field
         field = end + basis.vectors @ (shrink / (1 - shrink) * (basis.vectors.T @ (E @ change)))
-        if np.abs(C @ change).max() <= ENOUGH * fem.tolerance:
+        if np.abs(C @ change).max() <= ENOUGH * fem.max_discrepancy:
             break
     return np.asarray(field)

@@ -23,7 +23,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermofem import HeatProblem, checks
+from thermofem import HeatProblem, checks, renamed
 from thermofem.algebra.krylov import CYCLES, krylov
 from thermofem.display import card
 from thermofem.models import Foster, NonlinearSystem, OutputMap, StateSpace, foster
@@ -34,7 +34,7 @@ from thermofem.waveforms import Waveform, to_json
 Array = NDArray[np.float64]
 
 BENT_AT = 10.0  # K, where the predictor of k(T) is right at rest
-SHARE = 0.3  # of the tolerance of the co-simulation, for the FEM's own steps
+SHARE = 0.3  # of the largest discrepancy of the co-simulation, for the FEM's own steps
 
 
 class Corrector(Protocol):
@@ -58,7 +58,7 @@ class FEM:
         part that the light heats and whose mean detunes it; default: the first heated part.
     heaters : mapping of name to Waveform
         other heated parts and their power in W.
-    tolerance : float, K
+    max_discrepancy : float, K
         of the co-simulation; the FEM's steps keep to a third of it.
     field_times : array, s
         when the whole temperature field is kept.
@@ -66,19 +66,20 @@ class FEM:
         size of the Krylov basis (`thermofem.transient.krylov`); it changes the work, not the result.
     """
 
+    @renamed.keywords(tolerance="max_discrepancy")
     def __init__(
         self,
         heat: HeatProblem | StateSpace | NonlinearSystem,
         *,
         heated: str | None = None,
         heaters: Mapping[str, Waveform] | None = None,
-        tolerance: float = 1e-3,
+        max_discrepancy: float = 1e-3,
         field_times: ArrayLike = (),
         cycles: int = CYCLES,
     ) -> None:
         if not isinstance(heat, HeatProblem | StateSpace | NonlinearSystem):
             raise checks.InputError(f"heat is a {type(heat).__name__}; th.assemble(geometry) makes the HeatProblem")
-        checks.between("tolerance", tolerance, 1e-9, 10, unit="K")
+        checks.between("max_discrepancy", max_discrepancy, 1e-9, 10, unit="K")
         self.problem = heat if isinstance(heat, HeatProblem) else None
         if not isinstance(heaters or {}, Mapping):
             raise checks.InputError(
@@ -102,14 +103,14 @@ class FEM:
         self.field = FieldIntegrator(
             system,
             self.basis,
-            tolerance=SHARE * tolerance,
+            tolerance=SHARE * max_discrepancy,
             ledger=self.problem.ledger if self.problem else None,
             direct=[self.problem.audit(name).direct for name in inputs] if self.problem else (),
             factors=self.problem.discretization.factors if self.problem else None,
         )
         self.field_times = checks.array("field_times", field_times, increasing=True) if np.size(field_times) else None
         self.fields: list[Array] = []
-        self.state, self.stored_before, self.tolerance = self.field.start(), 0.0, tolerance
+        self.state, self.stored_before, self.max_discrepancy = self.field.start(), 0.0, max_discrepancy
         self._tried: tuple[FieldState, Array] | None = None
 
     def __repr__(self) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermofem import Foster, HeatProblem, OutputMap, Quadratic, StateSpace, checks
+from thermofem import Foster, HeatProblem, OutputMap, Quadratic, StateSpace, checks, renamed
 from thermofem.models import NonlinearSystem, ThermalModel
 from thermofem.waveforms import Constant, Function, Waveform, storable
 
@@ -33,6 +33,7 @@ NO_PREDICTOR = Foster(R=[0.0], tau=[1e-6])
 FIRST = 0.25e-6  # s, about the first window
 
 
+@renamed.keywords(tolerance="max_discrepancy")
 def cosimulate(
     ring: RingResonator,
     heat: HeatProblem | StateSpace | NonlinearSystem | Corrector,
@@ -41,7 +42,7 @@ def cosimulate(
     detuning: Any = 0.0,
     duration: float = 20e-6,
     predictor: ThermalModel | None = None,
-    tolerance: float = 1e-3,
+    max_discrepancy: float = 1e-3,
     rtol: float = 1e-6,
     heaters: Mapping[str, Waveform] | None = None,
     field_times: ArrayLike = (),
@@ -52,7 +53,7 @@ def cosimulate(
 
     The equations are those of `simulate`; the thermal model only predicts. In each time window (`relaxation`) the
     corrector receives the absorbed power and returns the temperature. The difference from the predicted temperature is
-    fed back, and the window is repeated until the difference is below ``tolerance``.
+    fed back, and the window is repeated until the difference is below ``max_discrepancy``.
 
     Parameters
     ----------
@@ -65,7 +66,7 @@ def cosimulate(
     predictor : ThermalModel, optional
         any model that `simulate` takes; it changes the work, not the result. A StateSpace may have the heaters as
         further inputs. Default: for a HeatProblem a Krylov reduction of it, otherwise `NO_PREDICTOR`.
-    tolerance : float, K
+    max_discrepancy : float, K
         largest difference left between the temperature that the light sees and the corrector's.
     rtol : float
         of light and carriers, as in `simulate`.
@@ -101,7 +102,7 @@ def cosimulate(
     680 ns, 5.87 K
     """
     check_run(ring, duration, rtol)
-    checks.between("tolerance", tolerance, 1e-8, 1, unit="K", hint="1e-3 K gives periods to about 1e-4")
+    checks.between("max_discrepancy", max_discrepancy, 1e-8, 1, unit="K", hint="1e-3 K gives periods to about 1e-4")
     light = {"input_power": power_in_time(power, duration), "detuning": detuning_in_time(detuning, duration)}
     checks.progress(progress)
     kept = checks.array("field_times", field_times, increasing=True) if np.size(field_times) else np.zeros(1)
@@ -111,7 +112,7 @@ def cosimulate(
         known = (
             {name: _over(wave, duration) for name, wave in heaters.items()} if isinstance(heaters, Mapping) else heaters
         )
-        corrector: Any = FEM(heat, heaters=known, tolerance=tolerance, field_times=field_times)
+        corrector: Any = FEM(heat, heaters=known, max_discrepancy=max_discrepancy, field_times=field_times)
     elif heaters or np.size(field_times):
         raise checks.InputError("heaters and field_times go with a HeatProblem; a corrector takes care of its own")
     elif isinstance(heat, type) or not all(callable(getattr(heat, name, None)) for name in ("advance", "accept")):
@@ -128,7 +129,7 @@ def cosimulate(
     begin = beginning(initial, corrector, model)
     loop = Relaxation(
         ring, model, corrector, light["input_power"], light["detuning"], float(duration), min(FIRST, duration),
-        tolerance, rtol, begin.state, _background(corrector, predictor), accepted=begin.rise,
+        max_discrepancy, rtol, begin.state, _background(corrector, predictor), accepted=begin.rise,
         rest=begin.rise - _read(model, begin.state),
     )  # fmt: skip
     parts = []
@@ -189,7 +190,7 @@ def _dataset(
         attrs={
             **provenance(ring, light, duration),
             "rtol": loop.rtol,
-            "tolerance": loop.tolerance,
+            "max_discrepancy": loop.max_discrepancy,
             "predictor": _named(loop.model),
             "steps": int(run.counts[0]),
             "windows": len(parts),

@@ -5,8 +5,8 @@ delta_k, gives the absorbed power to the corrector, and compares the two tempera
 
     delta_{k+1}(t) = delta_k(t) + [dT_corrector(t) - dT_k(t)]
 
-until the bracket is below the tolerance everywhere. The iteration converges faster with a better predictor and with a
-shorter window. Windows are halved when it converges slowly and doubled when a few passes suffice.
+until the bracket is below the largest discrepancy allowed, everywhere. The iteration converges faster with a better
+predictor and with a shorter window. Windows are halved when it converges slowly and doubled when a few passes suffice.
 
 Source: E. Lelarasmee, A. E. Ruehli, A. L. Sangiovanni-Vincentelli, IEEE Trans. CAD 1, 131 (1982) (waveform relaxation).
 """
@@ -36,9 +36,9 @@ MOST_PASSES = 16
 FEW, MANY = 4, 8  # passes up to which windows double, and above which they halve: least work (measured)
 ROWS = 1000  # steps of the light beyond which a window does not double
 SHORTEST = 1e-12  # s; windows below are given up
-STARTS = 10.0  # tolerances by which the first value of a window may differ from the last accepted one
+STARTS = 10.0  # largest discrepancies by which the first value of a window may differ from the last accepted one
 HOTTEST = 1e5  # K; no solid is
-KNOTS = 0.02  # share of the tolerance that thinning the discrepancy may cost
+KNOTS = 0.02  # share of the largest discrepancy that thinning the discrepancy may cost
 
 
 class Passed(NamedTuple):
@@ -64,7 +64,7 @@ class Relaxation:
     power, detuning : as `window.advance` takes them
     duration, window : float, s
         windows are ``duration`` over a power of two; ``window`` is the first.
-    tolerance : float, K
+    max_discrepancy : float, K
     rtol : float
     state : coupled State
         of the optics at the accepted time.
@@ -79,7 +79,7 @@ class Relaxation:
     detuning: Any
     duration: float
     window: float
-    tolerance: float
+    max_discrepancy: float
     rtol: float
     state: State
     background: Callable[[Array], Array] | None = None
@@ -145,10 +145,10 @@ class Relaxation:
                     None,
                     f"the corrector says {rise[np.abs(rise).argmax()]:.3g} K (a rise in K is needed; pass {passes})",
                 )
-            if change <= self.tolerance:
+            if change <= self.max_discrepancy:
                 seen = float(offset(stop)) if callable(offset) else float(offset)
                 return Passed(run, rise, passes, change, seen + float(rise[-1] - run.delta_T[-1])), ""
-            if passes > 1 and not _hopeful(change, last, self.tolerance, MOST_PASSES - passes):
+            if passes > 1 and not _hopeful(change, last, self.max_discrepancy, MOST_PASSES - passes):
                 return None, f"the discrepancy goes from {last:.2g} to {change:.2g} K in pass {passes}"
             last = change
             offset = self._fed_back(run, offset, rise - run.delta_T)
@@ -156,7 +156,7 @@ class Relaxation:
 
     def _check_start(self, start: float, passes: int, first: float) -> None:
         """InputError unless the corrector begins a window where the accepted one ended, at 0 K before the first."""
-        if not abs(first - self.accepted) > STARTS * self.tolerance:  # nan is told elsewhere
+        if not abs(first - self.accepted) > STARTS * self.max_discrepancy:  # nan is told elsewhere
             return
         if start == 0 and passes == 1 and not self.abandoned and not self.accepted:
             raise checks.InputError(
@@ -173,12 +173,12 @@ class Relaxation:
         if self.background is None:
             return self.rest
         times = np.linspace(start, stop, 33)
-        return _spline(times, self.background(times) + self.rest, KNOTS * self.tolerance)
+        return _spline(times, self.background(times) + self.rest, KNOTS * self.max_discrepancy)
 
     def _fed_back(self, run: Window, offset: Any, change: Array) -> Any:
         """The discrepancy after a pass."""
         old = offset(run.time) if callable(offset) else offset
-        return _spline(run.time, old + change, KNOTS * self.tolerance)
+        return _spline(run.time, old + change, KNOTS * self.max_discrepancy)
 
     def _accept(self, found: Passed) -> None:
         self.corrector.accept()

@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermofem import Quadratic, checks
+from thermofem import Quadratic, checks, renamed
 from thermofem.models import ThermalModel
 
 from ..arguments import check_duration
+from ..bar import bar
 from ..equilibria.steady import provenance
 from ..heaters import constant
 from ..kernels.interrupts import new_watch
-from ..progress import bar
 from ..pulsing import Regime
 from ..resonator import RingResonator
 from ..states import State
@@ -54,6 +54,7 @@ class _Cell(NamedTuple):
     reason: str
 
 
+@renamed.keywords(progress="show_bar")
 def pulsing_map(
     ring: RingResonator,
     model: ThermalModel,
@@ -70,7 +71,7 @@ def pulsing_map(
     follow: Follow | str | None = None,
     file: str | Path | None = None,
     executor: Executor | None = None,
-    progress: bool = False,
+    show_bar: bool = False,
 ) -> xr.Dataset:
     """Return what the ring does at every point of a map: the settled cycle, or what a transient from cold shows.
 
@@ -107,7 +108,7 @@ def pulsing_map(
         it; a file of another map is refused.
     executor : concurrent.futures.Executor, optional
         takes one row at a time; by default one thread for each processor.
-    progress : bool
+    show_bar : bool
         whether to draw a bar on the terminal.
 
     Returns
@@ -150,7 +151,7 @@ def pulsing_map(
         attrs["follow"] = str(order)
     journal = Journal(file, _identity(attrs, grid, small), partial(_fits, grid))
     left = [k for k in range(len(grid.rows)) if k not in journal.rows]
-    with _pool(executor) as pool, bar("map", len(grid.rows), progress) as advance, journal:
+    with _pool(executor) as pool, bar("map", len(grid.rows), show_bar) as advance, journal:
         for _ in journal.rows:
             advance()
         watches = new_watch(len(grid.rows))

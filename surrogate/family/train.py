@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofem import Campaign, checks
+from thermofem import Campaign, checks, renamed
 from thermofem import __version__ as version
 from thermofem.campaign import schema
 from thermofem.toml_file import read
@@ -40,13 +40,14 @@ NOTHING = 1e-9  # relative change of a response over the range of a parameter th
 SAFETY = 1.5  # on floor and factor of the predicted error
 
 
+@renamed.keywords(progress="report")
 def train_family(
     campaign: Campaign | str | Path,
     tolerance: float = 1e-3,
     *,
     seed: int = 0,
     held_out: int = HELD_OUT,
-    progress: Callable[[str], None] | None = None,
+    report: Callable[[str], None] | None = None,
     executor: Executor | None = None,
     folder: str | Path | None = None,
 ) -> Family:
@@ -62,7 +63,7 @@ def train_family(
         of the members that are solved.
     held_out : int
         random members, never trained on, whose own finer meshes give ``family.error``.
-    progress : callable
+    report : callable
         gets a line of text after every batch of members.
     executor : Executor
         anything that keeps the contract of `concurrent.futures`; default this process alone.
@@ -85,7 +86,7 @@ def train_family(
     checks.between("tolerance", tolerance, 1e-4, 0.05, hint="it is the wanted relative error of every member")
     checks.between("held_out", held_out, 1, 1000)
     box = Box.of(campaign if isinstance(campaign, Campaign) else read_campaign(campaign))
-    report = progress or (lambda line: None)
+    report = report or (lambda line: None)
     inputs, outputs = _channels(box)
     ports, heated = tuple(dict.fromkeys((*inputs, *outputs))), len(inputs)
     key = f"{campaign_hash(box.campaign)} {box.low} {box.high} {ports} {tolerance:.17g} {version}"

@@ -33,7 +33,7 @@ def test_the_fem_in_the_loop_is_the_certified_reduction(dBm, GHz):
     """The reduction is within 1e-6 of R_th; left are 1e-4 K of tolerance and how finely the steps sample the duty."""
     heat, reduction = strip()
     drive = {"power": 1e-3 * 10 ** (dBm / 10), "detuning": GHz * 1e9, "duration": 6e-6, "rtol": 1e-9}
-    run = coupled.cosimulate(RING, heat, tolerance=1e-4, **drive)
+    run = coupled.cosimulate(RING, heat, max_discrepancy=1e-4, **drive)
     found, wanted = coupled.pulsing(run), coupled.pulsing(coupled.simulate(RING, reduction, **drive))
     assert found.regime == wanted.regime == "self-pulsing"
     for name in ("period", "duty", "swing"):
@@ -54,7 +54,7 @@ def test_a_monolithic_stiff_integration_agrees(predictor):
     """Light, carriers and every temperature of a mesh in one system, by SciPy's Radau: 1e-5 of the largest rise."""
     times, rise, error = _monolithic()
     run = coupled.cosimulate(
-        RING, coarse_fem(8), predictor=predictor, power=20e-3, duration=times[-1], tolerance=1e-5, rtol=1e-9
+        RING, coarse_fem(8), predictor=predictor, power=20e-3, duration=times[-1], max_discrepancy=1e-5, rtol=1e-9
     )
     assert rise.max() > 5  # carriers and heat have switched
     assert error < 1e-6 * rise.max()
@@ -100,8 +100,8 @@ def _monolithic():
 )
 def test_any_predictor_gives_the_same_answer(predictor):
     system, drive = coarse_fem(), {"power": MW, "duration": 0.3e-6, "rtol": 1e-7}
-    reference = coupled.cosimulate(RING, system, tolerance=1e-5, **drive)
-    run = coupled.cosimulate(RING, system, predictor=predictor, tolerance=1e-3, **drive)
+    reference = coupled.cosimulate(RING, system, max_discrepancy=1e-5, **drive)
+    run = coupled.cosimulate(RING, system, predictor=predictor, max_discrepancy=1e-3, **drive)
     assert run.attrs["largest_discrepancy"] <= 1e-3
     # the light turns a discrepancy of 1e-3 K into ten times as much where it switches
     assert traces_apart(run, reference) * reference.delta_T.values.max() < 1e-2
@@ -116,7 +116,7 @@ def test_the_error_falls_with_the_tolerance():
     errors = []
     for tolerance in (3e-1, 3e-2, 3e-3):
         run = coupled.cosimulate(
-            RING, coarse_fem(), predictor=surrogate.newton(tau_th=275e-9), tolerance=tolerance, **drive
+            RING, coarse_fem(), predictor=surrogate.newton(tau_th=275e-9), max_discrepancy=tolerance, **drive
         )
         errors.append(np.abs(np.interp(run.time, fine, reference) - run.delta_T).max())
     assert errors[1] < errors[0] / 4
@@ -127,7 +127,7 @@ def test_the_error_falls_with_the_tolerance():
 def test_k_of_T_in_the_loop():
     """The run's own absorbed power through the full-order nonlinear solver gives the run's temperature."""
     system = coarse_warm_fem()
-    run = coupled.cosimulate(RING, system, power=0.1, duration=40e-9, tolerance=5e-4)
+    run = coupled.cosimulate(RING, system, power=0.1, duration=40e-9, max_discrepancy=5e-4)
     times, spline = run.time.values, CubicSpline(run.time, run.absorbed)
     wave, some = Cubic(times, spline(times), spline(times, 1)), slice(None, None, times.size // 10)
     alone, linear = (integrate(model, wave, times[some], rtol=1e-4).outputs[:, 0] for model in (system, system.linear))
@@ -138,7 +138,7 @@ def test_k_of_T_in_the_loop():
 
 def test_a_quadratic_reduction_predicts_k_of_T():
     """It knows what the linear reduction leaves to the second pass."""
-    system, drive = coarse_warm_fem(), {"power": 0.1, "duration": 40e-9, "tolerance": 5e-4}
+    system, drive = coarse_warm_fem(), {"power": 0.1, "duration": 40e-9, "max_discrepancy": 5e-4}
     model = surrogate.reduce_quadratic(system, 0.01).model
     poles = coupled.FEM(system).predictor.linear
     run, linear = (coupled.cosimulate(RING, system, predictor=p, **drive) for p in (model, poles))
@@ -148,7 +148,7 @@ def test_a_quadratic_reduction_predicts_k_of_T():
 
 
 def test_k_of_T_is_the_linear_problem_where_the_light_is_weak():
-    system, drive = coarse_warm_fem(), {"power": 1e-5, "duration": 30e-9, "tolerance": 1e-6}
+    system, drive = coarse_warm_fem(), {"power": 1e-5, "duration": 30e-9, "max_discrepancy": 1e-6}
     run, linear = (coupled.cosimulate(RING, heat, **drive) for heat in (system, system.linear))
     assert run.delta_T.values[-1] > 5e-4
     # dT of 1 mK changes k by 1e-5 of itself; the tolerance is larger
@@ -212,7 +212,7 @@ def test_matrices_that_are_not_symmetric_are_refused():
 
 def test_the_result_says_what_it_took():
     """Passes, solves and the CPU time of both sides; how fast that is stands in benchmarks/."""
-    heat, drive = th.assemble(th.strip_ring(), 1e-4), {"power": MW, "tolerance": 1e-3}
+    heat, drive = th.assemble(th.strip_ring(), 1e-4), {"power": MW, "max_discrepancy": 1e-3}
     coupled.cosimulate(RING, heat, duration=10e-9, **drive)  # compiles, and orders the matrix
     begin = process_time()
     run = coupled.cosimulate(RING, heat, duration=3e-6, **drive)
@@ -238,7 +238,7 @@ def test_progress_reaches_the_end():
     ("change", "message"),
     [
         ({"power": 6.31}, "powers are in W"),
-        ({"tolerance": 0}, "tolerance"),
+        ({"max_discrepancy": 0}, "max_discrepancy"),
         ({"duration": 20}, "times are in s"),
         ({"heat": NETWORK}, "give th.assemble"),
         ({"heat": th.strip_ring()}, "give th.assemble"),

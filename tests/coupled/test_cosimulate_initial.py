@@ -31,7 +31,7 @@ def test_the_fem_is_settled_from_the_first_period():
     heat, reduction = strip()
     cycle = coupled.limit_cycle(RING, reduction, power=MW)
     run = coupled.cosimulate(
-        RING, heat, power=MW, duration=2.3 * cycle.attrs["period"], initial=cycle, tolerance=1e-4, rtol=1e-8
+        RING, heat, power=MW, duration=2.3 * cycle.attrs["period"], initial=cycle, max_discrepancy=1e-4, rtol=1e-8
     )
     found = periods(run)
     assert found == pytest.approx(np.full(found.size, cycle.attrs["period"]), rel=2e-5)
@@ -45,7 +45,7 @@ def test_the_fem_is_settled_from_the_first_period():
 @pytest.mark.parametrize("system", [coarse_fem, coarse_warm_fem])
 def test_a_run_goes_on_where_another_ended(system):
     """Two halves and the whole differ by less than their tolerances, with constant and with varying conductivity."""
-    heat, drive = system(), {"power": 20e-3, "tolerance": 1e-4, "rtol": 1e-8}
+    heat, drive = system(), {"power": 20e-3, "max_discrepancy": 1e-4, "rtol": 1e-8}
     whole = coupled.cosimulate(RING, heat, duration=60e-9, **drive)
     first = coupled.cosimulate(RING, heat, duration=30e-9, **drive)
     second = coupled.cosimulate(RING, heat, duration=30e-9, initial=first, **drive)

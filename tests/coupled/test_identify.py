@@ -60,7 +60,7 @@ def test_optics_and_carriers_come_back_and_seeds_repeat(traces, capsys):
     trace = measured(true, EXPERIMENT, 6.31e-3, 0.0, noise=0.0)
     bounds = {"bus_rate": (35e9, 50e9), "tau0": (30e-9, 45e-9)}
     found = coupled.identify(
-        RING, trace, free=["bus_rate", "tau0"], model=EXPERIMENT, bounds=bounds, runs=1, progress=True
+        RING, trace, free=["bus_rate", "tau0"], model=EXPERIMENT, bounds=bounds, runs=1, show_bar=True
     )
     assert "100%" in capsys.readouterr().out
     # no noise: what is left is the step control, 1e-4 of the period, over sensitivities of order one

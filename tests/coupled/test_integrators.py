@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from paths import ROOT
 from rings import LAWS, NETWORKS, RING, SECOND_ORDER, printed_equations, state
 from scipy.integrate import solve_ivp
 
@@ -20,7 +23,7 @@ from coupled.kernels.rosenbrock import (
     DONE,
     STEP_TOO_SMALL,
     TOO_MANY_STEPS,
-    Laser,
+    LaserPieces,
     dense_output,
     integrate,
     step,
@@ -50,7 +53,7 @@ def one_step(y, h, ring, model, method):
 
 def steady_laser(duration, drive, detuning=0.0):
     """Constant light for ``duration`` ns."""
-    return Laser(np.array([0, duration]), np.array([[drive**2, 0, 0, 0]]), np.array([[detuning, 0, 0, 0.0]]))
+    return LaserPieces(np.array([0, duration]), np.array([[drive**2, 0, 0, 0]]), np.array([[detuning, 0, 0, 0.0]]))
 
 
 def run(method, rtol, duration=20e3, times=(), model=SECOND_ORDER, max_steps=10**7):
@@ -222,3 +225,16 @@ def test_machine_code_older_than_what_it_calls_is_forgotten(tmp_path):
     forget_if_older(kernel, str(called))
     assert not index.exists()
     assert other.exists()
+
+
+def test_a_class_that_a_kernel_takes_may_be_renamed(tmp_path):
+    """Numba reads the old machine code of a file before it sees that the file is newer, and with it the old class."""
+    for name in ("Old", "Renamed"):
+        (tmp_path / "made.py").write_text(
+            "from typing import NamedTuple\nfrom coupled.kernels.compiling import compiled\n\n"
+            f"class {name}(NamedTuple):\n    x: float\n\n"
+            f"@compiled\ndef twice(a):\n    return 2 * a.x\n\nprint(twice({name}(1.5)))\n"
+        )
+        code = f"import sys; sys.path[:0] = [{str(tmp_path)!r}, {str(ROOT)!r}]; import made"
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+        assert done.stdout == "3.0\n", done.stderr

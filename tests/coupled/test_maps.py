@@ -83,7 +83,7 @@ def test_any_executor_will_do_and_a_bar_may_be_drawn(small, capsys):
     assert coupled.pulsing_map(RING, EXPERIMENT, POWERS, DETUNINGS, settled=False, executor=executor).identical(small)
     assert executor.jobs == POWERS.size
     assert capsys.readouterr().out == ""
-    coupled.pulsing_map(RING, EXPERIMENT, POWERS[:1], DETUNINGS[:1], duration=1e-7, progress=True)
+    coupled.pulsing_map(RING, EXPERIMENT, POWERS[:1], DETUNINGS[:1], duration=1e-7, show_bar=True)
     assert "100%" in capsys.readouterr().out
 
 

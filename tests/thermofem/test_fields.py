@@ -72,7 +72,7 @@ def test_animation(data, tmp_path):
     from thermofem.plot import animate_field
 
     drawn = []
-    path = animate_field(data, tmp_path / "heat.gif", frames_per_second=5, progress=lambda *at: drawn.append(at))
+    path = animate_field(data, tmp_path / "heat.gif", frames_per_second=5, on_frame=lambda *at: drawn.append(at))
     assert drawn == [(0, 3), (1, 3), (2, 3)]
     with Image.open(path) as picture:
         assert picture.n_frames == 3

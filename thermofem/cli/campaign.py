@@ -51,10 +51,10 @@ def run(file: Path, output: Path, *, workers: int | None, scheduler: str | None,
     return {**asdict(summary), "domain_too_small": cut, **files}
 
 
-def _show(progress: Progress, bar: TaskID, summary: Summary) -> None:
+def _show(drawn: Progress, bar: TaskID, summary: Summary) -> None:
     rate = f"{summary.finished / summary.seconds:.1f}/s" if summary.seconds else ""
     failed = f", {summary.failed} failed" if summary.failed else ""
-    progress.update(bar, completed=summary.done, total=summary.total, rate=rate + failed)
+    drawn.update(bar, completed=summary.done, total=summary.total, rate=rate + failed)
 
 
 @contextlib.contextmanager

@@ -29,7 +29,9 @@ def cosimulate(
     predictor: Annotated[
         str | None, typer.Option(metavar="MODEL", help="Model (JSON) that predicts, or none; default: a reduction.")
     ] = None,
-    tolerance: Annotated[str, typer.Option(help="Discrepancy left between light and FEM.")] = "1 mK",
+    max_discrepancy: Annotated[
+        str, typer.Option("--max-discrepancy", "--tolerance", help="Discrepancy left between light and FEM.")
+    ] = "1 mK",
     accuracy: Annotated[float, typer.Option(help="Wanted relative error of the mesh.")] = 1e-3,
     rtol: Annotated[float, typer.Option(help="Relative error of a step of the light.")] = 1e-6,
     field_times: Annotated[list[str] | None, typer.Option(help="Keep the field at '1 us, 5 us, ...'.")] = None,
@@ -54,7 +56,7 @@ def cosimulate(
     settings: dict[str, Any] = {
         "power": quantity.not_negative(power, "W", name="--power"),
         "detuning": quantity.parse(detuning, "Hz", name="--detuning"),
-        "tolerance": quantity.positive(tolerance, "K", name="--tolerance"),
+        "max_discrepancy": quantity.positive(max_discrepancy, "K", name="--max-discrepancy"),
         "heaters": heaters(heater or []),
         "field_times": _times(field_times or []),
         "predictor": _predictor(predictor, model_file),

@@ -67,7 +67,7 @@ def map_(
     warmed = constant(thermal, powers, **parts)
     say_ring(resonator, ring)
     found = coupled.pulsing_map(
-        resonator, thermal, *axes, heaters=powers, **parts, duration=length, follow=follow, file=resume, progress=True
+        resonator, thermal, *axes, heaters=powers, **parts, duration=length, follow=follow, file=resume, show_bar=True
     )  # fmt: skip
     return _finish(found, figure, output, ("regime", "frequency", "duty"), resonator, warmed)
 

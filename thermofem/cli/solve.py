@@ -135,5 +135,5 @@ def _film(data: Record, path: Path) -> None:
     with Progress(*columns, console=terminal()) as progress:
         bar = progress.add_task(f"drawing {path.name}")
         plot.animate_field(
-            data.dataset(), path, progress=lambda at, total: progress.update(bar, completed=at + 1, total=total)
+            data.dataset(), path, on_frame=lambda at, total: progress.update(bar, completed=at + 1, total=total)
         )

@@ -12,7 +12,7 @@ from thermofem.checks import InputError
 def bar(name: str, total: int, wanted: bool) -> Iterator[Callable[[], None]]:
     """A function to call after each of ``total`` pieces, which moves a bar on the terminal where one is wanted."""
     if not isinstance(wanted, bool):
-        raise InputError(f"progress = {wanted!r} must be True or False: whether to draw a bar on the terminal")
+        raise InputError(f"show_bar = {wanted!r} must be True or False: whether to draw a bar on the terminal")
     if not wanted:
         yield lambda: None
         return

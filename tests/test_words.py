@@ -1,0 +1,73 @@
+"""One word has one meaning: names of classes, keywords of functions, and old names, which warn (docs/equations.md)."""
+
+from __future__ import annotations
+
+import ast
+from collections import Counter
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from paths import ROOT
+
+import coupled
+import surrogate
+import thermofem as th
+from thermofem.plot import animate_field
+
+TREES = {
+    path.relative_to(ROOT): ast.parse(path.read_text())
+    for package in ("thermofem", "surrogate", "coupled")
+    for path in sorted((ROOT / package).rglob("*.py"))
+}
+HEAT = th.StateSpace(E=np.eye(1) * 1e-12, A=-np.eye(1) * 2e-4, B=np.eye(1), C=np.eye(1))
+
+
+def functions() -> Iterator[tuple[str, ast.FunctionDef]]:
+    """Every function and method, with the file that it is in."""
+    for path, tree in TREES.items():
+        yield from ((f"{path}: {node.name}", node) for node in ast.walk(tree) if isinstance(node, ast.FunctionDef))
+
+
+def test_no_two_classes_share_a_name():
+    names = Counter(n.name for tree in TREES.values() for n in tree.body if isinstance(n, ast.ClassDef))
+    assert not [name for name, count in names.items() if count > 1 and not name.startswith("_")]
+
+
+def test_progress_is_called_with_a_time():
+    """What is called with anything else, or is no function, has another name."""
+    wrong = [
+        where
+        for where, node in functions()
+        for argument in (*node.args.args, *node.args.kwonlyargs)
+        if argument.arg == "progress" and argument.annotation is not None
+        if not ast.unparse(argument.annotation).startswith("Callable[[float], None]")
+    ]
+    assert wrong == []
+
+
+def test_only_reductions_lift():
+    homes = {where.split(":")[0] for where, node in functions() if node.name == "lift"}
+    assert homes == {"surrogate/reduce.py", "surrogate/truncate.py"}
+
+
+@pytest.mark.parametrize(
+    ("call", "new"),
+    [
+        (lambda: coupled.cosimulate(coupled.borghi2021(), HEAT, power=1e-3, tolerance=0), "max_discrepancy"),
+        (lambda: coupled.FEM(HEAT, tolerance=0), "max_discrepancy"),
+        (lambda: coupled.pulsing_map(None, None, [1e-3], [0.0], progress=True), "show_bar"),
+        (lambda: coupled.identify(None, [], free=[], progress=True), "show_bar"),
+        (lambda: coupled.fit_newton_per_trace(None, [], progress=True), "show_bar"),
+        (lambda: surrogate.train_family("nowhere.toml", progress=print), "report"),
+        (lambda: animate_field(None, "heat.gif", progress=print), "on_frame"),
+    ],
+    ids=["cosimulate", "FEM", "pulsing_map", "identify", "fit_newton_per_trace", "train_family", "animate_field"],
+)
+def test_an_old_keyword_warns_and_works(call, new):
+    """It reaches the checks of the function, which refuse what else was given."""
+    with (
+        pytest.warns(DeprecationWarning, match=f"is now {new}; the old name goes with 0.3"),
+        pytest.raises(th.InputError),
+    ):
+        call()
