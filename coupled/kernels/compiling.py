@@ -27,7 +27,7 @@ def inlined(function: Callable[..., Any]) -> Any:
 
 
 def _fresh(kernel: Any) -> Any:
-    """Delete what an earlier version of the file left: Numba reads it before it is found old, classes that are gone too."""
+    """Delete what an earlier version of the file left: Numba reads it, and fails, before it sees that it is old."""
     source = kernel.py_func.__code__.co_filename
     if source not in _seen:
         _seen.add(source)
