@@ -52,7 +52,7 @@ def output_map(system: NonlinearSystem, power: float, *, linear: Foster | None =
     z = system.thermal_resistance * powers
     rise = np.array([float(system.steady_rise(p)[0]) for p in powers])
     coefficient = (rise - z) @ z**2 / (z**2 @ z**2)
-    return OutputMap(linear, float(coefficient), largest_rise=float(rise[-1]))  # type: ignore[arg-type]
+    return _mapped(linear, float(coefficient), float(rise[-1]), "output map of k(T) steady states")  # type: ignore[arg-type]
 
 
 def fit_output_map(linear: Foster, data: xr.Dataset | Sequence[xr.Dataset]) -> OutputMap:
@@ -76,7 +76,14 @@ def fit_output_map(linear: Foster, data: xr.Dataset | Sequence[xr.Dataset]) -> O
     rate = 1 / np.asarray(linear.tau)
     z = np.concatenate([pole_responses(rate, d.wave, d.times, periodic=d.periodic) @ linear.gain for d in drives])
     rise = np.concatenate([d.rise for d in drives])
-    return OutputMap(linear, float((rise - z) @ z**2 / (z**2 @ z**2)), largest_rise=float(rise.max()))
+    coefficient = float((rise - z) @ z**2 / (z**2 @ z**2))
+    return _mapped(linear, coefficient, float(rise.max()), "output map of a linear model, fitted to data")
+
+
+def _mapped(linear: Foster, coefficient: float, largest_rise: float, method: str) -> OutputMap:
+    """The map over a linear model, with what is known of that model's origin."""
+    origin = {**(linear.origin or {}), "method": method, "linear_method": (linear.origin or {}).get("method")}
+    return OutputMap(linear, coefficient, largest_rise, origin)
 
 
 def check_nonlinear(system: NonlinearSystem, power: float) -> float:

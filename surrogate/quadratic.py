@@ -79,7 +79,8 @@ class QuadraticReduction(HasModel):
     def provenance(self) -> dict[str, Any]:
         """Provenance that `surrogate.save_model` writes with the model."""
         method = "quadratic Galerkin reduction"
-        return {"method": method, "power_W": self.power, "static_error": self.static_error}
+        made = {"method": method, "power_W": self.power, "static_error": self.static_error}
+        return {**(self.model.origin or {}), **made}
 
 
 def reduce_quadratic(system: NonlinearSystem, power: float, *, tolerance: float = 1e-4) -> QuadraticReduction:
@@ -118,7 +119,8 @@ def reduce_quadratic(system: NonlinearSystem, power: float, *, tolerance: float 
     model = _quadratic_form(system, rate, V, [(full, power), (half, power / 2)])
     between = 0.75 * power
     error = abs(float(model.steady_rise(between)) / float(system.steady_rise(between)[0]) - 1)
-    return QuadraticReduction(model, rom, power, error, V)
+    found = QuadraticReduction(replace(model, origin=system.linear.origin), rom, power, error, V)
+    return replace(found, model=replace(model, origin=found.provenance))
 
 
 def _hot_basis(system: NonlinearSystem, steady: Array) -> Array:

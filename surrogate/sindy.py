@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
@@ -62,6 +62,8 @@ class SindyFit(HasModel, Generic[Identified]):
     relative_residual : float
         the same over the swing.
     training : tuple of str
+    geometry : str or None
+        as TOML, of the data.
     """
 
     model: Identified
@@ -71,13 +73,15 @@ class SindyFit(HasModel, Generic[Identified]):
     residual: float
     relative_residual: float
     training: tuple[str, ...]
+    geometry: str | None = field(default=None, repr=False)
 
     @property
     def provenance(self) -> dict[str, Any]:
         """Provenance that `surrogate.save_model` writes with the model."""
         method = "SINDy, weak form, static gains imposed"
         reach, error = self.model.largest_rise, self.residual
-        return {"method": method, "equations": list(self.equations), "largest_rise_K": reach, "residual_K": error}
+        made = {"method": method, "equations": list(self.equations), "largest_rise_K": reach, "residual_K": error}
+        return {**made, "training": list(self.training), "geometry": self.geometry}
 
 
 def fit_sindy(
@@ -131,7 +135,7 @@ def fit_sindy(
     n = len(names)
     parameters = {f"A_{i + 1}_{j + 1}": float(A[i, j]) for i in range(n) for j in range(n)}
     parameters |= {f"b_{i + 1}": float(b[i]) for i in range(n)}
-    return SindyFit(
+    fit = SindyFit(
         model=model,
         equations=_equations(A, b, names),
         parameters=parameters,
@@ -139,7 +143,9 @@ def fit_sindy(
         residual=rms,
         relative_residual=rms / float(np.ptp(rise[:, 0])),
         training=(f"{type(wave).__name__.lower()}, from rest",),
+        geometry=data.attrs.get("geometry"),
     )
+    return replace(fit, model=replace(model, origin=fit.provenance))
 
 
 def _identify(states: Array, control: Array, times: Array, half: float, impose: bool) -> Array:

@@ -14,6 +14,7 @@ A quadratic network says nothing about rises beyond its training, where it may r
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING
 
@@ -69,7 +70,8 @@ def fit_sindy_quadratic(
         data that are not evenly sampled or lack probes, or have other probes or times each; a network that does not
         pass the gate at small power, misses the steady state, or runs away on its own training.
     """
-    read = [read_probes(d) for d in (data if isinstance(data, Sequence) else [data])]
+    datasets = data if isinstance(data, Sequence) else [data]
+    read = [read_probes(d) for d in datasets]
     if not read:
         raise checks.InputError("data is empty; give at least one Dataset")
     times, names = read[0][0], read[0][3]
@@ -100,7 +102,8 @@ def fit_sindy_quadratic(
     misfit = np.concatenate([model.response(r[2], times) - r[1][:, 0] for r in read])
     rms = float(np.sqrt(np.mean(misfit**2)))
     parameters = _parameters(model)
-    return SindyFit(
+    geometries = {d.attrs.get("geometry") for d in datasets}
+    fit = SindyFit(
         model=model,
         equations=_equations(model, names),
         parameters=parameters,
@@ -108,7 +111,9 @@ def fit_sindy_quadratic(
         residual=rms,
         relative_residual=rms / float(np.ptp(np.concatenate([r[1][:, 0] for r in read]))),
         training=tuple(f"{type(r[2]).__name__.lower()}, from rest" for r in read),
+        geometry=geometries.pop() if len(geometries) == 1 else None,
     )
+    return replace(fit, model=replace(model, origin=fit.provenance))
 
 
 def _products(n: int) -> list[tuple[int, int]]:

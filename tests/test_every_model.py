@@ -51,6 +51,15 @@ def test_a_model_from_its_file_gives_the_same_trace_and_map(name, tmp_path):
 
 
 @pytest.mark.parametrize("name", COMPACT)
+def test_a_model_file_says_where_the_model_comes_from(name, tmp_path):
+    """A model read from a file and written again without a word keeps its provenance, whatever its kind."""
+    given = {"method": "by hand", "geometry": "name = 'a ring'", "poles": [1, 2.5]}
+    once = surrogate.save_model(MODELS[name](), tmp_path / "once.json", provenance=given)
+    twice = surrogate.save_model(surrogate.load_model(once), tmp_path / "twice.json")
+    assert surrogate.load_provenance(twice) == given
+
+
+@pytest.mark.parametrize("name", COMPACT)
 def test_every_function_takes_every_compact_model(name):
     model = MODELS[name]()
     found = {function: call() for function, call in drive_everything(model).items()}

@@ -61,6 +61,14 @@ def test_with_k_of_T_the_error_is_below_the_published_one_at_every_time(conducti
     assert np.abs(q.model.periodic_response(wave, 101) - exact).max() < PUBLISHED * exact.max()
 
 
+def test_models_with_laws_say_of_which_geometry_they_are():
+    system = coarse_warm_fem()
+    system = replace(system, linear=replace(system.linear, origin={"geometry": "a ring"}))
+    for model in (surrogate.reduce_quadratic(system, POWER).model, surrogate.output_map(system, POWER)):
+        assert model.origin["geometry"] == "a ring"
+        assert model.origin["method"] in ("quadratic Galerkin reduction", "output map of k(T) steady states")
+
+
 def test_with_c_of_T_what_is_left_is_of_third_order(warm):
     """The linear model is off by some e, of second order in the rise; of the third order only a part is kept."""
     system, answers = warm

@@ -31,6 +31,14 @@ def test_a_known_network_is_found_again(fitted):
     assert np.sqrt(np.mean((linear - exact) ** 2)) > 1e-2 * np.ptp(exact)  # the squares are needed
 
 
+def test_the_network_keeps_where_it_comes_from(data):
+    for first, geometry in (("a ring", "a ring"), ("another", None)):  # one geometry of all data, or none
+        named = [d.assign_attrs(geometry=g) for d, g in zip(data, [first, *["a ring"] * (len(data) - 1)], strict=True)]
+        model = surrogate.fit_sindy_quadratic(named, **known()).model
+        assert model.origin["method"].startswith("SINDy")
+        assert model.origin["geometry"] == geometry
+
+
 def test_both_steady_states_are_exact(fitted):
     assert fitted.model.thermal_resistance == pytest.approx(CHAIN.thermal_resistance, rel=1e-6)
     assert fitted.model.steady_rise(POWER) == pytest.approx(CHAIN.steady_rise(POWER), rel=1e-6)

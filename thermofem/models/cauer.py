@@ -13,7 +13,7 @@ Source: V. Szekely, T. Van Bien, Solid-State Electronics 31, 1363 (1988); JEDEC 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from decimal import Decimal, localcontext
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -47,6 +47,8 @@ class Cauer:
     ----------
     R : array, shape (n,), K/W
     C : array, shape (n,), J/K
+    origin : dict, optional
+        where the model comes from (geometry as TOML, how it was made); exports and model files keep it.
 
     Raises
     ------
@@ -58,6 +60,7 @@ class Cauer:
     C: ArrayLike
     inputs: tuple[str, ...] = ("core",)
     outputs: tuple[str, ...] = ("core",)
+    origin: Mapping[str, Any] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         R, C = checks.array("R", self.R), checks.array("C", self.C)
@@ -146,7 +149,7 @@ def cauer(model: ThermalModel) -> Cauer:
             resistance = top[-1] / bottom[-1]  # 1/rest = R + next Z
             top = _minus(top, [resistance * x for x in bottom])
             ladder_R.append(float(resistance))
-    return Cauer(ladder_R, ladder_C, model.inputs, model.outputs)
+    return Cauer(ladder_R, ladder_C, model.inputs, model.outputs, getattr(model, "origin", None))
 
 
 def _polynomials(R: list[Decimal], tau: list[Decimal]) -> tuple[list[Decimal], list[Decimal]]:

@@ -104,7 +104,7 @@ def load_model(path: str | Path) -> Any:
     except checks.InputError as error:
         raise checks.InputError(f"{path}: {error}") from None
     provenance = content.get("provenance")
-    known = isinstance(provenance, dict) and provenance and isinstance(model, Foster | StateSpace)
+    known = isinstance(provenance, dict) and provenance
     return replace(model, origin=provenance) if known else model
 
 

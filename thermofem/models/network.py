@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -37,6 +37,8 @@ class Network:
         the same network, diagonalised.
     largest_rise : float, K
         of the training.
+    origin : dict, optional
+        where it comes from (geometry as TOML, how it was made); exports and model files keep it.
     """
 
     A: Array
@@ -44,6 +46,7 @@ class Network:
     names: tuple[str, ...]
     poles: Foster
     largest_rise: float
+    origin: Mapping[str, Any] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         check_names("states", self.names)

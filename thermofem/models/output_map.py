@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -35,6 +35,8 @@ class OutputMap(AtSmallPower):
         positive where the conductivity falls with temperature.
     largest_rise : float, K, optional
         that the coefficient was fitted to; beyond it responses warn.
+    origin : dict, optional
+        where the model comes from (geometry as TOML, how it was made); exports and model files keep it.
 
     Raises
     ------
@@ -49,6 +51,7 @@ class OutputMap(AtSmallPower):
     linear: Foster
     coefficient: float
     largest_rise: float | None = None
+    origin: Mapping[str, Any] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         hint = "it is in 1/K, of the order of -4e-4 for silicon in oxide"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from bisect import bisect_right
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -46,6 +46,8 @@ class Quadratic:
     inputs, outputs : tuple of one str
     largest_rise : float, K, optional
         of the training; beyond it responses warn.
+    origin : dict, optional
+        where the model comes from (geometry as TOML, how it was made); exports and model files keep it.
 
     Raises
     ------
@@ -62,6 +64,7 @@ class Quadratic:
     inputs: tuple[str, ...] = ("core",)
     outputs: tuple[str, ...] = ("core",)
     largest_rise: float | None = None
+    origin: Mapping[str, Any] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         n = checks.array("B", self.B).size
