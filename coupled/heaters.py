@@ -112,6 +112,11 @@ class Heating(NamedTuple):
             added = added + transfer.gain * _responses(transfer, power, np.array([time]))[0]
         return added
 
+    def static(self, time: float) -> float:
+        """The rise, K, at which the powers at a time in s would end."""
+        ends = (self.transfers[name].thermal_resistance * power(time) for name, power in self.powers.items())
+        return float(sum(ends))
+
 
 def heating(found: Channels, heaters: Mapping[str, Any] | None, duration: float, rtol: float) -> Heating:
     """The rise that heaters cause from rest at t = 0, as cubics to a hundredth of ``rtol``.

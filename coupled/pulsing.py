@@ -14,6 +14,8 @@ from thermofem import checks
 from thermofem.display import shown
 from thermofem.record import Record
 
+from .resting import Rest, rest_of_run
+
 if TYPE_CHECKING:
     import xarray as xr
 
@@ -30,6 +32,8 @@ GONE = 0.2  # share of the last amplitude: an oscillation whose limit is smaller
 FINE = 12  # samples that a cycle needs at least
 THINNED = 40  # steps of the integration to one sample: fewer samples may show a slow beat instead of the pulses
 LONGEST_PATTERN = 4  # unequal pulses that repeat together
+LEAVES = 20  # e-foldings in which what is left of a transient, some 1e-9, becomes as large as the ring allows
+LONGER = 10  # times as long, where a trace does not tell how much of it is missing
 
 
 class Regime(StrEnum):
@@ -93,8 +97,10 @@ def pulsing(run: xr.Dataset | Record) -> Pulsing:
     cycle. The trace is self-pulsing if it has two complete cycles, oscillates until its end, and its amplitude does not
     fall. It is a slow transient if the oscillation still decays, if the last movement of the carriers grows, if a cycle
     differs from the last in length by more than a tenth, or if the trace is shorter than two periods.
-    "Stable" is judged from the trace alone: slow heat may still carry the ring into pulses, which `steady_states` and
-    `limit_cycle` can tell.
+    It is stable if it rests, or its oscillation dies away, next to a stable fixed point of the ring, the heat and the
+    light that its attributes name; next to an unstable one it is a slow transient. Traces without these attributes
+    (measured ones, co-simulations, several lasers) do not tell whether slow heat starts pulses later: the reason says
+    so, and `steady_states` or a longer run tells.
     A run whose light or heaters vary in its second half is driven. The period is that of the last cycle of a transient;
     ``drift`` says by how much it still moves.
 
@@ -130,11 +136,28 @@ def pulsing(run: xr.Dataset | Record) -> Pulsing:
     found = classify(t, N, drop, dT, rtol=rtol, every_step=steps == t.size - 1)
     moving = _varying(run, t)
     if not moving:
-        return found
+        if found.regime != Regime.STABLE:
+            return found
+        energy = _values(run, "energy") if "energy" in run.variables else drop
+        return lasting(found, t, energy, dT, rest_of_run(run))
     answer = f"{found.cycles} cycles in the answer" if found.regime == Regime.SELF_PULSING else found.reason
     return replace(
         found, regime=Regime.DRIVEN, reason=f"{moving} {'vary' if ' and ' in moving else 'varies'}: {answer}"
     )
+
+
+def lasting(found: Pulsing, t: Array, energy: Array, dT: Array, rest: Rest | None) -> Pulsing:
+    """A stable trace, unless the fixed point at its end is unstable; ``rest`` holds all, or is None if unknown."""
+    if rest is None:
+        return replace(found, reason=f"{found.reason}, as far as the trace alone tells: slow heat may start pulses yet")
+    passed = float(t[-1] - t[0])
+    last = np.linspace(t[-1] - passed / 8, t[-1], 64)
+    growth = rest.growth_near(*(float(np.interp(last, t, values).mean()) for values in (energy, dT)))
+    if growth < 0:
+        return found
+    which = "the fixed point there is not" if np.any(rest.growth < 0) else "no fixed point is"
+    wanted = max(LONGER * passed, passed + LEAVES / max(growth, 1e-300))
+    return _slow(f"{found.reason}, but {which} stable", wanted, found.swing, found.cycles)
 
 
 def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, every_step: bool = False) -> Pulsing:
@@ -148,7 +171,7 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     for share in (1 / 2, 1 / 4):  # a slow drift may hide a small oscillation
         late = N[t >= t[-1] - share * (t[-1] - t[0])]
         if np.ptp(late) <= noise * late.max():
-            return _quiet(Regime.STABLE, f"the carriers are constant over the last {share:.0%}", swing)
+            return _rests(f"the carriers are constant over the last {share:.0%}", swing)
         up = crossings(t, N, (late.min() + late.max()) / 2)
         waits = np.diff(up, append=t[-1])  # the last one is still running
         if up.size >= 3 and waits[-2] <= 1.5 * waits[-6:-2].max() and waits[-1] <= 1.5 * waits[-6:-1].max():
@@ -164,14 +187,12 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     tops = heights[heights.size % together :].reshape(-1, together).max(axis=1)
     limit, seen = amplitude_limit(tops), f"{heights.size} cycles of "
     if limit < GONE * tops[-1]:
-        return _quiet(Regime.STABLE, seen + "an oscillation that dies away", swing, heights.size)
+        return _rests(seen + "an oscillation that dies away", swing, heights.size)
     wanted = _until_settled(tops, float(t[-1] - t[0]))
     if not abs(limit / tops[-1] - 1) <= SETTLED or tops[-1] < (1 - SETTLED) * tops[-2:].max():
-        words = f"{seen}an oscillation still falling, to where is not clear: simulate {wanted:.2g} s"
-        return replace(_quiet(Regime.SLOW_TRANSIENT, words, swing, heights.size), suggested_duration=wanted)
+        return _slow(f"{seen}an oscillation still falling, to where is not clear", wanted, swing, heights.size)
     if together == 1 and _alternate(heights):
-        words = f"{seen}unequal pulses, too few to tell whether they repeat: simulate {wanted:.2g} s"
-        return replace(_quiet(Regime.SLOW_TRANSIENT, words, swing, heights.size), suggested_duration=wanted)
+        return _slow(f"{seen}unequal pulses, too few to tell whether they repeat", wanted, swing, heights.size)
     if together == 1 and _doubled(heights, 10 * noise):
         together = 2
     change = limit / tops[tops.size // 3] - 1
@@ -180,8 +201,7 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     drift = (end - begin) / before - 1
     if abs(drift) > FAR:
         words = f"{seen}cycles whose length still changes by {100 * drift:+.2g} % from one to the next"
-        words += f": simulate {wanted:.2g} s"
-        return replace(_quiet(Regime.SLOW_TRANSIENT, words, swing, heights.size), suggested_duration=wanted)
+        return _slow(words, wanted, swing, heights.size)
     unequal = _miss(heights, waits[:-1], together)
     last = (t >= begin) & (t <= end)
     low, high = drop[last].min(), drop[last].max()
@@ -208,7 +228,7 @@ def _until_settled(tops: Array, passed: float) -> float:
     steps = np.abs(np.diff(tops[-3:]))
     ratio = steps[-1] / steps[0] if steps.size == 2 and steps[0] > 0 else 1.0
     if not 0 < ratio < 1:
-        return float(f"{10 * passed:.1e}")
+        return LONGER * passed
     cycles = np.log(0.1 * SETTLED * tops[-1] / max(steps[-1], 1e-300)) / np.log(ratio)
     return float(f"{passed * min(max(1 + cycles / tops.size, 2.0), 50.0):.1e}")
 
@@ -317,6 +337,7 @@ def _duty(t: Array, drop: Array, begin: float, end: float) -> float:
 
 def _under_way(t: Array, N: Array, swing: float, cycles: int) -> Pulsing:
     """Classify a trace with fewer than two cycles, or whose oscillation has ended, as stable or as a slow transient."""
+    wanted = LONGER * float(t[-1] - t[0])
     tail = N[t >= t[-1] - (t[-1] - t[0]) / 4]
     before, after = np.diff(np.interp(t[-1] - (t[-1] - t[0]) * np.array([1 / 4, 1 / 8, 0]), t, N))
     ratio = np.clip(after / before, 0, 0.95) if before else 0.0
@@ -324,16 +345,21 @@ def _under_way(t: Array, N: Array, swing: float, cycles: int) -> Pulsing:
     if change <= SETTLED:
         earlier, later = np.ptp(np.interp(t[-1] - (t[-1] - t[0]) * EIGHTHS, t, N), axis=1)
         if later > max(earlier, GROWS * tail.max()):
-            words = "a movement of the carriers that grows instead of dying away: simulate longer"
-            return _quiet(Regime.SLOW_TRANSIENT, words, swing, cycles)
+            return _slow("a movement of the carriers that grows instead of dying away", wanted, swing, cycles)
         words = f"settled: from the last quarter on the carriers move by {100 * change:.1g} %"
-        return _quiet(Regime.STABLE, words, swing, cycles)
+        return _rests(words, swing, cycles)
     seen = f"{cycles} complete cycle{'s' if cycles != 1 else ''} and no more" if cycles else "no complete cycle"
-    return _quiet(Regime.SLOW_TRANSIENT, f"{seen}, yet still moving: simulate longer", swing, cycles)
+    return _slow(f"{seen}, yet still moving", wanted, swing, cycles)
 
 
-def _quiet(regime: Regime, reason: str, swing: float, cycles: int = 0) -> Pulsing:
-    return Pulsing(regime, reason, float("nan"), float("nan"), swing, cycles)
+def _rests(reason: str, swing: float, cycles: int = 0) -> Pulsing:
+    return Pulsing(Regime.STABLE, reason, float("nan"), float("nan"), swing, cycles)
+
+
+def _slow(reason: str, wanted: float, swing: float, cycles: int) -> Pulsing:
+    """A slow transient, and how long a run is ``wanted``, s."""
+    found = replace(_rests(f"{reason}: simulate {wanted:.2g} s", swing, cycles), suggested_duration=wanted)
+    return replace(found, regime=Regime.SLOW_TRANSIENT)
 
 
 def _values(run: xr.Dataset | Record, name: str) -> Array:

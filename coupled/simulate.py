@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermofem import checks, dataset
+from thermofem import Quadratic, checks, dataset
 from thermofem.models import ThermalModel
 from thermofem.record import Record, column
 
@@ -20,9 +20,10 @@ from .kernels.tableaus import Method
 from .lasers import Laser, check_lasers, further_fields, run_several, variables_of
 from .record import heater_powers, provenance, traces
 from .resonator import RingResonator
+from .resting import rest_near
 from .states import State, starting_point
-from .thermal import attributes
-from .window import NO_TIMES, Event, advance
+from .thermal import Compact, attributes
+from .window import NO_TIMES, Event, Window, advance
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -189,6 +190,7 @@ def run_of(
         {
             **provenance(ring, light, duration),
             **attributes(small),
+            **({} if others else _resting(ring, small, light, heat.static(run.reached), run)),
             "rtol": float(rtol),
             "method": "dopri5, adiabatic" if adiabatic else chosen.value,
             "steps": int(run.counts[0]),
@@ -198,6 +200,15 @@ def run_of(
             **({"final_fields": run.final_fields, "lasers": 1 + len(others)} if others else {}),
         },
     )
+
+
+def _resting(ring: RingResonator, model: Compact, light: dict[str, Any], rise: float, run: Window) -> dict[str, Any]:
+    """What `resting.rest_of_run` cannot tell from other attributes: the heaters' part, a quadratic model's point."""
+    if not isinstance(model, Quadratic):
+        return {"heater_rise": rise} if rise else {}
+    power, detuning = (wave if isinstance(wave, float) else float(wave(run.reached)) for wave in light.values())
+    found = rest_near(ring, model, run.final, power, detuning)
+    return found.attributes() if found else {}
 
 
 def check_method(method: Method | str | None) -> Method | None:

@@ -146,13 +146,10 @@ def _slowest(p: CycleProblem) -> float:
 def stable_points(p: CycleProblem, at: Any = None) -> Array:
     """The stable fixed points, rows (U, N, dT) in internal units; ``at`` as `equilibria.steady.internal` returns it."""
     from ..equilibria import balance, spectrum
-    from ..equilibria.steady import absorbable, internal, kind_of
+    from ..equilibria.steady import absorbable, fixed_points, internal, kind_of
 
     at = at or internal(p.ring, p.model, absorbable(p.ring, p.power))
-    rest = (p.at.drive, at.rates, at.fcd, at.static)
-    U, D = balance.fixed_points(
-        p.at.detuning, *rest, balance.turning_points(balance.reach(p.at.detuning, *rest), *rest)
-    )
-    N, _, dT, *_ = balance.balances(np.ascontiguousarray(U), at.rates, at.fcd, at.static)
+    U, D = fixed_points(p.ring, at, p.power, p.detuning)
+    N, _, dT, *_ = balance.balances(U, at.rates, at.fcd, at.static)
     stable = [kind_of(spectrum.dense(u, d, *at[1:]))[2] == "stable" for u, d in zip(U, D, strict=True)]
     return np.stack([U, N, dT], axis=1)[stable]

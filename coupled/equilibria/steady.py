@@ -90,19 +90,12 @@ def steady_states(
 
     from thermofem import dataset
 
-    from ..kernels import equations as eq
-    from . import balance
-
     check_ring(ring)
     check_power(power)
     check_detuning(detuning)
     warm = constant(model, heaters, heated, read)
     at = internal(ring, warm.model, absorbable(ring, power))
-    drive, shift = eq.internal_drive(ring, power), eq.internal_detuning(detuning + warm.turned(ring))
-    rest = (drive, at.rates, at.fcd, at.static)
-    U, D = balance.fixed_points(shift, *rest, balance.turning_points(balance.reach(shift, *rest), *rest))
-    order = np.argsort(U)
-    U, D = U[order], D[order]
+    U, D = fixed_points(ring, at, power, detuning + warm.turned(ring))
     values = observables(ring, at, U, D, np.full(U.size, power))
     values["delta_T"] = values["delta_T"] + warm.rise
     return xr.Dataset(
@@ -138,6 +131,17 @@ def absorbable(ring: RingResonator, power: float) -> float:
     P_abs = 2 own U <= 4 gamma_e own P/(own + other)^2 <= gamma_e P/other, with other = gamma_e + gamma_d + gamma_s.
     """
     return power * ring.bus_rate / (ring.linear_rate - ring.loss_rate)
+
+
+def fixed_points(ring: RingResonator, at: Internal, power: float, detuning: float) -> tuple[Array, Array]:
+    """U and D, internal units, of every fixed point at a power in W and a detuning in Hz, by increasing energy."""
+    from ..kernels import equations as eq
+    from . import balance
+
+    shift, rest = eq.internal_detuning(detuning), (eq.internal_drive(ring, power), at.rates, at.fcd, at.static)
+    U, D = balance.fixed_points(shift, *rest, balance.turning_points(balance.reach(shift, *rest), *rest))
+    order = np.argsort(U)
+    return U[order], D[order]
 
 
 def observables(ring: RingResonator, at: Internal, U: Array, D: Array, powers: Array) -> dict[str, Any]:

@@ -29,7 +29,6 @@ from ..thermal import Compact, long_enough
 from .grid import Grid, Point, grid_of
 from .journal import Journal
 from .quick import pulse
-from .stability_map import stable_points
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -126,7 +125,7 @@ def pulsing_map(
         integrated, an unknown name, not two axes, or a file of another map.
 
     Near a fold that has just vanished the first pulse can take longer than any duration chosen. So a trace that seems
-    to rest where `stability_map` finds no stable fixed point reads "slow transient", with the reason.
+    to rest next to a fixed point that is unstable reads "slow transient", with the reason.
 
     Source: Borghi et al., Opt. Express 29, 4363 (2021), Figs. 4 and 6; cold start, as the paper's shutter does.
     """
@@ -170,10 +169,9 @@ def pulsing_map(
             for job in jobs:
                 job.cancel()
     rows = [[_Cell(*cell) for cell in journal.rows[k]] for k in range(len(grid.rows))]
-    if not settled:
-        rows = _traced(rows, small, grid)
-        if any(cell.regime == Regime.SLOW_TRANSIENT for row in rows for cell in row) and long_enough(small) > duration:
-            attrs["suggested_duration"] = long_enough(small)
+    slow = any(cell.regime == Regime.SLOW_TRANSIENT for row in rows for cell in row)
+    if slow and not settled and long_enough(small) > duration:
+        attrs["suggested_duration"] = long_enough(small)
     columns = {name: [[getattr(cell, name) for cell in row] for row in rows] for name in _Cell._fields}
     variables: dict[str, Any] = {
         name: (grid.names, np.array(columns[name]), dataset.describe(name))
@@ -247,12 +245,6 @@ def _settled(model: Any, points: list[Point], watch: NDArray[np.float64]) -> lis
     return [_Cell(*found) for found in settled_row(model, points, watch)]
 
 
-def _traced(rows: list[list[_Cell]], model: Any, grid: Grid) -> list[list[_Cell]]:
-    """The rows of a map of traces; none of them rests where no fixed point is stable."""
-    stable = stable_points(model, grid)
-    return [[_checked(cell, n) for cell, n in zip(*both, strict=True)] for both in zip(rows, stable, strict=True)]
-
-
 def _row(
     model: Compact, points: list[Point], duration: float, rtol: float, follow: Follow | None, watch: NDArray[np.float64]
 ) -> list[_Cell]:
@@ -278,13 +270,6 @@ def _cell(
     except (checks.InputError, RuntimeError) as error:
         return _Cell(FAILED, float("nan"), float("nan"), float("nan"), str(error)), None
     return _Cell(str(found.regime), found.period, found.duty, found.swing, found.reason), end
-
-
-def _checked(cell: _Cell, stable_points: int) -> _Cell:
-    """The cell, unless its trace seems to come to rest where no fixed point is stable."""
-    if cell.regime != Regime.STABLE or stable_points:
-        return cell
-    return cell._replace(regime=str(Regime.SLOW_TRANSIENT), reason=f"{cell.reason}, but no fixed point is stable")
 
 
 @contextmanager

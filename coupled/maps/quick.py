@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from thermofem import checks
 
 from .. import window
+from ..equilibria.steady import Internal, absorbable, internal
 from ..kernels.interrupts import new_watch
 from ..kernels.tableaus import Method, tableau
-from ..pulsing import Pulsing, classify
+from ..pulsing import Pulsing, Regime, classify, lasting
 from ..resonator import RingResonator
+from ..resting import Rest, rest_of
 from ..states import State
 
 Array = NDArray[np.float64]
@@ -26,6 +28,20 @@ def _prepared(ring: RingResonator, model: Any) -> tuple[Any, ...]:
     from ..kernels import equations as eq
 
     return (*eq.internal_rates(ring), eq.internal_thermal(model), model.thermal_resistance * eq.UW)
+
+
+@lru_cache(maxsize=16)
+def _at_rest(ring: RingResonator, model: Any, power: float) -> Internal:
+    """The same with the static rise, once for all detunings."""
+    return internal(ring, model, absorbable(ring, power))
+
+
+def _rest(ring: RingResonator, model: Any, power: float, detuning: float) -> Rest | None:
+    """All fixed points; None where a quadratic model has no steady state at the power."""
+    try:
+        return rest_of(ring, model, power, detuning, at=_at_rest(ring, model, power))
+    except checks.InputError:
+        return None
 
 
 def pulse(
@@ -71,5 +87,8 @@ def pulse(
     t, ar, ai, N, dT = np.ascontiguousarray(rows.T)
     if t.size < 8:
         raise checks.InputError(f"the run took {t.size - 1} steps; at least 8 samples are needed to tell a cycle")
-    found = classify(t * eq.NS, N * eq.DENSITY, (ar * ar + ai * ai) * eq.FJ, dT, rtol=rtol, every_step=True)
+    t, energy = t * eq.NS, (ar * ar + ai * ai) * eq.FJ
+    found = classify(t, N * eq.DENSITY, energy, dT, rtol=rtol, every_step=True)
+    if found.regime == Regime.STABLE:
+        found = lasting(found, t, energy, dT, _rest(ring, model, power, detuning))
     return found, State.from_array(y * unit)

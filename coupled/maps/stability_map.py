@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermofem import checks
 from thermofem.models import ThermalModel
 
 from ..equilibria.steady import Internal, absorbable, internal, provenance
@@ -91,15 +90,6 @@ def stability_map(
     }
     attrs = provenance("stability map", ring, at.model) | grid.fixed | warm.attributes
     return xr.Dataset(variables, coords=grid.coordinates(), attrs=attrs)
-
-
-def stable_points(model: ThermalModel, grid: Grid) -> NDArray[np.int64]:
-    """Numbers of stable fixed points at the points of a grid; -1 where a quadratic model does not reach as far."""
-    try:
-        at = _internal(model, grid)
-    except checks.InputError:
-        return np.full([axis.size for axis in grid.axes], -1)
-    return np.asarray(survey_grid(at, grid)[1].astype(int))
 
 
 def _internal(model: ThermalModel, grid: Grid) -> Internal:

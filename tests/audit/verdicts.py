@@ -95,7 +95,8 @@ def main(count: int, first: int = 0) -> int:
                 "trace": (str(trace.regime), trace.reason),
                 "map": (grid["regime"].values.item(), grid["reason"].values.item()),
             }
-            judged = swings(cell, 10 * duration)
+            claims = any(regime in ("stable", "self-pulsing") for regime, _ in verdicts.values())
+            judged = swings(cell, 10 * duration) if claims else (0.0, 0.0)
             for what, (regime, reason) in verdicts.items():
                 said[f"{what}: {regime}"] += 1
                 if not wrong(regime, *judged):

@@ -120,14 +120,6 @@ def test_a_failing_point_stores_its_reason_and_spares_the_others(small, monkeypa
     assert coupled.overlap(small, found.assign(regime=small.regime)) == 1
 
 
-def test_no_trace_counts_as_at_rest_where_no_fixed_point_is_stable(monkeypatch):
-    rest = coupled.Pulsing(coupled.Regime.STABLE, "at rest", np.nan, np.nan, 0.1, 0)
-    monkeypatch.setattr(import_module("coupled.maps.pulsing_map"), "pulse", lambda *a, **k: (rest, k["initial"]))
-    found = coupled.pulsing_map(RING, EXPERIMENT, POWERS[[0, 2]], DETUNINGS[1:], duration=1e-7)
-    assert found.regime.values.tolist() == [["slow transient", "stable"], ["slow transient", "slow transient"]]
-    assert str(found.reason.values[1, 0]) == "at rest, but no fixed point is stable"
-
-
 def classes(integrated, linear):
     """Count the points where the two maps differ, by what explains them."""
     found = {"subcritical": 0, "ghost": 0, "slow": 0, "unexplained": 0}

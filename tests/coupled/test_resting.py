@@ -1,0 +1,115 @@
+"""What seems to rest is judged by the fixed points of the run's own ring, heat and light."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+from audit import verdicts
+
+import coupled
+import thermofem as th
+from coupled.resting import Rest, rest_of_run, ring_in
+from thermofem import dataset
+
+RING = coupled.borghi2021()
+NETWORK = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
+LIGHT = {"power": 5e-3, "detuning": -32e9}  # a stable point, a saddle and an unstable focus
+
+
+@pytest.fixture(scope="module")
+def slow() -> verdicts.Cell:
+    """Heat of 4.2 us carries this ring across a Hopf bifurcation after some 10 us."""
+    return list(verdicts.random_ring(100059, most=8))[3]
+
+
+def run_of(cell, model=None, duration=5e-6):
+    return coupled.simulate(cell.ring, model or cell.model, power=cell.power, detuning=cell.detuning, duration=duration)
+
+
+def test_rest_before_slow_heat_starts_pulses_is_a_slow_transient(slow):
+    run = run_of(slow)
+    found = coupled.pulsing(run)
+    assert (found.regime, "no fixed point is stable" in found.reason) == ("slow transient", True)
+    later = coupled.pulsing(run_of(slow, duration=found.suggested_duration))
+    assert later.regime == "self-pulsing"
+    bare = coupled.pulsing(run.drop_attrs())
+    assert (bare.regime, "the trace alone" in bare.reason) == ("stable", True)
+    cell = coupled.pulsing_map(slow.ring, slow.model, [slow.power], [slow.detuning], duration=5e-6)
+    assert cell.regime.item() == "slow transient"
+    assert "no fixed point is stable" in cell.reason.item()
+
+
+def test_every_kind_of_model_and_a_file_tell_the_same(slow, tmp_path):
+    """A quadratic model without coupling and an output map of coefficient 0 are the network itself."""
+    tau, R = np.array(slow.model.tau), np.array(slow.model.R)
+    n = tau.size
+    quadratic = th.Quadratic(-np.diag(1 / tau), np.zeros((n, n, n)), np.zeros((n, n)), R / tau, np.ones(n))
+    dataset.save(run_of(slow), tmp_path / "run.nc")
+    runs = [run_of(slow), run_of(slow, th.OutputMap(slow.model, 0.0)), run_of(slow, quadratic)]
+    rests = [rest_of_run(run) for run in [*runs, xr.load_dataset(tmp_path / "run.nc")]]
+    states = coupled.steady_states(slow.ring, slow.model, power=slow.power, detuning=slow.detuning)
+    for rest in rests:
+        for name, wanted in (("energy", "energy"), ("delta_T", "delta_T"), ("growth", "growth_rate")):
+            # the static rise of a quadratic model is a series good to 1e-12; eigenvalues lose its condition, some 1e3
+            assert getattr(rest, name) == pytest.approx(states[wanted].values, rel=1e-8)
+    for run in runs:
+        assert coupled.pulsing(run).regime == "slow transient"
+
+
+def test_the_nearest_fixed_point_decides():
+    states = coupled.steady_states(RING, NETWORK, **LIGHT)
+    rest = rest_of_run(coupled.simulate(RING, NETWORK, duration=1e-6, **LIGHT))
+    assert isinstance(rest, Rest)
+    for k in range(states.branch.size):
+        U, dT = float(states.energy[k]), float(states.delta_T[k])
+        assert rest.growth_near(1.02 * U, 0.97 * dT) == pytest.approx(float(states.growth_rate[k]), rel=1e-9)
+
+
+def test_light_that_ends_where_it_stays_and_heaters_count():
+    model = coupled_pair()
+    wave = [3e-3, th.Pulse(power=2e-3, width=1e-7, start=1e-7)]
+    run = coupled.simulate(
+        RING, model, power=wave, detuning=-20e9, duration=8e-6, heaters={"heater": 2e-3}, heated="core", read="core"
+    )
+    found = rest_of_run(run)
+    wanted = coupled.steady_states(
+        RING, model, power=3e-3, detuning=-20e9, heaters={"heater": 2e-3}, heated="core", read="core"
+    )
+    assert found.energy == pytest.approx(wanted.energy.values, rel=1e-9)
+    assert found.delta_T == pytest.approx(wanted.delta_T.values, rel=1e-9)
+    assert found.growth == pytest.approx(wanted.growth_rate.values, rel=1e-6)
+
+
+def coupled_pair() -> th.StateSpace:
+    """Core and heater, each with its own heat capacity, and a conductance between them."""
+    E = np.diag([1e-11, 3e-11])  # J/K
+    A = -np.array([[3e-4, -1e-4], [-1e-4, 4e-4]])  # W/K
+    return th.StateSpace(E, A, np.eye(2), np.eye(2), inputs=("core", "heater"), outputs=("core", "heater"))
+
+
+def test_what_does_not_tell_is_no_error():
+    run = coupled.simulate(RING, NETWORK, duration=1e-6, **LIGHT)
+    for name, value in (
+        ("ring_parameters", "[" * 100_000),
+        ("ring_parameters", "{}"),
+        ("ring_parameters", "3"),
+        ("model_R", "many"),
+        ("model_R", [-1.0, 2.0]),
+        ("detuning", "none"),
+    ):
+        assert rest_of_run(run.assign_attrs({name: value})) is None
+    assert rest_of_run(run.assign_attrs(lasers=2)) is None
+
+
+def test_a_dark_ring_rests():
+    dark = coupled.pulsing(coupled.simulate(RING, NETWORK, power=0.0, duration=1e-6))
+    assert (dark.regime, "alone" in dark.reason) == ("stable", False)
+
+
+@pytest.mark.parametrize(
+    "ring", [RING, coupled.vanvaerenbergh2012(), RING.with_rates(eta_fca=1e-13), RING.with_lumped_fcd()]
+)
+def test_a_ring_comes_back_from_its_attribute(ring):
+    run = coupled.simulate(ring, NETWORK, duration=1e-9, **LIGHT)
+    assert ring_in(run.attrs["ring_parameters"]) == ring
