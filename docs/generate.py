@@ -82,7 +82,7 @@ SCHEMA: dict[str, dict[str, str]] = {
     "[[interface]]": toml_schema._INTERFACE,
     "[[probe]]": toml_schema._PROBE,
     "[boundary]": toml_schema._BOUNDARY,
-    "{ convection }": toml_schema._CONVECTION,
+    "{ convection }": toml_schema._COEFFICIENT,
     "[material.NAME]": toml_schema._MATERIAL,
 }
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from thermofem import Boundary
 from thermofem.materials.laws import PowerLaw
 from thermofem.materials.library import Material
 
@@ -42,9 +43,9 @@ def values(box: Box, rows: Array) -> Values:
     for interface in base.interfaces:
         contact[interface.part] = contact.get(interface.part, 0.0) + np.full(len(rows), interface.resistance)
     convection = {
-        side: np.full(len(rows), boundary.coefficient)
+        side: np.full(len(rows), h)
         for side in ("bottom", "top", "outer")
-        if (boundary := getattr(base, side)).kind == "convection"
+        if (h := getattr(base, side).exchange(base.ambient))
     }
     ambient = np.full(len(rows), base.ambient)
     for column, each in zip(rows.T, paths, strict=True):
@@ -62,7 +63,8 @@ def values(box: Box, rows: Array) -> Values:
                 first = next(interface for interface in reversed(base.interfaces) if interface.part == name)
                 contact[name] = contact[name] - first.resistance + column
             elif kind == "boundary":
-                convection[middle[0]] = column
+                given_side: Boundary = getattr(base, middle[0])
+                convection[middle[0]] = column * (given_side.exchange(base.ambient) / given_side.coefficient)
     k_r, k_z, capacity = {}, {}, {}
     for name, material in used.items():
         k_r[name], k_z[name], capacity[name] = _material(material, given[name], ambient)

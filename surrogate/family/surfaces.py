@@ -132,7 +132,7 @@ def points(heat: HeatProblem, cell: NDArray[np.intp], i: NDArray[np.intp], j: ND
         r, z = grid.p[:, grid.facets[:, facets]].mean(axis=1)
         for side, boundary in sides.items():
             there = facets[heat.geometry.on_boundary(side, r, z)]
-            if boundary.kind == "convection" and len(there):
+            if boundary.exchange(heat.geometry.ambient) and len(there):
                 found.append(_on(heat, there, cell, i, j, f"convection {side}"))
                 traces.append(_trace(d.basis, there))
     if len(s.open):

@@ -12,7 +12,8 @@ from thermofem.algebra.krylov import Rounds, rates
 from thermofem.heat.interface import split
 from thermofem.heat.matrices import build, properties
 from thermofem.heat.probes import probe_mean
-from thermofem.heat.problem import HeatProblem, resistances, surfaces_of
+from thermofem.heat.problem import HeatProblem, resistances
+from thermofem.heat.surfaces import surfaces_of
 from thermofem.mesh.refine import refined, refined_once
 from thermofem.mesh.triangles import Mesh
 

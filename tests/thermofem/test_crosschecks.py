@@ -18,7 +18,8 @@ from scipy.special import j1
 import thermofem as th
 from thermofem.algebra.factor import factorize
 from thermofem.heat import HeatProblem
-from thermofem.heat.matrices import Surfaces, build, surface_terms
+from thermofem.heat.matrices import build
+from thermofem.heat.surfaces import Surfaces, surface_terms
 from thermofem.transient import integrate
 
 SERIES = "infinite series (Carslaw and Jaeger)"

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from .. import checks
 from ..checks import InputError
 from ..materials.laws import Law, PowerLaw
+from .parts import Boundary
 from .regions import outlines
 
 if TYPE_CHECKING:
@@ -210,11 +211,13 @@ def _probe(geometry: CrossSection, path: str, name: str, key: str) -> Change:
 
 def _boundary(geometry: CrossSection, path: str, side: str, key: str) -> Change:
     checks.choice(f"path {path!r}: side", side, ("bottom", "top", "outer"))
-    checks.choice(f"path {path!r}: key", key, ("convection",))
-    boundary = getattr(geometry, side)
-    if boundary.kind != "convection":
-        raise InputError(f"path {path!r}: {side} is {boundary.kind}; give it a convection first")
-    return Change(path, boundary.coefficient, "W/m^2/K", convection={side: 1.0})
+    units = {kind: unit for kind, unit in Boundary.KINDS.items() if unit is not None}
+    unit = units[checks.choice(f"path {path!r}: key", key, units)]
+    boundary: Boundary = getattr(geometry, side)
+    if boundary.kind != key:
+        raise InputError(f"path {path!r}: {side} is {boundary.kind}; give it a {key} first")
+    slope = boundary.exchange(geometry.ambient) / boundary.coefficient
+    return Change(path, boundary.coefficient, unit, convection={side: slope})
 
 
 def _material(geometry: CrossSection, path: str, middle: Sequence[str]) -> Change:

@@ -125,14 +125,24 @@ class Boundary:
 
     kind: str
     coefficient: float = 0.0
-    KINDS: ClassVar[tuple[str, ...]] = ("isothermal", "insulated", "convection", "open")
+    KINDS: ClassVar[dict[str, str | None]] = {
+        "isothermal": None,
+        "insulated": None,
+        "convection": "W/m^2/K",
+        "open": None,
+    }
+    """Unit of each kind's coefficient; None where it has none."""
 
     def __post_init__(self) -> None:
-        checks.choice("boundary", self.kind, self.KINDS)
-        if self.kind == "convection":
-            checks.positive("convection", self.coefficient, unit="W/m^2/K", at_most=1e12)
+        unit = self.KINDS[checks.choice("boundary", self.kind, self.KINDS)]
+        if unit is not None:
+            checks.positive(self.kind, self.coefficient, unit=unit, at_most=1e12)
         elif self.coefficient:
             raise checks.InputError(f"boundary {self.kind!r} takes no coefficient; only convection does")
+
+    def exchange(self, ambient: float) -> float:
+        """h in W/(m^2 K) of the heat h (T - ambient) per area that leaves; 0 where the side has another weak form."""
+        return self.coefficient if self.kind == "convection" else 0.0
 
     @property
     def holds(self) -> bool:

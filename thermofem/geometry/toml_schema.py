@@ -47,12 +47,12 @@ _PART = {
 _INTERFACE = {"part": _TEXT, "resistance": "m^2*K/W"}
 _PROBE = {"name": _TEXT, "part": _TEXT, "shell": "m", "distance": "m"}
 _BOUNDARY = {"bottom": _ANY, "top": _ANY, "outer": _ANY}
-_CONVECTION = {"convection": "W/m^2/K"}
+_COEFFICIENT = {kind: unit for kind, unit in Boundary.KINDS.items() if unit is not None}
 _MATERIAL = {"conductivity": _ANY, "density": "kg/m^3", "specific_heat": _ANY, "source": _TEXT}
 
 _UNITS = {
     key: unit
-    for keys in (_TOP, _LAYER, _PART, _INTERFACE, _PROBE, _CONVECTION, _MATERIAL)
+    for keys in (_TOP, _LAYER, _PART, _INTERFACE, _PROBE, _COEFFICIENT, _MATERIAL)
     for key, unit in keys.items()
     if unit in quantity.SI
 } | {"conductivity": "W/m/K", "specific_heat": "J/kg/K", "exponent": "", "reference": "K"}
@@ -151,10 +151,12 @@ def _boundary(table: dict[str, Any], side: str, default: Boundary) -> Boundary:
     if value is None:
         return default
     if isinstance(value, dict):
-        values = _read(value, _CONVECTION, f"boundary {side}", required=("convection",))
-        return Boundary("convection", values["convection"])
+        values = _read(value, _COEFFICIENT, f"boundary {side}")
+        if len(values) != 1:
+            raise InputError(f"boundary {side} = {value!r} must have one key of {', '.join(_COEFFICIENT)}")
+        return Boundary(*values.popitem())
     hint = 'convection is written { convection = "1e4 W/m^2/K" }'
-    return Boundary(checks.choice(f"boundary {side}", value, ("isothermal", "insulated", "open"), hint=hint))
+    return Boundary(checks.choice(f"boundary {side}", value, Boundary.KINDS.keys() - _COEFFICIENT.keys(), hint=hint))
 
 
 def _material(name: str, table: Any) -> Material:
@@ -199,8 +201,10 @@ def write_text(geometry: CrossSection) -> str:
     lines += ["", "[boundary]"]
     for side in ("bottom", "top", "outer"):
         boundary: Boundary = getattr(geometry, side)
-        convection = f"{{ convection = {_quantity(boundary.coefficient, 'W/m^2/K')} }}"
-        lines += [f"{side} = " + (convection if boundary.kind == "convection" else _quoted(boundary.kind))]
+        unit, written = Boundary.KINDS[boundary.kind], _quoted(boundary.kind)
+        if unit is not None:
+            written = f"{{ {boundary.kind} = {_quantity(boundary.coefficient, unit)} }}"
+        lines += [f"{side} = {written}"]
     for material in geometry.materials:
         lines += ["", f"[material.{_quoted(material.name)}]", *_material_lines(material)]
     return "\n".join(lines) + "\n"

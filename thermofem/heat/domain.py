@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..algebra.factor import factorize
-from .matrices import Surfaces, properties, surface_terms
+from .matrices import properties
+from .surfaces import Surfaces, surface_terms
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection

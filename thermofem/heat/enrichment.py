@@ -18,8 +18,9 @@ from skfem import ElementTriP2
 from skfem.element.element_h1 import ElementH1
 from skfem.refdom import RefTri
 
-from .matrices import element_capacity, element_conduction, surface_terms, volume
+from .matrices import element_capacity, element_conduction, volume
 from .probes import probe_integral
+from .surfaces import surface_terms
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection

@@ -14,6 +14,7 @@ from ..algebra.factor import Pencil
 from ..display import shown
 from ..models import StateSpace
 from ..transient.trajectory import Ledger
+from .surfaces import Surfaces, surface_terms
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
@@ -21,35 +22,6 @@ if TYPE_CHECKING:
     from ..mesh import Mesh
 
 Array = NDArray[np.float64]
-Facets = NDArray[np.intp]
-
-
-def _none() -> Facets:
-    return np.empty(0, dtype=np.intp)
-
-
-@dataclass(frozen=True, eq=False)
-class Surfaces:
-    """Boundary conditions and contacts on facets, numbered as scikit-fem does on the same mesh.
-
-    Attributes
-    ----------
-    held : array of int
-        at the ambient temperature.
-    convection : dict from h in W/(m^2 K) to an array of int
-    open : array of int
-        beyond which the material goes on, see `parts.Boundary`.
-    source : float, m
-        height z of the heat, from which the open sides are seen.
-    contacts : dict from resistance in m^2 K/W to two arrays of int
-        facets that lie on each other, both in the same order.
-    """
-
-    held: Facets = field(default_factory=_none)
-    convection: Mapping[float, Facets] = field(default_factory=dict)
-    open: Facets = field(default_factory=_none)
-    source: float = 0.0
-    contacts: Mapping[float, tuple[Facets, Facets]] = field(default_factory=dict)
 
 
 @shown
@@ -153,11 +125,7 @@ def discretize(
 def build(
     mesh: Mesh, conductivity: ArrayLike, heat_capacity: ArrayLike, surfaces: Surfaces, *, degree: int = 2
 ) -> Discretization:
-    """As `discretize`, with every kind of surface and polynomials up to ``degree`` 2 or 3.
-
-    K_ij += int 2 pi r (u_i^+ - u_i^-) (u_j^+ - u_j^-) / R ds     over every contact of resistance R
-    K_ij += int 2 pi r (n . d) / (d . k^-1 d) u_i u_j ds          over open sides, d from the source
-    """
+    """As `discretize`, with every term of `surfaces` and polynomials up to ``degree`` 2 or 3."""
     import skfem
 
     element = {2: skfem.ElementTriP2, 3: skfem.ElementTriP3}[degree]()
@@ -287,35 +255,3 @@ def volume(basis: Any, inside: NDArray[np.bool_]) -> Array:
     weights = 2 * np.pi * np.abs(J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0])[inside] * r[:, inside]
     shares = weights.T @ reference(basis).load
     return np.asarray(np.bincount(basis.element_dofs.T[inside].ravel(), shares.ravel(), minlength=basis.N), dtype=float)
-
-
-def surface_terms(basis: Any, conductivity: ArrayLike, surfaces: Surfaces) -> Any:
-    """Terms of convection, open sides and contacts in the stiffness, sparse."""
-    import skfem
-    from scipy.sparse import csr_matrix
-
-    @skfem.BilinearForm
-    def exchange(u, v, w):  # type: ignore[no-untyped-def]
-        return 2 * np.pi * w.x[0] * w["h"] * u * v
-
-    @skfem.BilinearForm
-    def outlet(u, v, w):  # type: ignore[no-untyped-def]
-        r, z = w.x[0], w.x[1] - surfaces.source
-        slope = (w.n[0] * r + w.n[1] * z) / (r**2 / w["k_r"] + z**2 / w["k_z"])
-        return 2 * np.pi * w.x[0] * slope * u * v
-
-    total = csr_matrix((basis.N, basis.N))
-    for h, where in surfaces.convection.items():
-        total = total + exchange.assemble(basis.boundary(where), h=h)
-    if len(surfaces.open):
-        side = basis.boundary(surfaces.open)
-        k = np.broadcast_to(np.asarray(conductivity, dtype=float), (2, basis.nelems))[:, side.tind]
-        k_r, k_z = (np.broadcast_to(values[:, None], side.dx.shape) for values in k)
-        total = total + outlet.assemble(side, k_r=k_r, k_z=k_z)
-    for resistance, pair in surfaces.contacts.items():
-        sides = [basis.boundary(facets) for facets in pair]
-        for one in sides:
-            for other in sides:
-                sign = 1 if one is other else -1
-                total = total + sign * exchange.assemble(one, other, h=1 / resistance)
-    return total

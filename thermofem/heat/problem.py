@@ -28,9 +28,10 @@ from ..transient.trajectory import Ledger
 from .accuracy import Estimate, MeshError
 from .adaptive import marked
 from .domain import domain_error, warn_of_domain
-from .interface import contacts, split
-from .matrices import Discretization, Surfaces, build, capacity, conduction, discretize, properties
+from .interface import split
+from .matrices import Discretization, build, capacity, conduction, discretize, properties
 from .probes import probe_mean
+from .surfaces import Surfaces, surfaces_of
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
@@ -356,31 +357,6 @@ def on_mesh(geometry: CrossSection, mesh: Mesh, resistance: dict[str, float], ac
     probes = {probe.name: probe_mean(geometry, mesh, discretization.basis, probe) for probe in geometry.probes}
     discretization = replace(discretization, means={**discretization.means, **probes})
     return HeatProblem(geometry, mesh, discretization, accuracy)
-
-
-def surfaces_of(geometry: CrossSection, mesh: Mesh, resistance: dict[str, float]) -> Surfaces:
-    """Held, convective and open facets, and contacts."""
-    grid = mesh.skfem
-    facets = grid.boundary_facets()
-    r, z = grid.p[:, grid.facets[:, facets]].mean(axis=1)
-    none = np.empty(0, dtype=np.intp)
-    where = {"isothermal": none, "open": none, "insulated": none}
-    convection: dict[float, NDArray[np.intp]] = {}
-    for side in ("bottom", "top", "outer"):
-        boundary = getattr(geometry, side)
-        there = facets[geometry.on_boundary(side, r, z)]
-        if boundary.kind == "convection":
-            convection[boundary.coefficient] = np.append(convection.get(boundary.coefficient, none), there)
-        else:
-            where[boundary.kind] = np.append(where[boundary.kind], there)
-    heat = next(part for part in geometry.parts if part.heated)
-    return Surfaces(
-        held=where["isothermal"],
-        convection=convection,
-        open=where["open"],
-        source=heat.bottom + heat.height / 2,
-        contacts=contacts(mesh, resistance),
-    )
 
 
 def _names(

@@ -18,7 +18,7 @@ from ..checks import InputError
 from .element_tangent import element_capacity_tangent, element_conduction_tangent, volume_tangent
 from .matrices import assembled, properties
 from .shell_tangent import shell_tangent
-from .surface_tangent import surface_tangent
+from .surfaces import surface_tangent
 
 if TYPE_CHECKING:
     from ..geometry.change import Change

@@ -1,27 +1,122 @@
-"""Derivatives of convection, open sides and contacts: facets move, coefficients change."""
+"""Boundary conditions and contacts: their facets, their weak forms in the stiffness, and the derivatives of those.
+
+K_ij += int 2 pi r h u_i u_j ds                               where heat h (T - T0) is exchanged with the ambient
+K_ij += int 2 pi r (u_i^+ - u_i^-) (u_j^+ - u_j^-) / R ds     over every contact of resistance R
+K_ij += int 2 pi r (n . d) / (d . k^-1 d) u_i u_j ds          over open sides, d from the source
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from .interface import PERFECT
+from .interface import PERFECT, contacts
 
 if TYPE_CHECKING:
     from ..geometry.change import Change
+    from ..geometry.cross_section import CrossSection
+    from ..mesh import Mesh
     from .problem import HeatProblem
 
 Array = NDArray[np.float64]
+Facets = NDArray[np.intp]
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # of scikit-fem's facets of quadratic triangles, too
 _GAUSS, _WEIGHT = (1 + _NODES) / 2, _WEIGHTS / 2
 
 
+def _none() -> Facets:
+    return np.empty(0, dtype=np.intp)
+
+
+@dataclass(frozen=True, eq=False)
+class Surfaces:
+    """Boundary conditions and contacts on facets, numbered as scikit-fem does on the same mesh.
+
+    Attributes
+    ----------
+    held : array of int
+        at the ambient temperature.
+    convection : dict from h in W/(m^2 K) to an array of int
+    open : array of int
+        beyond which the material goes on, see `parts.Boundary`.
+    source : float, m
+        height z of the heat, from which the open sides are seen.
+    contacts : dict from resistance in m^2 K/W to two arrays of int
+        facets that lie on each other, both in the same order.
+    """
+
+    held: Facets = field(default_factory=_none)
+    convection: Mapping[float, Facets] = field(default_factory=dict)
+    open: Facets = field(default_factory=_none)
+    source: float = 0.0
+    contacts: Mapping[float, tuple[Facets, Facets]] = field(default_factory=dict)
+
+
+def surfaces_of(geometry: CrossSection, mesh: Mesh, resistance: dict[str, float]) -> Surfaces:
+    """Held, convective and open facets, and contacts."""
+    grid = mesh.skfem
+    facets = grid.boundary_facets()
+    r, z = grid.p[:, grid.facets[:, facets]].mean(axis=1)
+    none = np.empty(0, dtype=np.intp)
+    where = {"isothermal": none, "open": none, "insulated": none}
+    convection: dict[float, Facets] = {}
+    for side in ("bottom", "top", "outer"):
+        boundary = getattr(geometry, side)
+        there = facets[geometry.on_boundary(side, r, z)]
+        h = boundary.exchange(geometry.ambient)
+        if h:
+            convection[h] = np.append(convection.get(h, none), there)
+        else:
+            where[boundary.kind] = np.append(where[boundary.kind], there)
+    heat = next(part for part in geometry.parts if part.heated)
+    return Surfaces(
+        held=where["isothermal"],
+        convection=convection,
+        open=where["open"],
+        source=heat.bottom + heat.height / 2,
+        contacts=contacts(mesh, resistance),
+    )
+
+
+def surface_terms(basis: Any, conductivity: ArrayLike, surfaces: Surfaces) -> Any:
+    """Terms of convection, open sides and contacts in the stiffness, sparse."""
+    import skfem
+    from scipy.sparse import csr_matrix
+
+    @skfem.BilinearForm
+    def exchange(u, v, w):  # type: ignore[no-untyped-def]
+        return 2 * np.pi * w.x[0] * w["h"] * u * v
+
+    @skfem.BilinearForm
+    def outlet(u, v, w):  # type: ignore[no-untyped-def]
+        r, z = w.x[0], w.x[1] - surfaces.source
+        slope = (w.n[0] * r + w.n[1] * z) / (r**2 / w["k_r"] + z**2 / w["k_z"])
+        return 2 * np.pi * w.x[0] * slope * u * v
+
+    total = csr_matrix((basis.N, basis.N))
+    for h, where in surfaces.convection.items():
+        total = total + exchange.assemble(basis.boundary(where), h=h)
+    if len(surfaces.open):
+        side = basis.boundary(surfaces.open)
+        k = np.broadcast_to(np.asarray(conductivity, dtype=float), (2, basis.nelems))[:, side.tind]
+        k_r, k_z = (np.broadcast_to(values[:, None], side.dx.shape) for values in k)
+        total = total + outlet.assemble(side, k_r=k_r, k_z=k_z)
+    for resistance, pair in surfaces.contacts.items():
+        sides = [basis.boundary(facets) for facets in pair]
+        for one in sides:
+            for other in sides:
+                sign = 1 if one is other else -1
+                total = total + sign * exchange.assemble(one, other, h=1 / resistance)
+    return total
+
+
 def surface_tangent(heat: HeatProblem, change: Change, moved: Array, k: Array, of_k: Array) -> Any:
-    """d of `matrices.surface_terms`."""
+    """Derivative of `surface_terms`: facets move, coefficients change."""
     from scipy.sparse import csr_matrix
 
     d = heat.discretization
