@@ -17,18 +17,15 @@ from .scheme import scheme
 
 Array = NDArray[np.float64]
 
-INTERVALS = 40  # of the first mesh, for each pulse of a period
+FIRST, ROUGH = (0.4, 1e-3), (0.23, 2e-4)  # intervals for each step of a trace; a step of Newton's method that will do
 FEWEST, MOST_INTERVALS = 20, 3000
 POLYNOMIAL = 3e-7  # error of the polynomials between the stages; periods are far better (order 9, not 6)
 GROWTH = 1.5  # of a mesh at most
 SLACK = 8.0  # by how much the worst interval may exceed it
 CLOSE_ENOUGH = 1e-7  # a step of Newton's method that small leaves less than its square times a hundred
 TRACE_RTOL = 1e-5
-SHOTS, STEPS = 12, 12  # of Newton's method along traces, and on a mesh
-NEAR = 0.1  # of the largest values: a step that small is taken on the mesh
-LONGEST_RETURN = 4.0  # periods
-LARGEST_CHANGE = 0.3  # of the largest heat, in a step along a trace
-NO_TIMES = np.empty(0)
+SHOTS, FEW_SHOTS, STEPS = 12, 8, 12  # of Newton's method along traces, the same for a rough orbit, and on a mesh
+UNKNOWN = np.empty((0, 0))
 
 
 class CycleProblem(NamedTuple):
@@ -72,91 +69,76 @@ def problem(ring: RingResonator, model: Compact, power: float, detuning: float) 
     return CycleProblem(at, floor, window.units(thermal.order), ring, model, power, detuning)
 
 
-def run(p: CycleProblem, y: Array, duration: float, level: float = np.inf) -> tuple[Array, Array, bool]:
+def run(
+    p: CycleProblem, y: Array, duration: float, level: float = np.inf, first: float = 0.0
+) -> tuple[Array, Array, bool, float]:
     """Integrate over ``duration`` in ns, or until the carriers rise through ``level``.
 
-    Returns rows (t, Re a, Im a, N, dT) at the accepted steps, the state at the end, and whether the level was met.
+    Returns rows (t, Re a, Im a, N, dT) at the accepted steps, the state at the end, whether the level was met, and the
+    step that a run from there may take as its ``first``.
     """
-    from ..kernels import rosenbrock
+    from ..kernels import orbit_return, rosenbrock
 
-    laser = window.constant_laser(0.0, duration * 1e-9, p.at.drive, p.at.detuning)
-    event = np.array([2.0, level, 1.0]) if level < np.inf else np.zeros(3)
-    rows, end, reached, _, _, counts = uninterrupted(
-        rosenbrock.integrate, y, laser, p.at.rates, p.at.fcd, p.at.thermal, tableau(Method.RODAS4), TRACE_RTOL,
-        p.floor, NO_TIMES, 1, 0.0, event, window.MAX_STEPS, new_watch(),
+    rows, end, reached, h, _, counts = uninterrupted(
+        orbit_return.integrated, y, duration, level, p.at, p.floor, tableau(Method.RODAS4), TRACE_RTOL, first,
+        new_watch(),
     )  # fmt: skip
     window.check_end(counts, reached, duration * 1e-9, TRACE_RTOL)
-    return rows, end, bool(counts[2] == rosenbrock.EVENT)
+    return rows, end, bool(counts[2] == rosenbrock.EVENT), h
 
 
 def around(p: CycleProblem, y: Array, T: float, pulses: int) -> tuple[Array, Array] | None:
     """Integrate until the carriers have risen ``pulses`` times through their value in ``y``; rows, and the end."""
-    parts: list[Array] = []
-    level = float(y[2])
-    for _ in range(pulses):
-        y = y.copy()
-        y[2] = level * (1 + 1e-12)  # above it, so that the level is met after the pulse and not at once
-        rows, y, met = run(p, y, LONGEST_RETURN * T, level)
-        if not met:
-            return None
-        if parts:
-            rows[:, 0] += parts[-1][-1, 0]
-        parts.append(rows[1:] if parts else rows)
-    return np.concatenate(parts), y
+    from ..kernels import orbit_return
+
+    rows, end, met = uninterrupted(
+        orbit_return.around, y, T, pulses, p.at, p.floor, tableau(Method.RODAS4), TRACE_RTOL, new_watch()
+    )
+    return (rows, end) if met else None
 
 
-def shoot(
-    p: CycleProblem, y: Array, T: float, pulses: int = 1, error: float = POLYNOMIAL, shots: int = SHOTS
-) -> Orbit | None:
+def shoot(p: CycleProblem, y: Array, T: float, pulses: int = 1, rough: bool = False, M: Array = UNKNOWN) -> Orbit | None:
     """Close an orbit from a state on it whose carriers rise, near ``T`` ns; None where Newton's method finds none.
 
     Far from the orbit every step integrates anew until the carriers return, so that the pulses stay where the equations
-    put them; near it the stages of a fixed mesh move.
+    put them; near it the stages of a fixed mesh move. A ``rough`` orbit is one on the mesh of the trace, whose period
+    errs by less than 1e-6. ``M`` is the derivative of the return map of a neighbour, from which few steps are taken.
     """
-    from ..kernels import orbit_heat, orbits
+    from ..kernels import orbit_return
 
-    way, section = scheme(), np.eye(1, y.size + 1, 2)  # the beginning keeps its carriers
-    for _ in range(shots):
-        found = around(p, y, T, pulses)
-        if found is None:
-            return None
-        rows, _ = found
-        T, tau = float(rows[-1, 0]), _mesh(rows[:, 0], INTERVALS * pulses)
-        Y = orbit_heat.along(rows, y, tau, p.at, way)
-        none = np.empty((*Y.shape, 0))
-        changes, stages, _, move = orbits.advance(y, Y, tau, T, p.at, way, none, section, np.zeros((1, 1)))
-        first, turn, change = changes[0, :-1], float(changes[0, -1]), stages[0]
-        if not move < np.inf:
-            return None
-        share = min(1.0, LARGEST_CHANGE * abs(Y[:, -1, 3:]).max() / max(np.abs(first[3:]).max(), 1e-30))
-        if move < NEAR:
-            closed = settle(p, Orbit(y + first, Y + change, tau, T + turn, np.empty((0, 0)), move), error)
-            if closed is not None:
-                return closed
-        y = y + share * first
-    return None
+    share, step = ROUGH if rough else FIRST
+    start, Y, tau, T, M, move = uninterrupted(
+        orbit_return.near, y, T, pulses, M, p.at, p.floor, scheme(), tableau(Method.RODAS4), TRACE_RTOL, share, step,
+        FEW_SHOTS if rough else SHOTS, new_watch(),
+    )  # fmt: skip
+    if not move < np.inf:
+        return None
+    found = Orbit(start, Y, tau, T, M, move)
+    return found if rough else settle(p, found)
+
+
+def closer(p: CycleProblem, trial: Orbit, tolerance: float = CLOSE_ENOUGH) -> Orbit:
+    """Close a trial orbit on its mesh; one whose ``move`` stays above the ``tolerance`` did not close."""
+    from ..kernels import orbits
+
+    y, Y, T, M, closed, move = orbits.close(*trial[:4], p.at, scheme(), tolerance, STEPS)
+    return Orbit(y, Y, trial.tau, T, np.ascontiguousarray(M[:, : y.size]), move if closed and T > 0 else np.inf)
 
 
 def settle(p: CycleProblem, trial: Orbit, error: float = POLYNOMIAL) -> Orbit | None:
     """Close a trial orbit on its mesh, and on finer ones until the polynomials between the stages err by ``error``."""
-    from ..kernels import orbits
-
-    way = scheme()
-    y, Y, tau, T = trial[:4]
-    unit = error ** (1 / (way.c.size + 1))
-    fine = error <= POLYNOMIAL
-    tolerance = 1e-3 if fine else CLOSE_ENOUGH  # the first mesh is the trace's, and good for a rough answer
+    tolerance, root = FIRST[1], 1 / (scheme().c.size + 1)  # the first mesh is the trace's, and good for a rough answer
     for _ in range(8):
-        y, Y, T, M, closed, move = orbits.close(y, Y, tau, T, p.at, way, tolerance, STEPS)
-        if not closed or not T > 0:
-            return None
-        closed_orbit = Orbit(y, Y, tau, T, np.ascontiguousarray(M[:, : y.size]), move)
-        finer, worst, _ = remeshed(closed_orbit, p.at.thermal, error)
-        if tolerance == CLOSE_ENOUGH and worst <= SLACK ** (1 / (way.c.size + 1)) * unit:
-            return closed_orbit
+        if trial.move > tolerance:
+            trial = closer(p, trial, tolerance)
+            if trial.move == np.inf:
+                return None
+        finer, worst, _ = remeshed(trial, p.at.thermal, error)
+        if tolerance == CLOSE_ENOUGH and worst <= (SLACK * error) ** root:
+            return trial
         if finer.tau.size - 1 > MOST_INTERVALS:
             return None
-        tolerance, Y, tau = CLOSE_ENOUGH, finer.Y, finer.tau
+        tolerance, trial = CLOSE_ENOUGH, finer._replace(move=np.inf)
     return None
 
 
@@ -172,9 +154,3 @@ def remeshed(orbit: Orbit, thermal: Any, error: float) -> tuple[Orbit, float, in
     finer = orbit_mesh.spaced(tau, density, number)
     between = orbit_mesh.interpolate(y, Y, tau, way, orbit_mesh.stages(finer, way.c))
     return orbit._replace(Y=between.reshape(number, way.c.size, y.size), tau=finer), float(parts.max()), wanted
-
-
-def _mesh(t: Array, number: int) -> Array:
-    """A mesh with as many steps of the integration in every interval."""
-    where = np.interp(np.linspace(0, 1, number + 1), np.linspace(0, 1, t.size), (t - t[0]) / (t[-1] - t[0]))
-    return np.asarray(where)

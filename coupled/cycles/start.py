@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from thermofem.checks import InputError
 
-from ..pulsing import crossings
-from .orbit import POLYNOMIAL, CycleProblem, Orbit, run, shoot
+from .orbit import Orbit, CycleProblem, around, run, shoot
 
 Array = NDArray[np.float64]
 
@@ -24,8 +23,10 @@ SLOWEST = 30  # of the slowest heat, what a transient may take where that is lon
 REST = 5e-3  # relative distance from a stable fixed point, and range of the carriers, from which a ring goes to rest
 FALLING = 0.95  # of its amplitude, from one quarter of a transient to the next, an oscillation that dies away
 AGREE = 0.2  # relative difference of two amplitudes that are taken for the same
+DIFFER = 20  # pulses that a doubled cycle is left for: those that differ more make a better start
 FLAT = 1e-5  # relative range of the carriers below which an orbit is a fixed point
 MOST_PULSES = 4
+AGAIN = 100.0  # ns, the longest first step of a transient that goes on: longer ones rest on an unstable fixed point
 
 
 class RestError(InputError):
@@ -33,10 +34,11 @@ class RestError(InputError):
 
 
 class Settled(NamedTuple):
-    """A cycle and how many pulses it has."""
+    """A cycle, how many pulses it has, and the largest modulus of a multiplier but the trivial one."""
 
     orbit: Orbit
     pulses: int
+    size: float = np.nan
 
 
 def settled(
@@ -44,39 +46,37 @@ def settled(
     y: Array,
     begin: str = "a cold ring",
     points: Array | None = None,
-    error: float = POLYNOMIAL,
+    rough: bool = False,
     longest: float = LONGEST,
 ) -> Settled:
     """Return the cycle on which a ring settles from the state ``y``.
 
-    ``points`` are its stable fixed points where they are known, rows (U, N, dT) in internal units; ``error`` is that of
-    the polynomials between the stages, ``longest`` the longest transient in ns.
+    ``points`` are its stable fixed points where they are known, rows (U, N, dT) in internal units; ``rough`` is as for
+    `shoot`, ``longest`` the longest transient in ns.
 
     Raises
     ------
     InputError
         it comes to rest, or does not repeat itself within the longest transient.
     """
-    passed, duration, said = 0.0, FIRST, "no pulse"
+    from ..kernels import orbit_measure
+
+    passed, duration, h, said = 0.0, FIRST, 0.0, "no pulse"
     rest = points
     while passed < max(longest, SLOWEST * _slowest(p)):
-        rows, y, _ = run(p, y, duration)
+        rows, y, _, h = run(p, y, duration, first=min(h, AGAIN))
         passed += duration
-        t, N = rows[:, 0], rows[:, 3]
-        late = N[t >= duration / 2]
-        low, high = float(late.min()), float(late.max())
-        level = (low + high) / 2
-        ups = crossings(t, N, level) if t.size >= 4 else np.empty(0)
-        ups = ups[ups >= duration / 4]
-        third, fourth = _spread(N[(t >= duration / 2) & (t < 0.75 * duration)]), _spread(N[t >= 0.75 * duration])
+        low, high, third, fourth, ups, turn = orbit_measure.digest(rows, duration)
         if fourth < FALLING * third and (rest is None or rest.size):
             rest = stable_points(p) if rest is None else rest
         falls = rest is not None and rest.size > 0 and fourth < FALLING * third  # to rest, or to where it is soon
-        if ups.size >= 3 and high - low > FLAT * high and not falls:
-            found, said = _close(p, y, float(np.diff(ups)[-1]), level, error)
+        if ups >= 3 and high - low > FLAT * high and not falls:
+            found, said = _close(p, y, turn, (low + high) / 2, rough)
             if found is not None:
+                if abs(_range(found.orbit) - (high - low)) <= AGREE * (high - low):
+                    return found
                 rest = stable_points(p) if rest is None else rest
-                if rest.size == 0 or abs(_range(found.orbit) - (high - low)) <= AGREE * (high - low):
+                if rest.size == 0:
                     return found
                 said = "the pulses still change"
         if high - low <= REST * high and fourth <= third + FLAT * high:
@@ -96,34 +96,30 @@ def settled(
     )
 
 
-def _spread(values: Array) -> float:
-    """Largest less smallest of values, of which a ring at rest may give none."""
-    return float(np.ptp(values)) if values.size else 0.0
-
-
-def _close(p: CycleProblem, y: Array, T: float, level: float, error: float) -> tuple[Settled | None, str]:
+def _close(p: CycleProblem, y: Array, T: float, level: float, rough: bool) -> tuple[Settled | None, str]:
     """The stable cycle near a trace that pulses every ``T`` ns through ``level``, of one pulse or a few; or why not."""
-    _, y, met = run(p, y, 4 * T, level)
+    _, y, met, _ = run(p, y, 4 * T, level)
     if not met:
         return None, "the pulses end"
     pulses, said = 1, ""
     while pulses <= MOST_PULSES:
-        orbit = shoot(p, y, T, pulses, error)
+        orbit = shoot(p, y, T, pulses, rough)
         if orbit is None:
             return None, said or "the pulses do not repeat"
         if _range(orbit) <= FLAT * orbit.Y[:, :, 2].max():
             return None, "the pulses die away"
         others = nontrivial(orbit)
-        if np.abs(others).max() < 1:
-            return Settled(orbit, pulses), ""
+        size = float(np.abs(others).max())
+        if size < 1:
+            return Settled(orbit, pulses, size), ""
         worst = others[np.argmax(np.abs(others))]
         if worst.real > -1 or abs(worst.imag) > 0:
             return None, "the cycle there is unstable"
         said = f"a cycle of {pulses} has doubled, with a multiplier of {worst.real:.3g}"
-        for _ in range(20):  # pulses that differ more make a better start
-            _, y, met = run(p, y + 0.0, 4 * T, level)
-            if not met:
-                return None, said
+        found = around(p, y, T, DIFFER)
+        if found is None:
+            return None, said
+        y = found[1]
         pulses *= 2
     return None, said
 

@@ -32,9 +32,11 @@ def uninterrupted(kernel: Any, *arguments: Any) -> Any:
 
     For a kernel that returns soon: nothing is cheaper.
     """
+    if threading.current_thread() is not threading.main_thread():  # signals go to the main thread only
+        return kernel(*arguments)
     before = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or not callable(before):
-        return kernel(*arguments)  # signals go to the main thread only, or nobody listens
+    if not callable(before):  # nobody listens
+        return kernel(*arguments)
     if not kernel.signatures:
         _compile(kernel, arguments)
     came: list[Any] = []

@@ -58,15 +58,16 @@ def _warm_of(start, Y, tau, T, ring, scheme):  # type: ignore[no-untyped-def]
             for j in range(s):
                 y = Y[k, j]
                 P[j] = equations.absorbed_power(y[0] * y[0] + y[1] * y[1], y[2], ring.rates)
-            for i in range(m - 3):
-                Y[k, s - 1, 3 + i] = 0.0
+            for j in range(s):
+                Y[k, j, 3:] = 0.0
             for q in range(scheme.eigenvalue.size):
                 lam, P_hat = scheme.eigenvalue[q], 0.0 * scheme.eigenvalue[q]
                 for j in range(s):
                     P_hat += scheme.forth[q, j] * P[j]
                 for i in range(m - 3):
                     X = (scheme.one[q] * begin[3 + i] + h * poles[0, i] * lam * P_hat) / (1.0 + h * poles[1, i] * lam)
-                    Y[k, s - 1, 3 + i] += (scheme.back[s - 1, q] * X).real
+                    for j in range(s):
+                        Y[k, j, 3 + i] += (scheme.back[j, q] * X).real
 
     def full(start, Y, tau, T, ring, scheme):  # type: ignore[no-untyped-def]
         number, s, m = Y.shape

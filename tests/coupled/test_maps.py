@@ -46,6 +46,25 @@ def test_a_map_holds_settled_cycles(small):
         coupled.pulsing_map(RING, EXPERIMENT, POWERS, DETUNINGS, settled=True, duration=1e-6)
 
 
+def test_neighbours_lead_to_the_cycle_of_a_cold_ring():
+    """Rows of the plane of the paper with both borders of pulsing, doubled cycles and a weakly stable small one."""
+    model = surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1200e-9, eta=0.31, heat_capacity=7.63e-12)
+    powers, detunings = (1e-3 * 10 ** np.linspace(0.3, 1, 20))[[2, 5, 17]], np.linspace(-30e9, 30e9, 20)
+    found = coupled.pulsing_map(RING, model, powers, detunings)
+    assert sum("2 pulses" in str(reason) for reason in found["reason"].values.flat) > 0
+    for i, j in np.ndindex(found["regime"].shape):
+        at = found.isel(power=i, detuning=j)
+        power, detuning = float(at["power"]), float(at["detuning"])
+        if str(at["regime"].values) == "stable":
+            with pytest.raises(th.InputError, match="comes to rest at a stable fixed point"):
+                coupled.limit_cycle(RING, model, power=power, detuning=detuning)
+            continue
+        cycle = coupled.limit_cycle(RING, model, power=power, detuning=detuning)
+        assert float(at["period"]) == pytest.approx(cycle.attrs["period"], rel=1e-6)
+        assert float(at["duty"]) == pytest.approx(cycle.attrs["duty"], rel=2e-4)
+        assert float(at["swing"]) == pytest.approx(cycle.attrs["swing"], rel=1e-4)
+
+
 def test_every_point_is_its_own_run(small):
     for i, power in enumerate(POWERS):
         for j, detuning in enumerate(DETUNINGS):
