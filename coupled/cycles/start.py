@@ -26,6 +26,7 @@ AGREE = 0.2  # relative difference of two amplitudes that are taken for the same
 DIFFER = 20  # pulses that a doubled cycle is left for: those that differ more make a better start
 FLAT = 1e-5  # relative range of the carriers below which an orbit is a fixed point
 MOST_PULSES = 4
+BACK = 0.02  # of the largest heat, within which a trace that pulses unequally is back
 AGAIN = 100.0  # ns, the longest first step of a transient that goes on: longer ones rest on an unstable fixed point
 
 
@@ -104,6 +105,8 @@ def _close(p: CycleProblem, y: Array, T: float, level: float, rough: bool) -> tu
     pulses, said = 1, ""
     while pulses <= MOST_PULSES:
         orbit = shoot(p, y, T, pulses, rough)
+        if orbit is None and pulses == 1 and (pulses := _repeats(p, y, T)) > 1:
+            orbit = shoot(p, y, T, pulses, rough)
         if orbit is None:
             return None, said or "the pulses do not repeat"
         if _range(orbit) <= FLAT * orbit.Y[:, :, 2].max():
@@ -122,6 +125,19 @@ def _close(p: CycleProblem, y: Array, T: float, level: float, rough: bool) -> tu
         y = found[1]
         pulses *= 2
     return None, said
+
+
+def _repeats(p: Problem, y: Array, T: float) -> int:
+    """After how many pulses, two or more, a trace is nearly back; 0 where it is not within `MOST_PULSES`."""
+    first = y[3:]
+    for pulses in range(1, MOST_PULSES + 1):
+        found = around(p, y, T, 1)
+        if found is None:
+            return 0
+        y = found[1]
+        if pulses > 1 and np.abs(y[3:] - first).max() <= BACK * np.abs(first).max():
+            return pulses
+    return 0
 
 
 def nontrivial(orbit: Orbit) -> NDArray[np.complex128]:
