@@ -97,7 +97,9 @@ def around(p: CycleProblem, y: Array, T: float, pulses: int) -> tuple[Array, Arr
     return (rows, end) if met else None
 
 
-def shoot(p: CycleProblem, y: Array, T: float, pulses: int = 1, rough: bool = False, M: Array = UNKNOWN) -> Orbit | None:
+def shoot(
+    p: CycleProblem, y: Array, T: float, pulses: int = 1, rough: bool = False, M: Array = UNKNOWN
+) -> Orbit | None:
     """Close an orbit from a state on it whose carriers rise, near ``T`` ns; None where Newton's method finds none.
 
     Far from the orbit every step integrates anew until the carriers return, so that the pulses stay where the equations

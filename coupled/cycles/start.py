@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from thermofem.checks import InputError
 
-from .orbit import Orbit, CycleProblem, around, run, shoot
+from .orbit import CycleProblem, Orbit, around, run, shoot
 
 Array = NDArray[np.float64]
 
@@ -127,7 +127,7 @@ def _close(p: CycleProblem, y: Array, T: float, level: float, rough: bool) -> tu
     return None, said
 
 
-def _repeats(p: Problem, y: Array, T: float) -> int:
+def _repeats(p: CycleProblem, y: Array, T: float) -> int:
     """After how many pulses, two or more, a trace is nearly back; 0 where it is not within `MOST_PULSES`."""
     first = y[3:]
     for pulses in range(1, MOST_PULSES + 1):
