@@ -6,6 +6,8 @@ same error, which names what to use instead.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 from models import MODELS, coarse_fem
@@ -14,6 +16,8 @@ from rings import RING
 import coupled
 import surrogate
 import thermofem as th
+from thermofem.models import HasModel
+from thermofem.models.files import KINDS
 
 POWER = 2e-3  # W
 SHORT = {"power": POWER, "detuning": -2e9, "duration": 0.5e-6}
@@ -57,6 +61,31 @@ def test_a_model_file_says_where_the_model_comes_from(name, tmp_path):
     once = surrogate.save_model(MODELS[name](), tmp_path / "once.json", provenance=given)
     twice = surrogate.save_model(surrogate.load_model(once), tmp_path / "twice.json")
     assert surrogate.load_provenance(twice) == given
+
+
+@dataclass(frozen=True)
+class Scaled(HasModel):
+    """The new kind of docs/adding.md, which has no origin."""
+
+    base: th.Foster
+    factor: float
+
+    @property
+    def model(self):
+        return th.Foster(R=self.factor * self.base.R, tau=self.base.tau)
+
+    def to_json(self):
+        return {**self.base.to_json(), "factor": self.factor}
+
+    @classmethod
+    def from_json(cls, content):
+        return cls(th.Foster.from_json(content), content["factor"])
+
+
+def test_a_new_kind_needs_no_more_than_its_page_says(tmp_path, monkeypatch):
+    monkeypatch.setitem(KINDS, "Scaled", Scaled)
+    path = surrogate.save_model(Scaled(MODELS["newton"](), 0.9), tmp_path / "new.json", provenance={"by": "hand"})
+    assert surrogate.load_model(path).factor == 0.9
 
 
 @pytest.mark.parametrize("name", COMPACT)

@@ -70,8 +70,9 @@ def test_fit_a_table_and_show_its_model(tmp_path):
     assert [pole["tau"] for pole in card["poles"]] == surrogate.load_model(model).tau.tolist()
     assert card["training"] == ["pulse 1.3 mW, 4 us, from rest"]
     assert any("baseline" in line for line in card["assumed"])
-    named = ["--time", "Time (us)", "--temperature", "T"]
+    named = ["--time", "Time (us)", "--temperature", "T", "--figure", tmp_path / "fit.png"]
     assert run("fit", path, *drive, *named, "--kind", "spectrum", "-o", model).exit_code == 0
+    assert (tmp_path / "fit.png").read_bytes().startswith(b"\x89PNG")
     assert surrogate.load_model(model).passive
 
 
@@ -81,6 +82,8 @@ def test_fit_a_table_and_show_its_model(tmp_path):
         (["fit", "three.csv", "--power", "1 mW"], "3 columns .a, b, c.; name two with --time and --temperature"),
         (["fit", "three.csv", "--power", "1 mW", "--time", "a"], "--temperature is missing"),
         (["fit", "two.csv"], "--power"),
+        (["fit", "two.csv", "two.csv", "--power", "1 mW", "--figure", "f.png"], "--figure shows one file; 2 are given"),
+        (["fit", "two.csv", "--power", "1 mW", "--figure", "f.txt"], "f.txt"),
         (["fit", "two.csv", "--power", "1 mW", "--duty", "0.5"], "--duty 0.5 goes with --square"),
         (["fit", "two.csv", "--power", "-1 mW"], "--power = '-1 mW' must not be negative; a power is needed"),
         (["fit", "two.csv", "--power", "1 mW", "--pulse", "0 us"], "--pulse = '0 us' must be larger than zero"),

@@ -34,6 +34,7 @@ def fit(
     start: Annotated[str | None, typer.Option(help="When the heating began; default: found in the trace.")] = None,
     transfer: Annotated[bool, typer.Option(help="Another part was read than heated; solve's files say so.")] = False,
     baseline: Annotated[str | None, typer.Option(help="Temperature at rest; default: the mean before.")] = None,
+    figure: Annotated[Path | None, typer.Option(help="Data, model and residual; .png, .pdf or .svg.")] = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="File to write.")] = Path("model.json"),
 ) -> dict[str, Any]:
     """Train a compact model on heat data or on a measured trace and write it as JSON.
@@ -44,7 +45,9 @@ def fit(
     import surrogate
 
     checks.choice("--kind", kind, KINDS)
-    check_outputs([output], inputs=data)
+    check_outputs([output, figure], inputs=data, images=[figure])
+    if figure is not None and len(data) > 1:
+        raise InputError(f"--figure shows one file; {len(data)} are given")
     columns = {"time": time, "temperature": temperature, "start": start, "baseline": baseline}
     drive = {"power": power, "pulse": pulse, "square": square, "duty": duty}
     training, assumed = _training(data, columns, drive)
@@ -56,7 +59,9 @@ def fit(
     provenance = {**found.provenance, **({"assumed": assumed} if assumed else {})}
     surrogate.save_model(found.model, output, provenance=_finite(provenance))
     _print(found, kind)
-    say(f"wrote {output}")
+    if figure is not None:
+        _draw(found, training[0], figure)
+    say(f"wrote {output}" + (f" and {figure}" if figure else ""))
     return {
         "kind": kind,
         "parameters": dict(getattr(found, "parameters", {})),
@@ -67,6 +72,15 @@ def fit(
         "assumed": assumed,
         "model": output,
     }
+
+
+def _draw(found: Any, data: xr.Dataset, path: Path) -> None:
+    """The trace that was fitted, the model and what it misses."""
+    from surrogate.plot import plot_fit
+
+    from ..plot import save_figure
+
+    save_figure(plot_fit(found, data.isel(probe=0) if "probe" in data.delta_T.dims else data)[0], path)
 
 
 def _finite(value: Any) -> Any:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -104,8 +104,8 @@ def load_model(path: str | Path) -> Any:
     except checks.InputError as error:
         raise checks.InputError(f"{path}: {error}") from None
     provenance = content.get("provenance")
-    known = isinstance(provenance, dict) and provenance
-    return replace(model, origin=provenance) if known else model
+    keeps = any(field.name == "origin" for field in fields(model))
+    return replace(model, origin=provenance) if keeps and isinstance(provenance, dict) and provenance else model
 
 
 def _check_units(stated: Any, units: Mapping[str, str]) -> None:
