@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Quadratic, checks, dataset
 from thermofem.models import ThermalModel
-from thermofem.record import Record, column
+from thermofem.record import Record, as_dataset, column
 
 from .arguments import check_run, detuning_in_time, power_in_time
 from .heaters import channels, heating
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
+@as_dataset
 def simulate(
     ring: RingResonator,
     model: ThermalModel,
@@ -49,7 +50,7 @@ def simulate(
     read: str | None = None,
     lasers: Laser | Sequence[Laser] = (),
     progress: Callable[[float], None] | None = None,
-) -> xr.Dataset:
+) -> Record:
     """Switch the laser on at t = 0, on a cold, empty ring unless ``initial`` says otherwise, and integrate.
 
         da/dt   = [i D - gamma] a + i sqrt(2 gamma_e P),     D = -(w0/n0) [(dn/dT) dT + S(N)] - 2 pi detuning
@@ -124,34 +125,6 @@ def simulate(
     >>> print(f"{coupled.pulsing(run).period * 1e9:.1f} ns, {coupled.pulsing(run).swing:.2f} K")
     686.0 ns, 5.90 K
     """
-    record = run_of(
-        ring, model, power=power, detuning=detuning, duration=duration, rtol=rtol, times=times, method=method,
-        initial=initial, event=event, adiabatic=adiabatic, heaters=heaters, heated=heated, read=read, lasers=lasers,
-        progress=progress,
-    )  # fmt: skip
-    return record.dataset()
-
-
-def run_of(
-    ring: RingResonator,
-    model: ThermalModel,
-    *,
-    power: Input,
-    detuning: Input = 0.0,
-    duration: float = 20e-6,
-    rtol: float = 1e-6,
-    times: ArrayLike | None = None,
-    method: Method | str | None = None,
-    initial: State | xr.Dataset | None = None,
-    event: Event | None = None,
-    adiabatic: bool = False,
-    heaters: Mapping[str, Input] | None = None,
-    heated: str | None = None,
-    read: str | None = None,
-    lasers: Laser | Sequence[Laser] = (),
-    progress: Callable[[float], None] | None = None,
-) -> Record:
-    """`simulate` without xarray: the same as a Record."""
     check_run(ring, duration, rtol)
     light = {"input_power": power_in_time(power, duration), "detuning": detuning_in_time(detuning, duration)}
     wanted = NO_TIMES if times is None else _wanted(times, duration)

@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import checks, netcdf, waveforms
 from .quantity import VARIABLES
-from .record import Record, column
+from .record import Record, as_dataset, column
 from .version import __version__
 
 if TYPE_CHECKING:
@@ -67,6 +67,7 @@ class Drive:
         return float(np.ptp(self.rise))
 
 
+@as_dataset
 def build(
     times: ArrayLike,
     delta_T: ArrayLike,
@@ -75,21 +76,8 @@ def build(
     periodic: bool = False,
     read: tuple[str, ...] = ("core",),
     attributes: Mapping[str, Any] | None = None,
-) -> xr.Dataset:
-    """Dataset in the schema of this module; arguments and errors as those of `record_of`."""
-    return record_of(times, delta_T, wave, periodic=periodic, read=read, attributes=attributes).dataset()
-
-
-def record_of(
-    times: ArrayLike,
-    delta_T: ArrayLike,
-    wave: waveforms.Waveform,
-    *,
-    periodic: bool = False,
-    read: tuple[str, ...] = ("core",),
-    attributes: Mapping[str, Any] | None = None,
 ) -> Record:
-    """Record in the schema of this module.
+    """Dataset in the schema of this module.
 
     Parameters
     ----------

@@ -6,10 +6,12 @@ imports pandas, and dask and pint where they are installed.
 
 from __future__ import annotations
 
+import functools
+import inspect
 import io
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +19,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import xarray as xr
 
+P = ParamSpec("P")
 COMPRESSED = 1000  # values above which a variable is written deflated
 
 
@@ -77,6 +80,28 @@ class Record:
             return ""
         dims = set(self[name].dims)
         return " ".join(k for k, v in self.coordinates.items() if k not in v.dims and dims.issuperset(v.dims))
+
+
+class Answering(Protocol[P]):
+    """A function that returns a Dataset, and by ``.record`` the same as a Record."""
+
+    record: Callable[P, Record]
+
+    def __call__(self, *args: P.args, **given: P.kwargs) -> xr.Dataset:
+        """The Dataset."""
+
+
+def as_dataset(function: Callable[P, Record]) -> Answering[P]:
+    """A decorator: the function returns a Dataset; ``function.record`` is the one that needs no xarray."""
+
+    @functools.wraps(function)
+    def call(*args: P.args, **given: P.kwargs) -> xr.Dataset:
+        return function(*args, **given).dataset()
+
+    found = cast("Any", call)
+    found.record = function
+    found.__signature__ = inspect.signature(function).replace(return_annotation="xr.Dataset")
+    return cast("Answering[P]", found)
 
 
 def _write(file: Any, name: str, column: Column, beside: str) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from . import checks, dataset
 from .heat.problem import HeatProblem
 from .models import StateSpace
-from .record import Record, column, joined
+from .record import Record, as_dataset, column, joined
 from .transient.integration import integrate, integrate_periodic
 from .transient.trajectory import Trajectory
 from .waveforms import Waveform, period_times
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from .mesh import Mesh
 
 
+@as_dataset
 def solve(
     heat: HeatProblem,
     wave: Waveform,
@@ -35,7 +36,7 @@ def solve(
     field_times: ArrayLike = (),
     method: str = "auto",
     progress: Callable[[float], None] | None = None,
-) -> xr.Dataset:
+) -> Record:
     """Full-order transient from rest.
 
     Powers that are straight lines between their breakpoints are answered in closed form on a few fields of the mesh,
@@ -78,33 +79,6 @@ def solve(
     >>> data.delta_T.round(1).values
     array([ 9.2, 15.4,  6.2])
     """
-    record = transient(
-        heat,
-        wave,
-        times,
-        heated=heated,
-        read=read,
-        rtol=rtol,
-        field_times=field_times,
-        method=method,
-        progress=progress,
-    )
-    return record.dataset()
-
-
-def transient(
-    heat: HeatProblem,
-    wave: Waveform,
-    times: ArrayLike,
-    *,
-    heated: str | None = None,
-    read: str | Sequence[str] | None = None,
-    rtol: float = 1e-4,
-    field_times: ArrayLike = (),
-    method: str = "auto",
-    progress: Callable[[float], None] | None = None,
-) -> Record:
-    """`solve` without xarray: the same as a Record."""
     heated = _check(heat, wave, heated, method)
     checks.progress(progress)
     system, ledger = heat.model(heated, read if read is not None else heated), heat.audit(heated)
@@ -121,6 +95,7 @@ def transient(
     return _record(heat, wave, run, heated, read, rtol, field_times)
 
 
+@as_dataset
 def solve_periodic(
     heat: HeatProblem,
     wave: Waveform,
@@ -131,7 +106,7 @@ def solve_periodic(
     rtol: float = 1e-4,
     method: str = "auto",
     progress: Callable[[float], None] | None = None,
-) -> xr.Dataset:
+) -> Record:
     """One period of the full-order periodic state, both ends and every edge of the waveform among the samples.
 
     Parameters
@@ -156,22 +131,6 @@ def solve_periodic(
     InputError
         a waveform without a period, too few samples for its edges.
     """
-    record = periodic_state(heat, wave, samples, heated=heated, read=read, rtol=rtol, method=method, progress=progress)
-    return record.dataset()
-
-
-def periodic_state(
-    heat: HeatProblem,
-    wave: Waveform,
-    samples: int = 301,
-    *,
-    heated: str | None = None,
-    read: str | Sequence[str] | None = None,
-    rtol: float = 1e-4,
-    method: str = "auto",
-    progress: Callable[[float], None] | None = None,
-) -> Record:
-    """`solve_periodic` without xarray: the same as a Record."""
     heated = _check(heat, wave, heated, method)
     checks.progress(progress)
     system, ledger = heat.model(heated, read if read is not None else heated), heat.audit(heated)
@@ -215,7 +174,7 @@ def _record(
     if not single:
         attributes["thermal_resistances"] = [heat.thermal_resistance(heated, name) for name in names]
     rises = run.outputs[:, 0] if single else run.outputs
-    record = dataset.record_of(run.times, rises, wave, periodic=periodic, read=names, attributes=attributes)
+    record = dataset.build.record(run.times, rises, wave, periodic=periodic, read=names, attributes=attributes)
     return joined(record, field_columns(heat, run.snapshots, field_times)) if np.size(field_times) else record
 
 

@@ -12,22 +12,22 @@ import xarray as xr
 import coupled
 import surrogate
 import thermofem as th
-from coupled.simulate import run_of
 from thermofem.record import Record, column
-from thermofem.solve import periodic_state, transient
 
 TIMES = np.linspace(0, 2e-6, 1501)  # more than what is written deflated
 
 
 def ring_record():
     heat = th.assemble(th.strip_ring())
-    return transient(heat, th.Pulse(2e-3, 1e-6), TIMES, read=("core", "box"), field_times=[1e-6, 2e-6])
+    return th.solve.record(heat, th.Pulse(2e-3, 1e-6), TIMES, read=("core", "box"), field_times=[1e-6, 2e-6])
 
 
 RECORDS = {
     "several probes and fields": ring_record,
-    "periodic": lambda: periodic_state(th.assemble(th.strip_ring()), th.SquareWave(2e-3, 1e-6, 1 / 3)),
-    "ring": lambda: run_of(coupled.borghi2021(), th.Foster(R=[2e3], tau=[1e-6]), power=1e-3, duration=1e-7),
+    "periodic": lambda: th.solve_periodic.record(th.assemble(th.strip_ring()), th.SquareWave(2e-3, 1e-6, 1 / 3)),
+    "ring": lambda: coupled.simulate.record(
+        coupled.borghi2021(), th.Foster(R=[2e3], tau=[1e-6]), power=1e-3, duration=1e-7
+    ),
     "nothing in it": lambda: Record({"x": column(("a", "b"), np.zeros((0, 3)), {})}, {}, {"none": np.zeros(0)}),
 }
 

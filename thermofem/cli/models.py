@@ -210,7 +210,6 @@ def simulate(
 ) -> dict[str, Any]:
     """Drive a ring with a thermal model: traces, and whether and how it pulses."""
     import coupled
-    from coupled.simulate import run_of
     from coupled.thermal import long_enough
 
     from .. import dataset, quantity
@@ -227,7 +226,7 @@ def simulate(
     say_ring(resonator, ring)
     first = "the first run on a machine compiles for some seconds"
     with Bar("integrating", settings["duration"], first=first) as progress:
-        run = run_of(resonator, thermal, rtol=rtol, progress=progress, **settings)
+        run = coupled.simulate.record(resonator, thermal, rtol=rtol, progress=progress, **settings)
     dataset.save(run, output)
     if figure:
         from coupled.plot_runs import plot_sweep, plot_traces

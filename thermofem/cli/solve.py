@@ -14,7 +14,7 @@ from ..geometry import CrossSection, strip_ring
 from ..heat import assemble
 from ..mesh import Mesh, mesh_for
 from ..record import Record
-from ..solve import periodic_state, transient
+from ..solve import solve, solve_periodic
 from .bar import Bar
 from .files import check_outputs
 from .kinds import expect
@@ -58,10 +58,10 @@ def run(
     span = wave.period if periodic and wave.period else length
     with Bar(f"solving with {heat.unknowns} unknowns", span, periodic=periodic) as progress:
         if periodic:
-            data = periodic_state(heat, wave, samples, progress=progress, **settings)
+            data = solve_periodic.record(heat, wave, samples, progress=progress, **settings)
         else:
             times = np.linspace(0, length, samples)
-            data = transient(heat, wave, times, field_times=field_times, progress=progress, **settings)
+            data = solve.record(heat, wave, times, field_times=field_times, progress=progress, **settings)
     dataset.save(data, output)
     with working("drawing"):
         _draw(data, figure, paraview)
