@@ -32,7 +32,7 @@ LARGEST_POWER = 10.0  # W
 
 
 class Channels(NamedTuple):
-    """What the light sees of a model, and what the heaters do to it."""
+    """The model of the light's channel, and the transfers from the heaters to it."""
 
     model: Compact
     transfers: dict[str, Foster]
@@ -97,7 +97,7 @@ def _single(model: ThermalModel, names: Mapping[str, Any], heated: str | None, r
 
 
 class Heating(NamedTuple):
-    """What heaters do in a run."""
+    """Effect of the heaters in a run."""
 
     powers: dict[str, Pieces]
     transfers: dict[str, Foster]
@@ -105,7 +105,7 @@ class Heating(NamedTuple):
     """K, at the part that is read."""
 
     def states(self, time: float) -> Array | float:
-        """What the heaters add to the states of the light's model at a time in s, K."""
+        """Contribution of the heaters to the states of the light's model at a time in s, K."""
         added: Array | float = 0.0
         for name, power in self.powers.items():
             transfer = self.transfers[name]
@@ -188,7 +188,7 @@ class ConstantHeating(NamedTuple):
     powers: dict[str, float]
 
     def turned(self, ring: RingResonator) -> float:
-        """What the rise does to the resonance, as a detuning in Hz."""
+        """Shift of the resonance by the rise, as a detuning in Hz."""
         return float(ring.thermal_shift * self.rise / (2 * np.pi))
 
     @property
@@ -202,7 +202,7 @@ class ConstantHeating(NamedTuple):
 def constant(
     model: ThermalModel, heaters: Mapping[str, Any] | None, heated: str | None = None, read: str | None = None
 ) -> ConstantHeating:
-    """The same for heaters of constant power in W, on for long.
+    """The model and the steady rise under heaters of constant power in W.
 
         dT = dT_model + sum_h R_h P_h
 

@@ -76,7 +76,7 @@ def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 
 def _drives(run: xr.Dataset) -> list[tuple[str, dict[str, np.ndarray]]]:
-    """What varies in time: a label and curves for each panel."""
+    """Inputs that vary in time: a label and curves for each panel."""
     powers: dict[str, np.ndarray] = {}
     if "input_power" in run and np.ptp(run["input_power"].values) > 0:
         powers["laser"] = run["input_power"].values

@@ -49,7 +49,7 @@ class Regime(StrEnum):
 @shown
 @dataclass(frozen=True)
 class Pulsing:
-    """What `pulsing` found.
+    """Result of `pulsing`.
 
     Attributes
     ----------
@@ -161,7 +161,7 @@ def lasting(found: Pulsing, t: Array, energy: Array, dT: Array, rest: Rest | Non
 
 
 def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, every_step: bool = False) -> Pulsing:
-    """The same for arrays: time (s), carriers, drop power and temperature rise (K).
+    """`pulsing` for arrays: time (s), carriers, drop power and temperature rise (K).
 
     ``rtol`` is the tolerance behind them; ``every_step`` says that they are the accepted steps of an integration, which
     are as dense as the trace needs.
@@ -224,7 +224,7 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
 
 
 def _until_settled(tops: Array, passed: float) -> float:
-    """How long a run should be, s, for amplitudes that change by a constant factor; 2 to 50 times as long as it was."""
+    """Suggested duration in s where amplitudes change by a constant factor; 2 to 50 times that of the run."""
     steps = np.abs(np.diff(tops[-3:]))
     ratio = steps[-1] / steps[0] if steps.size == 2 and steps[0] > 0 else 1.0
     if not 0 < ratio < 1:
@@ -270,7 +270,7 @@ def _varying(run: xr.Dataset | Record, t: Array) -> str:
 
 
 def pattern(heights: Array, waits: Array) -> int:
-    """How many cycles repeat together: the smallest number after which heights and lengths return, or 1 if none does.
+    """Number of cycles that repeat together: the smallest after which heights and lengths return, or 1 if none does.
 
     Three repetitions are needed, so that a drift is no pattern. Pulses that differ by less than 2 % count as equal: an
     oscillation that settles looks like a pattern, too.
@@ -282,7 +282,7 @@ def pattern(heights: Array, waits: Array) -> int:
 
 
 def _miss(heights: Array, waits: Array, together: int) -> float:
-    """How far heights and lengths are from those ``together`` cycles before, relative to the largest; or infinity."""
+    """Largest relative change of heights and lengths over ``together`` cycles; infinity where there are too few."""
     if heights.size < 3 * together:
         return np.inf
     pairs = [(x[-2 * together :], x[-3 * together : -together]) for x in (heights, waits)]

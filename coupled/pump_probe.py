@@ -78,7 +78,7 @@ def carrier_decay(carriers: ShockleyReadHall, initial: float, times: ArrayLike) 
 @shown
 @dataclass(frozen=True, eq=False)
 class CarrierFit:
-    """What `fit_carrier_decay` found.
+    """Result of `fit_carrier_decay`.
 
     Attributes
     ----------

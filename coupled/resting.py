@@ -53,7 +53,7 @@ class Rest(NamedTuple):
         return float(self.growth[np.argmin(np.maximum(*off))])
 
     def attributes(self) -> dict[str, Array]:
-        """The same for a Dataset."""
+        """The values as attributes of a Dataset."""
         return {f"rest_{name}": values for name, values in self._asdict().items()}
 
 

@@ -176,7 +176,7 @@ def simulate(
 
 
 def _resting(ring: RingResonator, model: Compact, light: dict[str, Any], rise: float, run: Window) -> dict[str, Any]:
-    """What `resting.rest_of_run` cannot tell from other attributes: the heaters' part, a quadratic model's point."""
+    """Attributes that `resting.rest_of_run` needs besides: the heaters' rise, the fixed point of a quadratic model."""
     if not isinstance(model, Quadratic):
         return {"heater_rise": rise} if rise else {}
     power, detuning = (wave if isinstance(wave, float) else float(wave(run.reached)) for wave in light.values())

@@ -239,7 +239,7 @@ def floor_of(rates: Rates, drive: float, thermal_resistance: float) -> Array:
 
 
 def units(order: int) -> Array:
-    """What one internal unit of every state is in SI."""
+    """SI value of one internal unit of every state."""
     from .kernels import equations as eq
 
     return np.concatenate([np.array([eq.FJ**0.5, eq.FJ**0.5, eq.DENSITY]), np.ones(order)])

@@ -125,7 +125,7 @@ class ChannelReference:
 def _references(
     system: StateSpace, own: StateSpace, read: Sequence[str], tolerance: float
 ) -> tuple[Array, list[ChannelReference]]:
-    """What errors are relative to, in K/W, and a certified second reduction of every channel."""
+    """The scale of relative errors in K/W, and a certified second reduction of every channel."""
     references: list[ChannelReference] = []
     scale = np.empty(len(read))
     for start in range(0, len(read), CHUNK):

@@ -169,7 +169,7 @@ def shells(heat: HeatProblem, part: str, power: float) -> tuple[xr.Dataset, list
 
 
 def _sindy_quadratic(heat: HeatProblem, part: str, power: float) -> ThermalModel:
-    """The same states with squares, from the quadratic reduction under telegraphs of the power and of half of it."""
+    """Quadratic SINDy network, trained on the quadratic reduction under telegraphs of the power and of half of it."""
     probed, read = _probed(heat, part)
     system: NonlinearSystem = probed.model(part, read)  # type: ignore[assignment]  # heat.nonlinear
     reduced = reduce_quadratic(probed.model(part, part), power)  # type: ignore[arg-type]
@@ -183,7 +183,7 @@ def _sindy_quadratic(heat: HeatProblem, part: str, power: float) -> ThermalModel
 
 
 def _probed(heat: HeatProblem, part: str) -> tuple[HeatProblem, tuple[str, ...]]:
-    """The same problem with shells around a part, and the names of all that is read."""
+    """The heat problem with shells around a part, and the names of the part and the shells."""
     probes = tuple(Probe(name=f"shell {d * 1e6:g} um", part=part, shell=d) for d in SHELLS)
     return assemble(replace(heat.geometry, probes=probes), heat.accuracy), (part, *(p.name for p in probes))
 

@@ -23,7 +23,7 @@ Slope = float | tuple[ArrayLike, ArrayLike]
 @shown
 @dataclass(frozen=True)
 class Optics:
-    """How numbers of the optics change with the parameters of a family.
+    """Dependence of the ring's optical numbers on the parameters of a family.
 
         change of a number = sum over parameters p of slope_p (p - p_0)   or   table_p(p) - table_p(p_0)
 

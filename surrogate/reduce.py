@@ -217,7 +217,7 @@ def _grow(space: CertifiedSpace, pairs: tuple[Indices, Indices], tolerance: floa
 
 
 def _grow_on(space: CertifiedSpace, pairs: tuple[Indices, Indices], tolerance: float) -> tuple[Projection, Certificate]:
-    """The same where round-off hides what the basis leaves of the ports: with residuals and defects as they are."""
+    """`_grow` where round-off hides the remainder of the ports: bounds from the computed residuals and defects."""
     reached, idle = np.inf, 0
     while True:
         error, columns = space.next_residual()

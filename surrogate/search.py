@@ -1,4 +1,4 @@
-"""What a search over the members of a family needs: the free ranges as a unit cube, and properties of the members."""
+"""Searches over the members of a family: the free ranges as a unit cube, and properties of the members."""
 
 from __future__ import annotations
 

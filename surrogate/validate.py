@@ -237,7 +237,7 @@ def _answer(model: ThermalModel, drive: Waveform) -> Array:
 
 
 def _length(drive: Waveform) -> float:
-    """How long a drive without a period lasts, s."""
+    """Duration of a drive without a period, s."""
     match drive:
         case Pulse():
             return drive.stop

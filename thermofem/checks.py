@@ -57,7 +57,7 @@ class Hint(str):
 
 
 class InputError(ValueError):
-    """What the caller gave cannot be used; the message names the argument, the value, the rule and a hint.
+    """An argument cannot be used; the message names the argument, the value, the rule and a hint.
 
     The message is one line of at most `MESSAGE` characters, whatever the value holds.
 

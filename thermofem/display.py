@@ -110,7 +110,7 @@ def materials_text(materials: Sequence[Material]) -> str:
 
 
 def materials_card(materials: Sequence[Material]) -> str:
-    """The same as a table, with the source of every material."""
+    """HTML table with the source of every material."""
     head = ("material", "k (W/m/K)", "density (kg/m³)", "c_p (J/kg/K)", "", "source")
     rows = [head, *((*_properties(m), m.source) for m in materials)]
     cells = ("".join(f'<td style="text-align:left">{escape(cell.strip())}</td>' for cell in row) for row in rows)

@@ -123,7 +123,7 @@ def _line(given: str, field: quantity.Variable, name: str) -> tuple[float, float
 
 
 def _field(name: str) -> quantity.Variable | None:
-    """What a variable is, by its name."""
+    """Unit and long name of a variable; None for a name that is not ours."""
     known = quantity.VARIABLES.get(name)
     if known is None:
         prefix = next((p for p in _PREFIXES if name.startswith(p) and len(name) > len(p)), None)

@@ -54,13 +54,13 @@ class Record:
         return self.variables[name]
 
     def dataset(self) -> xr.Dataset:
-        """The same as xarray's Dataset."""
+        """Convert to xarray's Dataset."""
         import xarray as xr
 
         return xr.Dataset(dict(self.data), coords=dict(self.coordinates), attrs=dict(self.attrs))
 
     def to_netcdf(self) -> memoryview:
-        """The same as a netCDF-4 file, as xarray would write it."""
+        """Content of the netCDF-4 file, as xarray would write it."""
         import h5netcdf
 
         whole = io.BytesIO()

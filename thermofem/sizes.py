@@ -1,4 +1,4 @@
-"""How large the triangles are, from the wanted accuracy.
+"""Sizes of the triangles from the wanted accuracy.
 
 With d the distance to the outlines of the heated parts and d_c that to one of their corners,
 

@@ -187,7 +187,7 @@ def _given(units: Mapping[str, str] | None) -> dict[str, str]:
 
 
 def _divider(lines: list[str]) -> str:
-    """What divides the columns: tab, semicolon or comma, where that makes numbers of a last line, or spaces."""
+    """Separator of the columns: tab, semicolon or comma if the last line then holds numbers; otherwise spaces."""
     last = [line for line in lines if line.strip()][-3:]
     for divider in ("\t", ";", ","):
         if any(_floats(_cells(line, divider), divider) is not None for line in last):
@@ -344,7 +344,7 @@ def _edges(times: Array, power: Array) -> list[tuple[int, int]]:
 
 
 def _with_jumps(times: Array, power: Array, steep: list[tuple[int, int]], edges: str) -> tuple[Array, Array]:
-    """The same samples with every edge at one time: that of its last row, or the one that keeps the energy."""
+    """Samples with every edge moved to one time: that of its last row, or the time that conserves the energy."""
     keep = np.ones(times.size, dtype=bool)
     jumps: list[tuple[float, float]] = []
     for a, b in steep:

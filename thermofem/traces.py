@@ -279,6 +279,6 @@ def _words(seconds: float) -> str:
 
 
 def summary(trace: Trace) -> dict[str, Any]:
-    """What was assumed, as numbers and words."""
+    """The assumptions, as numbers and words."""
     about = {"start": trace.start, "baseline": trace.baseline, "rows": int(trace.data.sizes["time"])}
     return {**about, "assumed": list(trace.notes), "warnings": list(trace.warnings)}

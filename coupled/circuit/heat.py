@@ -158,7 +158,7 @@ def _modes(model: StateSpace) -> tuple[Array, Array, Array]:
 
 
 def heater_offsets(heat: RingHeat, heaters: Mapping[str, Any] | None, duration: float) -> list[Pieces]:
-    """What the heaters add to the temperature of every ring, K, as piecewise cubics over the run.
+    """Temperature rise of every ring by the heaters, K, as piecewise cubics over the run.
 
     A number is a power that was on for ever, a waveform one that is switched on at t = 0. Between samples at
     `PER_DECADE` a decade after every edge, cubics with the exact slopes miss an exponential by less than 1e-6 of it.

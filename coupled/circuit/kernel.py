@@ -31,7 +31,7 @@ from .layout import Complex, Heat, Integers, LightNetwork, Rings, rates_of
 
 
 class Workspace(NamedTuple):
-    """What a step works in."""
+    """Arrays that a step works in."""
 
     inverses: Array  # (N, 3, 3)
     matrix: Array  # (3 N, 3 N)

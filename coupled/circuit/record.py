@@ -1,4 +1,4 @@
-"""What a run of a circuit is stored as: rings, ports and lasers with their names, in SI."""
+"""The Dataset of a run of a circuit: rings, ports and lasers with their names, in SI."""
 
 from __future__ import annotations
 
@@ -118,5 +118,5 @@ def described(name: str) -> dict[str, str]:
 
 
 def _origin(circuit: Circuit) -> dict[str, Any]:
-    """What the Dataset says of its circuit."""
+    """Attributes that describe the circuit."""
     return dataset.stamp("circuit") | {"circuit": circuit.name, "circuit_parameters": json.dumps(asdict(circuit))}

@@ -68,7 +68,7 @@ def system_of(
 
 
 def units_of(rings: int, states: int) -> Array:
-    """What one internal unit of every state is in SI, shape (3 N + N K,)."""
+    """SI value of one internal unit of every state, shape (3 N + N K,)."""
     from ..kernels import equations as eq
 
     return np.concatenate([np.tile([eq.FJ**0.5, eq.FJ**0.5, eq.DENSITY], rings), np.ones(rings * states)])

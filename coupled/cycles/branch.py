@@ -113,7 +113,7 @@ def _mean(place: Place) -> Array:
 
 
 def _beyond(border: float, place: Place) -> float:
-    """How far the parameter lies beyond a border."""
+    """Signed distance of the parameter beyond a border."""
     return float(place.values[0]) - border
 
 
@@ -156,7 +156,7 @@ def _ahead(family: FreeParameters, place: Place, tangent: Array, step: float) ->
 
 
 def _between(family: FreeParameters, place: Place, ahead: Place, tangent: Array, step: float) -> list[Found]:
-    """What lies between two cycles, in order."""
+    """Bifurcations between two cycles, in order."""
 
     def fold(q: Place) -> float:
         unit = weights(family, q.orbit)

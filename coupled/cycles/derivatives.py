@@ -1,4 +1,4 @@
-"""How a settled cycle depends on the numbers of the ring, the laser and the heat.
+"""Derivatives of a settled cycle with respect to the numbers of the ring, the laser and the heat.
 
     (M - 1) dy_0 + t dT = -p,       f(y_0) . dy_0 = 0
 

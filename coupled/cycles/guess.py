@@ -1,4 +1,4 @@
-"""What may be given as a guess of a cycle: another cycle, the end of a run, or a state."""
+"""Guesses of a cycle: another cycle, the end of a run, or a state."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is measured on a closed orbit: duty cycle, swing, extinction, and how soon the ring settles on it.
+"""Measures of a closed orbit: duty cycle, swing, extinction, and the rate at which the ring settles on it.
 
     duty = share of the period with P_drop above min + 0.45 (max - min),       extinction = 10 log10(max/min)
 

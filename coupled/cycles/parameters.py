@@ -77,7 +77,7 @@ def slope(p: CycleProblem, name: str, states: Array) -> Array:
 
 
 def under_laser(p: CycleProblem, power: float, detuning: float) -> CycleProblem:
-    """The same ring and heat under another laser."""
+    """The ring and its heat under another laser."""
     from ..kernels import equations as eq
 
     check_power(power)

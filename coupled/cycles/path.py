@@ -120,7 +120,7 @@ def one_step(family: FreeParameters, orbit: Orbit, values: Array, rows: Array, u
 
 
 def on_a_good_mesh(family: FreeParameters, place: Place, rows: Array, error: float = POLYNOMIAL) -> Place | None:
-    """The same cycle on a mesh that is fine enough, and not far finer."""
+    """The cycle on a mesh that is fine enough, and not much finer."""
     unit = error ** (1 / (scheme().c.size + 1))
     for _ in range(4):
         finer, worst, wanted = remeshed(place.orbit, family.base.at.thermal, error)

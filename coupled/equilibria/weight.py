@@ -1,4 +1,4 @@
-"""How much free carriers weigh against heat: the q of Van Vaerenbergh, which places the self-pulsing region."""
+"""Weight of free carriers against heat: the q of Van Vaerenbergh, which locates the self-pulsing region."""
 
 from __future__ import annotations
 

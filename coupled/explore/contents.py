@@ -1,4 +1,4 @@
-"""What the page holds: rings, thermal models, presets, as JSON of plain numbers in SI."""
+"""Content of the page: rings, thermal models, presets, as JSON of plain numbers in SI."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ class Page:
         return f"Page({len(self.html) / 1e3:.0f} kB, {where})"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: the page in a frame."""
+        """HTML for notebooks: the page in a frame."""
         text = html.escape(self.html, quote=True)
         return f'<iframe srcdoc="{text}" style="width:100%;height:900px;border:0" title="ring"></iframe>'
 

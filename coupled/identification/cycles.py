@@ -65,7 +65,7 @@ class Cycle:
         return float(np.ptp(self.curve(np.linspace(0, 1, 256, endpoint=False))))
 
     def shifted(self, by: float) -> Cycle:
-        """The same cycle, ``by`` of a period earlier."""
+        """The cycle shifted to earlier times by the fraction ``by`` of a period."""
         return Cycle(self.period, self.harmonics * np.exp(2j * np.pi * by * np.arange(self.harmonics.size)))
 
 
@@ -166,7 +166,7 @@ def cycle_of(run: xr.Dataset, *, whole: bool = False) -> Cycle:
 
 
 def misfit(model: Cycle, measured: Cycle, absolute: bool = True) -> tuple[Array, Cycle]:
-    """How far a model's cycle is from a measured one, and the model's cycle brought to its phase (and scale).
+    """Misfit of a model's cycle to a measured one, and the model's cycle aligned in phase (and scale).
 
     Returns
     -------

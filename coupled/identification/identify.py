@@ -34,7 +34,7 @@ SEARCHED = 6  # harmonics that count in the evolution
 @shown
 @dataclass(frozen=True, eq=False)
 class Identification(HasModel):
-    """What `identify` found.
+    """Result of `identify`.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What every Rosenbrock integration shares: error norm, step-size control, dense output, growing modes; compiled.
+"""Common parts of the Rosenbrock integrations: error norm, step-size control, dense output, growing modes; compiled.
 
 Source: Hairer and Wanner, Solving Ordinary Differential Equations II (1996), Section IV.8 (the predictive step-size
 control of Gustafsson).

@@ -20,7 +20,7 @@ LOOK = 0.1  # s between two looks at a kernel that runs
 
 
 def new_watch(*kernels: int) -> NDArray[np.float64]:
-    """What a kernel and the thread that waits for it share: whether to stop (0 or 1), and the time reached in ns.
+    """Memory shared by a kernel and the waiting thread: a stop flag (0 or 1), and the time reached in ns.
 
     For several kernels at once a row each, as long as a cache line, so that none waits for what another writes.
     """

@@ -39,7 +39,7 @@ class Poles(NamedTuple):
         return float(self.poles[1].min())
 
     def without_idle_poles(self) -> Poles:
-        """The same without poles of zero gain, and equal rates merged: the stability of the ring is the same."""
+        """The network without poles of zero gain, equal rates merged; the stability of the ring does not change."""
         rate, where = np.unique(self.poles[1], return_inverse=True)
         merged = np.array([np.bincount(where, self.poles[0]), rate])
         return self._replace(poles=np.ascontiguousarray(merged[:, merged[0] > 0]))
@@ -60,7 +60,7 @@ class QuadraticHeat(NamedTuple):
     G: Array  # 1/fJ
     B: Array  # K/fJ
     C: Array  # 1
-    weight: Array  # what an error of each state counts as, in K
+    weight: Array  # temperature error in K per unit error of each state
 
     @property
     def order(self) -> int:

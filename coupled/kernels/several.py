@@ -35,7 +35,7 @@ LOSS, ABSORBED, FCA, TPA, G, SHIFT, TURN, KERR = range(8)
 
 
 class Lasers(NamedTuple):
-    """What comes in, as cubics in t - edges[k] between edges[k] and edges[k + 1] (ns)."""
+    """Powers and detunings of the lasers, as cubics in t - edges[k] between edges[k] and edges[k + 1] (ns)."""
 
     edges: Array  # shape (m + 1,)
     drive: Array  # 2 gamma_e P in fJ/ns^2, shape (lasers, m, 4)

@@ -206,7 +206,7 @@ class FEM:
 
 
 def _channels(system: StateSpace | NonlinearSystem, inputs: tuple[str, ...]) -> StateSpace | NonlinearSystem:
-    """The same system with some of its inputs, and the first of them read."""
+    """The system with some of its inputs, the first of which is also read."""
     linear = system.linear if isinstance(system, NonlinearSystem) else system
     checks.choice("heated", inputs[0], linear.outputs, hint="the part that the light heats must also be read")
     columns, row = [linear.inputs.index(name) for name in inputs], linear.outputs.index(inputs[0])

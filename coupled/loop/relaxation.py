@@ -46,7 +46,7 @@ class Passed(NamedTuple):
 
     run: Window
     delta_T: Array
-    """What the corrector says, K."""
+    """Temperature of the corrector, K."""
     passes: int
     discrepancy: float
     """Largest difference between the temperature that the light saw and the corrector's, K."""

@@ -51,7 +51,7 @@ class Grid:
         }
 
     def warmed(self, heaters: ConstantHeating) -> Grid:
-        """The same points with the resonances where constant heaters move them."""
+        """The points with the resonances shifted by constant heaters."""
         moved = [[(ring, power, nu + heaters.turned(ring)) for ring, power, nu in row] for row in self.rows]
         return replace(self, rows=moved) if heaters.rise else self
 

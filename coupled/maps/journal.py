@@ -122,7 +122,7 @@ class Journal:
 
 
 def _frozen(value: Any) -> Any:
-    """What JSON holds: null for a number that is not there."""
+    """The value as JSON can hold it: null for a missing number."""
     if isinstance(value, list | tuple):
         return [_frozen(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -44,7 +44,7 @@ class Follow(StrEnum):
 
 
 class _Cell(NamedTuple):
-    """What one run says."""
+    """Result of one run."""
 
     regime: str
     period: float
@@ -214,7 +214,7 @@ def overlap(first: xr.Dataset, second: xr.Dataset) -> float:
 
 
 def _identity(attrs: dict[str, Any], grid: Grid, model: Compact) -> dict[str, Any]:
-    """What the rows of a map depend on, as JSON."""
+    """Everything that the rows of a map depend on, as JSON."""
     numbers = {name: np.asarray(value).tolist() for name, value in attrs.items()}
     numbers |= {f"axis {name}": axis.tolist() for name, axis in zip(grid.names, grid.axes, strict=True)}
     if isinstance(model, Quadratic):

@@ -32,7 +32,7 @@ def _prepared(ring: RingResonator, model: Any) -> tuple[Any, ...]:
 
 @lru_cache(maxsize=16)
 def _at_rest(ring: RingResonator, model: Any, power: float) -> Internal:
-    """The same with the static rise, once for all detunings."""
+    """Rates and static heat of the fixed points, computed once for all detunings."""
     return internal(ring, model, absorbable(ring, power))
 
 

@@ -99,7 +99,7 @@ def _internal(model: ThermalModel, grid: Grid) -> Internal:
 
 
 def survey_grid(at: Internal, grid: Grid) -> Array:
-    """What `spectrum.survey` finds at every point, in SI, shape (4, n, m), by as many threads as processors.
+    """Results of `spectrum.survey` at every point, in SI, shape (4, n, m), by as many threads as processors.
 
     Points of a row that share ring and power are surveyed at one go.
     """

@@ -1,4 +1,4 @@
-"""What stands at the top of every exported file: which model, of what, how good, in which units."""
+"""Header of every exported file: the model, its geometry, its error and its units."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ PROPERTIES = ("ambient", "material", "interface", "boundary")  # kinds of paths 
 
 @dataclass(frozen=True, eq=False)
 class Coefficients:
-    """How the coefficients of all terms follow from the parameters; all that a member needs beside the matrices.
+    """Coefficients of all terms as functions of the parameters; with the matrices they make a member.
 
     Attributes
     ----------

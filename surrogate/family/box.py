@@ -120,7 +120,7 @@ class Box:
 
     @cached_property
     def changes(self) -> tuple[Change, ...]:
-        """What each parameter changes in the base geometry."""
+        """The `Change` of each parameter in the base geometry."""
         return tuple(change(self.base, v.paths) for v in self.campaign.variations)
 
     @cached_property

@@ -22,7 +22,7 @@ FINEST, REDUCTION = 2e-5, 1e-2  # accuracy of the finest mesh made; tolerance of
 @shown
 @dataclass(frozen=True, eq=False)
 class Certified:
-    """What the member's own mesh says.
+    """A member checked on its own mesh.
 
     Attributes
     ----------

@@ -112,7 +112,7 @@ class Family:
 
     @property
     def engine(self) -> str:
-        """How members are made: "lines" (sums of fixed matrices) or "moved meshes" (reassembled)."""
+        """Way of making members: "lines" (sums of fixed matrices) or "moved meshes" (reassembled)."""
         return self.members.engine
 
     @property
@@ -311,7 +311,7 @@ class Held:
 
 
 def coarse_difference(small: Small, heated: int) -> float:
-    """How much a member changes from the first part of the functions to all of them."""
+    """Change of a member from the first part of the basis to all of it."""
     count = max(1, int(COARSER * small.K.shape[0]))
     return difference(small.first(count).modes(), small.modes(), heated)
 

@@ -118,7 +118,7 @@ def _write(path: Path, found: Member | MemberModes) -> None:
 
 
 def _read(path: Path) -> Member | MemberModes | None:
-    """What was kept; None where the file is damaged."""
+    """The stored member; None where the file is damaged."""
     try:
         with np.load(path, allow_pickle=False) as file:
             modes = MemberModes(file["tau"], file["ports"])

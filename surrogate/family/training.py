@@ -31,7 +31,7 @@ MOST = 60  # batches
 
 @dataclass(frozen=True, eq=False)
 class Trained:
-    """What training found.
+    """Results of the training.
 
     Attributes
     ----------

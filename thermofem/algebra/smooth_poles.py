@@ -55,7 +55,7 @@ def smooth_pole_responses(rate: Array, wave: Waveform, times: Array, stop: float
 def cubic_pole_responses(
     rate: Array, edges: Array, coefficients: Array, times: Array, *, periodic: bool = False
 ) -> Array:
-    """The same for a power given as cubics, rows of coefficients of (t - edges[k])^j; from rest at edges[0]."""
+    """Responses to a power given as cubics, rows of coefficients of (t - edges[k])^j; from rest at edges[0]."""
     h = np.diff(edges)
     decay = np.exp(np.multiply.outer(h, -rate))
     at_edges = np.zeros((edges.size, rate.size))
@@ -76,6 +76,6 @@ def cubic_pole_responses(
 
 
 def _gained(rate: Array, coefficients: Array, u: Array) -> Array:
-    """What each pole has gained ``u`` after the edge of a piece, shape (pieces, poles)."""
+    """Part of each pole's response that the power since the edge of its piece has made, shape (pieces, poles)."""
     weights = coefficients * u[:, None] ** np.arange(1, 5)
     return np.asarray(np.einsum("km,mkn->kn", weights, phi(np.multiply.outer(u, rate))))

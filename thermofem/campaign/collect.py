@@ -89,7 +89,7 @@ def write_collections(store: ResultStore) -> None:
 
 
 def _content(store: ResultStore, plan: dict[str, Any], *, training: bool, verify: bool = False) -> bytes:
-    """One of the two files, chunk by chunk; in memory, as HDF5 may crash when a disk is full."""
+    """Content of one of the two files, built in memory: HDF5 may crash when a disk is full."""
     import h5netcdf
 
     memory = io.BytesIO()

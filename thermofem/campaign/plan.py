@@ -1,4 +1,4 @@
-"""What a campaign computes: a base geometry, what is varied in it, how it is driven and read."""
+"""Plan of a campaign: base geometry, varied quantities, drives and probes."""
 
 from __future__ import annotations
 
@@ -152,12 +152,12 @@ class Campaign:
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
     def task(self, case: Case) -> Task:
-        """What a worker needs to compute one geometry."""
+        """Everything a worker needs to compute one geometry."""
         values = {v.name: value for v, value in zip(self.variations, case.values, strict=True)}
         return self._task(case.key, self.geometry_of(case.values), json.dumps(values))
 
     def base_task(self) -> Task:
-        """The same for the base geometry, with nothing varied."""
+        """The task of the base geometry, with nothing varied."""
         return self._task("base", self.geometry, "{}")
 
     def _task(self, key: str, geometry: str, values: str) -> Task:

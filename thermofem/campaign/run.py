@@ -33,7 +33,7 @@ FOREIGN = 64  # limit of pending tasks for a user-supplied executor
 
 @dataclass(frozen=True)
 class Summary:
-    """How far a campaign is.
+    """Progress of a campaign.
 
     Attributes
     ----------

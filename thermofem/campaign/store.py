@@ -133,7 +133,7 @@ class ResultStore:
             return ""
 
     def write_plan(self, campaign: Campaign, cases: list[Case]) -> None:
-        """Store what this campaign consists of, so that the folder explains itself."""
+        """Write the plan of the campaign into its folder."""
         plan = {
             "name": campaign.name,
             "geometry": campaign.geometry,
@@ -147,7 +147,7 @@ class ResultStore:
         write_file(self.plan, json.dumps(plan).encode())
 
     def read_plan(self) -> dict[str, Any]:
-        """What `write_plan` stored; InputError where the folder holds no campaign."""
+        """The plan as `write_plan` stored it; InputError where the folder holds no campaign."""
         if not self.plan.exists():
             raise InputError(f"{self.directory} holds no campaign; thermofem campaign makes one")
         try:

@@ -19,7 +19,7 @@ _worker = threading.local()
 
 
 def filled(results: dict[str, xr.Dataset], write: Callable[[dict[str, xr.Dataset]], bytes]) -> bytes:
-    """What ``write(results)`` gives, but for the order of attributes; from an earlier file of the same layout."""
+    """The file of ``write(results)``, up to the order of attributes, made from an earlier file of the same layout."""
     layout = [_layout(name, data) for name, data in results.items()]
     if getattr(_worker, "layout", None) != layout:
         _worker.content, _worker.layout, _worker.first = write(results), layout, results

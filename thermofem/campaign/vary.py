@@ -1,4 +1,4 @@
-"""What changes from geometry to geometry, and how each is driven: `Variation` and `Schedule`."""
+"""The varied quantities of a campaign and its drives: `Variation` and `Schedule`."""
 
 from __future__ import annotations
 

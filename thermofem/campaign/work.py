@@ -59,7 +59,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a worker hands back: a file's content, or the reason why there is none; and CPU seconds."""
+    """Result of a worker: the content of the file, or the reason of the failure; and CPU seconds."""
 
     key: str
     content: bytes

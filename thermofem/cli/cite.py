@@ -134,7 +134,7 @@ def _materials(provenance: dict[str, Any]) -> dict[str, str]:
 
 
 def _provenance(file: Path) -> dict[str, Any]:
-    """What a file says about its origin."""
+    """Provenance that a file records."""
     expect(file, "data", "model")
     if file.suffix == ".json":
         import surrogate

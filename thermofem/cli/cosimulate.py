@@ -100,7 +100,7 @@ def _times(texts: list[str]) -> tuple[float, ...]:
 
 
 def _report(run: Any) -> dict[str, Any]:
-    """What happened and what it cost, in four lines."""
+    """Regime, convergence and cost, in four lines."""
     import coupled
 
     found, a = coupled.pulsing(run), run.attrs

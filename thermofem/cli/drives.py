@@ -1,4 +1,4 @@
-"""What --heater, --sweep and --modulate say: powers and detunings that vary in time.
+"""The options --heater, --sweep and --modulate: powers and detunings that vary in time.
 
 AMOUNT                              constant
 AMOUNT square PERIOD [duty SHARE]   on for a share of every period, one half by default
@@ -40,7 +40,7 @@ def heaters(texts: list[str]) -> dict[str, Any]:
 
 
 def steady_heaters(texts: list[str]) -> dict[str, float]:
-    """The same for maps, which take constant powers."""
+    """Heater powers for maps, which take constants only."""
     found = heaters(texts)
     for name, power in found.items():
         if not isinstance(power, float):

@@ -1,4 +1,4 @@
-"""What a command may write, checked before it works; which ring it drives."""
+"""Output files of a command, checked before any work; the ring and the model of its options."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def say_ring(ring: RingResonator, given: str) -> None:
 
 
 def longer(duration: float) -> str:
-    """What to type where a run ends before it says what the ring does; ``duration`` in s, of `thermal.long_enough`."""
+    """Hint at a longer run where this one ended in a transient; ``duration`` in s, of `thermal.long_enough`."""
     return f'try --duration "{quantity.write(duration, "s")}": ten times what a step of this heat takes to 95 %'
 
 

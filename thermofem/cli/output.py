@@ -1,4 +1,4 @@
-"""What a command says: words for people, numbers for programs; nothing that a file or a path says is taken as markup.
+"""Output of the commands: text for people, numbers for programs; text from files and paths is never read as markup.
 
 Words go to standard output, or to standard error under ``--json``; ``--quiet`` leaves them out. Numbers are what a
 command returns: under ``--json`` one JSON object on standard output, with ``command`` and the version beside them.
@@ -33,7 +33,7 @@ Numbers = Mapping[str, Any]
 
 @dataclass
 class Manner:
-    """How this run of the command speaks."""
+    """Settings of the output of this run."""
 
     json: bool = False
     quiet: bool = False
@@ -148,7 +148,7 @@ def _as_json(numbers: Numbers) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """What JSON holds; a number that is not finite becomes null."""
+    """The value as JSON can hold it; a number that is not finite becomes null."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, Path):

@@ -30,7 +30,7 @@ def show(model: Annotated[Path, typer.Argument(help="Thermal model (JSON).")]) -
 
 
 def _numbers(model: Any, provenance: dict[str, Any]) -> dict[str, Any]:
-    """What the card says."""
+    """The numbers on the card."""
     numbers: dict[str, Any] = {
         "kind": type(model).__name__,
         "heated": list(model.inputs),

@@ -1,4 +1,4 @@
-"""What --power, --pulse, --square and --duty say: the waveform that heats, for every command that takes them."""
+"""The options --power, --pulse, --square and --duty: the heating waveform, for every command that takes them."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ POWERS = np.geomspace(0.5e-3, 50e-3, 9)  # W, over which linear models are held 
 
 @dataclass(frozen=True)
 class Judged:
-    """What `judge` found.
+    """Results of `judge`.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ def judge(geometry: CrossSection, *, accuracy: float, periods: Array, power: flo
 
 
 def against_power(heat: HeatProblem, core: str) -> dict[str, float] | None:
-    """How far linear models and an output map go with k(T): static rises, from the full order."""
+    """Static error of linear models and of an output map under k(T), against the full order."""
     system = heat.model(core, core)
     if not isinstance(system, NonlinearSystem):
         return None

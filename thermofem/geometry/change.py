@@ -69,7 +69,7 @@ class Change:
 
 
 def change(geometry: CrossSection, parameter: str | Sequence[str]) -> Change:
-    """What a parameter changes.
+    """Derivatives of outlines and coefficients with respect to a parameter.
 
     Parameters
     ----------

@@ -101,7 +101,7 @@ class CornerMotion:
         self._drawn: list[list[tuple[str, int]]] | None = None
 
     def key(self, owner: str | None) -> Key:
-        """What matters of an owner."""
+        """Material of an owner, and its name where it has a role; None for a void and for nothing."""
         if owner is None:
             return None
         material = next((p.material for p in self.geometry.parts if p.name == owner), "")

@@ -164,7 +164,7 @@ class CrossSection:
         return self.subdivision.on_side(side, np.asarray(r, dtype=float), np.asarray(z, dtype=float))
 
     def opened(self) -> CrossSection:
-        """The same stack, continued beyond its bottom and outer side (`parts.Boundary`, "open").
+        """The stack continued beyond its bottom and outer side (`parts.Boundary`, "open").
 
         >>> strip_ring().opened().bottom.kind
         'open'
@@ -172,7 +172,7 @@ class CrossSection:
         return replace(self, bottom=OPEN, outer=OPEN)
 
     def with_(self, values: Mapping[str, Any] | None = None, /, **more: Any) -> CrossSection:
-        """The same with other values, by the paths of a campaign: numbers in SI, or text with units.
+        """A copy with other values, given by the paths of a campaign: numbers in SI, or text with units.
 
         Parameters
         ----------

@@ -276,7 +276,7 @@ def check_held(geometry: CrossSection) -> None:
 
 
 def _cut_off(geometry: CrossSection, piece: list[Face]) -> checks.InputError:
-    """What cuts a connected piece off from every side that holds the temperature."""
+    """The error of a connected piece that touches no side of fixed temperature."""
     face = next((face for face in piece if face.owner in geometry.heated), piece[0])
     r, z = face.rings[0].mean(axis=0)
     middles = np.concatenate([face.edges() for face in piece]).mean(axis=1)

@@ -59,7 +59,7 @@ _UNITS = {
 
 
 def as_text(path: str, value: Any) -> Any:
-    """What a geometry file holds for a value at a path: numbers in SI get their unit, all else stays as it is."""
+    """A value as a geometry file writes it at a path: numbers in SI get their unit, anything else is unchanged."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return value
     *before, key = path.split(".")

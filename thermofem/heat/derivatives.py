@@ -100,7 +100,7 @@ def derivatives(
 
 
 def changes_of(heat: HeatProblem, parameters: Parameter | Sequence[Parameter]) -> list[Change]:
-    """What each parameter changes; InputError where one is named twice."""
+    """The `Change` of each parameter; InputError where one is named twice."""
     each = [parameters] if isinstance(parameters, str) else list(parameters)
     if not each:
         raise checks.InputError("parameters is empty; name at least one path, e.g. 'part.core.radius'")
@@ -207,7 +207,7 @@ def _space(heat: HeatProblem, heated: str, read: str, t: Array | None, f: Array 
 
 
 def _reach(heat: HeatProblem, velocities: Array) -> Array:
-    """Change of each parameter, in either direction, at which the first triangle of the moved mesh has no area."""
+    """Largest change of each parameter, in either direction, before a triangle of the moved mesh loses its area."""
     corners = heat.mesh.points[heat.mesh.triangles]
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     area = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]

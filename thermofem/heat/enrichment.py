@@ -144,7 +144,7 @@ class Enrichment:
         return np.asarray(integral[functions.quadratic :] / integral[: functions.quadratic].sum())
 
     def added(self, s: float, quadratic: Array, load: Array) -> tuple[Array, Array]:
-        """What the cubic functions add to quadratic solutions, and its energy in every triangle.
+        """Correction of quadratic solutions by the cubic functions, and its energy in every triangle.
 
         Parameters
         ----------

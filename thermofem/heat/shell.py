@@ -24,7 +24,7 @@ FINENESS = 24  # small triangles along each edge of a triangle that the shell's 
 
 @dataclass(frozen=True, eq=False)
 class Cut:
-    """How a shell cuts the triangles of a mesh.
+    """Intersection of a shell with the triangles of a mesh.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""How a material property depends on temperature: dimensionless laws f(T), which multiply the property's value.
+"""Temperature dependence of a material property: dimensionless laws f(T), which multiply the property's value.
 
 Each law is 1 where the value holds. Besides f a law gives its integral from one temperature to another: the Kirchhoff
 variable of a conductivity, the enthalpy of a specific heat.

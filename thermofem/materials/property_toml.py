@@ -77,7 +77,7 @@ def _list(given: Any, unit: str | None, name: str) -> tuple[float, ...]:
 
 
 def write_property(material: Material, key: str, unit: str) -> str:
-    """The TOML value of one property, which reads back exactly."""
+    """The TOML value of one property; reading it back gives exactly the same property."""
     value, law = getattr(material, key), getattr(material, f"{key}_law")
     items = {"value": _text(value, unit)}
     if key == "conductivity" and material.conductivity_z is not None:

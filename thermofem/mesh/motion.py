@@ -38,7 +38,7 @@ SOFT = 1.0  # the larger, the more of the strain goes to large triangles; the sm
 
 
 class Motion:
-    """How the vertices of a mesh follow the corners of its geometry's faces.
+    """Motion of the vertices of a mesh with the corners of its geometry's faces.
 
     Parameters
     ----------

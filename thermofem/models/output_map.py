@@ -75,7 +75,7 @@ class OutputMap(AtSmallPower):
 
     @property
     def dynamics(self) -> OutputMap:
-        """The same map over a Foster network."""
+        """The output map over a Foster network of the linear model."""
         return self if isinstance(self.linear, Foster) else replace(self, linear=self.linear.dynamics)
 
     def steady_rise(self, power: ArrayLike) -> Array:

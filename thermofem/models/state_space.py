@@ -85,7 +85,7 @@ class StateSpace:
         return int(self.A.shape[0])
 
     def channel(self, heated: str | None = None, read: str | None = None) -> StateSpace:
-        """The same system with one input and one output (default: the first of each)."""
+        """The subsystem of one input and one output (default: the first of each)."""
         i = self.inputs.index(checks.choice("heated", heated or self.inputs[0], self.inputs))
         j = self.outputs.index(checks.choice("read", read or self.outputs[0], self.outputs))
         names: dict[str, Any] = {"inputs": (self.inputs[i],), "outputs": (self.outputs[j],)}
@@ -105,7 +105,7 @@ class StateSpace:
 
     @cached_property
     def dynamics(self) -> Foster:
-        """The same system as a Foster network, by `foster`.
+        """The system diagonalised into a Foster network, by `foster`.
 
         Raises
         ------

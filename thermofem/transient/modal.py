@@ -217,7 +217,7 @@ def _thinned(wanted: Array, kept: Array, edges: Array) -> Array:
 def _outputs(
     found: Answer, C: Array, waves: Sequence[Waveform], times: Array, watched: Array, *, periodic: bool
 ) -> Array:
-    """Outputs at all times, shape (times, outputs); a piece of the times after the other where not all were watched."""
+    """Outputs at all times, shape (times, outputs); times that were not watched are computed piece by piece."""
     place = np.minimum(watched.searchsorted(times), watched.size - 1)
     if np.array_equal(watched[place], times):
         return np.asarray(found.outputs[place])

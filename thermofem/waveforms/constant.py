@@ -17,7 +17,7 @@ from .contract import POWER_HINT, Array, seconds, stored
 @shown
 @dataclass(frozen=True)
 class Constant:
-    """P(t) = power from the start on: the heating step.
+    """Heating step: P(t) = power for t >= 0, zero before.
 
     Parameters
     ----------

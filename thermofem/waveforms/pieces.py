@@ -40,7 +40,7 @@ class Pieces(NamedTuple):
         )
 
     def on(self, edges: Array) -> Pieces:
-        """The same function on finer edges, which must hold those of this one that lie among them."""
+        """The function on finer edges; edges of this one within their range must be among them."""
         k = np.clip(np.searchsorted(self.edges, (edges[:-1] + edges[1:]) / 2) - 1, 0, len(self.coefficients) - 1)
         u, (a, b, c, d) = edges[:-1] - self.edges[k], self.coefficients[k].T
         moved = [a + u * (b + u * (c + u * d)), b + u * (2 * c + 3 * u * d), c + 3 * u * d, d]

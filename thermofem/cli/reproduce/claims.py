@@ -1,4 +1,4 @@
-"""What the paper says, what we get, and why they differ: rows of table.toml, one for every number that can be computed.
+"""The paper's statements beside our values, with the reason of each difference: rows of table.toml.
 
 ``{stage/path/to/number|factor|format|low..high}`` in a text is a number of a stage's file, times a factor, in a format;
 with a range, which is in the units shown, the row agrees only where the number lies within it. Nothing else in the
@@ -92,7 +92,7 @@ def plain(text: str, results: Mapping[str, Result]) -> str:
 
 
 def marked_up(text: str, results: Mapping[str, Result]) -> str:
-    """The same as HTML: every number is a <data> element that says which file it comes from."""
+    """The row as HTML: every number is a <data> element that names its file."""
     pieces, end = [], 0
     for m in PLACE.finditer(text):
         stage, _, path = m[1].partition("/")

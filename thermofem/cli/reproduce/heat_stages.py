@@ -66,7 +66,7 @@ def elements(job: Job) -> Result:
 
 
 def stacks(job: Job) -> Result:
-    """R_th of the ring in other stacks, of which the paper does not say how thick they are, and Newton's law in air.
+    """R_th of the ring in other stacks (the paper does not state their thicknesses), and Newton's law in air.
 
     Without gmsh, which must mesh them, there are no numbers, and no rows in the table.
     """
@@ -99,7 +99,7 @@ def _on_pedestal() -> CrossSection:
 
 
 def _one_pole(heat: HeatProblem) -> dict[str, float]:
-    """How near a problem is to Newton's law: its largest pole, and what one exponential leaves of a square wave."""
+    """Distance from Newton's law: share of the largest pole, and error of one exponential in a square wave."""
     model = surrogate.reduce(heat.system, tolerance=1e-4).model
     poles = foster(model) if isinstance(model, StateSpace) else model
     R, tau = np.asarray(poles.R), np.asarray(poles.tau)

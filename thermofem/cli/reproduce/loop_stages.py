@@ -112,7 +112,7 @@ def fem_run(job: Job, point: tuple[float, float], **options: Any) -> xr.Dataset:
 
 
 def _reduced(job: Job, point: tuple[float, float]) -> xr.Dataset:
-    """The same with the certified reduction in the FEM's place."""
+    """The run with the certified reduction in the FEM's place."""
     model, (dbm, ghz) = job.inputs["elements"].models["reduction"], point
     return coupled.simulate(
         coupled.borghi2021(), model, power=watts(dbm), detuning=ghz * 1e9, duration=job.settings.run

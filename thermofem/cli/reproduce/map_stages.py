@@ -45,7 +45,7 @@ def maps(job: Job) -> Result:
 
 
 def _describe_map(data: xr.Dataset, reference: xr.Dataset) -> dict[str, Any]:
-    """What the paper says about a map, and how far it agrees with the FEM's."""
+    """The paper's statements about a map, and the agreement with the FEM's map."""
     pulses = data["regime"] == "self-pulsing"
     both = pulses & (reference["regime"] == "self-pulsing")
     frequency = abs(reference["period"] / data["period"] - 1).where(both)

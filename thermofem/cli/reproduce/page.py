@@ -132,7 +132,7 @@ def _section(section: Section, results: Mapping[str, Result], pictures: Mapping[
 
 
 def _anchor(section: Section) -> str:
-    """What a link to a section says."""
+    """Text of the link to a section."""
     return re.sub(r"[^a-z]+", "-", section.title.lower()).strip("-")
 
 

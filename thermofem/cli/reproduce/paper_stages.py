@@ -41,7 +41,7 @@ def own_models() -> dict[str, tuple[coupled.RingResonator, Foster]]:
 
 
 def ring(job: Job) -> Result:
-    """What follows from the paper's tables of parameters alone."""
+    """Results that follow from the paper's tables of parameters alone."""
     from scipy.constants import c
 
     own = coupled.borghi2021()
@@ -110,7 +110,7 @@ def _settled(
 
 
 def readings(job: Job) -> Result:
-    """How many points pulse where the print is taken at its word, and what linear stability says of the maps."""
+    """Pulsing points under other readings of the printed equations, and linear stability on the grid of the maps."""
     s, ring, models = job.settings, coupled.borghi2021(), own_models()
     second, newton = models["second order, experiment"][1], models["Newton, maps"][1]
     kept = 2 * ring.bus_rate * (1 - WEAK)  # of the amplitude, by both couplers, that becomes heat

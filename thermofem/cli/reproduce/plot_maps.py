@@ -66,7 +66,7 @@ def _loop(ax: Axes, loop: xr.Dataset) -> list[Line2D]:
 
 
 def frequency_map(results: Mapping[str, Result], model: str) -> Axes:
-    """How fast it pulses, on one colour scale for all models."""
+    """Maps of the period, on one colour scale for all models."""
     ax = panel()
     plot_map(map_of(results, model), "frequency", ax, limits=(0.4, 2.6))
     _points(ax)
@@ -205,7 +205,7 @@ OTHER_LINES = {"SINDy": ("-.", GREEN, "SINDy"), "reduction": ("--", PURPLE, "red
 
 
 def stacks(results: Mapping[str, Result]) -> Axes:
-    """How far the worst statement is at the best conductivity, over both oxides; lines of each statement for silica."""
+    """Worst statement of the paper over both oxide thicknesses, at the best conductivity; a line a statement for silica."""
     ax, result = panel(), results["stacks_explained"]
     data = result.data["stacks"]
     box, above = data["box"].values * 1e6, (data["oxide"].values - CORE) * 1e6

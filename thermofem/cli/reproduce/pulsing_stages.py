@@ -224,7 +224,7 @@ def cost(job: Job) -> Result:
 
 
 def describe(found: Pulsing) -> dict[str, Any]:
-    """What `coupled.pulsing` found, as numbers."""
+    """The results of `coupled.pulsing`, as numbers."""
     return {
         "regime": str(found.regime),
         "period_s": found.period,

@@ -77,7 +77,7 @@ def _explorer(path: Path) -> str:
 
 
 def _words(settings: Settings, results: Mapping[str, Result]) -> tuple[list[Section], list[Section]]:
-    """What stands at the top, and the sections that have something to show."""
+    """The boxes at the top, and the sections that are not empty."""
     lead, sections = read()
     chosen = [section for section in sections if section.quick <= settings.quick]
     chosen = [section for section in chosen if known(section.text, results)]  # without gmsh some numbers are missing

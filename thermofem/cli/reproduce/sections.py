@@ -29,7 +29,7 @@ class Section:
 
 
 def read() -> tuple[tuple[Section, ...], tuple[Section, ...]]:
-    """What stands in boxes at the top, and the sections."""
+    """The boxes at the top, and the sections."""
     words = tomllib.loads((Path(__file__).parent / "sections.toml").read_text(encoding="utf-8"))
     lead, sections = ([_section(entry) for entry in words[key]] for key in ("lead", "section"))
     return tuple(lead), tuple(sections)

@@ -1,4 +1,4 @@
-"""How much work a reproduction does: the whole paper, the one-minute version, or just enough for a test."""
+"""Size of a reproduction: the whole paper, the one-minute version, or the smallest, for tests."""
 
 from __future__ import annotations
 

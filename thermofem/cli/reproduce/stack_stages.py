@@ -108,7 +108,7 @@ def _worst(values: Array) -> Array:
 
 
 def _quantities(model: Foster, wave: Waveform, samples: int) -> list[float]:
-    """What the paper states, of one stack; nan where the ring rests at the centre of the plane."""
+    """The quantities of the paper's statements for one stack; nan where the ring rests at the centre of the plane."""
     ring, cycles = coupled.borghi2021(), {}
     for point in PLANE:
         try:

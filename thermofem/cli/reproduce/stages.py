@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Job:
-    """What a stage sees: settings, the results it asked for, and a function that moves the bar."""
+    """Input of a stage: settings, the results it needs, and a function that moves the bar."""
 
     settings: Settings
     inputs: Mapping[str, Result]

@@ -37,7 +37,7 @@ LIBRARIES = ("numpy", "scipy", "scikit-fem", "numba", "pysindy")
 
 @dataclass(frozen=True)
 class Result:
-    """What a stage gives: numbers (whatever JSON holds), data and thermal models, each by name, and its CPU seconds."""
+    """Result of a stage: numbers (any JSON value), data and thermal models by name, and the CPU seconds."""
 
     numbers: Mapping[str, Any] = field(default_factory=dict)
     data: Mapping[str, xr.Dataset] = field(default_factory=dict)

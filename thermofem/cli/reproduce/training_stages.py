@@ -53,7 +53,7 @@ def training(job: Job) -> Result:
 
 
 def drives(job: Job) -> Result:
-    """How much the trained numbers depend on the drive, and the error left by every order of model.
+    """Dependence of the trained numbers on the drive, and the error left by every order of model.
 
     Drives go through the FEM's reduction to 1e-6 of R_th, in closed form.
     """
