@@ -205,7 +205,7 @@ OTHER_LINES = {"SINDy": ("-.", GREEN, "SINDy"), "reduction": ("--", PURPLE, "red
 
 
 def stacks(results: Mapping[str, Result]) -> Axes:
-    """Worst statement of the paper over both oxide thicknesses, at the best conductivity; a line a statement for silica."""
+    """Worst statement of the paper over both oxide thicknesses at the best conductivity; one line a statement."""
     ax, result = panel(), results["stacks_explained"]
     data = result.data["stacks"]
     box, above = data["box"].values * 1e6, (data["oxide"].values - CORE) * 1e6
