@@ -1,7 +1,8 @@
 """Two rings with silicon cores against a three-dimensional model in NGSolve (pip install ngsolve), static and in time.
 
-The rings lie at x = +-10 um. NGSolve solves the quarter x > 0, y > 0 with quadratic tetrahedra twice: with an insulated
+The rings lie at x = +-10 um. NGSolve solves the quarter x > 0, y > 0 with cubic tetrahedra twice: with an insulated
 plane x = 0, which is both rings heated, and with that plane held at 0, which is one ring heated and the other cooled.
+Elements of third order: quadratic ones of the same size miss 1.5 % of the heated ring, and .02 % of the neighbour.
 Half the sum is the heated ring, half the difference the neighbour. In time: a two-stage L-stable SDIRK method of order
 2 with steps that double; twice as many steps say how good it is, smaller tetrahedra how good the mesh is.
 
@@ -62,14 +63,14 @@ def quarter(size: float):
         else:
             face.name = "insulated"
     mesh = ng.Mesh(occ.OCCGeometry(shape).GenerateMesh(maxh=8, grading=0.3))
-    return mesh.Curve(2)
+    return mesh.Curve(3)
 
 
-def theirs(mesh, held: str, steps: int) -> tuple[float, np.ndarray, int]:
+def theirs(mesh, held: str, order: int, steps: int) -> tuple[float, np.ndarray, int]:
     """Static mean and step response of the core in K/W with the boundaries ``held`` at 0; and the unknowns."""
     import ngsolve as ng
 
-    V = ng.H1(mesh, order=2, dirichlet=held)
+    V = ng.H1(mesh, order=order, dirichlet=held)
     u, v = V.TnT()
     k = mesh.MaterialCF({"core": 130, "oxide": 1.38, "substrate": 130})
     c = mesh.MaterialCF({"core": 2330 * 700, "oxide": 2203 * 703, "substrate": 2330 * 700})
@@ -108,13 +109,13 @@ def main() -> None:
         ours(path)
         return
     row = json.loads(path.read_text())
-    for size, steps in ((0.5, STEPS), (0.3, 0), (0.5, 2 * STEPS)):
+    for size, order, steps in ((0.5, 2, 2 * STEPS), (0.5, 3, STEPS), (0.3, 2, 0), (0.3, 3, 0), (0.2, 3, 0)):
         start = time.process_time()
         mesh = quarter(size)
-        both, rises_both, unknowns = theirs(mesh, "bottom", steps)
-        against, rises_against, _ = theirs(mesh, "bottom|mirror", steps)
+        both, rises_both, unknowns = theirs(mesh, "bottom", order, steps)
+        against, rises_against, _ = theirs(mesh, "bottom|mirror", order, steps)
         spent = time.process_time() - start
-        print(f"core {size} um, {unknowns} unknowns, {steps} steps of each length, {spent:.0f} s")
+        print(f"core {size} um, order {order}, {unknowns} unknowns, {steps} steps of each length, {spent:.0f} s")
         static = [(both + against) / 2, (both - against) / 2]
         rises = [(rises_both + rises_against) / 2, (rises_both - rises_against) / 2]
         for name, ours_static, one, ours_rises, rise in zip(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..kernels import control, equations, kinds
-from ..kernels.compiling import compiled, forget_if_older
+from ..kernels.compiling import compiled, forget_if_older, inlined
 from ..kernels.control import fastest_growth
 from ..kernels.equations import Array, absorbed_power, dispersion, optics, optics_jacobian
 from ..kernels.kinds import Poles
@@ -16,19 +16,15 @@ from .waves import inputs_of
 LARGEST_SPECTRUM = 90  # rows of the Jacobian of the whole circuit whose eigenvalues are computed
 
 
-@compiled
+@inlined
 def neighbours(y: Array, heat: Heat, out: Array) -> None:
     """Write what the other rings add to the temperature of each, in K."""
-    n, K = heat.gain.shape
+    n = heat.gain.shape[0]
+    states = y[3 * n :]
     for i in range(n):
-        total = 0.0
-        if heat.crossed:
-            for j in range(n):
-                if j != i:
-                    read = heat.read[i, j]
-                    at = 3 * n + j * K
-                    for k in range(K):
-                        total += read[k] * y[at + k]
+        total, cross = 0.0, heat.cross[i]
+        for k in range(cross.size):
+            total += cross[k] * states[k]
         out[i] = total
 
 
@@ -50,10 +46,9 @@ def right_hand_side(
         shift = dispersion(y[3 * i + 2], rings.fcd[i])[0]
         dT = z + heat.curvature * z * z
         f0, f1, f2, power = optics(y[3 * i], y[3 * i + 1], y[3 * i + 2], dT, shift, 0.0, turned, rates)
-        light = 1j * b[i]
-        for e in range(net.start[i], net.start[i + 1]):
-            j = net.column[e]
-            light += net.entry[e] * complex(y[3 * j], y[3 * j + 1])
+        light = 1j * b[i] + net.own[i] * complex(y[3 * i], y[3 * i + 1])
+        for j in range(n):
+            light += complex(net.real[j, i], net.imaginary[j, i]) * complex(y[3 * j], y[3 * j + 1])
         out[3 * i], out[3 * i + 1], out[3 * i + 2] = f0 + light.real, f1 + light.imag, f2
         for k in range(K):
             at = 3 * n + i * K + k
@@ -83,8 +78,8 @@ def jacobian(y: Array, detuning: Array, rings: Rings, heat: Heat, net: LightNetw
                 for k in range(K):
                     factor = bend if j == i else 1.0
                     out[3 * i + p, 3 * n + j * K + k] = J[p][3] * factor * heat.read[i, j, k]
-        for e in range(net.start[i], net.start[i + 1]):
-            j, m = net.column[e], net.entry[e]
+        for j in range(n):
+            m = net.own[i] if j == i else complex(net.real[j, i], net.imaginary[j, i])
             out[3 * i, 3 * j] += m.real
             out[3 * i, 3 * j + 1] -= m.imag
             out[3 * i + 1, 3 * j] += m.imag
@@ -133,6 +128,6 @@ def heating(rows: Array, rings: Rings, i: int) -> Array:
     return out
 
 
-for kernel in (neighbours, right_hand_side, jacobian, growing, heating):
+for kernel in (right_hand_side, jacobian, growing, heating):
     for module in (equations, control, kinds, layout, waves):
         forget_if_older(kernel, str(module.__file__))

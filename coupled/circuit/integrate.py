@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..kernels.compiling import compiled, forget_if_older
+from ..kernels.compiling import compiled, forget_if_older, inlined
 from ..kernels.control import (
     DONE,
     GROWTH,
@@ -18,83 +18,161 @@ from ..kernels.control import (
     TOO_MANY_STEPS,
     after_acceptance,
     after_rejection,
-    dense_output,
 )
 from ..kernels.equations import Array
 from ..kernels.tableaus import Tableau
-from . import equations, kernel, waves
+from . import equations, kernel, poles, waves
 from .equations import growing, neighbours
-from .kernel import moved, step, step_error, workspace
-from .layout import Complex, Heat, Integers, LaserTable, LightNetwork, Rings
+from .kernel import Workspace, moved, step, step_error, workspace
+from .layout import Complex, LaserTable, Heat, Integers, LightNetwork, Rings
 from .waves import cubic_through, delayed_at, detected_at, detunings_at, energy_to, inputs_of, lasers_at, observe
 
+LOOKS, PAUSE = 10.0, 250.0  # looks at the eigenvalues in a row, and the steps that earn one more: they cost as much
 ROW_LIMIT = 40_000_000  # numbers kept at the accepted steps, 320 MB
 
 
 class Course(NamedTuple):
-    """The heat of the neighbours at the last accepted steps, newest first, and what it is extrapolated from."""
+    """The heat of the neighbours at the last accepted steps, newest first, and the parabola through it."""
 
     time: Array  # shape (3,)
     value: Array  # shape (3, N)
+    first: Array  # shape (N,), divided differences
+    second: Array
 
 
-@compiled
-def extrapolate(course: Course, known: int, t: float, value: Array, slope: Array) -> None:
-    """Write the parabola through the last values at ``t``, and its slope; fewer points give a line or a constant."""
-    for i in range(value.size):
-        v0 = course.value[0, i]
-        value[i], slope[i] = v0, 0.0
-        if known > 1:
-            first = (v0 - course.value[1, i]) / (course.time[0] - course.time[1])
-            value[i], slope[i] = v0 + first * (t - course.time[0]), first
+@inlined
+def advance(course: Course, known: int, t: float, value: Array) -> None:
+    """Add the values at ``t`` as those of ``known`` steps; fewer than three points give a line or a constant."""
+    for j in range(2):
+        course.time[2 - j] = course.time[1 - j]
+        course.value[2 - j] = course.value[1 - j]
+    course.time[0] = t
+    course.value[0] = value
+    if known > 1:
+        now, then = course.time[0] - course.time[1], course.time[1] - course.time[2]
+        for i in range(value.size):
+            course.first[i] = (course.value[0, i] - course.value[1, i]) / now
             if known > 2:
-                early = (course.value[1, i] - course.value[2, i]) / (course.time[1] - course.time[2])
-                second = (first - early) / (course.time[0] - course.time[2])
-                value[i] += second * (t - course.time[0]) * (t - course.time[1])
-                slope[i] += second * (2.0 * t - course.time[0] - course.time[1])
+                early = (course.value[1, i] - course.value[2, i]) / then
+                course.second[i] = (course.first[i] - early) / (course.time[0] - course.time[2])
+
+
+@inlined
+def extrapolate(course: Course, t: float, value: Array) -> None:
+    """Write the parabola at ``t``."""
+    u = t - course.time[0]
+    v = u * (t - course.time[1])
+    for i in range(value.size):
+        value[i] = course.value[0, i] + course.first[i] * u + course.second[i] * v
 
 
 class Now(NamedTuple):
     """Where a step stands, for what is read between its ends."""
 
-    fields: Complex
+    state: Array  # (3, N), Re a, Im a, N
+    own: Array  # (N,), own temperature
     laser: Complex
     laser_slope: Complex
     delayed: Complex
     delayed_slope: Complex
     waves: Complex
     value: Array
-    slope: Array
 
 
-@compiled
-def waves_between(
-    f: float, t: float, h: float, piece: int, y: Array, out: Array, k: Array, d: Array, drive: LaserTable,
-    net: LightNetwork, past: Array, cubics: Complex, filled: int, now: Now,
+class Stages(NamedTuple):
+    """Light and detuning at the times of the stages, and their slopes at the first."""
+
+    inputs: Complex  # (stages, N)
+    input_slopes: Complex  # (N,)
+    detuning: Array  # (stages, N)
+    detuning_slopes: Array
+    base: Array  # (N,), detuning without heat of the neighbours
+
+
+@inlined
+def steady(drive: LaserTable, piece: int) -> tuple[bool, bool]:
+    """Return whether the lasers, and whether the detunings, stay as they are in a piece."""
+    light, turn = True, True
+    p, d = drive.power_piece[piece], drive.detuning_piece[piece]
+    for m in range(drive.turn.size):
+        for c in range(1, 4):
+            light = light and drive.power[p, m, c] == 0.0
+        light = light and (drive.turn[m] == 0.0 or drive.power[p, m, 0] == 0.0)
+    for i in range(drive.detuning.shape[1]):
+        for c in range(1, 4):
+            turn = turn and drive.detuning[d, i, c] == 0.0
+    return light, turn
+
+
+@inlined
+def drive_stages(
+    t: float, h: float, piece: int, light: bool, turn: bool, drive: LaserTable, rings: Rings, heat: Heat, net: LightNetwork,
+    method: Tableau, past: Array, cubics: Complex, filled: int, course: Course, now: Now, stages: Stages,
 ) -> None:  # fmt: skip
-    """Write the observed waves at the fraction ``f`` of a step to ``now.waves``."""
-    for i in range(now.fields.size):
-        now.fields[i] = complex(
-            dense_output(f, y[3 * i], out[3 * i], k[:, i, 0], d),
-            dense_output(f, y[3 * i + 1], out[3 * i + 1], k[:, i, 1], d),
-        )
-    lasers_at(drive, piece, t + f * h, now.laser, now.laser_slope)
-    delayed_at(t + f * h, net.delay, past, cubics, filled, now.delayed, now.delayed_slope)
-    observe(net, now.fields, now.laser, now.delayed, now.waves)
+    """Fill ``stages`` for a step of ``h`` ns; what the piece keeps, ``light`` or ``turn``, only at its start."""
+    D, n = net.delay.size, stages.base.size
+    for q in range(method.at.size):
+        at = t + method.at[q] * h
+        if not light or D > 0:
+            lasers_at(drive, piece, at, now.laser, now.laser_slope)
+            if D > 0:
+                delayed_at(at, net.delay, past, cubics, filled, now.delayed, now.delayed_slope)
+            inputs_of(net, now.laser, now.delayed, stages.inputs[q])
+            if q == 0:
+                inputs_of(net, now.laser_slope, now.delayed_slope, stages.input_slopes)
+        if not turn:
+            detunings_at(drive, piece, at, stages.base, now.value)
+            if q == 0:
+                stages.detuning_slopes[:] = now.value
+        stages.detuning[q] = stages.base
+        if heat.crossed:
+            extrapolate(course, at, now.value)
+            for i in range(n):
+                stages.detuning[q, i] += rings.rates[i, 8] * now.value[i]
+    if heat.crossed:
+        if turn:
+            stages.detuning_slopes[:] = 0.0
+        ahead = t - course.time[1]  # t is the time of the newest value
+        for i in range(n):
+            stages.detuning_slopes[i] += rings.rates[i, 8] * (course.first[i] + course.second[i] * ahead)
 
 
-@compiled
-def keep_row(
-    rows: Array, at: int, f: float, t: float, h: float, y: Array, out: Array, k: Array, total: Array, d: Array,
-    before: Array, after: Array, other: Array, other_new: Array, heat: Heat, now: Now, gathered: Array,
+@inlined
+def between(
+    f: float, t: float, h: float, piece: int, y: Array, out: Array, k: Array, total: Array, d: Array, w: Workspace,
+    drive: LaserTable, net: LightNetwork, past: Array, cubics: Complex, filled: int, now: Now,
 ) -> None:  # fmt: skip
-    """Write t, then Re a, Im a, N, dT of each ring, the observed waves, and what was gathered of them, into one row."""
-    n = heat.gain.shape[0]
-    rows[at, 0] = t + f * h
+    """Write the state and the observed waves at the fraction ``f`` of a step to ``now``."""
+    n = now.own.size
     for i in range(n):
         for p in range(3):
-            rows[at, 1 + 4 * i + p] = dense_output(f, y[3 * i + p], out[3 * i + p], k[:, i, p], d)
-        z = dense_output(f, before[i], after[i], total[:, i], d)
+            now.state[p, i] = out[3 * i + p] if f == 1.0 else (1.0 - f) * y[3 * i + p] + f * out[3 * i + p]
+        now.own[i] = (1.0 - f) * w.before[i] + f * w.after[i]
+    if f < 1.0:
+        for j in range(k.shape[0]):
+            part = f * (1.0 - f) * (d[0, j] + f * (d[1, j] + f * d[2, j]))
+            if part != 0.0:
+                for p in range(3):
+                    for i in range(n):
+                        now.state[p, i] += part * k[j, p, i]
+                for i in range(n):
+                    now.own[i] += part * total[j, i]
+    lasers_at(drive, piece, t + f * h, now.laser, now.laser_slope)
+    delayed_at(t + f * h, net.delay, past, cubics, filled, now.delayed, now.delayed_slope)
+    observe(net, now.state, now.laser, now.delayed, now.waves)
+
+
+@inlined
+def keep_row(
+    rows: Array, at: int, f: float, time: float, other: Array, other_new: Array, heat: Heat, now: Now, gathered: Array
+) -> None:
+    """Write t, then Re a, Im a, N, dT of each ring, the observed waves, and what was gathered of them, into one row."""
+    n = heat.gain.shape[0]
+    rows[at, 0] = time
+    for i in range(n):
+        for p in range(3):
+            rows[at, 1 + 4 * i + p] = now.state[p, i]
+        z = now.own[i]
         rows[at, 4 + 4 * i] = z + heat.curvature * z * z + (1.0 - f) * other[i] + f * other_new[i]
     for q in range(now.waves.size):
         rows[at, 1 + 4 * n + 2 * q], rows[at, 2 + 4 * n + 2 * q] = now.waves[q].real, now.waves[q].imag
@@ -102,7 +180,7 @@ def keep_row(
         rows[at, 1 + 4 * n + 2 * now.waves.size + q] = gathered[q]
 
 
-@compiled
+@inlined
 def gather(nodes: Complex, f: float, h: float, corner: Array, before: Array, out: Array) -> None:
     """Write the energies of the observed waves so far, if wanted, then the signals of the detectors, if there are any.
 
@@ -118,8 +196,8 @@ def gather(nodes: Complex, f: float, h: float, corner: Array, before: Array, out
 
 @compiled
 def integrate(
-    y: Array, drive: LaserTable, rings: Rings, heat: Heat, net: LightNetwork, method: Tableau, rtol: float,
-    times: Array, average: bool, corner: Array, max_steps: int, watch: Array,
+    y: Array, drive: LaserTable, rings: Rings, heat: Heat, net: LightNetwork, method: Tableau, rtol: float, times: Array,
+    average: bool, corner: Array, max_steps: int, watch: Array,
 ) -> tuple[Array, Array, float, Integers]:  # fmt: skip
     """Integrate a circuit from ``y`` through every piece of ``drive``, whose edges it lands on.
 
@@ -145,17 +223,22 @@ def integrate(
     """
     n, K = heat.gain.shape
     stages, D, Q, L = method.a.shape[0], net.delay.size, net.seen_ring.shape[0], drive.power.shape[1]
-    y, out, w = y.copy(), np.empty_like(y), workspace(n, K)
-    k, x, total = np.zeros((stages, n, 3)), np.zeros((stages, n, K)), np.zeros((stages, n))
-    inputs, input_slopes = np.zeros((stages, n), np.complex128), np.zeros(n, np.complex128)
-    detuning, detuning_slopes = np.zeros((stages, n)), np.zeros(n)
+    y, out, w = y.copy(), np.empty_like(y), workspace(rings, heat, net.order.size == 0, stages)
+    k, total = np.zeros((stages, 3, n)), np.zeros((stages, n))
+    lit = Stages(
+        np.zeros((stages, n), np.complex128),
+        np.zeros(n, np.complex128),
+        np.zeros((stages, n)),
+        np.zeros(n),
+        np.zeros(n),
+    )
     now = Now(
-        np.zeros(n, np.complex128), np.zeros(L, np.complex128), np.zeros(L, np.complex128),
-        np.zeros(D, np.complex128), np.zeros(D, np.complex128), np.zeros(Q, np.complex128), np.zeros(n), np.zeros(n),
+        np.zeros((3, n)), np.zeros(n), np.zeros(L, np.complex128), np.zeros(L, np.complex128),
+        np.zeros(D, np.complex128), np.zeros(D, np.complex128), np.zeros(Q, np.complex128), np.zeros(n),
     )  # fmt: skip
-    plain, bare = np.zeros(n), np.zeros(n)
+    was, plain = np.zeros(L, np.complex128), np.zeros(n)
     other, other_new, missed = np.zeros(n), np.zeros(n), np.zeros(n)
-    course, known = Course(np.zeros(3), np.zeros((3, n))), 1
+    course, known = Course(np.zeros(3), np.zeros((3, n)), np.zeros(n), np.zeros(n)), 1
     past, cubics = np.empty((1024 if D > 0 else 1, 2)), np.zeros((1024 if D > 0 else 1, D, 4), np.complex128)
     filled, row = np.int64(0), np.int64(0)  # no literals: what is called with one is compiled twice
     nodes, gathered = np.zeros((4, Q), np.complex128), np.zeros((Q if average else 0) + corner.size)
@@ -171,12 +254,12 @@ def integrate(
     for d in range(D):
         shortest = min(shortest, net.delay[d])
     cautious, quiet_step = 1e-2 / loss, 0.1 * slowest
+    restart, fresh = cautious, False  # the step to try after a jump, and whether this is one
     h, h_before, size_before, growth = min(cautious, shortest), 0.0, 1.0, GROWTH
-    accepted, rejected, look_again = 0, 0, 0
+    accepted, rejected, look_again, looks = 0, 0, 0, LOOKS
     looked, cap = 0.0, math.inf
     neighbours(y, heat, other)
-    course.time[0] = t
-    course.value[0] = other
+    advance(course, known, t, other)
     for i in range(n):
         z = 0.0
         for p in range(K):
@@ -184,20 +267,25 @@ def integrate(
         w.before[i], w.after[i] = z, z
     for piece in range(drive.edges.size - 1):
         begin, stop = drive.edges[piece], drive.edges[piece + 1]
+        was[:] = now.laser
         if piece > 0:
-            lasers_at(drive, piece - 1, begin, now.laser, now.laser_slope)
-            was = now.laser.copy()
-            detunings_at(drive, piece - 1, begin, plain, bare)
-            lasers_at(drive, piece, begin, now.laser, now.laser_slope)
-            detunings_at(drive, piece, begin, missed, bare)
+            lasers_at(drive, piece - 1, begin, was, now.laser_slope)
+            detunings_at(drive, piece - 1, begin, plain, missed)
+        lasers_at(drive, piece, begin, now.laser, now.laser_slope)
+        detunings_at(drive, piece, begin, lit.base, lit.detuning_slopes)
+        light, turn = steady(drive, piece)
+        for q in range(stages):
+            inputs_of(net, now.laser, now.delayed, lit.inputs[q])
+        lit.input_slopes[:] = 0.0
+        if piece > 0:
             jump = D > 0  # or an edge of the light that comes back
             for m in range(L):
                 jump = jump or abs(now.laser[m] - was[m]) > 1e-6 * math.sqrt(drive.largest[m])
             for i in range(n):
-                jump = jump or abs(missed[i] - plain[i]) > 1e-6 * rings.rates[i, 0]
+                jump = jump or abs(lit.base[i] - plain[i]) > 1e-6 * rings.rates[i, 0]
             if jump:
-                h, h_before = min(h, cautious), 0.0
-            looked, cap = 0.0, math.inf
+                h, h_before, fresh = min(h, restart), 0.0, True
+                looked, cap = 0.0, math.inf
         while t < stop:
             if accepted + rejected >= max_steps or watch[0] > 0.0:
                 ended = STOPPED if watch[0] > 0.0 else TOO_MANY_STEPS
@@ -207,32 +295,21 @@ def integrate(
             landing = t + 1.0001 * h >= stop
             if landing:
                 h = stop - t
-            for q in range(stages):
-                at = t + method.at[q] * h
-                lasers_at(drive, piece, at, now.laser, now.laser_slope)
-                if D > 0:
-                    delayed_at(at, net.delay, past, cubics, filled, now.delayed, now.delayed_slope)
-                inputs_of(net, now.laser, now.delayed, inputs[q])
-                detunings_at(drive, piece, at, detuning[q], bare)
-                if q == 0:
-                    inputs_of(net, now.laser_slope, now.delayed_slope, input_slopes)
-                    for i in range(n):
-                        detuning_slopes[i] = bare[i]
-                if heat.crossed:
-                    extrapolate(course, known, at, now.value, now.slope)
-                    for i in range(n):
-                        detuning[q, i] += rings.rates[i, 8] * now.value[i]
-                        if q == 0:
-                            detuning_slopes[i] += rings.rates[i, 8] * now.slope[i]
-            step(y, h, inputs, input_slopes, detuning, detuning_slopes, rings, heat, net, method, out, k, x, total, w)
+            drive_stages(
+                t, h, piece, light, turn, drive, rings, heat, net, method, past, cubics, filled, course, now, lit
+            )
+            step(
+                y, h, lit.inputs, lit.input_slopes, lit.detuning, lit.detuning_slopes, rings, heat, net, method, out,
+                k, total, w,
+            )  # fmt: skip
             if heat.crossed:
                 neighbours(out, heat, other_new)
-                extrapolate(course, known, t + h, now.value, now.slope)
+                extrapolate(course, t + h, now.value)
                 for i in range(n):
                     missed[i] = other_new[i] - now.value[i]
             else:
                 missed[:] = 0.0
-            error = step_error(y, out, k, x, rings, heat, rtol, missed, other, w)
+            error = step_error(y, out, k, rings, rtol, missed, other, w)
             size = max(error, 1e-8) ** (1.0 / method.order)
             if not error <= 1.0:  # nan too
                 rejected += 1
@@ -241,9 +318,13 @@ def integrate(
                 if h < 1e-13 * max(abs(t), 1e-3):
                     return rows[:row], y, t, np.array([accepted, rejected, STEP_TOO_SMALL])
                 continue
+            if fresh:  # what would have been right; a longer one would not resolve how the field changes
+                restart, fresh = min(h * max(0.2, min(GROWTH, 0.8 / size)), 0.5 / loss), False
             if D > 0 or gathered.size > 0:
                 for j in range(4):
-                    waves_between(j / 3.0, t, h, piece, y, out, k, method.dense, drive, net, past, cubics, filled, now)
+                    between(
+                        j / 3.0, t, h, piece, y, out, k, total, method.dense, w, drive, net, past, cubics, filled, now
+                    )
                     for q in range(Q):
                         nodes[j, q] = now.waves[q]
             last = landing and stop == end
@@ -254,18 +335,16 @@ def integrate(
                 rows = np.concatenate((rows, np.empty_like(rows)))
             while whole or (row < wanted and (last or times[row] <= t + h)):
                 f = 1.0 if whole else (times[row] - t) / h
-                waves_between(f, t, h, piece, y, out, k, method.dense, drive, net, past, cubics, filled, now)
+                between(f, t, h, piece, y, out, k, total, method.dense, w, drive, net, past, cubics, filled, now)
                 gather(nodes, f, h, corner, gathered, partial)
-                keep_row(
-                    rows, row, f, t, h, y, out, k, total, method.dense, w.before, w.after, other, other_new, heat, now,
-                    partial,
-                )  # fmt: skip
+                keep_row(rows, row, f, t + f * h, other, other_new, heat, now, partial)
                 row += 1
                 if whole:
                     rows[row - 1, 0] = stop if landing else t + h
                     whole = False
-            gather(nodes, 1.0, h, corner, gathered, partial)
-            gathered, partial = partial, gathered
+            if gathered.size > 0:
+                gather(nodes, 1.0, h, corner, gathered, partial)
+                gathered, partial = partial, gathered
             accepted += 1
             if D > 0:
                 if filled == past.shape[0]:
@@ -292,31 +371,29 @@ def integrate(
             for i in range(n):
                 other[i] = other_new[i]
             if heat.crossed:
-                for j in range(2):
-                    course.time[2 - j] = course.time[1 - j]
-                    for i in range(n):
-                        course.value[2 - j, i] = course.value[1 - j, i]
-                course.time[0] = t
-                for i in range(n):
-                    course.value[0, i] = other[i]
                 known = min(known + 1, 3)
+                advance(course, known, t, other)
             h_next = after_acceptance(h, size, h_before, size_before, growth)
             h_before, size_before, growth = h, max(size, 0.3), GROWTH
             h = h_next
             if landing and t < end:
                 h = max(h, planned)
-            if h > quiet_step:
+            looks = min(looks + 1.0 / PAUSE, LOOKS)
+            coming = stop - t if t < stop else drive.edges[min(piece + 2, drive.edges.size - 1)] - t
+            if min(h, coming) > quiet_step:
                 if moved(out, y, rings, w) > QUIET:
                     looked, cap = 0.0, math.inf
                 elif h > 4.0 * looked or accepted >= look_again:
-                    looked, look_again = h, accepted + 20
-                    fastest = growing(y, detuning[0], rings, heat, net)
-                    cap = 0.25 / fastest if fastest > 0.0 else math.inf
+                    if looks >= 1.0:
+                        looked, look_again, looks = h, accepted + 20, looks - 1.0
+                        fastest = growing(y, lit.detuning[0], rings, heat, net)
+                        cap = 0.25 / fastest if fastest > 0.0 else math.inf
+                    else:
+                        h = min(h, max(4.0 * looked, quiet_step))
                 h = min(h, cap)
             h = min(h, shortest)
     return rows[:row], y, t, np.array([accepted, rejected, DONE])
 
 
-for loop in (integrate, waves_between, keep_row, extrapolate, gather):
-    for module in (equations, kernel, waves):
-        forget_if_older(loop, str(module.__file__))
+for module in (equations, kernel, poles, waves):
+    forget_if_older(integrate, str(module.__file__))

@@ -30,18 +30,26 @@ class Heat(NamedTuple):
     read: Array  # shape (N, N, K)
     curvature: float  # 1/K
     crossed: bool  # whether heat goes from ring to ring
+    cross: Array  # read, without that of the own ring; shape (N, N K), or (N, 0) where no heat is crossed
+    kind: Integers  # which of the G kinds each ring is, shape (N,)
+    kind_rate: Array  # rates of each kind, shape (G, K)
+    kind_share: Array  # gain times own read of each kind, shape (G, K)
 
 
 class LightNetwork(NamedTuple):
     """Light between rings, with L lasers, D delayed waveguides and Q observed waves."""
 
-    start: Integers  # of each ring's row of M among the entries, shape (N + 1,)
-    column: Integers
-    entry: Complex  # 1/ns
+    real: Array  # Re M off its diagonal, transposed: [j, i] is what ring j sends into ring i; shape (N, N), 1/ns
+    imaginary: Array  # Im M likewise
+    own: Complex  # diagonal of M, shape (N,)
+    taken: Complex  # where M is taken_i sent_j for j before i in ``order``; else empty; shape (N,)
+    sent: Complex
+    fed: Integers  # rings that ring j feeds: no other than those from fed[j, 0] to fed[j, 1] - 1; shape (N, 2)
     order: Integers  # in which light reaches the rings, shape (N,), or empty: it runs in loops
     from_laser: Complex  # shape (N, L), 1/sqrt(ns)
     from_delay: Complex  # shape (N, D)
     seen_ring: Complex  # observed waves, the starts of the delayed waveguides first; shape (Q, N)
+    seen_from: Integers  # rings in a wave: no other than those from seen_from[q, 0] to [q, 1] - 1; shape (Q, 2)
     seen_laser: Complex  # shape (Q, L)
     seen_delay: Complex  # shape (Q, D)
     delay: Array  # shape (D,), ns

@@ -22,6 +22,7 @@ from .drive import corners, warn_of_fast_streams
 from .heat import RingHeat
 from .network import check_delays
 from .record import dataset_of, first_row
+from .separate import joined, parts_of, run_parts
 from .system import system_of, units_of
 
 if TYPE_CHECKING:
@@ -89,7 +90,8 @@ def simulate_circuit(
     InputError
         arguments out of range, names that do not exist, a thermal model for another number of rings, delays too short.
 
-    A circuit of one ring on a bus makes the steps of `simulate`. Light without delay obeys at every time
+    A circuit of one ring on a bus makes the steps of `simulate`. Rings that share neither light nor heat take steps of
+    their own where ``times`` are given. Light without delay obeys at every time
 
         sum input = sum output + sum (absorbed + scattered) + lost + d(sum energy)/dt
 
@@ -120,6 +122,14 @@ def simulate_circuit(
     wanted = np.empty(0) if times is None else _wanted(times, duration)
     chosen = check_method(method) or (Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
     begin = _start(circuit, heat, initial)
+    parts = parts_of(circuit) if wanted.size and not heat.crossed and initial is None else [circuit]
+    if len(parts) > 1:
+        each = partial(
+            simulate_circuit, thermal=thermal, detuning=detuning, duration=duration, rtol=rtol, times=wanted,
+            average=average, method=chosen,
+        )  # fmt: skip
+        runs = run_parts(parts, inputs, each, progress, duration)
+        return joined(circuit, runs, system.detuning)
     corner = corners(circuit, light)
     if is_alone(circuit) and not average and not corner.size:
         power = inputs.get(circuit.lasers[0].name, 0.0)

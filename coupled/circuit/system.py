@@ -14,7 +14,7 @@ from ..window import floor_of
 from .circuit import Circuit
 from .drive import detuning_of, internal_drive, powers_of
 from .heat import RingHeat, heater_offsets, ring_heat
-from .network import Light, light_of, order_of_rings
+from .network import NOTHING, Light, light_of, order_of_rings
 
 Array = NDArray[np.float64]
 
@@ -85,14 +85,15 @@ def _rings(circuit: Circuit, light: Light, heat: RingHeat, largest: Array) -> An
     fcd[:, :, 1] = 1.0
     for i, (_, own) in enumerate(converted):
         fcd[i, : len(own)] = own
+    rates = np.array([tuple(rates) for rates, _ in converted], dtype=float)
     whole = np.sqrt(largest.sum())
     floors = []
-    for i, ((rates, _), ring) in enumerate(zip(converted, circuit.resonators, strict=True)):
+    for i, ((own_rates, _), ring) in enumerate(zip(converted, circuit.resonators, strict=True)):
         reaching = float((np.abs(light.from_laser[i]) * np.sqrt(largest)).sum() * np.sqrt(eq.NS))
         if reaching < 1e-6 * whole * np.sqrt(2 * ring.bus_rate * eq.NS):  # by other rings or delays only
             reaching = float(whole * np.sqrt(2 * ring.bus_rate * eq.NS))
-        floors.append(floor_of(rates, reaching, heat.thermal_resistance[i] * eq.UW))
-    return Rings(np.array([tuple(rates) for rates, _ in converted], dtype=float), fcd, np.array(floors))
+        floors.append(floor_of(own_rates, reaching, heat.thermal_resistance[i] * eq.UW))
+    return Rings(rates, fcd, np.array(floors))
 
 
 def _states(heat: RingHeat) -> Any:
@@ -101,27 +102,63 @@ def _states(heat: RingHeat) -> Any:
     from .layout import Heat
 
     gain, rate = heat.gain * (eq.UW * eq.NS), heat.rate * eq.NS
-    return Heat(gain, rate, np.ascontiguousarray(heat.read), heat.curvature, heat.crossed)
+    read = np.ascontiguousarray(heat.read)
+    share = gain * np.einsum("iik->ik", read)
+    _, first, kind = np.unique(np.hstack([rate, share]), axis=0, return_index=True, return_inverse=True)
+    cross = read.copy() if heat.crossed else np.zeros((len(read), len(read), 0))
+    cross[np.arange(len(read)), np.arange(len(read))] = 0.0
+    return Heat(
+        gain, rate, read, heat.curvature, heat.crossed, cross.reshape(len(read), -1), kind.ravel().astype(np.int64),
+        np.ascontiguousarray(rate[first]), np.ascontiguousarray(share[first]),
+    )  # fmt: skip
 
 
 def _network(light: Light) -> Any:
-    """The waveguides in internal units: entries of M by row, without what round-off left."""
+    """The waveguides in internal units, without what round-off left of M."""
     from ..kernels import equations as eq
     from .layout import LightNetwork
-    from .network import NOTHING
 
     M = light.between
     kept = np.abs(M) > NOTHING * np.abs(M).max(initial=0.0)
-    root = np.sqrt(eq.NS)
+    feeds = kept & ~np.eye(len(M), dtype=bool)
+    root, order = np.sqrt(eq.NS), order_of_rings(M)
+    taken, sent = _one_waveguide(np.where(feeds, M * eq.NS, 0), order)
     return LightNetwork(
-        start=np.concatenate([[0], np.cumsum(kept.sum(axis=1))]).astype(np.int64),
-        column=np.nonzero(kept)[1].astype(np.int64),
-        entry=np.ascontiguousarray(M[kept] * eq.NS),
-        order=order_of_rings(M),
+        real=np.ascontiguousarray(np.where(feeds, M, 0).T.real * eq.NS),
+        imaginary=np.ascontiguousarray(np.where(feeds, M, 0).T.imag * eq.NS),
+        own=np.diag(M) * eq.NS,
+        taken=taken,
+        sent=sent,
+        fed=_ranges(feeds.T),
+        order=order,
         from_laser=np.ascontiguousarray(light.from_laser * root),
         from_delay=np.ascontiguousarray(light.from_delay * root),
         seen_ring=np.ascontiguousarray(light.seen_ring * root),
+        seen_from=_ranges(light.seen_ring != 0),
         seen_laser=np.ascontiguousarray(light.seen_laser),
         seen_delay=np.ascontiguousarray(light.seen_delay),
         delay=light.delay / eq.NS,
     )
+
+
+def _one_waveguide(M: NDArray[np.complex128], order: NDArray[np.int64]) -> tuple[Any, Any]:
+    """Factors of an M that is taken_i sent_j below its diagonal, as along one bus; else empty."""
+    none = np.zeros(0, dtype=complex)
+    if len(M) < 3 or order.size == 0 or not M[order[-1], order[0]]:
+        return none, none
+    ordered = M[np.ix_(order, order)]
+    taken, sent = np.zeros(len(M), dtype=complex), np.zeros(len(M), dtype=complex)
+    taken[1:] = ordered[1:, 0]
+    sent[:-1] = ordered[-1, :-1] / taken[-1]
+    if np.abs(np.tril(np.outer(taken, sent), -1) - ordered).max() > NOTHING * np.abs(ordered).max():
+        return none, none
+    back = np.argsort(order)
+    return taken[back], sent[back]
+
+
+def _ranges(used: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """First and one behind the last of the marked columns of every row."""
+    numbers = np.arange(used.shape[1])
+    stop = np.where(used, numbers + 1, 0).max(axis=1, initial=0)
+    start = np.where(used, numbers, used.shape[1]).min(axis=1, initial=used.shape[1])
+    return np.column_stack([np.minimum(start, stop), stop]).astype(np.int64)

@@ -17,7 +17,7 @@ from ..kernels.equations import Array
 from .layout import Complex, LaserTable, LightNetwork
 
 
-@compiled
+@inlined
 def lasers_at(drive: LaserTable, piece: int, t: float, wave: Complex, slope: Complex) -> None:
     """Write the waves of the lasers in sqrt(uW) at ``t``, and their slopes, bounded where a power leaves 0."""
     p = drive.power_piece[piece]
@@ -34,7 +34,7 @@ def lasers_at(drive: LaserTable, piece: int, t: float, wave: Complex, slope: Com
             wave[m], slope[m] = size * phase, (steep + 1j * drive.turn[m] * size) * phase
 
 
-@compiled
+@inlined
 def detunings_at(drive: LaserTable, piece: int, t: float, values: Array, slopes: Array) -> None:
     """Write the detunings of all rings at ``t`` in rad/ns, and their slopes."""
     p = drive.detuning_piece[piece]
@@ -83,13 +83,13 @@ def inputs_of(net: LightNetwork, laser: Complex, delayed: Complex, out: Complex)
         out[i] = total
 
 
-@compiled
-def observe(net: LightNetwork, fields: Complex, laser: Complex, delayed: Complex, out: Complex) -> None:
-    """Write the observed waves in sqrt(uW)."""
+@inlined
+def observe(net: LightNetwork, state: Array, laser: Complex, delayed: Complex, out: Complex) -> None:
+    """Write the observed waves in sqrt(uW); ``state``, shape (3, N), holds Re a and Im a."""
     for q in range(out.size):
         total = 0.0 + 0.0j
-        for i in range(fields.size):
-            total += net.seen_ring[q, i] * fields[i]
+        for i in range(net.seen_from[q, 0], net.seen_from[q, 1]):
+            total += net.seen_ring[q, i] * complex(state[0, i], state[1, i])
         for m in range(laser.size):
             total += net.seen_laser[q, m] * laser[m]
         for d in range(delayed.size):

@@ -39,9 +39,11 @@ def factorize(m: Array, order: NDArray[np.int64]) -> None:
             for k in range(n):
                 m[j, k], m[pivot, k] = m[pivot, k], m[j, k]
         for i in range(j + 1, n):
-            m[i, j] /= m[j, j]
-            for k in range(j + 1, n):
-                m[i, k] -= m[i, j] * m[j, k]
+            factor = m[i, j] / m[j, j]
+            m[i, j] = factor
+            if factor != 0.0:
+                for k in range(j + 1, n):
+                    m[i, k] -= factor * m[j, k]
 
 
 @inlined
@@ -52,12 +54,15 @@ def solve(m: Array, order: NDArray[np.int64], x: Array) -> None:
         pivot = order[j]
         x[j], x[pivot] = x[pivot], x[j]
     for i in range(n):
+        total = x[i]
         for j in range(i):
-            x[i] -= m[i, j] * x[j]
+            total -= m[i, j] * x[j]
+        x[i] = total
     for i in range(n - 1, -1, -1):
+        total = x[i]
         for j in range(i + 1, n):
-            x[i] -= m[i, j] * x[j]
-        x[i] /= m[i, i]
+            total -= m[i, j] * x[j]
+        x[i] = total / m[i, i]
 
 
 @compiled

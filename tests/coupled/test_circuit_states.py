@@ -32,7 +32,7 @@ def test_two_separate_bistable_rings_have_all_pairs_of_states():
     found = coupled.circuit_steady_states(TWO, SECOND_ORDER, inputs=inputs, detuning=-32e9, starts=200)
     pairs = sorted((a, b) for a in alone.energy.values for b in alone.energy.values)
     assert found.sizes["state"] == len(pairs) == 9
-    ours = sorted(map(tuple, found.energy.values))
+    ours = sorted(map(tuple, found.energy.values), key=lambda pair: [float(f"{energy:.9g}") for energy in pair])
     assert np.array(ours) == pytest.approx(np.array(pairs), rel=1e-7, abs=0)
     stable = int(np.sum(alone.growth_rate.values < 0))
     assert int(np.sum(found.growing.values == 0)) == stable**2
