@@ -21,49 +21,16 @@ from ..kernels.control import (
 )
 from ..kernels.equations import Array
 from ..kernels.tableaus import Tableau
+from . import course as heat_course
 from . import equations, kernel, poles, waves
+from .course import Course, advance, extrapolate
 from .equations import growing, neighbours
 from .kernel import Workspace, moved, step, step_error, workspace
-from .layout import Complex, LaserTable, Heat, Integers, LightNetwork, Rings
+from .layout import Complex, Heat, Integers, LaserTable, LightNetwork, Rings
 from .waves import cubic_through, delayed_at, detected_at, detunings_at, energy_to, inputs_of, lasers_at, observe
 
 LOOKS, PAUSE = 10.0, 250.0  # looks at the eigenvalues in a row, and the steps that earn one more: they cost as much
 ROW_LIMIT = 40_000_000  # numbers kept at the accepted steps, 320 MB
-
-
-class Course(NamedTuple):
-    """The heat of the neighbours at the last accepted steps, newest first, and the parabola through it."""
-
-    time: Array  # shape (3,)
-    value: Array  # shape (3, N)
-    first: Array  # shape (N,), divided differences
-    second: Array
-
-
-@inlined
-def advance(course: Course, known: int, t: float, value: Array) -> None:
-    """Add the values at ``t`` as those of ``known`` steps; fewer than three points give a line or a constant."""
-    for j in range(2):
-        course.time[2 - j] = course.time[1 - j]
-        course.value[2 - j] = course.value[1 - j]
-    course.time[0] = t
-    course.value[0] = value
-    if known > 1:
-        now, then = course.time[0] - course.time[1], course.time[1] - course.time[2]
-        for i in range(value.size):
-            course.first[i] = (course.value[0, i] - course.value[1, i]) / now
-            if known > 2:
-                early = (course.value[1, i] - course.value[2, i]) / then
-                course.second[i] = (course.first[i] - early) / (course.time[0] - course.time[2])
-
-
-@inlined
-def extrapolate(course: Course, t: float, value: Array) -> None:
-    """Write the parabola at ``t``."""
-    u = t - course.time[0]
-    v = u * (t - course.time[1])
-    for i in range(value.size):
-        value[i] = course.value[0, i] + course.first[i] * u + course.second[i] * v
 
 
 class Now(NamedTuple):
@@ -106,8 +73,9 @@ def steady(drive: LaserTable, piece: int) -> tuple[bool, bool]:
 
 @inlined
 def drive_stages(
-    t: float, h: float, piece: int, light: bool, turn: bool, drive: LaserTable, rings: Rings, heat: Heat, net: LightNetwork,
-    method: Tableau, past: Array, cubics: Complex, filled: int, course: Course, now: Now, stages: Stages,
+    t: float, h: float, piece: int, light: bool, turn: bool, drive: LaserTable, rings: Rings, heat: Heat,
+    net: LightNetwork, method: Tableau, past: Array, cubics: Complex, filled: int, course: Course, now: Now,
+    stages: Stages,
 ) -> None:  # fmt: skip
     """Fill ``stages`` for a step of ``h`` ns; what the piece keeps, ``light`` or ``turn``, only at its start."""
     D, n = net.delay.size, stages.base.size
@@ -196,8 +164,8 @@ def gather(nodes: Complex, f: float, h: float, corner: Array, before: Array, out
 
 @compiled
 def integrate(
-    y: Array, drive: LaserTable, rings: Rings, heat: Heat, net: LightNetwork, method: Tableau, rtol: float, times: Array,
-    average: bool, corner: Array, max_steps: int, watch: Array,
+    y: Array, drive: LaserTable, rings: Rings, heat: Heat, net: LightNetwork, method: Tableau, rtol: float,
+    times: Array, average: bool, corner: Array, max_steps: int, watch: Array,
 ) -> tuple[Array, Array, float, Integers]:  # fmt: skip
     """Integrate a circuit from ``y`` through every piece of ``drive``, whose edges it lands on.
 
@@ -395,5 +363,5 @@ def integrate(
     return rows[:row], y, t, np.array([accepted, rejected, DONE])
 
 
-for module in (equations, kernel, poles, waves):
+for module in (equations, heat_course, kernel, poles, waves):
     forget_if_older(integrate, str(module.__file__))

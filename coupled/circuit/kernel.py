@@ -77,7 +77,9 @@ def _rates(w: Workspace, i: int) -> Rates:
 
 
 @inlined
-def _prepare(y: Array, h: float, detuning: Array, rings: Rings, heat: Heat, net: LightNetwork, s: float, w: Workspace) -> None:
+def _prepare(
+    y: Array, h: float, detuning: Array, rings: Rings, heat: Heat, net: LightNetwork, s: float, w: Workspace
+) -> None:
     """Fill the workspace with the matrices of a step of ``h`` ns from ``y``, factorized."""
     n = heat.gain.shape[0]
     looped = net.order.size == 0
