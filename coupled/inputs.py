@@ -98,13 +98,13 @@ def pieces(name: str, value: Any, start: float, stop: float) -> Pieces:
     Parameters
     ----------
     name : str
-        what the input is called in an error message.
+        name of the input in error messages.
     value : float, Waveform, Pieces, scipy.interpolate.PPoly of degree 3 or less, or a list of these, which add
 
     Raises
     ------
     InputError
-        none of these, or a function that is not given on the whole window.
+        another type, or a function that does not cover the whole window.
     """
     if isinstance(value, list | tuple) and not isinstance(value, Pieces):
         if not value:

@@ -26,7 +26,7 @@ QUIET = 1e-4  # relative range of the carriers that is no oscillation (at least 
 SETTLED = 0.02  # relative change of an amplitude, or of the carriers at the end, that counts as none
 EIGHTHS = np.linspace([1 / 4, 1 / 8], [1 / 8, 0], 64, axis=1)  # of a trace, before its end: the last but one, the last
 GROWS = 1e-3  # relative movement of the carriers in the last eighth that counts where it was smaller before: 10 QUIET
-FAR = 0.1  # relative change of the period from cycle to cycle beyond which none is told: seven such cycles double it
+FAR = 0.1  # relative change of the period per cycle above which no period is given: seven such cycles double it
 STEADY_PERIOD = 1e-5  # relative change of the period from cycle to cycle that counts as none
 GONE = 0.2  # share of the last amplitude: an oscillation whose limit is smaller decays to rest
 FINE = 12  # samples that a cycle needs at least

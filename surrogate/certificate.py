@@ -184,7 +184,7 @@ def certify_defect(
 
 
 def leftover(projection: Projection, defect: Array, weight: Array) -> float:
-    """Largest share of the residual at some frequency that is outside Q, where `certify` does not see it.
+    """Largest share of the residual, over frequency, outside the span of Q, which `certify` neglects.
 
     Round-off of the basis makes D = Q G + L with L != 0. Measured in the norm of ``weight`` (shape (n,)), at four
     frequencies a decade.
@@ -212,7 +212,7 @@ def _frequencies(projection: Projection, shifts: Array, per_decade: int) -> Arra
 
 
 def _over(projection: Projection, omega: Array, bounds: Array, pairs: tuple[Indices, Indices]) -> Certificate:
-    """The certificate from bounds at ``omega``, shape (ways to bound, m, c), of which the smallest counts."""
+    """The certificate from several bounds at ``omega``, shape (bounds, m, c); the smallest holds."""
     k, (a, b), static = projection.rate.size, pairs, projection.gain.diagonal()
     each = np.maximum(bounds, ROUND_OFF * np.sqrt(static[a] * static[b]))
     step = np.log(omega[1] / omega[0])

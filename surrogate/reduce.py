@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 MOST = 300  # columns of the basis before a tolerance counts as out of reach
 PROMISING = 10.0  # the full certificate is worked out once one shift alone comes this near to the tolerance
-OVERLOOKED = 1e-2  # share of the residual outside what `certify` sees, above which `certify_defect` takes over
+OVERLOOKED = 1e-2  # share of the residual that `certify` neglects, above which `certify_defect` is used
 FEW = 4  # samples per decade for that
 
 

@@ -134,9 +134,9 @@ def _static(tolerance: float) -> int:
 
 
 def _shifts(M: Any, ports: Array, projection: Projection, tolerance: float) -> tuple[Array, int]:
-    """{0} and log-spaced rates from a multiple of the slowest rate to one of the fastest that the ports see.
+    """Shifts: 0, and log-spaced rates from a multiple of the slowest rate to a multiple of the fastest at the ports.
 
-    Second, how many of them beside 0 the space grows with; one more only tightens the bound, where two lie far apart.
+    Also returns the number of them, beside 0, that enlarge the space; a further one only tightens the bound.
 
     The fastest comes from the initial slope of the step response, b^T M^-1 b / (b^T K^-1 b). The multiples are where
     strips, a rib, a heater and a disc need the fewest states at 1e-2..1e-7 (measured; flat within a factor 1.3). Down

@@ -67,7 +67,7 @@ def _correction(
 
 
 def swing_over_period(model: ThermalModel, periods: Array, power: float, duty: float) -> Callable[[float], float]:
-    """Swing in K as a function of the period in s; of a quadratic model from a table around ``periods``."""
+    """Swing in K as a function of the period in s; for a quadratic model interpolated in a table around ``periods``."""
     if isinstance(bare(model), Quadratic) and periods.size > CHECKED:
         return _table(model, periods, power, duty)
     return lambda period: _swing(model, period, power, duty)
@@ -103,7 +103,7 @@ def _swing(model: ThermalModel, period: float, power: float, duty: float) -> flo
 
 
 def period_of(look: Callable[[float], float], swing: float, near: float) -> float:
-    """The period in s at which ``look`` has a swing: bracketed from ``near``, by Brent's method in its logarithm."""
+    """The period in s at which the function ``look`` equals a swing: a bracket around ``near``, then Brent's method."""
     from scipy.optimize import brentq
 
     def excess(log_period: float) -> float:

@@ -20,7 +20,7 @@ __all__ = ["LONGEST", "RULE", "ascii_lines", "check_name", "check_names", "check
 
 
 def check_name(what: str, name: Any) -> str:
-    """Return a name that may stand in every file; ``what`` says in the error whose it is.
+    """Return a name that is valid in every file format; ``what`` names its owner in the error.
 
     Raises
     ------

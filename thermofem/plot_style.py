@@ -1,4 +1,4 @@
-"""The style of all figures: colours and sizes; and what a plot function says when it gets something else."""
+"""Style of all figures: colours and sizes; and the error of a plot function for an object of the wrong type."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 INK, BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE = (
     "#222222", "#0072B2", "#D55E00", "#009E73", "#E69F00", "#56B4E9", "#CC79A7",
 )  # fmt: skip
-CYCLE = (VERMILION, BLUE, GREEN, ORANGE, PURPLE, SKY)  # of lines that are told apart by their colour
+CYCLE = (VERMILION, BLUE, GREEN, ORANGE, PURPLE, SKY)  # of several lines in one panel
 SIZE = (6.0, 3.6)  # inches of a figure by default: half a slide
 
 

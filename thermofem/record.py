@@ -83,7 +83,7 @@ class Record:
 
 
 class Answering(Protocol[P]):
-    """A function that returns a Dataset, and by ``.record`` the same as a Record."""
+    """A function that returns a Dataset; its attribute ``record`` is the function that returns a Record instead."""
 
     record: Callable[P, Record]
 

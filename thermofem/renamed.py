@@ -12,7 +12,7 @@ R = TypeVar("R")
 
 
 def warn(old: str, new: str) -> None:
-    """Warn whoever called the caller of this function."""
+    """Issue the warning at the line that used the old name, two calls up."""
     warnings.warn(f"{old} is now {new}; the old name goes with 0.3", DeprecationWarning, stacklevel=3)
 
 

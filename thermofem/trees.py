@@ -55,7 +55,7 @@ def from_toml(text: str) -> dict[str, Any]:
 
 
 def check(tree: Any) -> Any:
-    """The tree itself, or InputError where it is too deep or holds what no tree may; see the module's docstring."""
+    """The tree, unchanged; InputError where it is too deep or holds a forbidden value, see the module's docstring."""
     level, depth = [tree], 0
     while level:
         if depth > DEPTH:

@@ -28,7 +28,7 @@ LONGEST = 40e-6  # s simulated for a trace that is longer
 IMPOSSIBLE = 1e3  # residual where the parameters make no model
 STAGES = (2, 6, HARMONICS)  # harmonics that count, one after the other
 EVALUATIONS = 15  # steps of least squares in each
-FEWEST = 4  # cycles of a trace whose scatter says something
+FEWEST = 4  # cycles of a trace from which a scatter is estimated
 
 
 class Target(NamedTuple):

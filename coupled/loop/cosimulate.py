@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 NO_PREDICTOR = Foster(R=[0.0], tau=[1e-6])
-"""A predictor that knows nothing: the fed-back discrepancy carries the whole temperature."""
+"""A predictor of zero temperature rise: the fed-back discrepancy is the whole temperature."""
 
 FIRST = 0.25e-6  # s, about the first window
 

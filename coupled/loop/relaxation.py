@@ -156,7 +156,7 @@ class Relaxation:
 
     def _check_start(self, start: float, passes: int, first: float) -> None:
         """InputError unless the corrector begins a window where the accepted one ended, at 0 K before the first."""
-        if not abs(first - self.accepted) > STARTS * self.max_discrepancy:  # nan is told elsewhere
+        if not abs(first - self.accepted) > STARTS * self.max_discrepancy:  # nan has its own error
             return
         if start == 0 and passes == 1 and not self.abandoned and not self.accepted:
             raise checks.InputError(

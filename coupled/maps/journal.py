@@ -1,4 +1,4 @@
-"""A file that fills up with the rows of a map, and from which a map that was interrupted goes on."""
+"""File of the finished rows of a map, from which an interrupted map resumes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ VERSION = 2  # of the lines: [row, cells, hash]
 
 
 class Journal:
-    """One JSON line that says what the map is, then one for each row that is done, in the order in which they ended.
+    """One JSON line that identifies the map, then one for each finished row, in the order of completion.
 
     Each row carries a hash, so that a damaged one is refused. A line counts once its end has been written: what a kill
     leaves of a line is cut off, and its row computed again.
@@ -101,13 +101,13 @@ class Journal:
         self.close()
 
     def add(self, row: int, cells: list[Any]) -> None:
-        """Keep one row."""
+        """Append one row."""
         self.rows[row] = cells
         kept = [row, _frozen(cells)]
         self._append(json.dumps([*kept, files.digest_tree(kept)[:16]], allow_nan=False))
 
     def _append(self, line: str) -> None:
-        """Write one line and see it on the disk."""
+        """Write one line and flush it to the disk."""
         if self.path is None:
             return
         try:

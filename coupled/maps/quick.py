@@ -55,7 +55,7 @@ def pulse(
     initial: State,
     watch: Array | None = None,
 ) -> tuple[Pulsing, State]:
-    """Return what ``pulsing(simulate(...))`` says at a constant power (W) and detuning (Hz), and the state at the end.
+    """Return the result of ``pulsing(simulate(...))`` at constant power (W) and detuning (Hz), and the final state.
 
     The same numbers without the Dataset in between, of which a point of a map would otherwise spend a third of its
     time. Nothing is checked but what the integration meets.

@@ -117,7 +117,7 @@ class Family:
 
     @property
     def size(self) -> int:
-        """Number of functions."""
+        """Number of basis functions."""
         return self.members.size
 
     @property

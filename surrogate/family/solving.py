@@ -1,4 +1,4 @@
-"""Members solved on any Executor, and kept in a folder from which an interrupted training goes on."""
+"""Members solved on any Executor, and stored in a folder from which an interrupted training resumes."""
 
 from __future__ import annotations
 

@@ -127,7 +127,7 @@ class Campaign:
         from scipy.stats import qmc
 
         points = qmc.LatinHypercube(d=len(drawn), seed=np.random.default_rng(self.seed)).random(self.samples)
-        # nine digits: what the geometry file says is what the index says, whatever SciPy's last bits are
+        # nine digits: geometry file and index agree, whichever version of SciPy drew the samples
         return [[float(f"{v.at(x):.9g}") for v, x in zip(drawn, row, strict=True)] for row in points]
 
     def geometry_of(self, values: tuple[Value, ...]) -> str:

@@ -52,7 +52,7 @@ def ring_of(given: str) -> RingResonator:
 
 
 def say_ring(ring: RingResonator, given: str) -> None:
-    """A line on the terminal: whose light and carriers these are, for a thermal model says nothing of them."""
+    """Name the ring on the terminal: a thermal model has no optics and carriers of its own."""
     hint = "; --ring RING.toml takes those of yours" if given == DEFAULT_RING else ""
     note(f"light and carriers are those of the ring {ring.name!r}{hint}")
 

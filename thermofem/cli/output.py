@@ -67,7 +67,7 @@ def show(table: RenderableType) -> None:
 
 
 def watched() -> bool:
-    """Whether somebody sees a bar: standard error is a terminal, and words are wanted."""
+    """Whether bars are drawn: standard error is a terminal, and the command is not --quiet."""
     return sys.stderr.isatty() and not _manner.quiet
 
 

@@ -125,7 +125,7 @@ def _surfaces(builder: Any, faces: Sequence[Face]) -> list[Any]:
 
 @contextlib.contextmanager
 def _pipe_signal() -> Iterator[None]:
-    """Keep what SIGPIPE does: gmsh sets it back to killing the process, at the next write to a pipe nobody reads."""
+    """Preserve the handler of SIGPIPE: gmsh resets it, and the next write to a closed pipe would kill the process."""
     number = getattr(signal, "SIGPIPE", None)
     if number is None:  # Windows
         yield

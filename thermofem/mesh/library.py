@@ -33,7 +33,7 @@ def _loads(library: str) -> bool:
 
 
 def gmsh_problem() -> str | None:
-    """None where gmsh and pygmsh can be loaded, else one line that says what is missing and what brings it."""
+    """None where gmsh and pygmsh can be loaded; otherwise one line with the missing library and how to install it."""
     remedy = "the committed meshes of the reference cross-sections work without it"
     for module in ("gmsh", "pygmsh"):
         try:

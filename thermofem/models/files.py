@@ -79,7 +79,7 @@ def save_model(model: ThermalModel, path: str | Path, *, provenance: Mapping[str
     }
     try:
         text = json.dumps(content, indent=2, allow_nan=False, default=_plain)
-        trees.from_json(text)  # what is written can be read
+        trees.from_json(text)  # raises where the file could not be read back
     except (TypeError, ValueError, RecursionError) as error:
         raise checks.InputError(f"provenance cannot be written as JSON: {error}") from None
     return write_whole(path, lambda p: p.write_text(text + "\n", encoding="utf-8"))
@@ -109,7 +109,7 @@ def load_model(path: str | Path) -> Any:
 
 
 def _check_units(stated: Any, units: Mapping[str, str]) -> None:
-    """InputError where a file says another unit than the one its numbers are read in."""
+    """InputError where the unit in the file is not the SI unit in which its numbers are read."""
     if not isinstance(stated, dict):
         raise checks.InputError("units must be an object, as in docs/models.md")
     for name, unit in units.items():

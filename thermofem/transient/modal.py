@@ -40,7 +40,7 @@ SLOWEST, FASTEST = 30.0, 120.0  # shifts beside 0, over `krylov.rates`: the fewe
 SPAN = 2.5  # decades at most between two shifts: so two do for steps from 1 ns on, with as few fields as three or four
 EARLIEST = 1.5  # the last shift over the inverse of the first wanted time
 FEWEST, ROUNDS = 2, 25  # first looked at, and left to the integrator
-OTHERS = 10.0  # weight of changes elsewhere than in the heated part, where they fall slowly (measured, see the tests)
+OTHERS = 10.0  # weight of changes outside the heated part, where convergence is slow (measured, see the tests)
 LOUDER = 10.0  # times all power before it: the heat before then hides nothing behind such an edge, so the shifts follow
 WATCHED = 20_000  # times at which the answer is watched where there are more than twice as many
 MOST, PER_PIECE = 500_000, 3300  # straight pieces of the power at most, and what each takes in bytes (measured)
@@ -111,7 +111,7 @@ class Modal:
         waves = tuple(waves) if isinstance(waves, Sequence) else (waves,)
         times, kept = check_run(times, snapshots, rtol)
         if len(waves) != len(self.system.inputs) or not all(getattr(wave, "piecewise_linear", False) for wave in waves):
-            return None  # the integrator says what is wrong
+            return None  # the integrator raises the error
         wanted = _thinned(np.unique(np.concatenate([[0.0], times, kept])), kept, _pieces(waves, times, kept))
         shown = wanted.searchsorted(kept)
         first, answers, last = _first(waves, wanted), list[Answer](), np.inf
@@ -122,7 +122,7 @@ class Modal:
             except checks.InputError:  # E or -A is not definite
                 return None
             if size in grown and size < self.system.order:
-                return None  # the space cannot grow, so no change of the answer says that it has settled
+                return None  # the space cannot grow, so convergence cannot be checked
             grown.add(size)
             basis = space.basis(size, None if ledger is None else np.ones(self.system.order))
             if basis.rate[0] <= 0:  # a growing mode: -A is not positive definite
@@ -262,7 +262,7 @@ def _moved(old: Answer, new: Answer, C: Array, space: Rounds, shown: NDArray[np.
     changes = (np.abs(new.outputs - old.outputs) / np.maximum(scale, tiny)).max(axis=0)
     weights = [1.0 if any(np.array_equal(row, b) for b in space.B.T) else OTHERS for row in C]
     moved = list(weights * changes)
-    if shown.size:  # the new space holds the old one, so z tells all
+    if shown.size:  # the new space contains the old one, so the fields are those of z
         z, was = new.z[shown], old.z[shown] @ (old.basis.vectors.T @ (space.M @ basis.vectors))
         moved.append(OTHERS * (np.linalg.norm(z - was, axis=1) / np.maximum(np.linalg.norm(z, axis=1), tiny)).max())
     return float(max(moved))

@@ -30,7 +30,7 @@ SLIGHT_DRIFT = 0.03  # the same where the step has changed length, so that facto
 ITERATIONS = 10  # per stage, before the factors are renewed
 PATIENCE = 3  # iterations before their rate is judged: a good guess makes the first ratios large
 STALLED = 0.95  # ratio of successive corrections above which they are renewed at once
-SHARE = 0.02  # of the step's error that the iteration may leave; more, and the error estimate sees it (measured)
+SHARE = 0.02  # of the step's error, left by the iteration; a larger share disturbs the error estimate (measured)
 
 # value at each stage of the polynomial through the stages before it
 GUESS = np.zeros((6, 6))

@@ -11,9 +11,9 @@ from .contract import Array, Waveform
 LEVELS = 13  # a stretch without breakpoints is looked at in 2^13 cells: a pulse of 1e-4 of it is seen
 FEWEST_LEVELS = 6  # where there are many stretches
 BUDGET = 2**17  # cells of all stretches together
-MOST_LEVELS = 22  # where a time scale asks for more
+MOST_LEVELS = 22  # if the time scale requires more
 MOST_PIECES = 200_000
-SHORTEST = 1e-12  # of a stretch: below it, a cell that does not fit holds a jump nobody named
+SHORTEST = 1e-12  # of a stretch: a shorter cell that does not fit contains a jump that is no breakpoint
 NODES = np.array([0, 1 / 3, 2 / 3, 1])
 PROBES = np.array([0.1273, 0.4529, 0.5471, 0.8727])  # of a cell; not evenly spaced, so that no harmonic hides
 _TO_COEFFICIENTS = np.linalg.inv(NODES[:, None] ** np.arange(4)).T  # values at the nodes @ this = coefficients of u^j

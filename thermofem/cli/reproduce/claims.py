@@ -54,7 +54,7 @@ class Claim:
         return known(self.ours + self.why, results)
 
     def agrees(self, results: Mapping[str, Result]) -> bool | None:
-        """Whether our numbers lie within what the paper says; None where it gives nothing to compare with."""
+        """Whether our numbers lie within the paper's range; None where it gives none."""
         places = [m for m in PLACE.finditer(self.ours) if m[4]]
         found = [(number(results, m[1]), float(m[2] or 1), float(m[4]), float(m[5])) for m in places]
         if not found:

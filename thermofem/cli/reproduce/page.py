@@ -137,7 +137,7 @@ def _anchor(section: Section) -> str:
 
 
 def _table(claims: Sequence[Claim], results: Mapping[str, Result]) -> str:
-    """The paper says, we get, why they differ; then the same for an independent code."""
+    """Table of the paper's numbers, ours and the reason of the difference; then the one of an independent code."""
     other = [claim for claim in claims if claim.where == INDEPENDENT]
     paper = [claim for claim in claims if claim.where != INDEPENDENT]
     return (

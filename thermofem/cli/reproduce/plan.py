@@ -47,5 +47,5 @@ STAGES = (
 
 
 def stages_of(settings: Settings) -> tuple[Stage, ...]:
-    """Those that the settings ask for."""
+    """The stages of the settings."""
     return tuple(stage for stage in STAGES if stage.quick or not settings.quick)

@@ -99,7 +99,7 @@ def _draw(sections: Sequence[Section], results: Mapping[str, Result], folder: Pa
 
 
 def _write_table(claims: Sequence[Claim], results: Mapping[str, Result], path: Path) -> None:
-    """The table as JSON, for whoever wants to read it by program."""
+    """Write the table as JSON, for programs."""
     rows = [
         {
             "where": claim.where,
@@ -126,7 +126,7 @@ def _printed(claims: Sequence[Claim], results: Mapping[str, Result]) -> Table:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """The reference stack ends where the paper's model does; the report says so once, the log need not each time."""
+    """Suppress the warning on the finite domain: the reference stack ends where the paper's does; the report states it."""
     log = logging.getLogger("thermofem")
     before = log.level
     log.setLevel(logging.ERROR)

@@ -1,4 +1,4 @@
-"""Which stacks of layers, of which the paper says nothing, explain its statements on self-pulsing at once."""
+"""Layer stacks, not stated in the paper, that explain all its statements on self-pulsing at once."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ class StageStore:
     folder: Path
 
     def manifest(self, stage: str) -> Path:
-        """File that says what a stage gave."""
+        """Manifest of a stage's results."""
         return self.folder / f"{stage}.json"
 
     def load(self, stage: str, key: str) -> Result | None:
