@@ -11,11 +11,13 @@ from thermofem.checks import InputError
 
 from ..states import State, starting_point
 from .hopf_start import is_hopf_point, near_hopf
-from .orbit import CycleProblem, Orbit, settle, shoot
+from .orbit import FIRST, CycleProblem, Orbit, closer, settle, shoot
 from .scheme import scheme
 from .start import Settled, settled
 
 Array = NDArray[np.float64]
+
+STEPS_NEARBY = 4  # of Newton's method on the mesh of a guess; more show that the pulses are elsewhere
 
 
 def from_guess(p: CycleProblem, guess: Any) -> Settled:
@@ -46,8 +48,10 @@ def from_guess(p: CycleProblem, guess: Any) -> Settled:
 
 
 def near(p: CycleProblem, trial: Orbit, pulses: int) -> Settled | None:
-    """The cycle near a trial orbit: on its mesh, or else along traces from its beginning."""
-    found = settle(p, trial) or shoot(p, trial.start, trial.T, pulses)
+    """The cycle near a trial orbit: on its mesh where few steps lead there, or else along traces from its beginning."""
+    close = closer(p, trial, FIRST[1], STEPS_NEARBY)
+    found = settle(p, close) if close.move < np.inf else None
+    found = found or shoot(p, trial.start, trial.T, pulses) or settle(p, trial)
     if found is None or np.ptp(found.Y[:, :, 2]) <= 1e-5 * found.Y[:, :, 2].max():
         return None
     return Settled(found, pulses)

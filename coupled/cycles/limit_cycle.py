@@ -91,7 +91,6 @@ def limit_cycle(
     warm = constant(model, heaters, heated, read)
     p = problem(ring, warm.model, float(power), float(detuning) + warm.turned(ring))
     found = settled(p, np.zeros(p.units.size)) if guess is None else from_guess(p, guess)
-    cycle = dataset_of(p, found)
-    cycle["delta_T"] = cycle["delta_T"].copy(data=cycle["delta_T"].values + warm.rise)
+    cycle = dataset_of(p, found, warm.rise)
     cycle.attrs |= {"detuning": float(detuning), **warm.attributes}
     return cycle

@@ -119,11 +119,11 @@ def shoot(
     return found if rough else settle(p, found)
 
 
-def closer(p: CycleProblem, trial: Orbit, tolerance: float = CLOSE_ENOUGH) -> Orbit:
+def closer(p: CycleProblem, trial: Orbit, tolerance: float = CLOSE_ENOUGH, most: int = STEPS) -> Orbit:
     """Close a trial orbit on its mesh; one whose ``move`` stays above the ``tolerance`` did not close."""
     from ..kernels import orbits
 
-    y, Y, T, M, closed, move = orbits.close(*trial[:4], p.at, scheme(), tolerance, STEPS)
+    y, Y, T, M, closed, move = orbits.close(*trial[:4], p.at, scheme(), tolerance, most)
     return Orbit(y, Y, trial.tau, T, np.ascontiguousarray(M[:, : y.size]), move if closed and T > 0 else np.inf)
 
 
