@@ -180,6 +180,11 @@ def _nodes(start: float, length: float, bend: Array, rate: Array, allowed: float
     return np.array(out)
 
 
+def turned_by(rise: float, ring: RingResonator) -> float:
+    """Shift of the resonance by a rise in K, as a detuning in Hz."""
+    return float(ring.thermal_shift * rise / (2 * np.pi))
+
+
 class ConstantHeating(NamedTuple):
     """A model under constant heaters: the light's channel, and the rise by the heaters in K."""
 
@@ -189,7 +194,7 @@ class ConstantHeating(NamedTuple):
 
     def turned(self, ring: RingResonator) -> float:
         """Shift of the resonance by the rise, as a detuning in Hz."""
-        return float(ring.thermal_shift * self.rise / (2 * np.pi))
+        return turned_by(self.rise, ring)
 
     @property
     def attributes(self) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,9 +13,9 @@ from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring
 from ..equilibria.steady import provenance
+from ..heaters import constant
 from ..resonator import RingResonator
 from ..states import State
-from ..thermal import compact
 from . import branch
 from .guess import from_guess
 from .hopf_start import born, is_hopf_point, laser_of
@@ -41,6 +42,9 @@ def continue_cycle(
     detuning: float | None = None,
     guess: xr.Dataset | State | None = None,
     points: int = 1000,
+    heaters: Mapping[str, float] | None = None,
+    heated: str | None = None,
+    read: str | None = None,
 ) -> xr.Dataset:
     """Follow a cycle, stable or not, while one number changes, around its folds.
 
@@ -62,6 +66,8 @@ def continue_cycle(
         as for `limit_cycle`, or a point of `hopf_curves` (``curve.isel(point=k)``), where the branch begins.
     points : int
         the most cycles.
+    heaters : mapping of name to float, W, optional
+        constant power in further inputs of a linear model, as for `simulate`; so are ``heated`` and ``read``.
 
     Returns
     -------
@@ -87,10 +93,10 @@ def continue_cycle(
     4.598 GHz; ends in a Hopf point
     """
     check_ring(ring)
-    small = compact(model)
-    P, nu = _laser(guess, power, detuning)
+    warm = constant(model, heaters, heated, read)
+    P, nu = _laser(guess, power, detuning, warm.turned(ring))
     ends = _ends(values)
-    p = problem(ring, small, P, nu)
+    p = problem(ring, warm.model, P, nu, warm.rise)
     family = FreeParameters(p, (parameter,), np.array([ends.max() - ends.min()]))
     here = value_of(p, parameter)
     if not ends.min() <= here <= ends.max():
@@ -104,7 +110,7 @@ def continue_cycle(
         if first is None:
             raise checks.InputError(f"the cycle at {parameter} = {here:g} is too close to a fold to start from")
         found, why = branch.follow(family, first, ends[0] - here or 1.0, ends.min(), ends.max(), points)
-    return _dataset(family, found, why)
+    return _dataset(family, found, why).assign_attrs(warm.attributes)
 
 
 def _ends(values: Any) -> Array:
@@ -115,10 +121,10 @@ def _ends(values: Any) -> Array:
     return np.asarray(ends)
 
 
-def _laser(guess: Any, power: float | None, detuning: float | None) -> tuple[float, float]:
-    """Power and detuning of the first cycle."""
+def _laser(guess: Any, power: float | None, detuning: float | None, turn: float) -> tuple[float, float]:
+    """Power and detuning of the first cycle; heaters turn the resonance by ``turn`` in Hz."""
     attrs = getattr(guess, "attrs", {})
-    own = laser_of(guess) if is_hopf_point(guess) else (attrs.get("input_power"), attrs.get("detuning", 0.0))
+    own = laser_of(guess, turn) if is_hopf_point(guess) else (attrs.get("input_power"), attrs.get("detuning", 0.0))
     P = own[0] if power is None else power
     nu = own[1] if detuning is None else detuning
     if P is None:

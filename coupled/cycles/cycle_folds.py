@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,8 +13,9 @@ from thermofem.models import ThermalModel
 
 from ..arguments import check_axis, check_ring
 from ..equilibria.boundaries import hopf_curves
+from ..heaters import constant
 from ..resonator import RingResonator
-from ..thermal import Compact, compact
+from ..thermal import Compact
 from . import branch
 from .fold_path import follow_folds
 from .hopf_start import born, laser_of
@@ -35,8 +37,15 @@ POINTS = 300  # of a curve, each way
 
 
 def cycle_fold_curves(
-    ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike
-) -> list[xr.Dataset]:  # fmt: skip
+    ring: RingResonator,
+    model: ThermalModel,
+    powers: ArrayLike,
+    detunings: ArrayLike,
+    *,
+    heaters: Mapping[str, float] | None = None,
+    heated: str | None = None,
+    read: str | None = None,
+) -> list[xr.Dataset]:
     """Return the curves on which a stable and an unstable cycle meet and vanish: the ends of hysteresis.
 
     Between such a curve and a subcritical Hopf curve the ring may rest or pulse. Branches of cycles lead from Hopf
@@ -49,6 +58,8 @@ def cycle_fold_curves(
         as for `limit_cycle`.
     powers, detunings : array, W and Hz
         of a map; the curves end at their first point outside.
+    heaters : mapping of name to float, W, optional
+        constant power in further inputs of a linear model, as for `simulate`; so are ``heated`` and ``read``.
 
     Returns
     -------
@@ -70,8 +81,9 @@ def cycle_fold_curves(
     """
     check_ring(ring)
     P, nu = check_axis("powers", powers), check_axis("detunings", detunings)
-    small = compact(model)
-    window = _Window(P[0], P[-1], nu[0], nu[-1])
+    warm = constant(model, heaters, heated, read)
+    small, turn = warm.model, warm.turned(ring)
+    window = _Window(P[0], P[-1], nu[0] + turn, nu[-1] + turn)
     found: list[xr.Dataset] = []
     for hopf in hopf_curves(ring, small, *window.wider()):
         for seed in _seeds(hopf):
@@ -79,7 +91,8 @@ def cycle_fold_curves(
                 if any(window.holds(curve, fold.values) for curve in found):
                     continue
                 found += _curve(ring, small, fold, family, window)
-    return found
+    seen = [curve["detuning"].copy(data=curve["detuning"].values - turn) for curve in found]
+    return [c.assign(detuning=nu).assign_attrs(warm.attributes) for c, nu in zip(found, seen, strict=True)]
 
 
 class _Window:

@@ -11,7 +11,7 @@ hand side of the system that Newton's method solved. The stages follow by substi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,9 +22,9 @@ from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring
 from ..equilibria.steady import provenance
+from ..heaters import constant
 from ..pulsing import DUTY_LEVEL
 from ..resonator import RingResonator
-from ..thermal import compact
 from .guess import from_guess
 from .measures import ENERGY, HEAT, measure
 from .orbit import CycleProblem, Orbit, problem, settle
@@ -49,6 +49,9 @@ def cycle_derivatives(
     power: float,
     detuning: float = 0.0,
     cycle: xr.Dataset | None = None,
+    heaters: Mapping[str, float] | None = None,
+    heated: str | None = None,
+    read: str | None = None,
 ) -> xr.Dataset:
     """Return the derivatives of a settled cycle with respect to numbers of the ring, the laser and the heat.
 
@@ -61,6 +64,8 @@ def cycle_derivatives(
         its dispersion, "power", "detuning", and "R1", "tau1" and so on for the poles of a network; by default all.
     cycle : Dataset, optional
         the cycle as `limit_cycle` returned it, or one nearby; spares the transient.
+    heaters : mapping of name to float, W, optional
+        constant power in further inputs of a linear model, as for `simulate`; so are ``heated`` and ``read``.
 
     Returns
     -------
@@ -86,9 +91,10 @@ def cycle_derivatives(
     check_ring(ring)
     check_power(power)
     check_detuning(detuning)
-    small = compact(model)
+    warm = constant(model, heaters, heated, read)
+    small = warm.model
     names = parameter_names(ring, small) if parameters is None else [*parameters]
-    p = problem(ring, small, float(power), float(detuning))
+    p = problem(ring, small, float(power), float(detuning), warm.rise)
     found = settled(p, np.zeros(p.units.size)) if cycle is None else from_guess(p, cycle)
     orbit = settle(p, found.orbit, FINE) or found.orbit
     if parameters is None:
@@ -104,6 +110,7 @@ def cycle_derivatives(
     seen = measure(p, orbit)
     attrs = provenance("cycle derivatives", ring, small) | {"input_power": p.power, "detuning": p.detuning}
     attrs |= {"period": orbit.T * 1e-9, "duty": seen.duty, "swing": seen.swing, "extinction": float(seen.extinction)}
+    attrs |= warm.attributes
     return xr.Dataset(variables, coords={"parameter": names}, attrs=attrs)
 
 

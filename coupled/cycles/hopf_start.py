@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from thermofem.checks import InputError
 
+from ..heaters import turned_by
 from .branch import follow, follow_along, outwards, relative_range
 from .hopf_end import turned
 from .orbit import FEWEST, CycleProblem, Orbit
@@ -43,11 +44,11 @@ def is_hopf_point(guess: Any) -> bool:
     return bool(getattr(guess, "attrs", {}).get("kind") == KIND)
 
 
-def laser_of(guess: Any) -> tuple[float, float]:
-    """Power in W and detuning in Hz of a point of a Hopf curve."""
+def laser_of(guess: Any, turn: float = 0.0) -> tuple[float, float]:
+    """Power in W and detuning in Hz of a point of a Hopf curve; heaters turn the resonance by ``turn`` in Hz."""
     if np.ndim(guess["power"]) != 0:
         raise InputError("guess is a whole Hopf curve; give one point of it, such as curve.isel(point=0)")
-    return float(guess["power"]), float(guess["detuning"])
+    return float(guess["power"]), float(guess["detuning"]) - turn
 
 
 def hopf_point(p: CycleProblem, guess: Any) -> HopfPoint:
@@ -85,7 +86,8 @@ def small_cycle(p: CycleProblem, point: HopfPoint, r: float) -> Orbit:
 
 def born(family: FreeParameters, guess: Any) -> tuple[Place, Array]:
     """A small cycle of a family beside a Hopf point, and the tangent of its branch away from it."""
-    p, own = family.base, laser_of(guess)
+    p = family.base
+    own = laser_of(guess, turned_by(p.rise, p.ring))
     point = hopf_point(p if (p.power, p.detuning) == own else under_laser(p, *own), guess)
     for r in (SMALL, SMALL / 4):
         trial = small_cycle(family.base, point, r)
@@ -101,7 +103,7 @@ def born(family: FreeParameters, guess: Any) -> tuple[Place, Array]:
 
 def near_hopf(p: CycleProblem, guess: Any) -> Orbit:
     """The cycle of a problem, along the branch from a Hopf point under another power or detuning."""
-    own = dict(zip(LASER, laser_of(guess), strict=True))
+    own = dict(zip(LASER, laser_of(guess, turned_by(p.rise, p.ring)), strict=True))
     wanted = {"power": p.power, "detuning": p.detuning}
     names = [name for name in LASER if wanted[name] != own[name]]
     if not names:

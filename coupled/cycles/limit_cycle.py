@@ -89,8 +89,8 @@ def limit_cycle(
     check_power(power)
     check_detuning(detuning)
     warm = constant(model, heaters, heated, read)
-    p = problem(ring, warm.model, float(power), float(detuning) + warm.turned(ring))
+    p = problem(ring, warm.model, float(power), float(detuning), warm.rise)
     found = settled(p, np.zeros(p.units.size)) if guess is None else from_guess(p, guess)
-    cycle = dataset_of(p, found, warm.rise)
-    cycle.attrs |= {"detuning": float(detuning), **warm.attributes}
+    cycle = dataset_of(p, found)
+    cycle.attrs |= warm.attributes
     return cycle

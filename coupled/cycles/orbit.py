@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import window
+from ..heaters import turned_by
 from ..kernels.collocation import Ring
 from ..kernels.interrupts import new_watch, uninterrupted
 from ..kernels.tableaus import Method, tableau
@@ -38,6 +39,7 @@ class CycleProblem(NamedTuple):
     model: Compact
     power: float  # W
     detuning: float  # Hz
+    rise: float = 0.0  # K, by constant heaters
 
 
 class Orbit(NamedTuple):
@@ -57,16 +59,16 @@ class Orbit(NamedTuple):
         return np.asarray(found[np.argsort(-np.abs(found))])
 
 
-def problem(ring: RingResonator, model: Compact, power: float, detuning: float) -> CycleProblem:
-    """Return ring, heat (`thermal.compact`) and laser in internal units."""
+def problem(ring: RingResonator, model: Compact, power: float, detuning: float, rise: float = 0.0) -> CycleProblem:
+    """Return ring, heat (`thermal.compact`) and laser in internal units; heaters add ``rise`` in K."""
     from ..kernels import equations as eq
 
     rates, fcd = eq.internal_rates(ring)
     drive = eq.internal_drive(ring, power)
     thermal = eq.internal_thermal(model)
-    at = Ring(drive, eq.internal_detuning(detuning), rates, fcd, thermal)
+    at = Ring(drive, eq.internal_detuning(detuning + turned_by(rise, ring)), rates, fcd, thermal)
     floor = window.floor_of(rates, drive, model.thermal_resistance * eq.UW)
-    return CycleProblem(at, floor, window.units(thermal.order), ring, model, power, detuning)
+    return CycleProblem(at, floor, window.units(thermal.order), ring, model, power, detuning, rise)
 
 
 def run(

@@ -11,6 +11,7 @@ from thermofem import Foster, OutputMap, Quadratic, checks
 
 from .. import window
 from ..arguments import check_power
+from ..heaters import turned_by
 from ..resonator import RingResonator
 from ..thermal import Compact
 from ..unknowns import LIFETIMES, optical_names, varied
@@ -58,7 +59,7 @@ def changed(p: CycleProblem, name: str, value: float) -> CycleProblem:
         model = _network_with(model, kind, number, value)
     else:
         ring = varied(ring, {name: value})
-    return problem(ring, model, **laser)
+    return problem(ring, model, **laser, rise=p.rise)
 
 
 def slope(p: CycleProblem, name: str, states: Array) -> Array:
@@ -81,7 +82,8 @@ def under_laser(p: CycleProblem, power: float, detuning: float) -> CycleProblem:
     from ..kernels import equations as eq
 
     check_power(power)
-    at = p.at._replace(drive=eq.internal_drive(p.ring, power), detuning=eq.internal_detuning(detuning))
+    turned = eq.internal_detuning(detuning + turned_by(p.rise, p.ring))
+    at = p.at._replace(drive=eq.internal_drive(p.ring, power), detuning=turned)
     floor = window.floor_of(at.rates, at.drive, p.model.thermal_resistance * eq.UW)
     return p._replace(at=at, floor=floor, power=power, detuning=detuning)
 

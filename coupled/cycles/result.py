@@ -23,8 +23,8 @@ Array = NDArray[np.float64]
 UNSTABLE = 1 + 1e-9  # of a multiplier; they are exact to a few 1e-10
 
 
-def dataset_of(p: CycleProblem, found: Settled, rise: float = 0.0) -> xr.Dataset:
-    """Return what `limit_cycle` returns; heaters add ``rise`` in K to the temperature."""
+def dataset_of(p: CycleProblem, found: Settled) -> xr.Dataset:
+    """Return what `limit_cycle` returns."""
     import xarray as xr
 
     from ..kernels import equations as eq
@@ -41,7 +41,7 @@ def dataset_of(p: CycleProblem, found: Settled, rise: float = 0.0) -> xr.Dataset
     values = {
         "energy": U * eq.FJ,
         "carriers": N * eq.DENSITY,
-        "delta_T": seen[:, 2] + rise,
+        "delta_T": seen[:, 2] + p.rise,
         "drop": 2 * ring.drop_bus_rate * U * eq.FJ,
         "through": np.abs(into + 1j * np.sqrt(2 * ring.bus_rate * eq.NS) * field) ** 2 * eq.UW,
         "absorbed": eq.absorbed_power.py_func(U, N, p.at.rates) * eq.UW,

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from thermofem.checks import InputError
 
+from ..heaters import turned_by
 from .orbit import CycleProblem, Orbit, around, run, shoot
 
 Array = NDArray[np.float64]
@@ -161,7 +162,7 @@ def stable_points(p: CycleProblem, at: Any = None) -> Array:
     from ..equilibria.steady import absorbable, fixed_points, internal, kind_of
 
     at = at or internal(p.ring, p.model, absorbable(p.ring, p.power))
-    U, D = fixed_points(p.ring, at, p.power, p.detuning)
+    U, D = fixed_points(p.ring, at, p.power, p.detuning + turned_by(p.rise, p.ring))
     N, _, dT, *_ = balance.balances(U, at.rates, at.fcd, at.static)
     stable = [kind_of(spectrum.dense(u, d, *at[1:]))[2] == "stable" for u, d in zip(U, D, strict=True)]
     return np.stack([U, N, dT], axis=1)[stable]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -134,6 +135,49 @@ def test_a_settled_cycle_under_a_heater():
     warm = coupled.limit_cycle(RING, model, power=6.31e-3, detuning=moved, heaters={"heater": 4e-3})
     assert warm.attrs["period"] == pytest.approx(cold.attrs["period"], rel=1e-9)
     assert warm["delta_T"].values.max() == pytest.approx(cold["delta_T"].values.max() + rise, rel=1e-9)
+
+
+def test_branches_and_derivatives_of_cycles_under_a_heater():
+    """Those of the bare model at the laser that follows the resonance; by what moves the resonance, of both."""
+    rate, gain = 1 / np.array([55.8e-9, 1.2e-6]), np.array([1998.1, 5786.2])
+    B = np.array([np.sqrt(gain * rate), [-500.0, 9000.0]]).T
+    model = th.StateSpace(np.eye(2), -np.diag(rate), B, B.T[:1], inputs=("core", "heater"), outputs=("core",))
+    turn = RING.thermal_shift * (np.linalg.solve(-model.A, model.B[:, 1]) @ model.C[0] * 4e-3) / (2 * np.pi)
+    bare, heaters = model.channel("core"), {"heater": 4e-3}
+    cold = coupled.continue_cycle(RING, bare, "detuning", (-2e9, 3e9), power=6.31e-3, detuning=0.0)
+    ends = (-2e9 - turn, 3e9 - turn)
+    warm = coupled.continue_cycle(RING, model, "detuning", ends, power=6.31e-3, detuning=-turn, heaters=heaters)
+    assert warm["period"].values == pytest.approx(cold["period"].values, rel=1e-8)
+    assert warm["detuning"].values + turn == pytest.approx(cold["detuning"].values, rel=1e-8, abs=10.0)
+    assert warm.attrs["power_in_heater"] == 4e-3
+    names, run = ["power", "detuning", "thermo_optic"], {"power": 6.31e-3, "detuning": -turn, "heaters": heaters}
+    found = coupled.cycle_derivatives(RING, model, names, **run)["period"].values
+    without = coupled.cycle_derivatives(RING, bare, names, power=6.31e-3)["period"].values
+    assert found[:2] == pytest.approx(without[:2], rel=1e-6)
+    step = 1e-4 * RING.thermo_optic
+    two = [
+        coupled.limit_cycle(replace(RING, thermo_optic=RING.thermo_optic + s), model, **run).attrs["period"]
+        for s in (step, -step)
+    ]
+    # central differences: the square of 1e-4 times the ratio of the third derivative to the first, here below 1e3
+    assert found[2] == pytest.approx((two[0] - two[1]) / (2 * step), rel=1e-4)
+    assert abs(found[2] / without[2] - 1) > 0.1
+
+
+def test_folds_of_cycles_under_a_heater():
+    ring, newton = RING.with_lumped_fcd(), surrogate.newton(tau_th=275e-9)
+    R, tau = newton.dynamics.thermal_resistance, 275e-9
+    model = th.StateSpace(
+        np.eye(1), -np.eye(1) / tau, np.array([[np.sqrt(R / tau), 500.0]]), np.array([[np.sqrt(R / tau)]]),
+        inputs=("core", "heater"), outputs=("core",),
+    )  # fmt: skip
+    turn = ring.thermal_shift * 500.0 * np.sqrt(R * tau) * 2e-3 / (2 * np.pi)
+    (cold,) = coupled.cycle_fold_curves(ring, newton, [4.9e-3, 5.1e-3], [0.0, 10e9])
+    nu = np.array([0.0, 10e9]) - turn
+    (warm,) = coupled.cycle_fold_curves(ring, model, [4.9e-3, 5.1e-3], nu, heaters={"heater": 2e-3})
+    assert warm["detuning"].values + turn == pytest.approx(cold["detuning"].values, rel=1e-7)
+    assert warm["power"].values == pytest.approx(cold["power"].values, rel=1e-7)
+    assert warm["detuning"].attrs == cold["detuning"].attrs
 
 
 def test_what_is_refused_says_what_to_do():
