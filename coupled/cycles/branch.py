@@ -8,7 +8,7 @@ Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Sections 10.2 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import partial
 from typing import NamedTuple
 
@@ -47,9 +47,15 @@ def follow(
 
 
 def follow_along(
-    family: FreeParameters, start: Place, tangent: Array, low: float, high: float, most: int
+    family: FreeParameters,
+    start: Place,
+    tangent: Array,
+    low: float,
+    high: float,
+    most: int,
+    kinds: Collection[str] = KINDS,
 ) -> tuple[list[Found], str]:
-    """`follow` with the tangent given, in the units of `weights`."""
+    """`follow` with the tangent given, in the units of `weights`, and the ``kinds`` of special cycles to locate."""
     place, step = start, FIRST
     out, shortest = [Found(start, "")], start.orbit.T
     while len(out) < most:
@@ -66,7 +72,7 @@ def follow_along(
             continue
         if _mirrored(family, place, ahead) and (end := hopf_near(family, min(place, ahead, key=relative_range))):
             return [*out, Found(end, HOPF)], "a Hopf point"
-        out += _between(family, place, ahead, tangent, step)
+        out += _between(family, place, ahead, tangent, step, kinds)
         value = float(ahead.values[0])
         if not low <= value <= high:
             border = low if value < low else high
@@ -155,7 +161,9 @@ def _ahead(family: FreeParameters, place: Place, tangent: Array, step: float) ->
     return found[0] if found else None
 
 
-def _between(family: FreeParameters, place: Place, ahead: Place, tangent: Array, step: float) -> list[Found]:
+def _between(
+    family: FreeParameters, place: Place, ahead: Place, tangent: Array, step: float, kinds: Collection[str]
+) -> list[Found]:
     """Bifurcations between two cycles, in order."""
 
     def fold(q: Place) -> float:
@@ -164,7 +172,7 @@ def _between(family: FreeParameters, place: Place, ahead: Place, tangent: Array,
 
     out = []
     for kind, test in zip(KINDS, (fold, doubling, torus), strict=True):
-        if test(place) * test(ahead) < 0:
+        if kind in kinds and test(place) * test(ahead) < 0:
             found = _located(family, place, tangent, step, test)
             if found is not None and (kind != "torus" or _has_a_pair(found)):
                 out.append(Found(found, kind))

@@ -152,7 +152,7 @@ def _folds_from(ring: RingResonator, model: Compact, seed: xr.Dataset, window: _
     except InputError:
         return []
     low, high = window.wider()[1]
-    found, _ = branch.follow_along(one, start, tangent, float(low), float(high), SEEDS)
+    found, _ = branch.follow_along(one, start, tangent, float(low), float(high), SEEDS, ("fold",))
     out = []
     for fold in (f.place for f in found if f.kind == "fold"):
         across = fold.directions[0] * weights(one, fold.orbit)

@@ -17,6 +17,7 @@ A fold has lambda = 0, a quadratic equation in D: D = -U shift' +- sqrt((U shift
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -100,19 +101,31 @@ def hopf_curves(
 
     plane = _plane(ring, model, powers, detunings)
     curves = []
-    for line in _joined(_pieces(plane)):
-        U, D, omega = _smooth(plane, line)
-        for part in _inside(plane, U, D):
-            curve = _dataset(plane, "Hopf curve", U[part], D[part], omega[part])
-            points = list(zip(U[part], D[part], omega[part], strict=True))
-            found = [_criticality(plane, u, d, w) for u, d, w in points]
-            growth = np.array([g for g, _ in found])
-            leading = [_others_decay(values, w) for (_, values), (_, _, w) in zip(found, points, strict=True)]
-            curve["leading"] = ("point", leading, {"units": "1", "long_name": "no other mode grows"})
-            about = {"units": "1/s", "long_name": "first Lyapunov coefficient"}
-            curve["lyapunov"] = ("point", growth / eq.NS, about)
-            curves.append(curve)
+    for U, D, omega, leading, growth in _hopf(plane):
+        curve = _dataset(plane, "Hopf curve", U, D, omega)
+        curve["leading"] = ("point", leading, {"units": "1", "long_name": "no other mode grows"})
+        about = {"units": "1/s", "long_name": "first Lyapunov coefficient"}
+        curve["lyapunov"] = ("point", growth / eq.NS, about)
+        curves.append(curve)
     return curves
+
+
+def subcritical(ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike) -> bool:
+    """Whether one of the `hopf_curves` is subcritical where it bounds a stable region."""
+    plane = _plane(ring, model, powers, detunings)
+    return any(bool(np.any(np.array(leading) & (growth > 0))) for *_, leading, growth in _hopf(plane))
+
+
+def _hopf(plane: _Plane) -> Iterator[tuple[Array, Array, Array, list[bool], Array]]:
+    """U, D, omega, whether no other mode grows, and the first Lyapunov coefficient (1/ns), of each curve."""
+    for line in _joined(_pieces(plane)):
+        every = _smooth(plane, line)
+        for part in _inside(plane, *every[:2]):
+            U, D, omega = (values[part] for values in every)
+            points = list(zip(U, D, omega, strict=True))
+            found = [_criticality(plane, u, d, w) for u, d, w in points]
+            leading = [_others_decay(values, w) for (_, values), (_, _, w) in zip(found, points, strict=True)]
+            yield U, D, omega, leading, np.array([g for g, _ in found])
 
 
 def fold_curves(

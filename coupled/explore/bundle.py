@@ -11,7 +11,8 @@ from ..kernels.tableaus import Method, tableau
 
 # in the order in which they use one another
 MODULES = (
-    "ring", "eigen", "rosenbrock", "equilibria", "curves", "cycle", "heat", "engine", "plot", "state", "script",
+    "ring", "eigen", "equations", "poles", "rosenbrock", "integrate", "equilibria", "curves", "cycle", "heat", "engine",
+    "plot", "state", "script",
     "figures", "thermal", "save", "channel", "main",
 )  # fmt: skip
 LIBRARY = "vendor/d3-scale.min.js"

@@ -3,7 +3,8 @@
 //   phi_T(y) - y = 0 on the section N = level; Newton with the derivative of the flow along the steps taken.
 
 import { eigenvalues, solve } from "./eigen.mjs";
-import { EVENT, flow, integrate, replay } from "./rosenbrock.mjs";
+import { flow } from "./equations.mjs";
+import { EVENT, integrate, replay } from "./integrate.mjs";
 
 const DUTY_LEVEL = 0.45;
 const SETTLED = 0.02;

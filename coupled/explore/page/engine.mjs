@@ -1,6 +1,8 @@
 // Answers what the page asks, in a worker or beside it: numbers in, numbers out.
 
-import { cold, integrate, methodOf } from "./rosenbrock.mjs";
+import { cold } from "./equations.mjs";
+import { integrate } from "./integrate.mjs";
+import { methodOf } from "./rosenbrock.mjs";
 import { FJ, NS, UW, absorbedPower, driveOf, systemOf, turnOf } from "./ring.mjs";
 import { classify, columns, limitCycle, settling } from "./cycle.mjs";
 import { foldCurves, hopfCurves } from "./curves.mjs";

@@ -6,7 +6,7 @@
 
 import { absorbedPower, dispersion } from "./ring.mjs";
 import { eigenvalues } from "./eigen.mjs";
-import { jacobian } from "./rosenbrock.mjs";
+import { jacobian } from "./equations.mjs";
 
 const SPACING = 0.02;
 const CLOSE = 4e-16;
