@@ -216,9 +216,13 @@ def constant(
     InputError
         as `channels`, and a power that is no number or out of range.
     """
-    found, powers = channels(model, heaters, heated, read), {}
-    hint = "a constant power in W, such as 5e-3; coupled.simulate takes waveforms"
-    for name, value in (heaters or {}).items():
-        powers[name] = checks.between(f"heaters[{name!r}]", value, 0, LARGEST_POWER, unit="W", hint=hint)
+    found = channels(model, heaters, heated, read)
+    powers = {name: heater_power(name, value) for name, value in (heaters or {}).items()}
     rise = sum(found.transfers[name].thermal_resistance * power for name, power in powers.items())
     return ConstantHeating(found.model, float(rise), powers)
+
+
+def heater_power(name: str, value: Any) -> float:
+    """A constant power of a heater in W; InputError where it is no number or out of range."""
+    hint = "a constant power in W, such as 5e-3; coupled.simulate takes waveforms"
+    return checks.between(f"heaters[{name!r}]", value, 0, LARGEST_POWER, unit="W", hint=hint)

@@ -5,27 +5,49 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from thermofem import checks
-from thermofem.models import Foster, OutputMap, Quadratic, ThermalModel
+from thermofem.models import Foster, OutputMap, Quadratic, StateSpace, ThermalModel
+from thermofem.models.contract import bare
 
+from ..heaters import LARGEST_POWER, Channels, channels
 from ..parameters import borghi2021 as borghi
 from ..parameters import vanvaerenbergh2012 as vanvaerenbergh
 from ..parameters.laws import NewtonParameters, SecondOrderParameters
 from ..resonator import RingResonator
-from ..thermal import compact
 
 LARGEST = 60  # poles; a trace of 20 us with that many takes a browser some 30 ms
+HEATERS = 3
 SERIES = 6  # models that a figure can tell apart by colour
 DBM_10 = {"power": (3.0, 10.0), "detuning": (-30.0, 30.0)}  # dBm and GHz; the maps of Borghi et al.
 WINDOWS = {"Borghi 2021": DBM_10, "Borghi 2021, lumped FCD": DBM_10, "Van Vaerenbergh 2012": {"power": (-10.0, 6.0), "detuning": (-35.0, 10.0)}}  # fmt: skip  # noqa: E501
 
 
-def model_of(name: str, model: ThermalModel) -> dict[str, Any]:
-    """Return a thermal model as the page takes it.
+class Parts(NamedTuple):
+    """What the light heats and what is read of a model with several parts; None for its first input, and the same."""
+
+    heated: str | None = None
+    read: str | None = None
+
+
+FIRST = Parts()
+
+
+def channels_of(model: ThermalModel, parts: Parts) -> Channels:
+    """Return the channel of the light, and those of all other inputs, which are heaters."""
+    system = bare(model)
+    if not isinstance(system, StateSpace) or (len(system.inputs), len(system.outputs)) == (1, 1):
+        return channels(model)
+    heated = parts.heated or system.inputs[0]
+    others = {name: 0.0 for name in system.inputs if name != heated}
+    return channels(model, others, heated, parts.read)
+
+
+def model_of(name: str, model: ThermalModel, parts: Parts = FIRST) -> dict[str, Any]:
+    """Return a thermal model as the page takes it; with heaters, residues R_i (K/W) for each of them.
 
     Raises
     ------
@@ -33,7 +55,7 @@ def model_of(name: str, model: ThermalModel) -> dict[str, Any]:
         a model of a kind that the page cannot run, too large, or not passive.
     """
     hint = "the page runs Foster networks, small linear models and OutputMap over one"
-    small = compact(model)
+    small, transfers = channels_of(model, parts)
     if isinstance(small, Quadratic):
         raise checks.InputError(
             f"model {name!r} is quadratic; {hint}: give a linear reduction (surrogate.reduce) or surrogate.output_map"
@@ -44,7 +66,14 @@ def model_of(name: str, model: ThermalModel) -> dict[str, Any]:
             f"model {name!r} has {linear.order} poles, at most {LARGEST} run in the page; "
             "reduce it first (surrogate.reduce)"
         )
-    return {
+    if len(transfers) > HEATERS:
+        raise checks.InputError(f"model {name!r} has {len(transfers)} heaters, at most {HEATERS} fit in the page; reduce fewer inputs")  # fmt: skip  # noqa: E501
+    heaters = {
+        "heated": small.inputs[0],
+        "read": small.outputs[0],
+        "heaters": {key: np.asarray(transfer.R, dtype=float).tolist() for key, transfer in transfers.items()},
+    }
+    return (heaters if transfers else {}) | {
         "name": name,
         "R": np.asarray(linear.R, dtype=float).tolist(),
         "tau": np.asarray(linear.tau, dtype=float).tolist(),
@@ -52,14 +81,30 @@ def model_of(name: str, model: ThermalModel) -> dict[str, Any]:
     }
 
 
-def models_of(models: ThermalModel | Mapping[str, ThermalModel]) -> list[dict[str, Any]]:
+def models_of(models: ThermalModel | Mapping[str, ThermalModel], parts: Parts = FIRST) -> list[dict[str, Any]]:
     """Return the models that were given, each with its name."""
     if not isinstance(models, Mapping):
         order = getattr(models, "order", None)
         models = {f"{type(models).__name__}{f', {order} poles' if order else ''}": models}
     if not 1 <= len(models) <= SERIES:
         raise checks.InputError(f"models has {len(models)} entries; give 1 to {SERIES}, by name")
-    return [model_of(str(name), model) for name, model in models.items()]
+    return [model_of(str(name), model, parts) for name, model in models.items()]
+
+
+def heaters_of(models: list[dict[str, Any]], ring: dict[str, Any], shift: float) -> list[dict[str, Any]]:
+    """Return the heaters of all models, each with what its slider spans in mW: twice the window of detunings.
+
+    ``shift`` is d(omega)/d(dT) of the ring in rad/s/K.
+    """
+    found: dict[str, float] = {}
+    for model in models:
+        for name, R in model.get("heaters", {}).items():
+            found[name] = max(found.get(name, 0.0), abs(sum(R)))
+    if len(found) > HEATERS:
+        raise checks.InputError(f"the models have the heaters {', '.join(found)}; at most {HEATERS} fit in the page")
+    low, high = ring["window"]["detuning"]
+    wanted = {name: 2 * (high - low) * 1e9 * 2 * math.pi / max(shift * R, 1.0) for name, R in found.items()}  # W
+    return [{"name": name, "span": float(f"{1e3 * min(P, LARGEST_POWER):.1g}")} for name, P in wanted.items()]
 
 
 def ring_of(ring: RingResonator) -> dict[str, Any]:

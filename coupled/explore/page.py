@@ -19,6 +19,7 @@ from thermofem.models import ThermalModel
 from thermofem.version import __version__
 
 from ..arguments import check_detuning, check_power
+from ..heaters import heater_power
 from ..parameters.borghi2021 import borghi2021
 from ..parameters.vanvaerenbergh2012 import vanvaerenbergh2012
 from ..resonator import RingResonator
@@ -74,6 +75,9 @@ def explore(
     heat: HeatProblem | None = None,
     reference: str | None = None,
     family: Any = None,
+    heaters: Mapping[str, float] | None = None,
+    heated: str | None = None,
+    read: str | None = None,
 ) -> Page:
     """Write one HTML file that computes the dynamics of a ring in the browser, without a network or a server.
 
@@ -99,6 +103,10 @@ def explore(
     family : surrogate.Family, optional
         sliders for its first three parameters; its member is the first thermal model. Between the points of a grid the
         step response is linear; the page states the error.
+    heaters : mapping of name to float, W, optional
+        powers of heaters when the page opens. Every input of a model but the one that the light heats gets a slider.
+    heated, read : str, optional
+        the input of such a model that the light heats, by default its first, and the output that detunes it.
 
     Returns
     -------
@@ -123,7 +131,8 @@ def explore(
     if models is None and family is None:
         raise checks.InputError("models is missing; give a thermal model, several by name, or a family")
     given = models if isinstance(models, Mapping) else {"model": models} if models is not None else {}
-    own = [] if models is None else contents.models_of(models)
+    parts = contents.Parts(heated, read)
+    own = [] if models is None else contents.models_of(models, parts)
     names = [model["name"] for model in own]
     reduction = next((name for name, model in zip(names, given.values(), strict=True) if hasattr(model, "basis")), None)
     if reference is not None:
@@ -134,6 +143,8 @@ def explore(
         "loadedQ": None, "intrinsicQ": None, "lifetime": None, "duration": 20, "view": "cycle",
     }  # fmt: skip
     rings = [contents.ring_of(ring)]
+    sliders = contents.heaters_of(own, rings[0], ring.thermal_shift)
+    start |= _heater_powers(sliders, heaters or {})
     known = [rings[0]["name"]]
     for other in (borghi2021(), borghi2021().with_lumped_fcd(), vanvaerenbergh2012()):
         if other.name not in known:
@@ -146,17 +157,19 @@ def explore(
         start["model"] = len(own) - 1
     everything = own + contents.paper_models()
     found = dict(zip(names, given.values(), strict=True)).get(reduction) if reduction else None
+    first = contents.channels_of(next(iter(given.values())), parts).model if given and start["model"] == 0 else None
     data = {
         "title": ring.name,
         "rings": rings,
         "models": everything,
         "judge": names.index(judge) if judge else None,
+        "heaters": sliders,
         "start": start,
         "presets": contents.presets(rings, everything, start),
         "tableaus": bundle.tableaus(),
         "reference": _step(heat) if heat is not None else None,
-        "section": section_of(heat, found) if heat is not None and found is not None else None,
-        "borders": borders(rings, everything, ring, next(iter(given.values()), None) if start["model"] == 0 else None),
+        "section": section_of(heat, found, parts) if heat is not None and found is not None else None,
+        "borders": borders(rings, everything, ring, first),
         "family": grid
         and grid
         | {
@@ -174,6 +187,21 @@ def explore(
 def _scale(unit: str) -> tuple[float, str]:
     """The factor from SI to what a person reads, and its unit."""
     return (1e6, "µm") if unit == "m" else (1.0, unit)
+
+
+def _heater_powers(sliders: list[dict[str, Any]], powers: Mapping[str, float]) -> dict[str, float]:
+    """The powers of heaters when the page opens, in mW."""
+    names = [slider["name"] for slider in sliders]
+    for name in powers:
+        checks.choice("heaters", name, names)
+    return {f"h{k}": 1e3 * heater_power(name, powers.get(name, 0.0)) for k, name in enumerate(names)}
+
+
+def _heater_fields(sliders: list[dict[str, Any]]) -> str:
+    """The fields of the heaters' powers."""
+    return "\n".join(
+        _field(f"h{k}", f"Power in {html.escape(slider['name'])}", "mW") for k, slider in enumerate(sliders)
+    )
 
 
 def _family_fields(grid: dict[str, Any] | None) -> str:
@@ -204,6 +232,7 @@ def _filled(data: dict[str, Any]) -> str:
         **{name: "\n".join(_field(key, *words) for key, words in group.items()) for name, group in FIELDS.items()},
         **{f"save_{name}": _save(target, name == "traces") for name, target in FIGURES.items()},
         "geometry": _family_fields(data["family"]),
+        "heaters": _heater_fields(data["heaters"]),
         "modes": str(len(section["modes"]) if section else 0),
         "footer": f"Written by thermofem {html.escape(__version__)}. The equations are those of coupled.simulate; "
         "ticks by d3-scale (ISC licence, Mike Bostock). This file needs no network.",

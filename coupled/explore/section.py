@@ -7,36 +7,42 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eigh
+
+from thermofem.models import Foster
 
 if TYPE_CHECKING:
     from thermofem import HeatProblem
+
+    from .contents import Parts
 
 Array = NDArray[np.float64]
 
 WIDTH, HEIGHT = 132, 88  # pixels
 SPAN = 6e-6  # m, of the picture, unless the parts are wider
-MODES = 14  # at most; the others are left out and what they hold is said by `weight_left`
+MODES = 14  # at most
 SMALL = 1e-4  # share of R_th below which a mode is not drawn
 
 
-def section_of(heat: HeatProblem, reduction: Any) -> dict[str, Any]:
-    """Return outlines and modes: T(r, z, t) = sum_i x_i(t) mode_i(r, z), dx_i/dt = (R_i P - x_i)/tau_i.
+def section_of(heat: HeatProblem, reduction: Any, parts: Parts) -> dict[str, Any]:
+    """Return outlines and modes: T(r, z, t) = sum_i x_i(t) mode_i + sum_h P_h rest_h, dx_i/dt = (R_i P - x_i)/tau_i.
 
     Parameters
     ----------
     heat : HeatProblem
     reduction : surrogate.Reduction
-        of its first heated part; its basis holds one field for each pole.
+        its basis holds one field for each state.
+    parts : Parts
+        what the light heats and what is read; every other input is a heater, of which the field at rest is kept.
     """
-    R, tau = (np.asarray(getattr(reduction.model, name), dtype=float) for name in ("R", "tau"))
+    R, tau, modes, heaters = _fields(reduction, parts)
     kept = np.flatnonzero(SMALL * R.sum() < R)
     kept = np.sort(kept[np.argsort(-R[kept])][:MODES])
     r, z = _window(heat)
-    fields = heat.field(np.asarray(reduction.basis).T[kept])
     at_r, at_z = (edges[0] + (np.arange(n) + 0.5) / n * (edges[1] - edges[0]) for edges, n in ((r, WIDTH), (z, HEIGHT)))
     grid = np.stack(np.meshgrid(at_r, at_z), axis=-1).reshape(-1, 2)
-    modes = _on_grid(np.asarray(heat.mesh.points), fields, grid)
-    scale = np.maximum(np.abs(modes).max(axis=1), 1e-30) / 127
+    fields = heat.field(np.concatenate([modes[kept], *heaters.values()]))
+    images = [_packed(image) for image in _on_grid(np.asarray(heat.mesh.points), fields, grid)]
     return {
         "width": WIDTH,
         "height": HEIGHT,
@@ -45,25 +51,43 @@ def section_of(heat: HeatProblem, reduction: Any) -> dict[str, Any]:
         "outlines": _outlines(heat),
         "R": R[kept].tolist(),
         "tau": tau[kept].tolist(),
-        "scale": scale.tolist(),
-        "modes": [
-            base64.b64encode(np.rint(m / s).astype(np.int8).tobytes()).decode()
-            for m, s in zip(modes, scale, strict=True)
-        ],
+        "modes": images[: kept.size],
+        "heaters": dict(zip(heaters, images[kept.size :], strict=True)),
     }
 
 
-def _packed(values: Array) -> str:
-    """Numbers between -127 and 127 as 8 bits each, in base64."""
-    return base64.b64encode(np.rint(values).astype(np.int8).tobytes()).decode()
+def _fields(reduction: Any, parts: Parts) -> tuple[Array, Array, Array, dict[str, Array]]:
+    """R, tau and states of the poles, with the mean 1 where read, and states of the heaters at rest under 1 W."""
+    model, basis = reduction.model, np.asarray(reduction.basis)
+    if isinstance(model, Foster):
+        return np.asarray(model.R), np.asarray(model.tau), basis.T, {}
+    light = parts.heated or model.inputs[0]
+    read = model.C[model.outputs.index(parts.read or light)]
+    rate, modes = eigh(-model.A, model.E)
+    seen = read @ modes
+    R = seen * (model.B[:, model.inputs.index(light)] @ modes) / rate
+    heaters = {
+        name: (basis @ np.linalg.solve(-model.A, model.B[:, k]))[None]
+        for k, name in enumerate(model.inputs)
+        if name != light
+    }
+    return R, 1 / rate, (basis @ (modes / np.where(seen == 0, np.inf, seen))).T, heaters
+
+
+def _packed(image: Array) -> dict[str, Any]:
+    """An image as numbers of 8 bits in base64, and what 1 stands for."""
+    scale = max(float(np.abs(image).max()), 1e-30) / 127
+    return {"scale": scale, "values": base64.b64encode(np.rint(image / scale).astype(np.int8).tobytes()).decode()}
 
 
 def _window(heat: HeatProblem) -> tuple[tuple[float, float], tuple[float, float]]:
-    """The part of the cross-section that is drawn: around the first heated part, within the domain."""
+    """The part of the cross-section that is drawn: around the heated parts, within the domain."""
     geometry = heat.geometry
-    part = next(part for part in geometry.parts if part.name == geometry.heated[0])
-    middle_r, middle_z = (part.inner_radius + part.outer_radius) / 2, (part.bottom + part.top) / 2
-    span = max(SPAN, 1.6 * (part.outer_radius - part.inner_radius))
+    parts = [part for part in geometry.parts if part.name in geometry.heated]
+    inner, outer = min(part.inner_radius for part in parts), max(part.outer_radius for part in parts)
+    low, top = min(part.bottom for part in parts), max(part.top for part in parts)
+    middle_r, middle_z = (inner + outer) / 2, (low + top) / 2
+    span = max(SPAN, 1.6 * (outer - inner), 1.6 * (top - low) * WIDTH / HEIGHT)
     left = max(min(middle_r - span / 2, geometry.outer_radius - span), 0.0)
     high = span * HEIGHT / WIDTH
     bottom = max(min(middle_z - high / 2, geometry.top_z - high), geometry.bottom_z)

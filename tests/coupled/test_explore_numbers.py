@@ -235,3 +235,76 @@ def test_settled_cycles(js):
         assert theirs == pytest.approx(mine, abs=2e-3), seed
     assert compared == 5
     assert refused <= 3
+
+
+def under_a_heater(seed):
+    """A random ring, whose network gets a second input: residues of either sign, and a power that moves a width."""
+    ring, model, power, detuning = ring_and_model(seed)
+    network = model.linear if isinstance(model, th.OutputMap) else model
+    tau, draw = np.asarray(network.tau), np.random.default_rng(seed)
+    through = draw.uniform(-0.2, 1, tau.size) * 2e3
+    through[0] += 1e3 - min(through.sum(), 0)
+    B = np.column_stack([network.R, through])
+    names = {"inputs": ("core", "heater"), "outputs": ("core",)}
+    heated = th.StateSpace(np.diag(tau), -np.eye(tau.size), B, np.ones((1, tau.size)), **names)
+    width = 2 * ring.linear_rate / (ring.thermal_shift * through.sum())
+    return ring, heated, power, detuning, float(draw.uniform(0.2, 0.8) * width)
+
+
+ENGINE = """
+const request = { ring: r.ring, model: globalThis.ringPage.heatedBy(r.model, { heater: r.heater }), power: r.power,
+    detuning: r.detuning, ...r.more };
+const engine = globalThis.ringPage.engineOf(tables);
+"""
+
+
+def test_heaters(js):
+    """Traces, fixed points and regimes under a heater of constant power that is switched on with the laser.
+
+    Both integrate at 1e-9 with different methods and step sizes; pulses magnify what that leaves, to 1e-9 here.
+    """
+    worst = 0.0
+    for seed in range(0, CASES, 25):
+        ring, model, power, detuning, heater = under_a_heater(seed)
+        about = argument(ring, model, power, detuning, heater=heater)
+        light = {"power": power, "detuning": detuning, "heaters": {"heater": heater}}
+        more = {"duration": 0.5e-6, "rtol": 1e-9, "settled": False}
+        rows = js(f"r => {{ {ENGINE} return Array.from(engine.trace(request).rows); }}", about | {"more": more})
+        rows = np.reshape(rows, (-1, 5))[::50]
+        times = np.minimum(rows[:, 0] * 1e-9, 0.5e-6)
+        run = coupled.simulate(ring, model, duration=0.5e-6, times=times, rtol=1e-9, **light)
+        energy = (rows[:, 1] ** 2 + rows[:, 2] ** 2) * 1e-15
+        first = run["delta_T"].values[0]
+        assert first == pytest.approx(0, abs=1e-9)  # the heater was off before
+        for mine, theirs in ((run.energy, energy), (run.carriers, rows[:, 3] * 1e23), (run.delta_T, rows[:, 4])):
+            worst = max(worst, float(np.max(np.abs(theirs - mine.values)) / np.max(np.abs(mine.values))))
+        width = ring.linear_rate / np.pi
+        span = {"detunings": [detuning - width, detuning + width]}
+        found = js(f"r => {{ {ENGINE} return engine.light(request); }}", about | {"more": span})
+        states = coupled.steady_states(ring, model, **light)
+        for name in ("energy", "carriers", "delta_T", "drop"):
+            assert np.allclose([p[name] for p in found["states"]], states[name], rtol=1e-8, atol=0)
+        assert [p["regime"] for p in found["states"]] == states.regime.values.tolist()
+        point = found["points"][len(found["points"]) // 2]
+        there = coupled.steady_states(ring, model, **light | {"detuning": point["detuning"]})
+        assert np.min(np.abs(there.energy.values / point["energy"] - 1)) < 1e-6
+        plane = {"powers": [power / 2, 4 * power], **span, "sizes": [[3, 4]]}
+        (part,) = js(f"r => {{ {ENGINE} return [...engine.plane(request)].filter(p => p && p.kind === 'map').map(p => [...p.stable]); }}", about | {"more": plane})  # fmt: skip  # noqa: E501
+        powers = power / 2 * 8 ** ((np.arange(3) + 0.5) / 3)
+        detunings = detuning - width + (np.arange(4) + 0.5) / 4 * 2 * width
+        mine = coupled.stability_map(ring, model, powers, detunings, heaters=light["heaters"])
+        assert part == mine.stable_points.values.ravel().tolist()
+    assert worst < SAME
+
+
+def test_a_settled_cycle_under_a_heater(js):
+    tau, B = np.array([55.8e-9, 1.2e-6]), np.array([[1998.1, -100.0], [5786.2, 1100.0]])
+    model = th.StateSpace(np.diag(tau), -np.eye(2), B, np.ones((1, 2)), inputs=("core", "heater"), outputs=("core",))
+    ring = coupled.borghi2021()
+    behind = -ring.thermal_shift * 1e3 * 4e-3 / (2 * np.pi)  # where the heater moves the resonance
+    light = {"power": 10**0.8 * 1e-3, "detuning": behind + 2e9}
+    about = argument(ring, model, *light.values(), heater=4e-3, more={"duration": 20e-6, "rtol": 1e-6, "settled": True})
+    page = js(f"r => {{ {ENGINE} const c = engine.trace(request).cycle; return {{ period: c.period, hottest: Math.max(...c.rows.filter((_, k) => k % 5 === 4)) }}; }}", about)  # fmt: skip  # noqa: E501
+    cycle = coupled.limit_cycle(ring, model, **light, heaters={"heater": 4e-3})
+    assert page["period"] * 1e-9 == pytest.approx(cycle.attrs["period"], rel=SAME)
+    assert page["hottest"] == pytest.approx(float(cycle["delta_T"].max()), rel=1e-5)  # on the steps of the page

@@ -135,14 +135,8 @@ def test_the_copied_script_gives_the_same_numbers(page, capsys):
     assert period == pytest.approx(page.evaluate("ringPage.shown.trace.pulsing.period"), rel=1e-6)
 
 
-def test_the_copied_command_gives_the_same_numbers(page, tmp_path):
-    """The block runs in a shell as it is; drop power and heat of its file at the times of the page's trace."""
-    page.fill("#loadedQ", "7000")
-    page.fill("#power", "9")
-    page.check("input[value=cold]")
-    settled(page)
-    page.click("#command")
-    block = page.input_value("#copied-text")
+def run_in_a_shell(block, tmp_path):
+    """Run lines that call `thermofem`, in a folder of their own."""
     program = [sys.executable, "-m", "thermofem"]
     folder = tmp_path / "bin"
     folder.mkdir()
@@ -153,6 +147,17 @@ def test_the_copied_command_gives_the_same_numbers(page, tmp_path):
     subprocess.run(
         ["sh", "-ec", block], cwd=tmp_path, check=True, env={**os.environ, "PATH": path}, capture_output=True
     )
+
+
+def test_the_copied_command_gives_the_same_numbers(page, tmp_path):
+    """The block runs in a shell as it is; drop power and heat of its file at the times of the page's trace."""
+    page.fill("#loadedQ", "7000")
+    page.fill("#power", "9")
+    page.check("input[value=cold]")
+    settled(page)
+    page.click("#command")
+    block = page.input_value("#copied-text")
+    run_in_a_shell(block, tmp_path)
     run = th.load(tmp_path / "traces.nc")
     found = coupled.pulsing(run)
     page_says = page.evaluate("ringPage.shown.trace.pulsing")
@@ -283,4 +288,57 @@ def test_a_family_moves_the_geometry(browser, family_file):
     assert page.evaluate("ringPage.shown.trace.pulsing.period") != pytest.approx(before, rel=1e-3)
     page.fill("#p0", "9")
     assert "from 1 to 3 µm" in page.inner_text("#p0-problem")
+    page.close()
+
+
+HEATED = th.StateSpace(
+    np.diag([55.8e-9, 1.2e-6]), -np.eye(2), np.array([[1998.1, -100.0], [5786.2, 1100.0]]), np.ones((1, 2)),
+    inputs=("core", "heater"), outputs=("core",),
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def heater_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("heater") / "ring.html"
+    models = {"with a heater": HEATED, "without": th.Foster(R=[7e3], tau=[1e-6])}
+    coupled.explore(coupled.borghi2021(), models, path, heaters={"heater": 1e-3})
+    return path
+
+
+def test_a_heater_moves_the_resonance(browser, heater_file, capsys):
+    """10 K/mW of the ring's own numbers: 1 K at 1 mW. The script gives the settled cycle, the link the view."""
+    page = browser.new_page(bypass_csp=True)
+    page.goto(heater_file.as_uri())
+    settled(page)
+    assert page.input_value("#h0") == "1"
+    assert float(page.evaluate("ringPage.setting(ringPage.shown.trace.request).rise")) == pytest.approx(1, rel=1e-12)
+    page.fill("#h0", "2.5")
+    page.fill("#detuning", "-25")
+    page.wait_for_function("ringPage.shown.trace.request.quick === false && ringPage.shown.trace.request.detuning === -25e9", timeout=60_000)  # fmt: skip  # noqa: E501
+    page.click("#python")
+    exec(compile(page.input_value("#copied-text"), "copied", "exec"), {})
+    period = float(re.search(r"settled: period ([\d.]+) ns", capsys.readouterr().out)[1])
+    assert period == pytest.approx(page.evaluate("ringPage.shown.trace.cycle.period"), rel=1e-6)
+    page.click("#link")
+    other = browser.new_page(bypass_csp=True)
+    other.goto(page.input_value("#copied-text"))
+    settled(other)
+    assert other.evaluate("ringPage.state()") == page.evaluate("ringPage.state()")
+    other.close()
+    page.select_option("#model", "1")  # Newton's law, without a heater
+    assert page.is_disabled("#h0")
+    assert "no such heater" in page.inner_text("#h0-problem")
+    page.close()
+
+
+def test_the_copied_command_switches_the_heater_on(browser, heater_file, tmp_path):
+    page = browser.new_page(bypass_csp=True)
+    page.goto(heater_file.as_uri() + "#h0=2.5&detuning=-25&view=cold")
+    settled(page)
+    page.click("#command")
+    run_in_a_shell(page.input_value("#copied-text"), tmp_path)
+    run = th.load(tmp_path / "traces.nc")
+    says = page.evaluate("ringPage.shown.trace.pulsing")
+    assert coupled.pulsing(run).period * 1e9 == pytest.approx(says["period"], rel=1e-5)
+    assert float(run["heater_power"][0, -1]) == 2.5e-3
     page.close()

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from .. import checks
 from ..checks import InputError
+from . import drives
 from .detuning import HELP as DETUNING
 from .detuning import detuning_of
-from .files import DEFAULT_RING, RING, check_outputs, ring_of, say_ring, working
+from .files import DEFAULT_RING, HEATED, READ, RING, check_outputs, ring_of, say_ring, working
 from .kinds import expect, kind_of
-from .output import say
+from .output import note, say
 
 if TYPE_CHECKING:
     from ..heat import HeatProblem
@@ -33,12 +35,17 @@ def explore(
     ring: Annotated[str, typer.Option(help=RING)] = DEFAULT_RING,
     power: Annotated[str, typer.Option(help="Power in the bus waveguide when the page opens.")] = "8 dBm",
     detuning: Annotated[str, typer.Option(help=DETUNING)] = "0 GHz",
+    channel: Annotated[str | None, typer.Option(help=drives.CHANNEL)] = None,
+    heated: Annotated[str | None, typer.Option(help=HEATED)] = None,
+    read: Annotated[str | None, typer.Option(help=READ)] = None,
+    heater: Annotated[list[str] | None, typer.Option(help=drives.STEADY_HEATER)] = None,
     accuracy: Annotated[float, typer.Option(help="Wanted relative error of a geometry's mesh.")] = 1e-3,
     output: Annotated[Path, typer.Option("--output", "-o", help="File to write (HTML).")] = Path("ring.html"),
 ) -> dict[str, Any]:
     """Write a page that computes a ring: move the laser in a browser and see it pulse. One file, offline.
 
-    A geometry is reduced, and Newton's law, the second-order equation and a Foster network are trained on it.
+    A geometry is reduced, and Newton's law, the second-order equation and a Foster network are trained on it. Parts
+    of a model that the light does not heat are heaters, each with a slider.
     """
     import coupled
 
@@ -51,15 +58,17 @@ def explore(
     family = _family(given)
     for path in given if family is None else []:
         expect(path, "model", "geometry")
+    powers, (light, seen) = drives.steady_heaters(heater or []), drives.channel(channel, heated, read)
     at_power = quantity.parse(power, "W", name="--power")
     resonator = ring_of(ring)
     at_detuning = detuning_of(detuning, resonator)
     say_ring(resonator, ring)
-    models, heat = _models(given, accuracy) if family is None else (None, None)
+    models, heat = _models(given, accuracy, light) if family is None else (None, None)
     with working("writing the page"):
         page = coupled.explore(
-            resonator, models, output, power=at_power, detuning=at_detuning, heat=heat, family=family
-        )
+            resonator, models, output, power=at_power, detuning=at_detuning, heat=heat, family=family, heaters=powers,
+            heated=light, read=seen,
+        )  # fmt: skip
     say(f"wrote {output} ({len(page.html) / 1e3:.0f} kB); open it in a browser")
     return {"page": output, "characters": len(page.html), "models": list(models or {}), "detuning": at_detuning}
 
@@ -73,7 +82,9 @@ def _family(given: list[Path]) -> Any:
     return surrogate.load_family(given[0])
 
 
-def _models(given: list[Path], accuracy: float) -> tuple[dict[str, ThermalModel], HeatProblem | None]:
+def _models(
+    given: list[Path], accuracy: float, heated: str | None
+) -> tuple[dict[str, ThermalModel], HeatProblem | None]:
     """The models of the page by name, and the heat problem behind them where a geometry is given."""
     import surrogate
 
@@ -84,14 +95,17 @@ def _models(given: list[Path], accuracy: float) -> tuple[dict[str, ThermalModel]
         return {name: surrogate.load_model(path) for name, path in zip(names, given, strict=True)}, None
     if len(given) > 1:
         raise InputError("explore takes one geometry alone, or models alone")
-    return models_of_geometry(given[0] if given else None, accuracy)
+    return models_of_geometry(given[0] if given else None, accuracy, heated)
 
 
-def models_of_geometry(path: Path | None, accuracy: float = 1e-3) -> tuple[dict[str, Any], HeatProblem]:
+def models_of_geometry(
+    path: Path | None, accuracy: float = 1e-3, heated: str | None = None
+) -> tuple[dict[str, Any], HeatProblem]:
     """The certified reduction of a geometry, and the usual models trained on it; all from one reduction."""
     import numpy as np
 
     import surrogate
+    from coupled.explore.contents import HEATERS
 
     from .. import dataset, waveforms
     from ..geometry import CrossSection, strip_ring
@@ -100,8 +114,12 @@ def models_of_geometry(path: Path | None, accuracy: float = 1e-3) -> tuple[dict[
     section = CrossSection.from_toml(path) if path else strip_ring()
     with working("meshing, assembling, reducing and training"):
         heat = assemble(section, accuracy)
-        rom = surrogate.reduce(heat.channels(heat.heated[0]), tolerance=1e-4)
-        exact: Any = rom.model
+        ring = checks.choice("--heated", heated or heat.heated[0], heat.heated)
+        others = [name for name in heat.heated if name != ring]
+        if len(others) > HEATERS:
+            note(f"of the heated parts, {', '.join(others[HEATERS:])} get no slider: the page has room for {HEATERS}")
+        rom = surrogate.reduce(heat.channels((ring, *others[:HEATERS]), ring), tolerance=1e-4)
+        exact: Any = rom.model.channel(ring, ring).dynamics if others else rom.model
         square, step = waveforms.SquareWave(2e-3, TRAINED, DUTY), waveforms.Constant(2e-3)
         periodic = dataset.build(
             waveforms.period_times(square, SAMPLES), exact.periodic_response(square, SAMPLES), square, periodic=True

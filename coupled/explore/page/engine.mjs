@@ -1,18 +1,12 @@
 // Answers what the page asks, in a worker or beside it: numbers in, numbers out.
 
-import { cold } from "./equations.mjs";
+import { lifted, setting } from "./heater.mjs";
 import { integrate } from "./integrate.mjs";
 import { methodOf } from "./rosenbrock.mjs";
-import { FJ, NS, UW, absorbedPower, driveOf, systemOf, turnOf } from "./ring.mjs";
+import { FJ, NS, UW, absorbedPower, driveOf, turnOf } from "./ring.mjs";
 import { classify, columns, limitCycle, settling } from "./cycle.mjs";
 import { foldCurves, hopfCurves } from "./curves.mjs";
 import { follow, kindOf, reach, spectrumAt, steadyStates, survey, tilted } from "./equilibria.mjs";
-
-/** What a request needs of its setting: ring, model, power (W), detuning (Hz). */
-function setting({ ring, model, power, detuning }) {
-  const system = systemOf(ring, model);
-  return { system, drive: driveOf(system, power), turn: turnOf(detuning) };
-}
 
 export function engineOf(tableaus) {
   const rodas4 = methodOf(tableaus.rodas4);
@@ -26,14 +20,16 @@ export function engineOf(tableaus) {
 
 /** A trace from cold, what it does, and where it is wanted the settled cycle. */
 function trace(request, rodas4, rodas5p) {
-  const { system, drive, turn } = setting(request);
+  const { system, drive, turn, rise, start } = setting(request);
   const { duration, rtol, settled } = request;
-  const run = integrate(system, drive, turn, cold(system), duration / NS, { method: rodas4, rtol });
+  const run = integrate(system, drive, turn, start, duration / NS, { method: rodas4, rtol });
   const all = columns(run.rows, 0, run.count);
   const found = classify(all, rtol);
-  const out = { ended: run.ended, steps: run.accepted, rows: run.rows.slice(0, 5 * run.count), pulsing: found, cycle: null };
+  const rows = lifted(run.rows.slice(0, 5 * run.count), rise);
+  const out = { ended: run.ended, steps: run.accepted, rows, pulsing: found, cycle: null };
   if (settled && found.regime === "self-pulsing") {
     out.cycle = settle(system, drive, turn, run.y, found, request.quick, rodas4, rodas5p);
+    if (out.cycle) lifted(out.cycle.rows, rise);
   }
   return out;
 }
@@ -57,11 +53,11 @@ function settle(system, drive, turn, y, found, quick, rodas4, rodas5p) {
 
 /** Every fixed point at one laser setting, SI. */
 function states(request) {
-  const { system, drive, turn } = setting(request);
+  const { system, drive, turn, rise } = setting(request);
   return steadyStates(drive, turn, system).map((p) => ({
     energy: p.U * FJ,
     carriers: p.N * 1e23,
-    delta_T: p.dT,
+    delta_T: p.dT + rise,
     drop: 2 * system.drop * p.U * UW,
     absorbed: absorbedPower(p.U, p.N, system) * UW,
     growth_rate: p.growth / NS,
@@ -72,12 +68,12 @@ function states(request) {
 
 /** Regimes over powers (W) and detunings (Hz): coarse at once, then fine; then the curves. A generator of parts. */
 function* plane(request) {
-  const { system } = setting(request);
+  const { system, moved } = setting(request);
   const { powers, detunings, sizes } = request;
   for (const [n, m] of sizes) {
     const P = Array.from({ length: n }, (_, i) => powers[0] * (powers[1] / powers[0]) ** ((i + 0.5) / n));
     const nu = Array.from({ length: m }, (_, j) => detunings[0] + ((j + 0.5) / m) * (detunings[1] - detunings[0]));
-    const turns = nu.map(turnOf);
+    const turns = nu.map((x) => turnOf(x) + moved);
     const stable = new Int8Array(n * m);
     for (let i = 0; i < n; i++) {
       stable.set(survey(turns, driveOf(system, P[i]), system).stable, i * m);
@@ -85,8 +81,8 @@ function* plane(request) {
     }
     yield { kind: "map", n, m, stable };
     if (n === sizes[0][0]) {
-      const window = [powers, detunings.map(turnOf)];
-      const inHertz = (line) => line.map((p) => ({ power: p.power, detuning: p.detuning / turnOf(1), leading: p.leading }));
+      const window = [powers, detunings.map((x) => turnOf(x) + moved)];
+      const inHertz = (line) => line.map((p) => ({ power: p.power, detuning: (p.detuning - moved) / turnOf(1), leading: p.leading }));
       const folds = foldCurves(system, ...window).map(inHertz);
       yield null;
       yield { kind: "curves", folds, hopf: hopfCurves(system, ...window).map(inHertz) };
@@ -96,8 +92,8 @@ function* plane(request) {
 
 /** The tilted resonance at one power between two detunings (Hz): detuning, drop (W), regime along it. */
 function transmission(request) {
-  const { system, drive } = setting(request);
-  const [first, last] = request.detunings.map(turnOf);
+  const { system, drive, moved } = setting(request);
+  const [first, last] = request.detunings.map((x) => turnOf(x) + moved);
   const end = reach(Math.max(Math.abs(first), Math.abs(last)), drive, system);
   const points = [];
   const n = 400;
@@ -110,7 +106,7 @@ function transmission(request) {
       continue;
     }
     if (!z || !follow(z.re, z.im, p.U, p.D, system)) z = spectrumAt(p.U, p.D, system);
-    points.push({ detuning: p.detuning / turnOf(1), drop: 2 * system.drop * p.U * UW, energy: p.U * FJ, regime: kindOf(z).regime });
+    points.push({ detuning: (p.detuning - moved) / turnOf(1), drop: 2 * system.drop * p.U * UW, energy: p.U * FJ, regime: kindOf(z).regime });
   }
   return points;
 }

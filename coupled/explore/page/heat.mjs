@@ -80,13 +80,13 @@ export function periodicStates(model, times, powers) {
   return { start, at };
 }
 
-/** A field of 8-bit modes: sum_i x_i scale_i mode_i, as a Float32Array over the grid. */
-export function fieldOf(section, states) {
+/** A field in K: sum_i x_i mode_i + sum_h P_h rest_h, as a Float32Array over the grid; powers in W by name. */
+export function fieldOf(section, states, powers = {}) {
   const out = new Float32Array(section.width * section.height);
-  states.forEach((x, i) => {
-    const f = x * section.scale[i];
-    const mode = section.modes[i];
-    for (let k = 0; k < out.length; k++) out[k] += f * mode[k];
-  });
+  const add = (x, { scale, values }) => {
+    for (let k = 0; k < out.length; k++) out[k] += x * scale * values[k];
+  };
+  states.forEach((x, i) => add(x, section.modes[i]));
+  for (const [name, power] of Object.entries(powers)) if (section.heaters[name]) add(power, section.heaters[name]);
   return out;
 }

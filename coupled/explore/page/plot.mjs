@@ -85,7 +85,8 @@ export function panel(box, x, y, content, colours) {
   for (const v of ticksOf(x, width, 70)) {
     const at = n1(x.scale(v));
     out += `<path d="M${at} ${top}V${bottom}" stroke="${colours.line}"/>`;
-    if (!x.hidden) out += `<text x="${at}" y="${bottom + 15}" text-anchor="middle" ${text}>${escaped(fx(v))}</text>`;
+    const anchor = x.scale(v) > left + width - 12 ? "end" : "middle"; // what would be cut off at the right
+    if (!x.hidden) out += `<text x="${anchor === "end" ? Math.min(at, left + width + 12) : at}" y="${bottom + 15}" text-anchor="${anchor}" ${text}>${escaped(fx(v))}</text>`;
   }
   const fy = format(y, height, 27);
   for (const v of ticksOf(y, height, 27)) {

@@ -22,6 +22,44 @@ const RATES = { eta_fca: "m^3/s", eta_tpa: "1/s/J", g_tpa: "1/m^3/s/J^2", therma
 const BOLTZMANN = 1.380649e-23;
 const CHARGE = 1.602176634e-19;
 
+/** The thermal model: poles, and under heaters a system with an input for each of them. */
+function modelLines(model) {
+  if (model.on) {
+    const { B, C } = matricesOf(model);
+    return [
+      "model = th.StateSpace(",
+      `    E=np.diag([${model.tau.map(number).join(", ")}]),`,
+      `    A=-np.eye(${model.tau.length}),`,
+      `    B=np.array([${B.map((row) => `[${row.map(number).join(", ")}]`).join(", ")}]),`,
+      `    C=np.ones((1, ${C[0].length})),`,
+      `    inputs=(${inputsOf(model).map((name) => `${quoted(name)},`).join(" ")}),`,
+      `    outputs=(${quoted(model.read)},),`,
+      ")",
+    ];
+  }
+  const lines = ["model = th.Foster(", `    R=[${model.R.map(number).join(", ")}],`, `    tau=[${model.tau.map(number).join(", ")}],`, ")"];
+  return model.coefficient ? [...lines, `model = th.OutputMap(model, ${number(model.coefficient)})`] : lines;
+}
+
+/** The part that the light heats, and the heaters that are on. */
+function inputsOf(model) {
+  return [model.heated, ...Object.keys(model.on)];
+}
+
+/** tau dx/dt = -x + B P, dT = C x. */
+function matricesOf(model) {
+  const columns = [model.R, ...Object.keys(model.on).map((name) => model.heaters[name])];
+  const diagonal = (values) => values.map((x, i) => values.map((_, j) => (i === j ? x : 0)));
+  const n = model.tau.length;
+  return { E: diagonal(model.tau), A: diagonal(new Array(n).fill(-1)), B: model.tau.map((_, i) => columns.map((R) => R[i])), C: [new Array(n).fill(1)] };
+}
+
+function heaterArguments(model) {
+  if (!model.on) return "";
+  const powers = Object.entries(model.on).map(([name, power]) => `${quoted(name)}: ${number(power)}`);
+  return `, "heaters": {${powers.join(", ")}}, "heated": ${quoted(model.heated)}, "read": ${quoted(model.read)}`;
+}
+
 /** A Python script that runs the present view. */
 export function pythonOf(state, data) {
   const ring = ringOf(state, data);
@@ -30,6 +68,7 @@ export function pythonOf(state, data) {
   const pair = (x) => `(${x.map(number).join(", ")})`;
   const carriers = c.tau !== undefined ? `coupled.ConstantLifetime(${number(c.tau)})` : `coupled.ShockleyReadHall(\n        ${Object.entries(c).map(([k, v]) => `${k}=${number(v)}`).join(", ")},\n    )`;
   const lines = [
+    ...(model.on ? ["import numpy as np", ""] : []),
     "import coupled",
     "import thermofem as th",
     "",
@@ -42,15 +81,11 @@ export function pythonOf(state, data) {
     `    carriers=${carriers},`,
     `    rates=(${ring.rates.map(([name, value]) => `(${quoted(name)}, ${number(value)}),`).join(" ")}),`,
     ")",
-    `model = th.Foster(`,
-    `    R=[${model.R.map(number).join(", ")}],`,
-    `    tau=[${model.tau.map(number).join(", ")}],`,
-    ")",
+    ...modelLines(model),
   ];
-  if (model.coefficient) lines.push(`model = th.OutputMap(model, ${number(model.coefficient)})`);
   lines.push(
     "",
-    `light = {"power": ${number(watts(state.power))}, "detuning": ${number(state.detuning * 1e9)}}`,
+    `light = {"power": ${number(watts(state.power))}, "detuning": ${number(state.detuning * 1e9)}${heaterArguments(model)}}`,
     `run = coupled.simulate(ring, model, **light, duration=${number(state.duration * 1e-6)}, rtol=1e-6)`,
     "found = coupled.pulsing(run)",
     'print(f"{found.regime}: period {found.period * 1e9:.4f} ns, duty {found.duty:.4f}, swing {found.swing:.4f} K")',
@@ -88,6 +123,10 @@ export function modelFileOf(model) {
   const poles = { thermal_resistance: total, poles: model.R.map((R, i) => ({ R, tau: model.tau[i] })) };
   const units = { thermal_resistance: "K/W", R: "K/W", tau: "s" };
   const head = { format: "thermofem thermal model", schema: 1 };
+  if (model.on) {
+    const parts = { inputs: inputsOf(model), outputs: [model.read] };
+    return `${JSON.stringify({ ...head, kind: "StateSpace", ...parts, ...matricesOf(model), units: { E: "J/K", A: "W/K", B: "1", C: "1" }, provenance: {} }, null, 1)}\n`;
+  }
   const ends = { inputs: ["core"], outputs: ["core"] };
   const content = model.coefficient
     ? { ...head, kind: "OutputMap", ...ends, ...poles, coefficient: model.coefficient, units: { ...units, coefficient: "1/K" }, provenance: {} }
@@ -98,6 +137,9 @@ export function modelFileOf(model) {
 /** Lines for a shell: the ring and the model as files, and the command that runs them. */
 export function commandOf(state, data) {
   const file = (name, text) => `cat > ${name} <<'END_OF_FILE'\n${text}END_OF_FILE\n`;
-  const command = `thermofem simulate model.json --ring ring.toml --power "${watts(state.power)} W" --detuning "${state.detuning * 1e9} Hz" --duration "${state.duration * 1e-6} s" --rtol 1e-6 -o traces.nc`;
-  return file("ring.toml", tomlOf(ringOf(state, data))) + file("model.json", modelFileOf(modelOf(state, data))) + `${command}\n`;
+  const model = modelOf(state, data);
+  const heaters = Object.entries(model.on || {}).map(([name, power]) => ` --heater "${name}=${power} W"`);
+  const parts = heaters.length ? `${heaters.join("")} --heated "${model.heated}" --read "${model.read}"` : "";
+  const command = `thermofem simulate model.json --ring ring.toml --power "${watts(state.power)} W" --detuning "${state.detuning * 1e9} Hz"${parts} --duration "${state.duration * 1e-6} s" --rtol 1e-6 -o traces.nc`;
+  return file("ring.toml", tomlOf(ringOf(state, data))) + file("model.json", modelFileOf(model)) + `${command}\n`;
 }

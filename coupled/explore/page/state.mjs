@@ -1,5 +1,6 @@
 // The state of the page: what its fields hold, the link that restores it, and the ring that follows from it.
 
+import { heatedBy, turnedBy } from "./heater.mjs";
 import { dropRate, intrinsicQ, lifetimeTerms, loadedQ } from "./ring.mjs";
 
 /** Fields with a slider: name, unit, range and step; values are in the unit. Those of the ring are null while untouched. */
@@ -11,7 +12,7 @@ export const FIELDS = {
   lifetime: { label: "Carrier lifetime at low density", unit: "ns", low: 0.01, high: 1000, log: true },
   duration: { label: "Run from cold", unit: "µs", low: 0.5, high: 200, log: true },
 };
-const RING_FIELDS = ["loadedQ", "intrinsicQ", "lifetime"];
+export const RING_FIELDS = ["loadedQ", "intrinsicQ", "lifetime"];
 export const VIEWS = ["cycle", "last", "cold"];
 
 /** The value of a field of the ring as the ring itself has it, in the unit of the field. */
@@ -59,8 +60,19 @@ export function addFamilyFields(family) {
   });
 }
 
-/** The thermal model of a state: one that was given, or the member of the family at its parameters. */
+/** Fields for the powers of heaters, in mW: h0, h1, .. in the order of their names. */
+export function addHeaterFields(heaters) {
+  heaters.forEach(({ name }, k) => (FIELDS[`h${k}`] = { label: `Power in ${name}`, unit: "mW", low: 0, high: 10000 }));
+}
+
+/** The thermal model of a state, under its heaters. */
 export function modelOf(state, data) {
+  const powers = Object.fromEntries(data.heaters.map(({ name }, k) => [name, (state[`h${k}`] || 0) * 1e-3]));
+  return heatedBy(bareModelOf(state, data), powers);
+}
+
+/** The same without heaters: one that was given, or the member of the family at its parameters. */
+function bareModelOf(state, data) {
   const given = data.models[state.model];
   if (!given.family) return given;
   const { parameters, points, R, scale } = data.family;
@@ -82,11 +94,12 @@ export function modelOf(state, data) {
   return { ...given, R: kept.map((i) => out[i]), tau: kept.map((i) => given.tau[i]) };
 }
 
-/** The curves of folds of cycles that Python computed for this ring and model; none once a field of the ring has moved. */
+/** The curves of folds of cycles that Python computed for this ring and model; none once a field of the ring has moved. Heaters shift them. */
 export function bordersOf(state, data) {
   if (RING_FIELDS.some((name) => state[name] !== null)) return [];
   const known = data.borders.find((entry) => entry.ring === state.ring && entry.model === state.model);
-  return known ? known.curves.map((curve) => curve.map(([power, detuning]) => ({ power, detuning }))) : [];
+  const turned = turnedBy(ringOf(state, data), modelOf(state, data));
+  return known ? known.curves.map((curve) => curve.map(([power, detuning]) => ({ power, detuning: detuning - turned }))) : [];
 }
 
 /** Power in W of a level in dBm. */
@@ -124,7 +137,7 @@ export function stateOf(hash, fallback, data) {
   within("model", data.models.length);
   if (given.has("ring")) for (const name of RING_FIELDS) state[name] = null;
   if (VIEWS.includes(given.get("view"))) state.view = given.get("view");
-  for (const name of ["intrinsicQ", "loadedQ", "power", "detuning", "lifetime", "duration", "p0", "p1", "p2"]) {
+  for (const name of ["intrinsicQ", "loadedQ", "power", "detuning", "lifetime", "duration", "p0", "p1", "p2", "h0", "h1", "h2"]) {
     if (!FIELDS[name]) continue;
     if (given.has(name) && given.get(name) !== "" && objection(name, Number(given.get(name)), state, data) === "") state[name] = Number(given.get(name));
   }

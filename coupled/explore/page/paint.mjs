@@ -1,0 +1,94 @@
+// From what is known to the figures, once a frame.
+
+import { columns } from "./cycle.mjs";
+import { mapImage, phaseFigure, planeFigure, tracesFigure, transmissionFigure } from "./figures.mjs";
+import { theme } from "./plot.mjs";
+import { NS, dropRate } from "./ring.mjs";
+import { drawSection } from "./section.mjs";
+import { bordersOf, modelOf, ringOf } from "./state.mjs";
+import { errorFigure, spectrumFigure, stepFigure } from "./thermal.mjs";
+import { $, page, put, shown, widthOf } from "./view.mjs";
+
+let drawn = false;
+
+/** The stretch of time that the figures of the trace show: two settled cycles, the last cycles, or all from cold. */
+export function stretch() {
+  const { trace } = shown;
+  if (!trace) return null;
+  const found = trace.pulsing;
+  if (page.state.view === "cycle" && trace.cycle) {
+    const one = columns(trace.cycle.rows, 0, trace.cycle.count);
+    const two = (x, shift) => {
+      const out = new Float64Array(2 * x.length);
+      out.set(x);
+      out.set(x.map((v) => v + shift), x.length);
+      return out;
+    };
+    return { t: two(one.t, trace.cycle.period), U: two(one.U, 0), N: two(one.N, 0), dT: two(one.dT, 0) };
+  }
+  const count = trace.rows.length / 5;
+  const end = trace.rows[5 * (count - 1)];
+  let from = 0;
+  if (page.state.view !== "cold" && found.regime === "self-pulsing") {
+    const begin = end - 4 * found.period;
+    while (from < count - 8 && trace.rows[5 * from] < begin) from++;
+  }
+  return columns(trace.rows, from, count);
+}
+
+export function draw() {
+  if (drawn) return;
+  drawn = true;
+  requestAnimationFrame(() => {
+    drawn = false;
+    paint();
+  });
+}
+
+function paint() {
+  const colours = theme();
+  const window = page.data.rings[page.state.ring].window;
+  if (shown.map && !shown.map.image) shown.map.image = mapImage(shown.map, colours);
+  const w = widthOf("plane");
+  shown.plane = planeFigure(w, Math.round(Math.min(0.86 * w, 470)), { window, map: shown.map, curves: shown.curves, cycles: bordersOf(page.state, page.data), state: page.state }, colours);
+  put("plane", shown.plane.svg);
+  const now = stretch();
+  const drop = dropRate(ringOf(page.state, page.data)) * NS;
+  if (now && now.t.length > 3) {
+    put("traces", tracesFigure(widthOf("traces"), Math.round(Math.min(0.86 * w, 470)), { ...now, drop }, colours));
+    put("phase-portrait", phaseFigure(widthOf("phase-portrait"), 330, { ...now, states: shown.states }, colours));
+  }
+  if (shown.points.length) {
+    const range = [2.5 * window.detuning[0], 1.2 * window.detuning[1]];
+    put("transmission", transmissionFigure(widthOf("transmission"), 330, { points: shown.points, states: shown.states, state: page.state, drop, window: range }, colours));
+  }
+  paintHeat(colours);
+}
+
+function present() {
+  const { trace } = shown;
+  if (!trace || trace.pulsing.regime !== "self-pulsing") return { period: 0, duty: 1 / 3 };
+  const now = trace.cycle || trace.pulsing;
+  return { period: now.period * NS, duty: now.duty };
+}
+
+function paintHeat(colours) {
+  const models = page.data.models.map((model, k) => (k === page.state.model ? modelOf(page.state, page.data) : model)).filter((model, k) => k === page.state.model || !(model.hidden || model.family));
+  const { period, duty } = present();
+  const chosen = models.findIndex((model) => model.name === page.data.models[page.state.model].name);
+  put("step", stepFigure(widthOf("step"), 380, { models, chosen, reference: page.data.reference }, colours));
+  put("spectrum", spectrumFigure(widthOf("spectrum"), 380, { models, chosen, period }, colours));
+  if (!$("error-figure").hidden) {
+    const { svg, now } = errorFigure(widthOf("error"), 380, { models, judge: page.data.judge, chosen, period, duty }, colours);
+    put("error", svg);
+    const percent = (x) => (Number.isFinite(x) ? `${x >= 0 ? "+" : "−"}${Math.abs(100 * x).toFixed(Math.abs(x) < 0.1 ? 1 : 0)} %` : "no such period");
+    $("error-now").textContent = now.length ? `At the present period, ${(period * 1e9).toFixed(0)} ns: ${now.map((m) => `${m.name} ${percent(m.error)}`).join("; ")}.` : "The ring does not pulse at this setting.";
+  }
+  drawSection();
+}
+
+/** Draw in the colours of another theme. */
+export function recolour() {
+  if (shown.map) shown.map.image = null;
+  draw();
+}
