@@ -119,7 +119,8 @@ def models_of_geometry(
         if len(others) > HEATERS:
             note(f"of the heated parts, {', '.join(others[HEATERS:])} get no slider: the page has room for {HEATERS}")
         rom = surrogate.reduce(heat.channels((ring, *others[:HEATERS]), ring), tolerance=1e-4)
-        exact: Any = rom.model.channel(ring, ring).dynamics if others else rom.model
+        whole: Any = rom.model
+        exact: Any = whole.channel(ring, ring).dynamics if others else whole
         square, step = waveforms.SquareWave(2e-3, TRAINED, DUTY), waveforms.Constant(2e-3)
         periodic = dataset.build(
             waveforms.period_times(square, SAMPLES), exact.periodic_response(square, SAMPLES), square, periodic=True
