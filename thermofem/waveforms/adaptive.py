@@ -15,15 +15,15 @@ MOST_LEVELS = 22  # if the time scale requires more
 MOST_PIECES = 200_000
 SHORTEST = 1e-12  # of a stretch: a shorter cell that does not fit contains a jump that is no breakpoint
 NODES = np.array([0, 1 / 3, 2 / 3, 1])
-PROBES = np.array([0.1273, 0.4529, 0.5471, 0.8727])  # of a cell; not evenly spaced, so that no harmonic hides
+CHECKED = np.array([0.1273, 0.4529, 0.5471, 0.8727])  # of a cell; not evenly spaced, so that they miss no harmonic
 _TO_COEFFICIENTS = np.linalg.inv(NODES[:, None] ** np.arange(4)).T  # values at the nodes @ this = coefficients of u^j
 
 
 def fitted(wave: Waveform, start: float, stop: float, tolerance: float) -> tuple[Array, Array]:
-    """Edges and coefficients of a piecewise cubic within ``tolerance`` of the largest value, at every time probed.
+    """Edges and coefficients of a piecewise cubic within ``tolerance`` of the largest value, at every time that is checked.
 
     Each stretch between breakpoints is halved until the cubic through four points of a cell agrees with the function
-    at every probe in it. The probes are in 2^13 cells a stretch (or as many as ``wave.time_scale`` asks for), so a
+    at every checked time in it. These are in 2^13 cells a stretch (or as many as ``wave.time_scale`` needs), so a
     feature narrower than 1e-4 of the stretch may be missed unless a breakpoint or a time scale names it.
 
     Parameters
@@ -45,19 +45,19 @@ def fitted(wave: Waveform, start: float, stop: float, tolerance: float) -> tuple
     """
     marks = np.concatenate([[start], wave.breakpoints(start, stop), [stop]])
     levels = _levels(wave, marks)
-    probes = [_probes(wave, a, b, 2**level) for a, b, level in zip(marks[:-1], marks[1:], levels, strict=True)]
-    peak = max(float(np.abs(values).max()) for _, values in probes)
+    checked = [_checked(wave, a, b, 2**level) for a, b, level in zip(marks[:-1], marks[1:], levels, strict=True)]
+    peak = max(float(np.abs(values).max()) for _, values in checked)
     allowed = max(tolerance * peak, np.finfo(float).tiny)
     cells = [
         _stretch(wave, float(a), float(b), level, seen, allowed)
-        for a, b, level, seen in zip(marks[:-1], marks[1:], levels, probes, strict=True)
+        for a, b, level, seen in zip(marks[:-1], marks[1:], levels, checked, strict=True)
     ]
     edges = np.append(np.concatenate([c[0] for c in cells]), stop)
     return edges, np.concatenate([c[1] for c in cells])
 
 
 def _levels(wave: Waveform, marks: Array) -> list[int]:
-    """Halvings of every stretch down to the cells that are probed."""
+    """Halvings of every stretch down to the cells that are checked."""
     lengths = np.diff(marks)
     shared = int(np.clip(np.log2(BUDGET / lengths.size), FEWEST_LEVELS, LEVELS))
     scale = getattr(wave, "time_scale", None)
@@ -70,9 +70,9 @@ def _levels(wave: Waveform, marks: Array) -> list[int]:
     return np.maximum(asked, shared).astype(int).tolist()
 
 
-def _probes(wave: Waveform, a: float, b: float, cells: int) -> tuple[Array, Array]:
+def _checked(wave: Waveform, a: float, b: float, cells: int) -> tuple[Array, Array]:
     """Times inside every cell, sorted, and the values there."""
-    times = a + (b - a) * ((np.arange(cells)[:, None] + PROBES) / cells).ravel()
+    times = a + (b - a) * ((np.arange(cells)[:, None] + CHECKED) / cells).ravel()
     return times, np.asarray(wave(times), dtype=float)
 
 
@@ -111,9 +111,9 @@ def _stretch(
 def _misfits(
     wave: Waveform, left: Array, last: Array, scaled: Array, seen: tuple[Array, Array] | None, allowed: float
 ) -> NDArray[np.bool_]:
-    """Which cells differ from the function by more than ``allowed`` at a probe."""
+    """Which cells differ from the function by more than ``allowed`` at a checked time."""
     if seen is None:
-        u = np.broadcast_to(PROBES, (left.size, PROBES.size))
+        u = np.broadcast_to(CHECKED, (left.size, CHECKED.size))
         values = np.asarray(wave(left[:, None] + (last - left)[:, None] * u), dtype=float)
         return np.any(np.abs(_cubic(scaled[:, None], u) - values) > allowed, axis=1)
     times, values = seen

@@ -153,7 +153,7 @@ def heating_pieces(wave: Waveform, start: float, stop: float, *, tolerance: floa
 def knots(wave: Waveform, start: float, stop: float, *, tolerance: float) -> Array:
     """Times from ``start`` to ``stop`` between which the power is one cubic within ``tolerance`` of its peak.
 
-    An integrator misses no feature of a smooth wave if its steps are at most twice as long as the distance of the knots.
+    An integrator whose steps are at most twice as long as the distance of the knots misses no feature of a smooth wave.
     """
     return cubic_pieces(wave, start, stop, tolerance=tolerance).edges
 

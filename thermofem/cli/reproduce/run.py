@@ -126,7 +126,7 @@ def _printed(claims: Sequence[Claim], results: Mapping[str, Result]) -> Table:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Suppress the warning on the finite domain: the reference stack ends where the paper's does; the report states it."""
+    """Suppress the warning on the finite domain: the reference stack ends where that of the paper does."""
     log = logging.getLogger("thermofem")
     before = log.level
     log.setLevel(logging.ERROR)
