@@ -29,6 +29,7 @@ GROWS = 1e-3  # relative movement of the carriers in the last eighth that counts
 FAR = 0.1  # relative change of the period per cycle above which no period is given: seven such cycles double it
 STEADY_PERIOD = 1e-5  # relative change of the period from cycle to cycle that counts as none
 GONE = 0.2  # share of the last amplitude: an oscillation whose limit is smaller decays to rest
+FEWEST = 8  # samples of a trace
 FINE = 12  # samples that a cycle needs at least
 THINNED = 40  # steps of the integration to one sample: fewer samples may show a slow beat instead of the pulses
 LONGEST_PATTERN = 4  # unequal pulses that repeat together
@@ -367,6 +368,6 @@ def _values(run: xr.Dataset | Record, name: str) -> Array:
     if name not in getattr(run, "variables", {}):
         raise checks.InputError(f"run has no variable {name!r}; give a Dataset from coupled.simulate")
     values = checks.array(f"run.{name}", run[name].values, increasing=name == "time")
-    if values.size < 8:
-        raise checks.InputError(f"run.{name} has {values.size} samples; at least 8 are needed to tell a cycle")
+    if values.size < FEWEST:
+        raise checks.InputError(f"run.{name} has {values.size} samples; at least {FEWEST} are needed to tell a cycle")
     return values

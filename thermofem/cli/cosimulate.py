@@ -12,7 +12,7 @@ from .bar import Bar
 from .drives import HEATER, heaters
 from .files import DEFAULT_RING, RING, check_outputs, ring_of, say_ring, working
 from .kinds import expect
-from .models import pulsing_numbers
+from .models import pulsing_numbers, verdict
 from .output import say
 
 if TYPE_CHECKING:
@@ -68,6 +68,7 @@ def cosimulate(
     say_ring(resonator, ring)
     with Bar(f"{heat.unknowns} temperatures in the loop", length, stays=True) as progress:
         run = coupled.cosimulate(resonator, heat, duration=length, rtol=rtol, progress=progress, **settings)
+    found = verdict(run, duration)
     dataset.save(run, output)
     if paraview:
         write_fields(run, paraview)
@@ -77,7 +78,7 @@ def cosimulate(
         from ..plot import save_figure
 
         save_figure(plot_traces(run), figure)
-    numbers = _report(run)
+    numbers = _report(run, found)
     files = [path for path in (output, paraview, figure) if path]
     say("wrote " + ", ".join(map(str, files)))
     return {**numbers, "wrote": files}
@@ -99,11 +100,9 @@ def _times(texts: list[str]) -> tuple[float, ...]:
     return tuple(sorted(quantity.parse(text, "s", name="--field-times") for text in given))
 
 
-def _report(run: Any) -> dict[str, Any]:
+def _report(run: Any, found: Any) -> dict[str, Any]:
     """Regime, convergence and cost, in four lines."""
-    import coupled
-
-    found, a = coupled.pulsing(run), run.attrs
+    a = run.attrs
     say(f"{found.regime}: {found.reason}")
     if found.regime == "self-pulsing":
         say(f"period {found.period * 1e9:.1f} ns, duty {found.duty:.3f}, swing {found.swing:.2f} K")

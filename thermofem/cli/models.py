@@ -227,6 +227,7 @@ def simulate(
     first = "the first run on a machine compiles for some seconds"
     with Bar("integrating", settings["duration"], first=first) as progress:
         run = coupled.simulate.record(resonator, thermal, rtol=rtol, progress=progress, **settings)
+    found = verdict(run, duration)
     dataset.save(run, output)
     if figure:
         from coupled.plot_runs import plot_sweep, plot_traces
@@ -235,7 +236,6 @@ def simulate(
 
         traced = run.dataset()
         save_figure(plot_sweep(traced) if swept else plot_traces(traced), figure)
-    found = coupled.pulsing(run)
     say(f"{found.regime}: {found.reason}")
     if found.regime == "self-pulsing":
         say(f"period {found.period * 1e9:.1f} ns, duty {found.duty:.3f}, swing {found.swing:.2f} K")
@@ -243,6 +243,18 @@ def simulate(
         say(longer(long_enough(small)))
     say(f"wrote {output}" + (f" and {figure}" if figure else ""))
     return {**pulsing_numbers(found), "traces": output, "figure": figure}
+
+
+def verdict(run: Any, duration: str) -> Any:
+    """What `coupled.pulsing` says of a run; InputError where it has too few steps to say anything."""
+    from coupled.pulsing import FEWEST, pulsing
+
+    steps = run["time"].values.size - 1
+    if steps + 1 < FEWEST:
+        raise checks.InputError(
+            f"--duration = {duration} is over after {steps} steps, too few for a cycle; make it longer"
+        )
+    return pulsing(run)
 
 
 def pulsing_numbers(found: Any) -> dict[str, Any]:
