@@ -20,7 +20,7 @@ _TO_COEFFICIENTS = np.linalg.inv(NODES[:, None] ** np.arange(4)).T  # values at 
 
 
 def fitted(wave: Waveform, start: float, stop: float, tolerance: float) -> tuple[Array, Array]:
-    """Edges and coefficients of a piecewise cubic within ``tolerance`` of the largest value, at every time that is checked.
+    """Edges and coefficients of a piecewise cubic within ``tolerance`` of the largest value, at all checked times.
 
     Each stretch between breakpoints is halved until the cubic through four points of a cell agrees with the function
     at every checked time in it. These are in 2^13 cells a stretch (or as many as ``wave.time_scale`` needs), so a
