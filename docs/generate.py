@@ -239,6 +239,7 @@ or, as `"80 pm"`, a distance in wavelength; a longer wavelength is a negative de
 | 130 | interrupted with Ctrl-C |
 
 `thermofem --install-completion` installs tab completion for bash, zsh, fish or PowerShell; open a new shell afterwards.
+In zsh the first Tab of a session only loads it; press Tab again.
 With `--json` every command prints its numbers in SI as one JSON object on standard output; words go to standard error.
 
 | stage | takes | gives | commands |

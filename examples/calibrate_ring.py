@@ -21,6 +21,9 @@ import numpy as np
 import surrogate
 import thermofem as th
 from thermofem.campaign.vary import Schedule, Variation
+from thermofem.plot_style import CYCLE
+
+plt.rcParams["axes.prop_cycle"] = plt.cycler(color=CYCLE)  # the colours of all figures
 
 WORSE = 1.05  # times the smallest misfit
 CORE = 0.22  # um, height of silicon, from whose bottom the cladding is measured

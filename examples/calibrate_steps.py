@@ -23,6 +23,9 @@ import numpy as np
 import surrogate
 import thermofem as th
 from thermofem.campaign.vary import Schedule, Variation
+from thermofem.plot_style import CYCLE
+
+plt.rcParams["axes.prop_cycle"] = plt.cycler(color=CYCLE)  # the colours of all figures
 
 L, MILLIMETRE, WATT = 300, 1e-3 / 300, 1e-3
 ASSUMED = {"mosfet_dry": 3.0, "mosfet_tim": 3.0}  # W

@@ -42,7 +42,7 @@ def rise(run, after=0.0):
     return float(run.delta_T.values[run.time.values >= after].max() - run.delta_T[0])
 
 
-figure, (a, b, c) = plt.subplots(1, 3, figsize=(12, 3.6), layout="constrained")
+figure, (a, b, c) = plt.subplots(1, 3, figsize=(9, 3), layout="constrained")
 colours, dashes = ("#56B4E9", "#0072B2", "#D55E00"), ((0, (1, 1)), (0, (4, 1)), "-")
 rest = at_rest(1e-3 * 10**0.6)
 for energy, colour, dash in zip((15e-12, 22e-12, 30e-12), colours, dashes, strict=True):
@@ -57,7 +57,7 @@ for dbm, colour, dash in zip((4, 5, 6), colours, dashes, strict=True):
     rises = [rise(answer(quiet, pulse(energy))) for energy in energies]
     b.plot(energies * 1e12, rises, color=colour, linestyle=dash, label=f"{dbm} dBm")
 b.set(xlabel="pulse energy (pJ)", ylabel="largest temperature rise (K)", xlim=(0, 60), ylim=(0, None))
-b.legend(title="bias", frameon=False)
+b.legend(title="bias", frameon=False, fontsize="small", loc="upper left")
 
 delays = np.linspace(0.4, 4, 55) * 1e-6  # the first pulse is over by then
 second = []

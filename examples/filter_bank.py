@@ -13,6 +13,9 @@ import coupled
 import surrogate
 import thermofem as th
 from surrogate.plot_array import plot_crosstalk
+from thermofem.plot_style import CYCLE
+
+plt.rcParams["axes.prop_cycle"] = plt.cycler(color=CYCLE)  # the colours of all figures
 
 N, PITCH, SPACING = 4, 25e-6, 120e9
 geometry = replace(th.heated_ring(), outer_radius=200e-6)
@@ -32,7 +35,7 @@ print(
     ((by_heater @ naive - wanted) * ring.thermal_shift / 2e9 / np.pi).round(1),
 )
 
-figure, axes = plt.subplots(1, 3, figsize=(14, 4), layout="constrained")
+figure, axes = plt.subplots(1, 3, figsize=(12, 3.6), layout="constrained", width_ratios=(1.7, 1, 1))
 plot_crosstalk(bank, axes[0])
 detunings = np.linspace(-(N + 1) * SPACING, 0.0, 2001)
 for power, style, name in ((naive, ":", "crosstalk left out"), (corrected, "-", "crosstalk taken in")):
@@ -43,8 +46,8 @@ for power, style, name in ((naive, ":", "crosstalk left out"), (corrected, "-", 
     for k in range(N):
         label = name if k == 0 else None
         axes[1].plot(detunings * 1e-9, lines.sel(port=f"drop {k + 1}"), style, color=f"C{k}", lw=1, label=label)
-axes[1].set(xlabel="detuning (GHz)", ylabel="drop transmission", ylim=(-0.02, 1.05))
-axes[1].legend(frameon=False, fontsize="small", ncols=2, loc="upper center")
+axes[1].set(xlabel="detuning (GHz)", ylabel="drop transmission", ylim=(-0.02, 1.2))
+axes[1].legend(frameon=False, fontsize="small", loc="upper right")
 
 # Channel 1 is switched; a faint laser on the flank of channel 2 sees it.
 switch = th.Pulse(power=float(corrected[0]), width=100e-6)
@@ -61,4 +64,4 @@ for k in range(1, N):
     )
 axes[2].set(xlabel="time (µs)", ylabel="shift by the heater of ring 1 (GHz)")
 axes[2].legend(frameon=False, fontsize="small")
-figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "filter_bank.png", dpi=150)
+figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "filter_bank.png", dpi=200)

@@ -24,6 +24,9 @@ import coupled
 import surrogate
 import thermofem as th
 from thermofem.campaign.vary import Schedule, Variation
+from thermofem.plot_style import CYCLE
+
+plt.rcParams["axes.prop_cycle"] = plt.cycler(color=CYCLE)  # the colours of all figures
 
 RING, POWER = coupled.borghi2021(), 6.31e-3  # W, 8 dBm
 SPREAD = {

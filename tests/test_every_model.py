@@ -65,7 +65,7 @@ def test_a_model_file_says_where_the_model_comes_from(name, tmp_path):
 
 @dataclass(frozen=True)
 class Scaled(HasModel):
-    """The new kind of docs/adding.md, which has no origin."""
+    """The new kind of docs/adding.md without its origin."""
 
     base: th.Foster
     factor: float

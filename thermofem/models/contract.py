@@ -110,7 +110,7 @@ class HasModel:
     @property
     def provenance(self) -> Mapping[str, Any]:
         """Where the model comes from; what a model file keeps beside it."""
-        return {}
+        return getattr(self, "origin", None) or {}
 
     @property
     def inputs(self) -> tuple[str, ...]:
