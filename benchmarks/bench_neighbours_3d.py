@@ -43,20 +43,38 @@ def ends() -> np.ndarray:
 
 def quarter(size: float):
     """Mesh of the quarter, in um; ``size`` is that of the tetrahedra in the core."""
-    import ngsolve as ng
     from netgen import occ
 
     centre = DISTANCE / 2
-    box = occ.Box(occ.Pnt(0, 0, -2), occ.Pnt(SIDE, SIDE, 2.22)).mat("oxide")
-    substrate = occ.Box(occ.Pnt(0, 0, -32), occ.Pnt(SIDE, SIDE, -2)).mat("substrate")
     outer = occ.Cylinder(occ.Pnt(centre, 0, 0), occ.Z, r=8.18, h=0.22)
     inner = occ.Cylinder(occ.Pnt(centre, 0, 0), occ.Z, r=7.73, h=0.22)
-    core = ((outer - inner) * occ.Box(occ.Pnt(0, 0, -1), occ.Pnt(SIDE, SIDE, 1))).mat("core")
+    return meshed(outer - inner, size, SIDE, 32)
+
+
+def racetrack(size: float):
+    """The same for the racetracks of `examples/racetrack.py` on the uniform stack."""
+    from netgen import occ
+
+    def filled(radius: float):
+        straight = occ.Box(occ.Pnt(12 - radius, -4, 0), occ.Pnt(12 + radius, 4, 0.22))
+        return straight + occ.Cylinder(occ.Pnt(12, 4, 0), occ.Z, r=radius, h=0.22)
+
+    return meshed(filled(5.225) - filled(4.775), size, 32, 22)
+
+
+def meshed(core, size: float, side: float, depth: float):
+    """Tetrahedra of a core in its stack, for x and y from 0 to ``side``, held at the bottom in ``depth``."""
+    import ngsolve as ng
+    from netgen import occ
+
+    box = occ.Box(occ.Pnt(0, 0, -2), occ.Pnt(side, side, 2.22)).mat("oxide")
+    substrate = occ.Box(occ.Pnt(0, 0, -depth), occ.Pnt(side, side, -2)).mat("substrate")
+    core = (core * occ.Box(occ.Pnt(0, 0, -1), occ.Pnt(side, side, 1))).mat("core")
     core.maxh = size
     shape = occ.Glue([box - core, core, substrate])
     for face in shape.faces:
         middle = face.center
-        if abs(middle.z + 32) < 1e-6:
+        if abs(middle.z + depth) < 1e-6:
             face.name = "bottom"
         elif abs(middle.x) < 1e-6:
             face.name = "mirror"
@@ -108,6 +126,12 @@ def main() -> None:
     if "--ngs" not in sys.argv:
         ours(path)
         return
+    for size, order in ((0.5, 3), (0.3, 3), (0.2, 3)):  # static only, for the example
+        both, against = (theirs(racetrack(size), held, order, 0) for held in ("bottom", "bottom|mirror"))
+        own, other = (both[0] + against[0]) / 2, (both[0] - against[0]) / 2
+        print(
+            f"racetrack, core {size} um, order {order}, {both[2]} unknowns: {own:.1f} and {other:.2f} K/W", flush=True
+        )
     row = json.loads(path.read_text())
     for size, order, steps in ((0.5, 2, 2 * STEPS), (0.5, 3, STEPS), (0.3, 2, 0), (0.3, 3, 0), (0.2, 3, 0)):
         start = time.process_time()
