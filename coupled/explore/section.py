@@ -90,8 +90,9 @@ def _window(heat: HeatProblem) -> tuple[tuple[float, float], tuple[float, float]
     span = max(SPAN, 1.6 * (outer - inner), 1.6 * (top - low) * WIDTH / HEIGHT)
     left = max(min(middle_r - span / 2, geometry.outer_radius - span), 0.0)
     high = span * HEIGHT / WIDTH
-    bottom = max(min(middle_z - high / 2, geometry.top_z - high), geometry.bottom_z)
-    return (left, min(left + span, geometry.outer_radius)), (bottom, min(bottom + high, geometry.top_z))
+    ceiling = max(geometry.top_z, top)  # a heater may stand on top of all layers
+    bottom = max(min(middle_z - high / 2, ceiling - high), geometry.bottom_z)
+    return (left, min(left + span, geometry.outer_radius)), (bottom, min(bottom + high, ceiling))
 
 
 def _on_grid(points: Array, fields: Array, grid: Array) -> Array:

@@ -110,6 +110,17 @@ export function svgOf(width, height, content, colours, label) {
   );
 }
 
+/** How many rows a legend takes in a width. */
+export function legendRows(names, width) {
+  let [rows, x] = [1, 0];
+  for (const name of names) {
+    const size = 30 + 6.4 * name.length;
+    if (x > 0 && x + size > width) [rows, x] = [rows + 1, 0];
+    x += size;
+  }
+  return rows;
+}
+
 /** A line with a legend below the axes is named here: [{ name, colour, dash }] as SVG text, wrapped. */
 export function legend(entries, left, top, width, colours) {
   let x = left;

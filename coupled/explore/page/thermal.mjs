@@ -1,6 +1,6 @@
 // The figures of heat: step response, time constants, period error, cross-section with the field.
 
-import { legend, panel, pathOf, svgOf } from "./plot.mjs";
+import { legend, legendRows, panel, pathOf, svgOf } from "./plot.mjs";
 import { boxOf, linear, logarithmic } from "./figures.mjs";
 import { periodError, stepResponse } from "./heat.mjs";
 
@@ -23,8 +23,14 @@ export function timeSpan(models) {
   return [low / 10, high * 8];
 }
 
+/** The box of a figure with the names of all models below. */
+function below(width, height, models) {
+  const rows = legendRows(models.map((m) => m.name), boxOf(width, height).width);
+  return boxOf(width, height, { bottom: 40 + 17 * rows });
+}
+
 export function stepFigure(width, height, { models, chosen, reference }, colours) {
-  const box = boxOf(width, height, { bottom: 44 + 17 * Math.ceil((models.length + 1) / 2) });
+  const box = below(width, height, [...models, ...(reference ? [reference] : [])]);
   const times = geometric(...timeSpan(models), 160);
   const x = logarithmic([times[0], times[times.length - 1]], [box.left, box.left + box.width]);
   const top = Math.max(...models.map((m) => m.R.reduce((a, b) => a + b, 0))) / 1e3;
@@ -49,7 +55,7 @@ export function stepFigure(width, height, { models, chosen, reference }, colours
 }
 
 export function spectrumFigure(width, height, { models, chosen, period }, colours) {
-  const box = boxOf(width, height, { bottom: 44 + 17 * Math.ceil(models.length / 2) });
+  const box = below(width, height, models);
   const [low, high] = timeSpan(models);
   const x = logarithmic([low, high], [box.left, box.left + box.width]);
   const y = linear([0, 1.08 * Math.max(...models.flatMap((m) => m.R)) / 1e3], [box.top + box.height, box.top]);
@@ -73,7 +79,7 @@ export function spectrumFigure(width, height, { models, chosen, period }, colour
 /** Period errors in percent of every model but the reference; returns the SVG, and the errors at the present period. */
 export function errorFigure(width, height, { models, judge, chosen, period, duty }, colours) {
   const others = models.map((m, k) => ({ ...m, k })).filter((m) => m.k !== judge);
-  const box = boxOf(width, height, { bottom: 44 + 17 * Math.ceil(others.length / 2) });
+  const box = below(width, height, others);
   const periods = geometric(1e-7, 1e-5, 41);
   const x = logarithmic([1e-7, 1e-5], [box.left, box.left + box.width]);
   const y = linear([-60, 60], [box.top + box.height, box.top]);
