@@ -42,7 +42,8 @@ def section_of(heat: HeatProblem, reduction: Any, parts: Parts) -> dict[str, Any
     at_r, at_z = (edges[0] + (np.arange(n) + 0.5) / n * (edges[1] - edges[0]) for edges, n in ((r, WIDTH), (z, HEIGHT)))
     grid = np.stack(np.meshgrid(at_r, at_z), axis=-1).reshape(-1, 2)
     fields = heat.field(np.concatenate([modes[kept], *heaters.values()]))
-    images = [_packed(image) for image in _on_grid(np.asarray(heat.mesh.points), fields, grid)]
+    shown = _on_grid(np.asarray(heat.mesh.points), fields, grid) * _within(heat, grid)
+    images = [_packed(image) for image in shown]
     return {
         "width": WIDTH,
         "height": HEIGHT,
@@ -101,6 +102,15 @@ def _on_grid(points: Array, fields: Array, grid: Array) -> Array:
 
     unique, first = np.unique(points, axis=0, return_index=True)
     return np.nan_to_num(LinearNDInterpolator(unique * 1e6, fields[:, first].T)(grid * 1e6).T)
+
+
+def _within(heat: HeatProblem, grid: Array) -> NDArray[np.bool_]:
+    """Whether points lie in the layers or in a part that stands on them, not in the air beside it."""
+    r, z = grid.T
+    parts = [
+        (p.inner_radius <= r) & (r <= p.outer_radius) & (p.bottom <= z) & (z <= p.top) for p in heat.geometry.parts
+    ]
+    return np.any([z <= heat.geometry.top_z, *parts], axis=0)
 
 
 def _outlines(heat: HeatProblem) -> list[list[list[float]]]:

@@ -98,15 +98,18 @@ function transmission(request) {
   const points = [];
   const n = 400;
   let z = null;
+  let cut = false; // whether the curve was outside before this point
   for (let k = 0; k <= n; k++) {
     const s = -end + (2 * end * k) / n;
     const p = tilted(s, drive, system);
     if (p.detuning < first - 1 || p.detuning > last + 1) {
       z = null;
+      cut = true;
       continue;
     }
     if (!z || !follow(z.re, z.im, p.U, p.D, system)) z = spectrumAt(p.U, p.D, system);
-    points.push({ detuning: (p.detuning - moved) / turnOf(1), drop: 2 * system.drop * p.U * UW, energy: p.U * FJ, regime: kindOf(z).regime });
+    points.push({ detuning: (p.detuning - moved) / turnOf(1), drop: 2 * system.drop * p.U * UW, energy: p.U * FJ, regime: kindOf(z).regime, cut });
+    cut = false;
   }
   return points;
 }

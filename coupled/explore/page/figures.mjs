@@ -143,8 +143,8 @@ export function transmissionFigure(width, height, { points, states, state, drop,
   points.forEach((p, k) => {
     piece.push(p);
     const next = points[k + 1];
-    if (!next || next.regime !== p.regime) {
-      if (next) piece.push(next);
+    if (!next || next.cut || next.regime !== p.regime) {
+      if (next && !next.cut) piece.push(next);
       const path = pathOf(piece.map((q) => x(q.detuning / 1e9)), piece.map((q) => y(value(q))), { sorted: false });
       const dash = p.regime === "stable" ? "" : p.regime === "saddle" ? "2 4" : "7 3";
       content += `<path d="${path}" fill="none" stroke="${colourOf(p.regime)}" stroke-width="2.1" stroke-dasharray="${dash}"/>`;
@@ -166,7 +166,7 @@ function jumps(points, x, y, value, colours) {
   for (let k = 1; k + 1 < points.length; k++) {
     const before = points[k].detuning - points[k - 1].detuning;
     const after = points[k + 1].detuning - points[k].detuning;
-    if (before * after >= 0) continue;
+    if (before * after >= 0 || points[k].cut || points[k + 1].cut) continue;
     const here = points[k];
     let target = null;
     for (let j = 1; j < points.length; j++) {
