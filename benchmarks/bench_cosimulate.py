@@ -92,6 +92,21 @@ def main() -> None:
         f"{run.attrs['cpu_corrector'] / (run.attrs['cpu_optics'] + run.attrs['cpu_corrector']):.0%} of it in the FEM"
     )
 
+    silicon, oxide = th.materials.find("Si"), th.materials.find("SiO2")
+    warm = replace(
+        th.strip_ring(),
+        materials=(
+            replace(silicon, conductivity_law=th.PowerLaw(-1.3)),
+            replace(oxide, conductivity_law=th.PowerLaw(0.33), specific_heat_law=th.PowerLaw(0.5)),
+        ),
+    )
+    hot = th.assemble(warm, accuracy)
+    seconds, run = timed(lambda: coupled.cosimulate(RING, hot, power=POWER, duration=LONG, tolerance=1e-3))
+    print(
+        f"k(T), c_p(T): {seconds / LONG * 1e-6:.3f} s of CPU a simulated us; {run.attrs['passes']} passes of "
+        f"{run.attrs['windows']} windows, {run.attrs['fem_solves']} solves"
+    )
+
     system, times = lumped(heat.system), np.linspace(0, SHORT, 3001)
     drive = {"power": POWER, "duration": SHORT}
     reference = trace(coupled.cosimulate(RING, system, max_discrepancy=1e-5, rtol=1e-9, **drive), times)

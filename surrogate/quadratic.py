@@ -25,7 +25,6 @@ weights, of gamma).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -36,9 +35,8 @@ from thermofem import Quadratic
 from thermofem.algebra.factor import factorize
 from thermofem.algebra.krylov import symmetric_part
 from thermofem.display import shown
-from thermofem.materials.laws import Law
 from thermofem.models import HasModel, NonlinearSystem
-from thermofem.transient.nonlinear import NodalOperator
+from thermofem.transient.curvature import cubic_form, operators
 
 from .output_map import check_nonlinear
 from .reduce import Reduction, reduce
@@ -174,10 +172,10 @@ def _quadratic_form(system: NonlinearSystem, rate: Array, V: Array, steady: list
 def _flow_terms(system: NonlinearSystem, V: Array, steady: Array) -> Array:
     """Q: each law by its x^2 term, of the cubic through the law at the hottest of its nodes and at half of that."""
     Q, T0 = np.zeros((V.shape[1],) * 3), system.flow.ambient
-    for law, at, block in _operators(system.flow):
+    for law, at, block in operators(system.flow):
         hottest = float(np.abs(steady[at]).max())
         half, whole = law.integral(T0, hottest * np.array([0.5, 1.0])) / law.factor(T0) / hottest - [0.5, 1.0]
-        Q += (8 * half - whole) / hottest * _cubic_form(block.T @ V, V[at], V[at])
+        Q += (8 * half - whole) / hottest * cubic_form(block.T @ V, V[at])
     return Q
 
 
@@ -185,21 +183,8 @@ def _content_terms(system: NonlinearSystem, V: Array, steady: Array) -> Array:
     """m: each law by its chord at the steady field, weighted with the adjoint of the read-out."""
     m, T0 = np.zeros((V.shape[1],) * 3), system.content.ambient
     adjoint = factorize(-system.linear.A.tocsc())(system.linear.C[0])
-    for law, at, block in _operators(system.content):
+    for law, at, block in operators(system.content):
         x, weight = steady[at], block.T @ adjoint
         gamma = weight @ ((1 - law.factor(T0) / law.factor(T0 + x)) * x) / (weight @ (x * x))
-        m += gamma * _cubic_form(block.T @ V, V[at], V[at])
+        m += gamma * cubic_form(block.T @ V, V[at])
     return m
-
-
-def _operators(operator: NodalOperator) -> Iterator[tuple[Law, Any, Any]]:
-    """Every law with its nodes and its part of the matrix."""
-    start = operator.matrix.shape[1] - sum(at.size for _, at in operator.laws)
-    for law, at in operator.laws:
-        yield law, at, operator.matrix[:, start : start + at.size]
-        start += at.size
-
-
-def _cubic_form(left: Array, first: Array, second: Array) -> Array:
-    """sum over nodes of left_i first_j second_k, shape (n, n, n)."""
-    return np.stack([left.T @ (first[:, [j]] * second) for j in range(first.shape[1])], axis=1)

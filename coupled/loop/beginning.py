@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofem import checks
+from thermofem import Quadratic, checks
 from thermofem.algebra.smooth_poles import cubic_pole_responses
 from thermofem.waveforms import Cubic
 
@@ -73,6 +73,8 @@ def beginning(initial: xr.Dataset | None, corrector: Any, model: Compact) -> Beg
 def _predicted(corrector: FEM, model: Compact, states: Array | None) -> Array:
     """States of the predictor: the FEM's own reduction holds its fields, a model of the cycle's order the cycle's."""
     if model is corrector.predictor:
+        if isinstance(model, Quadratic):
+            return np.asarray(corrector.state.z)
         fields = (corrector.linear.C[0] @ corrector.basis.vectors) * corrector.state.z
         return np.asarray(fields[np.argsort(1 / corrector.basis.rate)])
     if states is not None and states.size == model.order:

@@ -26,14 +26,13 @@ from numpy.typing import ArrayLike, NDArray
 from thermofem import HeatProblem, checks, renamed
 from thermofem.algebra.krylov import CYCLES, krylov
 from thermofem.display import card
-from thermofem.models import Foster, NonlinearSystem, OutputMap, StateSpace, foster
+from thermofem.models import Foster, NonlinearSystem, Quadratic, StateSpace, foster
 from thermofem.solve import mesh_hash
 from thermofem.transient.deflation import FieldIntegrator, FieldState
 from thermofem.waveforms import Waveform, to_json
 
 Array = NDArray[np.float64]
 
-BENT_AT = 10.0  # K, where the predictor of k(T) is right at rest
 SHARE = 0.3  # of the largest discrepancy of the co-simulation, for the FEM's own steps
 
 
@@ -155,17 +154,15 @@ class FEM:
         self.fields.extend(fields)
 
     @cached_property
-    def predictor(self) -> Foster | OutputMap:
-        """The Krylov reduction from the heated part to itself; with k(T) the static rise at 10 K bends its output."""
-        linear = foster(self.basis.reduced(self.linear).channel(self.heated, self.heated))
-        if self.nonlinear is None:
-            return linear
-        z = BENT_AT
-        powers = [z / linear.thermal_resistance, *(0.0 for _ in self.heaters)]
-        try:
-            return OutputMap(linear, (float(self.nonlinear.steady_rise(powers)[0]) - z) / z**2)
-        except checks.InputError:  # no steady state there, or no map with a top far above
-            return linear
+    def predictor(self) -> Foster | Quadratic:
+        """The Krylov reduction from the heated part to itself, with k(T) and c_p(T) to second order in the rise."""
+        curved, basis = self.field.curved, self.basis
+        if curved is None:
+            return foster(basis.reduced(self.linear).channel(self.heated, self.heated))
+        inflow = curved.inverse * basis.rate
+        H, b = (inflow + inflow.transpose(0, 2, 1)) / 2 - curved.flow, basis.heating[:, 0]
+        C, name = self.linear.C[0] @ basis.vectors, (self.heated,)
+        return Quadratic(np.diag(-basis.rate), H, -(curved.inverse @ b), b, C, name, name)
 
     def background(self, times: Array, reduced: StateSpace | None = None) -> Array:
         """Rise in K caused by the heaters, from a reduced model with all inputs (default: the Krylov reduction)."""

@@ -9,6 +9,11 @@ which is the full-order problem. Because r is small and smooth, a tolerance in k
 `thermofem.transient`). The method is exact for any V, even an empty one; V only changes the work. F and H are those of
 `nonlinear`; without temperature dependence they are K x and E x.
 
+With k(T) and c_p(T) the amplitudes obey d(z + e)/dt = -rate z - f + heating P with the quadratic forms f and e of z
+(`curvature`), so that r holds only what these leave, and
+
+    d/dt [H(x) - E V (z + e)] = (B - E V V^T B) P - D z + K V z + E V f - F(x).
+
 Within a step the power enters r through its best cubic approximation P_3, which preserves the energy. The difference
 P - P_3 changes the output by at most about max|P - P_3| |H - H_V|(1/(gamma h)), the part of the impedance that V does
 not contain, at the time scales of the step and below. This error, the embedded error estimate and the error of the
@@ -17,8 +22,9 @@ interpolation at the third stage are each kept below a fixed share of the tolera
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,6 +34,7 @@ from ..algebra.factor import Pencil
 from ..algebra.krylov import Basis
 from ..algebra.system import LinearSystem
 from ..waveforms import Constant, Waveform
+from .curvature import curvature
 from .esdirk import EMBEDDED, GAMMA, STAGE_TIMES, STAGES, WEIGHTS, Stepper
 from .fast_part import FastPart, Piece
 from .integration import between, hermite
@@ -40,6 +47,8 @@ Array = NDArray[np.float64]
 SHARE = 0.2  # of the tolerance, for each of the three errors of a step
 SLOWER = 1 / 8  # with k(T) the error of the interpolation falls with less than the fourth power of a step (measured)
 FINEST = 20  # rungs of 4 below a window before it is given up
+ROUNDS = 4  # of dz/dt = dw/dt - 2 content[z, dz/dt]; each leaves a share of c_p's relative change
+SETTLED = 1e-3  # of the tolerance, that the iteration of the fast part may leave
 FINER = 4.0 ** -np.arange(4)  # scales below a step at which what the basis leaves of the impedance is looked at
 
 
@@ -52,7 +61,8 @@ class FieldState:
     time : float, s
     z, r : array, shape (k,) and (n,)
     slope : array, shape (n,)
-        E^-1 times the time derivative in the equation of the module, at the end of the last step.
+        the time derivative in the equation of the module at the end of the last step: E^-1 times it where the system
+        is linear, in W where it is not.
     source : array, shape (inputs + k,)
         the P and z that this slope was computed with.
     step : float, s
@@ -69,6 +79,15 @@ class FieldState:
     step: float = 0.0
     heat_in: float = 0.0
     heat_out: float = 0.0
+
+
+class Ends(NamedTuple):
+    """Both ends of a step: an array of the remainder r, or of its outputs, and h dr/dt."""
+
+    first: Array
+    last: Array
+    first_rate: Array
+    last_rate: Array
 
 
 class FieldIntegrator:
@@ -107,9 +126,15 @@ class FieldIntegrator:
             self.newton = NewtonStepper(system, quiet, tolerance, factors)
         self.stepper = s = self.newton or Stepper(linear, quiet, factors)
         V = basis.vectors
-        self.KV = -(s.A @ V)
-        self.drive = np.column_stack([s.B - s.E @ (V @ basis.heating), (s.E @ V) * basis.rate - self.KV])
-        self.jump = np.column_stack([s.solve(0.0, column) for column in self.drive.T])
+        KV, self.EV = -(s.A @ V), s.E @ V
+        self.drive = np.column_stack([s.B - self.EV @ basis.heating, self.EV * basis.rate - KV])
+        self.curved = None
+        if isinstance(system, NonlinearEquations):
+            self.curved = curvature(system, V)
+            self.loads = np.column_stack([KV, self.drive, self.EV])
+            self.readers = np.stack([s.solve(0.0, row) for row in np.asarray(linear.C)])
+        else:
+            self.jump = np.column_stack([s.solve(0.0, column) for column in self.drive.T])
         fields = np.column_stack([s.factors.solve(0.0, 1.0, b) for b in linear.B.T])
         self.per_kelvin = max(map(s.norm, fields.T)) / np.abs(linear.C @ fields).max()
         self.direct = np.array(direct) if len(direct) else np.zeros(len(linear.inputs))
@@ -127,10 +152,11 @@ class FieldIntegrator:
         V, s = self.basis.vectors, self.stepper
         z = V.T @ (s.E @ x)
         r, source = x - V @ z, np.concatenate([np.zeros(len(self.linear.inputs)), z])
-        right = self.drive @ source + s.A @ r
-        if self.newton is not None:
-            right = right - self.newton.system.flow(x) - s.A @ x
-        return FieldState(time, z, r, s.solve(0.0, right), source)
+        if self.curved is None or self.newton is None:
+            return FieldState(time, z, r, s.solve(0.0, self.drive @ source + s.A @ r), source)
+        flow, _ = self.curved(z[None], z[None])
+        slope = self.loads @ np.concatenate([z, source, flow[0]]) - self.newton.system.flow(x)
+        return FieldState(time, z, r, slope, source)
 
     def temperature(self, state: FieldState) -> Array:
         """Rise x in K, shape (n,)."""
@@ -172,8 +198,10 @@ class FieldIntegrator:
         if window <= 0 or abs(times[0] - state.time) > 1e-9 * window:
             raise checks.InputError(f"times run from {times[0]:g} to {times[-1]:g} s, the field is at {state.time:g} s")
         self.unit = self.unit or window
-        fast = FastPart(self.basis, state.time, state.z, waves, times)
         C = self.linear.C
+        reach = np.abs(C @ self.basis.vectors).max(axis=0, initial=np.finfo(float).tiny)
+        left = SETTLED * self.tolerance / (reach * max(reach.size, 1))
+        fast = FastPart(self.basis, state.time, state.z, waves, times, self.curved, left)
         outputs, fields = fast.z(times) @ (C @ self.basis.vectors).T, fast.z(keep) @ self.basis.vectors.T
         outputs[0] += C @ state.r
         fields[keep <= state.time] += state.r
@@ -190,10 +218,11 @@ class FieldIntegrator:
                 self.stepper.rejected += 1
                 done, count = 4 * done, 4 * count
                 continue
-            state, error, ends = step
+            state, error, ends, whole = step
             read, kept = between(times, t, t + h), between(keep, t, t + h)
-            outputs[read] += hermite((times[read] - t) / h, *(C @ v for v in ends))
-            fields[kept] += hermite((keep[kept] - t) / h, *ends)
+            outputs[read] += hermite((times[read] - t) / h, *ends)
+            if kept.size:
+                fields[kept] += hermite((keep[kept] - t) / h, *whole())
             done += 1
             if error * 4**4 < 1 and done % 4 == 0 and count % 4 == 0:
                 done, count = done // 4, count // 4
@@ -209,23 +238,31 @@ class FieldIntegrator:
 
     def _step(
         self, fast: FastPart, state: FieldState, t: float, h: float
-    ) -> tuple[FieldState, float, tuple[Array, ...]] | None:
-        """One step: the new state, its error in units of what is allowed, and r and h dr/dt at both ends."""
+    ) -> tuple[FieldState, float, Ends, Callable[[], Ends]] | None:
+        """One step: the new state, its error in units of what is allowed, and its ends in the outputs and in r."""
         piece = fast.piece(t, h)
         missed = float(piece.leftover @ self.missed(h)) / (SHARE * self.tolerance)
         if missed > 1:
             return None
+        s, C = self.stepper, self.linear.C
         slopes, rests = np.empty((6, state.r.size)), np.empty((6, state.r.size))
-        slopes[0], rests[0] = state.slope + self.jump @ (piece.stages[0] - state.source), state.r
+        rests[0], jump = state.r, piece.stages[0] - state.source
         z = fast.z(t + h * STAGE_TIMES)
         z[4] = piece.stages[4, piece.energy.size :]  # the fifth stage lies beyond the step
         if self.newton is None:
+            slopes[0] = state.slope + self.jump @ jump
             self._linear(piece, h, slopes, rests)
-        elif not self._nonlinear(self.newton, piece, z, h, slopes, rests):
-            return None
-        self.stepper.steps += 1
-        ends = (rests[0], rests[-1], *(h * self._rate(piece, z[k], rests[k], slopes[k], k) for k in (0, -1)))
-        step, inside = self._errors(h * ((WEIGHTS - EMBEDDED) @ slopes), rests[3] - hermite(STAGE_TIMES[[3]], *ends)[0])
+            rates = [slopes[0], slopes[-1]]
+            read, estimate = [C @ rate for rate in rates], h * ((WEIGHTS - EMBEDDED) @ slopes)
+        else:
+            slopes[0] = state.slope + self.drive @ jump
+            if not self._nonlinear(self.newton, piece, z, h, slopes, rests):
+                return None
+            rates = [self._load(self.newton, piece, z[k], rests[k], slopes[k], k) for k in (0, -1)]
+            read, estimate = [self.readers @ rate for rate in rates], s.solve(0.0, h * ((WEIGHTS - EMBEDDED) @ slopes))
+        s.steps += 1
+        ends = Ends(C @ rests[0], C @ rests[-1], h * read[0], h * read[1])
+        step, inside = self._errors(estimate, C @ rests[3] - hermite(STAGE_TIMES[[3]], *ends)[0])
         if not max(missed, step, inside) <= 1:
             return None
         error = max(missed, step, inside * (1.0 if self.newton is None else SLOWER))
@@ -240,7 +277,12 @@ class FieldIntegrator:
             t + h, z[-1], rests[-1], slopes[-1], piece.stages[-1], h,
             state.heat_in + float(piece.energy.sum()), state.heat_out + out,
         )  # fmt: skip
-        return new, error, ends
+
+        def whole() -> Ends:
+            solved = rates if self.newton is None else [s.solve(0.0, rate) for rate in rates]
+            return Ends(rests[0], rests[-1], h * solved[0], h * solved[1])
+
+        return new, error, ends, whole
 
     def _linear(self, piece: Piece, h: float, slopes: Array, rests: Array) -> None:
         """Stages E s = drive [P, z] - K r."""
@@ -251,36 +293,41 @@ class FieldIntegrator:
             rests[i] = known + GAMMA * h * slopes[i]
 
     def _nonlinear(self, s: NewtonStepper, piece: Piece, z: Array, h: float, slopes: Array, rests: Array) -> bool:
-        """Stages with k(T) and c_p(T), in the unknown x = V z + r; False where one does not converge."""
-        V, shift = self.basis.vectors, GAMMA * h
-        fields = z @ V.T
+        """Stages with k(T) and c_p(T), in the unknown x = V z + r; False where one does not converge. Slopes in W."""
+        shift, fields = GAMMA * h, z @ self.basis.vectors.T
+        flow, held = self.curved(z, z)
+        follows = (z + held) @ self.EV.T
+        targets = follows + shift * (np.hstack([z, piece.stages, flow]) @ self.loads.T)
         s.tolerance = 0.02 * SHARE * self.tolerance / max(s.rise, self.tolerance)
-        extra = s.extra(fields[0] + rests[0])
+        start = s.system.content(fields[0] + rests[0]) - follows[0]
         for i in range(1, 6):
-            known = rests[0] + h * (STAGES[i, :i] @ slopes[:i])
-            source = shift * (self.drive @ piece.stages[i] + self.KV @ z[i]) + extra
-            x = s.stage(fields[i] + GUESS[i, :i] @ rests[:i], known + fields[i], source, shift)
+            known = start + h * (STAGES[i, :i] @ slopes[:i])
+            x = s.stage(fields[i] + GUESS[i, :i] @ rests[:i], known + targets[i], shift)
             if x is None:
                 return False
             rests[i] = x - fields[i]
-            slopes[i] = (rests[i] - known) / shift
-            if s.system.content.laws:
-                slopes[i] += s.solve(0.0, s.extra(x) - extra) / shift
+            slopes[i] = (s.system.content(x) - follows[i] - known) / shift
         return True
 
-    def _rate(self, piece: Piece, z: Array, r: Array, slope: Array, end: int) -> Array:
-        """dr/dt at one end of a step: E^-1 d/dt H(x) is slope + V dz/dt, and r is what V leaves of x."""
-        if self.newton is None or not self.newton.system.content.laws:
+    def _load(self, s: NewtonStepper, piece: Piece, z: Array, r: Array, slope: Array, end: int) -> Array:
+        """E dr/dt at one end of a step, from H'(x) dx/dt = slope + E V d(z + e)/dt, its inverse taken node by node."""
+        content = s.system.content
+        if not content.laws:
             return slope
-        power = piece.stages[end, : piece.energy.size]
-        moving = self.basis.vectors @ (self.basis.heating @ power - self.basis.rate * z)
-        return self.newton.rate(self.basis.vectors @ z + r, slope + moving) - moving
+        x, curved, one = self.basis.vectors @ z + r, self.curved, z[None]
+        moving = (
+            self.basis.heating @ piece.stages[end, : piece.energy.size] - self.basis.rate * z - curved(one, one)[0][0]
+        )
+        rate = moving
+        for _ in range(ROUNDS):
+            rate = moving - 2 * curved(one, rate[None])[1][0]
+        return (slope + self.EV @ moving - content.derivative(x)(self.basis.vectors @ rate)) / s.nodal(x)
 
     def _errors(self, estimate: Array, inside: Array) -> tuple[float, float]:
         """Errors of a step in units of what is allowed: of outputs and field at its end, and of outputs inside."""
         C, allowed = self.linear.C, SHARE * self.tolerance
         worst = max(np.abs(C @ estimate).max(), self.stepper.norm(estimate) / self.per_kelvin)
-        return float(worst) / allowed, float(np.abs(C @ inside).max()) / allowed
+        return float(worst) / allowed, float(np.abs(inside).max()) / allowed
 
     def missed(self, h: float) -> Array:
         """|H - H_V| of the worst output by each input at the scale of a step and below, K/W, shape (inputs,)."""

@@ -6,6 +6,12 @@ Between two grid times (wanted times and the breakpoints of the waves) P is one 
 
 Between grid times z is the cubic through its values and slopes; behind a jump of the power the grid is graded, since a
 fast pole does not move like a cubic there.
+
+With k(T) and c_p(T) the amplitudes follow what these do to the fields (`curvature`): w = z + content[z, z] and
+
+    dw/dt = -rate w + heating P + g(z),    g(z) = rate content[z, z] - flow[z, z]
+
+by iteration with g of the last z as one more cubic; what is left of an error falls by k's relative change each time.
 """
 
 from __future__ import annotations
@@ -17,9 +23,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .. import checks
 from ..algebra.krylov import Basis
 from ..algebra.smooth_poles import phi
 from ..waveforms import Cubic, Waveform, knots
+from .curvature import Curvature
 from .esdirk import STAGE_TIMES
 
 Array = NDArray[np.float64]
@@ -29,6 +37,7 @@ NODES, WEIGHTS = (NODES + 1) / 2, WEIGHTS / 2
 _POWERS = np.linalg.inv(NODES[:, None] ** np.arange(4)).T  # values at the nodes @ _POWERS = coefficients of u^m
 FIT = 1e-6  # of a smooth power by one cubic between grid times, relative to its peak
 _GRADING = 2.0 ** -np.arange(1, 25)
+SWEEPS = 40
 
 
 def _legendre(u: ArrayLike) -> Array:
@@ -68,22 +77,56 @@ class FastPart:
     waves : one Waveform for each input
     times : array, s
         wanted times, the last is the end of the window.
+    curved : Curvature, optional
+    allowed : array, shape (k,)
+        what may be left of the iteration of each amplitude.
     """
 
-    def __init__(self, basis: Basis, start: float, z: Array, waves: Sequence[Waveform], times: Array) -> None:
+    def __init__(
+        self,
+        basis: Basis,
+        start: float,
+        z: Array,
+        waves: Sequence[Waveform],
+        times: Array,
+        curved: Curvature | None = None,
+        allowed: Array | float = 0.0,
+    ) -> None:
         self.waves, self.rate = waves, basis.rate
         self.grid = _grid(waves, start, times)
         h = np.diff(self.grid)
         nodes = self.powers(self.grid[:-1, None] + h[:, None] * NODES)
         powers = nodes.transpose(0, 2, 1) @ _POWERS  # coefficients, (intervals, inputs, 4)
-        drive = h[:, None] * np.einsum("tim,mtk,ki->tk", powers, phi(h[:, None] * self.rate), basis.heating)
+        gains = h[:, None] * phi(h[:, None] * self.rate)
+        drive = np.einsum("tim,mtk,ki->tk", powers, gains, basis.heating)
         decay = np.exp(-h[:, None] * self.rate)
-        self.values = np.empty((self.grid.size, self.rate.size))
-        self.values[0] = z
-        for k in range(h.size):
-            self.values[k + 1] = decay[k] * self.values[k] + drive[k]
         ends = np.stack([powers[..., 0], powers.sum(axis=-1)])  # not from the waves: round-off may hit their edges
-        self.slopes = ends @ basis.heating.T - self.rate * np.stack([self.values[:-1], self.values[1:]])
+        heat = ends @ basis.heating.T
+        self.values = _followed(z, decay, drive)
+        self.slopes = heat - self.rate * _ends(self.values)
+        if curved is not None:
+            self._bend(curved, (h, gains, decay, drive, heat), allowed)
+
+    def _bend(self, curved: Curvature, linear: tuple[Array, ...], allowed: Array | float) -> None:
+        """Values and slopes with k(T) and c_p(T), from those without and what these were made of."""
+        h, gains, decay, drive, heat = linear
+        w0 = self.values[0] + curved(self.values[:1], self.values[:1])[1][0]
+        for _ in range(SWEEPS):
+            z = self.values
+            flow, held = curved(z, z)
+            g = self.rate * held - flow
+            turns = [curved(*pair) for pair in zip(_ends(z), self.slopes, strict=True)]
+            along = np.stack([turn[1] for turn in turns])
+            d0, d1 = (2 * h[:, None] * (self.rate * turn[1] - turn[0]) for turn in turns)
+            rise = np.diff(g, axis=0)
+            cubics = np.stack([g[:-1], d0, 3 * rise - 2 * d0 - d1, d0 + d1 - 2 * rise])
+            w = _followed(w0, decay, drive + (cubics * gains).sum(axis=0))
+            self.values = w - held
+            self.values[0] = z[0]
+            self.slopes = heat + _ends(g) - self.rate * _ends(w) - 2 * along
+            if np.all(np.abs(self.values - z).max(axis=0, initial=0) <= allowed):
+                return
+        raise checks.InputError("the amplitudes of the fields under k(T) do not settle; is the power far too large?")
 
     def powers(self, t: Array) -> Array:
         """P of every input, shape (*t.shape, inputs)."""
@@ -117,6 +160,20 @@ class FastPart:
         moments = shapes.T @ (weight[:, None] * np.concatenate([power, self.z(at)], axis=1))
         left = power - shapes @ moments[:, : power.shape[1]]
         return Piece(_AT_STAGES @ moments, np.abs(left).max(axis=0), h * (weight @ power))
+
+
+def _followed(z: Array, decay: Array, drive: Array) -> Array:
+    """z_0 = z, z_(k+1) = decay_k z_k + drive_k."""
+    values = np.empty((len(decay) + 1, z.size))
+    values[0] = z
+    for k in range(len(decay)):
+        values[k + 1] = decay[k] * values[k] + drive[k]
+    return values
+
+
+def _ends(values: Array) -> Array:
+    """Values at the start and at the end of every interval, shape (2, intervals, ...)."""
+    return np.stack([values[:-1], values[1:]])
 
 
 def _grid(waves: Sequence[Waveform], start: float, times: Array) -> Array:

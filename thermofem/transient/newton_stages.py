@@ -99,7 +99,7 @@ class NewtonStepper(Stepper):
 
     def step(self, x: Array, slope: Array, h: float, powers: Array) -> tuple[Array, Array] | None:
         """One step as `Stepper.step`; None where even renewed factors do not converge: the step is too long."""
-        self._follow(x, GAMMA * h)
+        self.follow(x, GAMMA * h)
         step = self._with_content if self.system.content.laws else self._without
         done = step(x, slope, h, powers)
         self.steps += done is not None
@@ -142,21 +142,19 @@ class NewtonStepper(Stepper):
         self._last = slopes[5], flows[5]
         return slopes, states
 
-    def _follow(self, x: Array, shift: float) -> None:
+    def follow(self, x: Array, shift: float) -> None:
         """Make the neighbour of the Jacobian again where a derivative has moved too far since it was made."""
         allowed = DRIFT if self._near.ready(1.0, shift) else SLIGHT_DRIFT
         if max(one.drift(x) for one in self._neighbours) > allowed:
             self._near.replace(*(one.at(x) for one in self._neighbours))
 
-    def extra(self, x: Array) -> Array:
-        """H(x) - E x."""
-        return self.system.content(x) - self.E @ x if self.system.content.laws else np.zeros_like(x)
+    def stage(self, x: Array, target: Array, shift: float) -> Array | None:
+        """Solve H(x) + shift F(x) = target from the guess ``x``."""
+        return self._newton(x, target, shift)
 
-    def stage(self, x: Array, known: Array, source: Array, shift: float) -> Array | None:
-        """Solve E (x - known) + extra(x) + shift F(x) = source from the guess ``x``."""
-        if self.system.content.laws:
-            return self._newton(x, self.E @ known + source, shift)
-        return self._newton(x, source, shift, known)
+    def nodal(self, x: Array) -> Array:
+        """The slope of H at each node over that of E, where neighbours have the same."""
+        return self._stored.slope(x)
 
     def _newton(self, x: Array, target: Array, shift: float, known: Array | float = 0.0) -> Array | None:
         """Solve H(x) + shift F(x) = target from the guess ``x``; renew the factors once where they stall.
