@@ -157,7 +157,7 @@ class FEM:
     def predictor(self) -> Foster | Quadratic:
         """The Krylov reduction from the heated part to itself, with k(T) and c_p(T) to second order in the rise."""
         curved, basis = self.field.curved, self.basis
-        if curved is None:
+        if self.nonlinear is None:
             return foster(basis.reduced(self.linear).channel(self.heated, self.heated))
         inflow = curved.inverse * basis.rate
         H, b = (inflow + inflow.transpose(0, 2, 1)) / 2 - curved.flow, basis.heating[:, 0]

@@ -34,7 +34,7 @@ from ..algebra.factor import Pencil
 from ..algebra.krylov import Basis
 from ..algebra.system import LinearSystem
 from ..waveforms import Constant, Waveform
-from .curvature import curvature
+from .curvature import Curvature, curvature
 from .esdirk import EMBEDDED, GAMMA, STAGE_TIMES, STAGES, WEIGHTS, Stepper
 from .fast_part import FastPart, Piece
 from .integration import between, hermite
@@ -128,7 +128,7 @@ class FieldIntegrator:
         V = basis.vectors
         KV, self.EV = -(s.A @ V), s.E @ V
         self.drive = np.column_stack([s.B - self.EV @ basis.heating, self.EV * basis.rate - KV])
-        self.curved = None
+        self.curved = Curvature(*np.zeros((3, *(V.shape[1],) * 3)))
         if isinstance(system, NonlinearEquations):
             self.curved = curvature(system, V)
             self.loads = np.column_stack([KV, self.drive, self.EV])
@@ -152,7 +152,7 @@ class FieldIntegrator:
         V, s = self.basis.vectors, self.stepper
         z = V.T @ (s.E @ x)
         r, source = x - V @ z, np.concatenate([np.zeros(len(self.linear.inputs)), z])
-        if self.curved is None or self.newton is None:
+        if self.newton is None:
             return FieldState(time, z, r, s.solve(0.0, self.drive @ source + s.A @ r), source)
         flow, _ = self.curved(z[None], z[None])
         slope = self.loads @ np.concatenate([z, source, flow[0]]) - self.newton.system.flow(x)
@@ -201,7 +201,7 @@ class FieldIntegrator:
         C = self.linear.C
         reach = np.abs(C @ self.basis.vectors).max(axis=0, initial=np.finfo(float).tiny)
         left = SETTLED * self.tolerance / (reach * max(reach.size, 1))
-        fast = FastPart(self.basis, state.time, state.z, waves, times, self.curved, left)
+        fast = FastPart(self.basis, state.time, state.z, waves, times, self.curved if self.newton else None, left)
         outputs, fields = fast.z(times) @ (C @ self.basis.vectors).T, fast.z(keep) @ self.basis.vectors.T
         outputs[0] += C @ state.r
         fields[keep <= state.time] += state.r
