@@ -6,11 +6,15 @@ import json
 import logging
 from concurrent.futures import ThreadPoolExecutor
 
+import hypothesis
 import pytest
 from paths import ROOT
 
 ROWS = pytest.StashKey[list]()
 VALIDATION = ROOT / "docs" / "validation.json"
+
+hypothesis.settings.register_profile("thermofem", deadline=None)  # a busy machine is no failure
+hypothesis.settings.load_profile("thermofem")
 
 
 def pytest_addoption(parser):
