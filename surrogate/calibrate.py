@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofem import CrossSection, Foster, checks, waveforms
+from thermofem import CrossSection, Foster, OutputMap, checks, waveforms
 from thermofem.dataset import Drive, drive_of
 from thermofem.display import shown
 
@@ -65,7 +65,7 @@ class Calibration:
     family: Family = field(repr=False)
 
     @property
-    def model(self) -> Foster:
+    def model(self) -> Foster | OutputMap:
         """The thermal model with these parameters."""
         return self.family.at(self.values)
 
@@ -125,9 +125,13 @@ def calibrate(
         return (np.concatenate([_rise(family.at(values_of(x)), d) for d in drives]) - measured) / scale
 
     def jacobian(x: Array) -> Array:
-        modal = family.modal_derivative(span.row(x))
-        each = [modal.response(d.wave, _times(d), periodic=d.periodic) for d in drives]
-        return np.asarray(np.concatenate(each, axis=1).T * (span.slope(x) / scale))
+        row, model = span.row(x), family.at(values_of(x))
+        modal = family.modal_derivative(row)
+        each = np.concatenate([modal.response(d.wave, _times(d), periodic=d.periodic) for d in drives], axis=1)
+        if isinstance(model, OutputMap) and family.bend is not None:  # dT = z + a z^2
+            z = np.concatenate([_rise(model.linear, d) for d in drives])
+            each = (1 + 2 * model.coefficient * z) * each + np.outer(family.bend.slopes(family.box, row), z**2)
+        return np.asarray(each.T * (span.slope(x) / scale))
 
     shares = np.random.default_rng(0).uniform(0.15, 0.85, (STARTS - 1, len(low)))
     starts = np.vstack([np.full(len(low), 0.5), shares])
@@ -182,7 +186,7 @@ def _times(drive: Drive) -> Array:
     return waveforms.period_times(drive.wave, drive.times.size) if drive.periodic else drive.times
 
 
-def _rise(model: Foster, drive: Drive) -> Array:
+def _rise(model: Foster | OutputMap, drive: Drive) -> Array:
     if drive.periodic:
         return model.periodic_response(drive.wave, drive.times.size)
     return model.response(drive.wave, drive.times)

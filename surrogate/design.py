@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofem import CrossSection, Foster, checks
+from thermofem import CrossSection, Foster, OutputMap, checks
 from thermofem.display import shown
 
 from .family import Certified, Family
@@ -63,7 +63,7 @@ class Design:
     front: xr.Dataset | None = field(default=None, repr=False)
 
     @property
-    def model(self) -> Foster:
+    def model(self) -> Foster | OutputMap:
         """The thermal model of the member."""
         return self.family.at(self.values)
 

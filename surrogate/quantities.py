@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermofem import Foster, checks
+from thermofem import Foster, OutputMap, checks
 from thermofem.display import shown
 
 from .family import Family
 
 Array = NDArray[np.float64]
+Model = Foster | OutputMap
 
 Quantity = str | Callable[..., Any]
 Slope = float | tuple[ArrayLike, ArrayLike]
@@ -71,20 +72,21 @@ class Optics:
         return checks.finite(f"optics: slope of {number}", slope) * (end - start)
 
 
-def rise_time(model: Foster) -> float:
+def rise_time(model: Model) -> float:
     """Time from 10 to 90 % of the static rise after a step, in s."""
     return _reaches(model, 0.9) - _reaches(model, 0.1)
 
 
-def time_constant(model: Foster) -> float:
+def time_constant(model: Model) -> float:
     """Time in s after which a step has reached 1 - 1/e of its static rise."""
     return _reaches(model, -np.expm1(-1.0))
 
 
-def _reaches(model: Foster, share: float) -> float:
+def _reaches(model: Model, share: float) -> float:
     from scipy.optimize import brentq
 
-    R, tau = np.asarray(model.R), np.asarray(model.tau)
+    linear = model.linear if isinstance(model, OutputMap) else model  # at small power
+    R, tau = np.asarray(linear.R), np.asarray(linear.tau)
     total = R.sum()
 
     def missing(t: float) -> float:
@@ -93,7 +95,7 @@ def _reaches(model: Foster, share: float) -> float:
     return float(brentq(missing, 1e-4 * tau.min(), 50 * tau.max(), xtol=1e-16, rtol=1e-12))
 
 
-QUANTITIES: dict[str, Callable[[Foster], float]] = {
+QUANTITIES: dict[str, Callable[[Model], float]] = {
     "thermal_resistance": lambda model: model.thermal_resistance,
     "rise_time": rise_time,
     "time_constant": time_constant,

@@ -17,7 +17,7 @@ from thermofem.mesh.generate import make_faces
 from thermofem.sizes import size_function, sizes
 
 from .box import Box
-from .laws import Values, values
+from .laws import values
 from .lines import CellGrid
 from .surfaces import SAMPLES, Compressed, Points, points
 from .terms import Cells, element_terms, merged
@@ -50,20 +50,34 @@ class Coefficients:
 
     def __call__(self, rows: Array) -> tuple[Array, Array, Array]:
         """Coefficients of K (n, q), of M (n, m) and of volumes (n, 2 c) for parameters (n, p)."""
-        at = self._constant or values(self.box, rows)
-        stiffness, capacity, volume = self.cells.coefficients(self.grid, self.box, rows, at)
-        K, M = stiffness[:, self._firsts[0]], capacity[:, self._firsts[1]]
+        K, volume, c = self._static(rows)
+        first = self._firsts[1]
+        return K, c[:, first % c.shape[1]] * volume[:, first] / (2 * np.pi), volume
+
+    def static(self, rows: Array) -> tuple[Array, Array]:
+        """Those of K and of volumes alone."""
+        return self._static(rows)[:2]
+
+    def _static(self, rows: Array) -> tuple[Array, Array, Array]:
+        """Coefficients of K and of volumes, and 2 pi rho c_p of every cell."""
+        if (fixed := self._fixed) is not None:
+            k_r, k_z, c = fixed
+        else:
+            at = values(self.box, rows)
+            k_r, k_z, c = self.cells.laws(at)
+        a, b, d = self.cells.places(self.grid, rows - self.box.middle)
+        K = self.cells.stiffness(k_r, k_z, a, b, d)[:, self._firsts[0]]
         if self.surface is not None:
             K = np.concatenate([K, self.surface.points.weights(self.grid, self.box, rows, at)], axis=1)
-        return K, M, volume
+        return K, self.cells.volume(a, b, d), c
 
     @cached_property
-    def _constant(self) -> Values | None:
-        """Properties that hold for all members, where no parameter changes one."""
+    def _fixed(self) -> tuple[Array, Array, Array] | None:
+        """Laws of the cells that hold for all members; None where a parameter changes one, or surfaces need more."""
         paths = [path for v in self.box.campaign.variations for path in v.paths]
         if self.surface is not None or any(path.split(".")[0] in PROPERTIES for path in paths):
             return None
-        return values(self.box, self.box.middle[None])
+        return self.cells.laws(values(self.box, self.box.middle[None]))
 
     @cached_property
     def _firsts(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -94,6 +94,15 @@ class Box:
         ratio = np.where(self.logarithmic, self.high, 1.0) / low
         return np.asarray(np.where(self.logarithmic, low * ratio**share, linear))
 
+    def share(self, rows: Array) -> Array:
+        """The inverse of `at`."""
+        linear = (rows - self.low) / (self.high - self.low)
+        if not any(self.logarithmic):
+            return np.asarray(linear)
+        low, at = (np.where(self.logarithmic, x, 1.0) for x in (self.low, rows))
+        high = np.where(self.logarithmic, self.high, 2.0)
+        return np.asarray(np.where(self.logarithmic, np.log(at / low) / np.log(high / low), linear))
+
     def draw(self, count: int, seed: int) -> Array:
         """Points of a scrambled Sobol sequence, shape (count, p)."""
         from scipy.stats import qmc
@@ -146,6 +155,8 @@ class Box:
 
     def rows(self, values: Mapping[str, ArrayLike]) -> Array:
         """Parameters of many members, broadcast against each other, shape (..., p)."""
+        if (row := self._plain(values)) is not None:
+            return row
         for name in values:
             checks.choice("parameter", name, self.names)
         missing = [name for name in self.names if name not in values]
@@ -165,3 +176,10 @@ class Box:
         except ValueError:
             shapes = ", ".join(f"{name} {c.shape}" for name, c in zip(self.names, columns, strict=True))
             raise checks.InputError(f"the shapes do not fit together: {shapes}") from None
+
+    def _plain(self, values: Mapping[str, Any]) -> Array | None:
+        """Plain numbers inside the box, in their order; None where anything else is given."""
+        if values.keys() != set(self.names) or not all(isinstance(v, float) or type(v) is int for v in values.values()):
+            return None
+        row = np.array([values[name] for name in self.names], dtype=float)
+        return row if bool(((row >= self.low) & (row <= self.high)).all()) else None

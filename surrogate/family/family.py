@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermofem import Foster, StateSpace, checks
+from thermofem import Foster, OutputMap, StateSpace, checks
 from thermofem.display import shown
 from thermofem.heat.projected import ModalDerivative
 
 from ..reduce import reduce
 from . import files
+from .bend import Bend
 from .box import Box
 from .certify import Certified, certified
 from .reduced import LineTerms, MemberModes, Small, difference
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from .moved import MovedMembers
 
 Array = NDArray[np.float64]
+Model = Foster | OutputMap
 
 FAINT = 1e-12  # of R_th: poles with less are left out
 STEP = 1e-5  # of the range of a parameter: half the width of the differences of its matrices, exact to 1e-10
@@ -79,6 +81,9 @@ class Family:
     error : HeldOut
     floor, factor : float
         of `predicted_error`.
+    bend : Bend, optional
+        k(T) and c_p(T) up to a power: the output map of every member, by interpolation, and its own error. All errors
+        beside it, derivatives and certificates are those at small power.
     provenance : dict
     """
 
@@ -90,6 +95,7 @@ class Family:
     error: HeldOut
     floor: float
     factor: float
+    bend: Bend | None = None
     provenance: dict[str, Any] = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:
@@ -97,7 +103,8 @@ class Family:
             f"{name} {low:g} .. {high:g} {unit}".rstrip()
             for name, low, high, unit in zip(self.names, self.box.low, self.box.high, self.box.units, strict=True)
         )
-        return f"Family({span}; {self.size} functions, engine {self.engine!r}, {self.error!r})"
+        hot = "" if self.bend is None else f", k(T) up to {self.bend.power:g} W within {self.bend.error:.2g}"
+        return f"Family({span}; {self.size} functions, engine {self.engine!r}, {self.error!r}{hot})"
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -112,8 +119,11 @@ class Family:
 
     @property
     def engine(self) -> str:
-        """Way of making members: "lines" (sums of fixed matrices) or "moved meshes" (reassembled)."""
-        return self.members.engine
+        """How members are made: "lines" (sums of fixed matrices) or "moved meshes" (reassembled).
+
+        With k(T) followed by " and interpolation", of the output map.
+        """
+        return self.members.engine + ("" if self.bend is None else " and interpolation")
 
     @property
     def size(self) -> int:
@@ -125,8 +135,8 @@ class Family:
         """Heated parts first, then what else is read."""
         return tuple(dict.fromkeys((*self.inputs, *self.outputs)))
 
-    def model(self, *, heated: str | None = None, read: str | None = None, **values: float) -> Foster:
-        """Return the Foster network of one member.
+    def model(self, *, heated: str | None = None, read: str | None = None, **values: float) -> Model:
+        """Return the Foster network of one member; with k(T) an OutputMap over it, of the first channel.
 
         Parameters
         ----------
@@ -141,12 +151,18 @@ class Family:
             a parameter missing or unknown, or a value outside the box.
         """
         a, b = self._channel(heated, read)
-        return self._foster(self.members.member(self.box.row(values)).modes(), a, b)
+        row = self.box.row(values)
+        return self._bent(self._foster(self.members.member(row).modes(), a, b), row, (a, b))
 
-    def at(self, values: Mapping[str, float]) -> Foster:
+    def at(self, values: Mapping[str, float]) -> Model:
         """`model` of the first channel with the parameters in a mapping."""
-        a, b = self._channel(None, None)
-        return self._foster(self.members.member(self.box.row(values)).modes(), a, b)
+        row, channel = self.box.row(values), self._channel(None, None)
+        return self._bent(self._foster(self.members.member(row).modes(), *channel), row, channel)
+
+    def _bent(self, linear: Foster, row: Array, channel: tuple[int, int]) -> Model:
+        if self.bend is None or channel != self._channel(None, None):
+            return linear
+        return self.bend.on(linear, self.box.share(row))
 
     def held(self, **values: float) -> Held:
         """The members with some parameters held, as `coupled.identify` takes them."""
@@ -164,14 +180,14 @@ class Family:
 
     def reduced(
         self, tolerance: float = 1e-3, *, heated: str | None = None, read: str | None = None, **values: float
-    ) -> Foster:
+    ) -> Model:
         """Return a member with few poles, within ``tolerance`` of its R_th of `model` at every frequency."""
         a, b = self._channel(heated, read)
         channel = self.system(**values).channel(self.ports[a], self.ports[b])
         model = reduce(channel, tolerance).model
         if not isinstance(model, Foster):  # one channel always is
             raise TypeError("a single channel is a Foster network")
-        return model
+        return self._bent(model, self.box.row(values), (a, b))
 
     def thermal_resistance(self, *, heated: str | None = None, read: str | None = None, **values: ArrayLike) -> Array:
         """Return R_th in K/W of many members; the values broadcast against each other."""
@@ -305,7 +321,7 @@ class Held:
         """Both ends of each of those, SI."""
         return {name: ends for name, ends in self.family.ranges.items() if name not in self.values}
 
-    def at(self, values: Mapping[str, float]) -> Foster:
+    def at(self, values: Mapping[str, float]) -> Model:
         """A member."""
         return self.family.at({**self.values, **values})
 

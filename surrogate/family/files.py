@@ -18,6 +18,7 @@ from thermofem.files import read_bytes
 from thermofem.heat.problem import on_mesh, resistances
 
 from .affine import Coefficients
+from .bend import Bend
 from .box import Box
 from .lines import Axis, CellGrid
 from .moved import MovedEngine, MovedMembers
@@ -50,6 +51,8 @@ def save(family: Family, path: str | Path) -> Path:
         "engine": family.engine,
         "provenance": family.provenance,
     }
+    if family.bend is not None:
+        content["bend"] = {"power": family.bend.power, "error": family.bend.error}
     arrays: dict[str, Any] = {"low": family.box.low, "high": family.box.high}
     if isinstance(family.members, LineTerms):
         content["owner"], content["statics"] = family.members.coefficients.grid.owner, family.members.statics
@@ -66,6 +69,8 @@ def save(family: Family, path: str | Path) -> Path:
         content["regions"], content["accuracy"] = list(mesh.region_names), family.members.moved.accuracy
         arrays |= {"points": mesh.points, "triangles": mesh.triangles, "region": mesh.region}
         arrays |= {"basis": family.members.basis}
+    if family.bend is not None:
+        arrays |= {"bend_shares": family.bend.shares, "bend_coefficients": family.bend.coefficients}
     memory = io.BytesIO()
     np.savez_compressed(memory, header=np.array(json.dumps(content)), **arrays)
     return write_whole(path, lambda p: p.write_bytes(memory.getvalue()))
@@ -135,7 +140,8 @@ def _fields(content: dict[str, Any], arrays: dict[str, Array]) -> dict[str, Any]
     box = _box(content, arrays)
     inputs, outputs = tuple(content["inputs"]), tuple(content["outputs"])
     ports = tuple(dict.fromkeys((*inputs, *outputs)))
-    lines = content["engine"] == "lines"
+    lines = content["engine"].startswith("lines")
+    hot = content.get("bend")
     error = content["error"]
     return {
         "box": box,
@@ -146,8 +152,14 @@ def _fields(content: dict[str, Any], arrays: dict[str, Array]) -> dict[str, Any]
         "error": {"worst": float(error["worst"]), "median": float(error["median"]), "count": int(error["count"])},
         "floor": float(content["floor"]),
         "factor": float(content["factor"]),
+        "bend": None if hot is None else _bend(hot, arrays),
         "provenance": dict(content["provenance"]),
     }
+
+
+def _bend(stored: dict[str, Any], arrays: dict[str, Array]) -> Bend:
+    power, error = float(stored["power"]), float(stored["error"])
+    return Bend(power, arrays["bend_shares"], arrays["bend_coefficients"], error)
 
 
 def _box(content: dict[str, Any], arrays: dict[str, Array]) -> Box:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,8 +58,17 @@ class Axis:
     def maps(self, offset: Array) -> tuple[Array, Array]:
         """a and b of every interval, each of shape (..., l - 1)."""
         position = self.at(offset)
-        b = np.diff(position, axis=-1) / np.diff(self.base)
+        b = (position[..., 1:] - position[..., :-1]) / self._gaps
         return position[..., :-1] - b * self.base[:-1], b
+
+    def scales(self, offset: Array) -> Array:
+        """b of every interval, shape (..., l - 1)."""
+        position = self.at(offset)
+        return np.asarray((position[..., 1:] - position[..., :-1]) / self._gaps)
+
+    @cached_property
+    def _gaps(self) -> Array:
+        return np.diff(self.base)
 
     def moved(self, x: Array, interval: NDArray[np.intp], offset: Array) -> Array:
         """Positions of points in given intervals."""

@@ -146,9 +146,11 @@ class LineTerms:
     def resistances(self, rows: Array, heated: int, read: int) -> Array:
         """Static gain of many members, shape (n,), from the static functions."""
         n, (at, terms, ports) = self.statics, self._static_terms
+        if len(rows) == 1:
+            return self._resistance(rows, heated, read)
         result = np.empty(len(rows))
         for start in range(0, len(rows), CHUNK):
-            K, _, volume = self.coefficients(rows[start : start + CHUNK])
+            K, volume = self.coefficients.static(rows[start : start + CHUNK])
             packed = K @ terms
             full = np.zeros((len(packed), n, n))
             full[:, at[0], at[1]] = packed
@@ -156,6 +158,18 @@ class LineTerms:
             b, c = ((volume @ ports[k]) / (volume @ self.volumes[k])[:, None] for k in (heated, read))
             result[start : start + CHUNK] = np.einsum("nk,nk->n", c, np.linalg.solve(full, b[..., None])[..., 0])
         return result
+
+    def _resistance(self, rows: Array, heated: int, read: int) -> Array:
+        """Static gain of one member, shape (1,), by Cholesky factorization of the upper triangle."""
+        from scipy.linalg.lapack import dposv
+
+        (at, terms, ports), (K, volume) = self._static_terms, self.coefficients.static(rows)
+        full = np.zeros((self.statics, self.statics), order="F")
+        full[at] = K[0] @ terms
+        b = volume[0] @ ports[heated] / (volume[0] @ self.volumes[heated])
+        c = b if read == heated else volume[0] @ ports[read] / (volume[0] @ self.volumes[read])
+        _, x, failed = dposv(full, b, overwrite_a=True)
+        return np.array([c @ x]) if not failed else np.array([np.nan])
 
 
 CHUNK = 512  # members at once

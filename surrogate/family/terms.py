@@ -59,21 +59,38 @@ class Cells:
         names = list(dict.fromkeys(self.material))
         return names, np.array([names.index(m) for m in self.material])
 
+    def laws(self, at: Values) -> tuple[Array, Array, Array]:
+        """2 pi times k_r, k_z and rho c_p of every cell, each of shape (n or 1, c)."""
+        names, index = self._materials
+        k_r, k_z, c = (2 * np.pi * np.array([x[m] for m in names])[index].T for x in (at.k_r, at.k_z, at.capacity))
+        return k_r, k_z, c
+
     def coefficients(
         self, grid: CellGrid, box: Box, rows: Array, at: Values | None = None
     ) -> tuple[Array, Array, Array]:
         """Coefficients of stiffness (n, 4 c), capacity (n, 2 c) and volume (n, 2 c) for parameters (n, p)."""
-        offset = rows - box.middle
-        at = at or values(box, rows)
-        a, b = (x[:, self.i] for x in grid.r.maps(offset))
-        _, d = grid.z.maps(offset)
-        d = d[:, self.j]
-        names, index = self._materials
-        k_r, k_z, c = (np.array([x[m] for m in names])[index].T for x in (at.k_r, at.k_z, at.capacity))
-        along_r, along_z = k_r * d / b, k_z * b / d
-        stiffness = np.concatenate([along_r * a, along_r * b, along_z * a, along_z * b], axis=1)
-        volume = np.concatenate([b * d * a, b * d * b], axis=1)
-        return 2 * np.pi * stiffness, 2 * np.pi * np.concatenate([c, c], axis=1) * volume, 2 * np.pi * volume
+        k_r, k_z, c = self.laws(at or values(box, rows))
+        a, b, d = self.places(grid, rows - box.middle)
+        volume = self.volume(a, b, d)
+        return self.stiffness(k_r, k_z, a, b, d), np.concatenate([c, c], axis=1) * volume / (2 * np.pi), volume
+
+    def places(self, grid: CellGrid, offset: Array) -> tuple[Array, Array, Array]:
+        """a, b and d of every cell, each of shape (n, c)."""
+        a, b = grid.r.maps(offset)
+        return a[:, self.i], b[:, self.i], grid.z.scales(offset)[:, self.j]
+
+    @staticmethod
+    def stiffness(k_r: Array, k_z: Array, a: Array, b: Array, d: Array) -> Array:
+        """Coefficients of the stiffness, shape (n, 4 c)."""
+        ratio = d / b
+        along_r, along_z = k_r * ratio, k_z / ratio
+        return np.concatenate([along_r * a, along_r * b, along_z * a, along_z * b], axis=1)
+
+    @staticmethod
+    def volume(a: Array, b: Array, d: Array) -> Array:
+        """Coefficients of volumes, shape (n, 2 c)."""
+        area = 2 * np.pi * b * d
+        return np.concatenate([area * a, area * b], axis=1)
 
 
 def element_terms(basis: Any) -> tuple[Array, Array, Array]:

@@ -8,18 +8,20 @@ import logging
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofem import Campaign, checks, renamed
+from thermofem import Campaign, Foster, checks, renamed
 from thermofem import __version__ as version
 from thermofem.campaign import schema
 from thermofem.toml_file import read
 
 from .affine import LineEngine
+from .bend import Bend, bend_of
 from .box import Box
 from .certify import FINEST, own
 from .family import Family, HeldOut, coarse_difference
@@ -50,6 +52,7 @@ def train_family(
     report: Callable[[str], None] | None = None,
     executor: Executor | None = None,
     folder: str | Path | None = None,
+    power: float | None = None,
 ) -> Family:
     """Train one reduced basis for all members of a campaign's ranges.
 
@@ -69,13 +72,17 @@ def train_family(
         anything that keeps the contract of `concurrent.futures`; default this process alone.
     folder : str or Path
         keeps the members that are solved; training that was interrupted goes on from it.
+    power : float, W
+        with k(T) or c_p(T) the largest power of interest: members then have an output map (`surrogate.output_map`),
+        interpolated between members that are solved with these laws; ``family.bend.error`` is its error over others.
 
     Returns
     -------
     Family
         where ``family.error`` is above the tolerance the log says so. Where outlines lie along r and z a member takes
         about a millisecond (engine "lines"); leaning walls, shells and copies off the axis take some tens ("moved
-        meshes"). Conductivities that depend on temperature are taken at the ambient one.
+        meshes"). Without ``power``, conductivities that depend on temperature are taken at the ambient one, and the
+        log says so.
 
     Raises
     ------
@@ -109,6 +116,18 @@ def train_family(
     rest = [difference(one, reference, heated) for one, reference in zip(modes, references, strict=True)]
     ratios = [each / max(coarse_difference(one, heated), 1e-12) for each, one in zip(rest, small, strict=True)]
     error = HeldOut(errors)
+    a, b = inputs[0], inputs[0] if inputs[0] in outputs else outputs[0]
+
+    def foster(row: Array) -> Foster:
+        one = members.member(row).modes()
+        return Foster(R=one.R(ports.index(a), ports.index(b)), tau=np.maximum(one.tau, 1e-30))
+
+    bend: Bend | None = None
+    if power is not None:
+        report("members with conductivities that depend on temperature")
+        bend = bend_of(engine, (a, b), power, foster, seed, replace(solver, folder=None))
+    elif engine.reference.nonlinear:
+        log.warning("the materials depend on temperature; members hold at small power (power= trains them for more)")
     for name in _idle(box, members, heated):
         log.warning("parameter %r changes nothing in this geometry; leave it out", name)
     if error.worst > tolerance:
@@ -127,6 +146,7 @@ def train_family(
         error=error,
         floor=SAFETY * max(meshes),
         factor=SAFETY * max(ratios),
+        bend=bend,
         provenance={
             "method": f"reduced basis, {members.engine}",
             "version": version,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 QDLDL_LIMIT = 150_000  # unknowns; beyond, SuperLU with minimum degree is faster (measured)
+ONCE = 20_000  # unknowns; beyond, `solve_once` keeps nothing
 CACHE = 24  # factorizations that a Pencil keeps
 PATIENCE = (
     4  # times a shift is factorized in the shared place before it gets its own: numbers alone cost 1/5 (measured)
@@ -36,6 +37,31 @@ def factorize(matrix: Any, *, upper: bool = False) -> Solve:
         matrix = csc_matrix(matrix + matrix.T - diags(matrix.diagonal()))
     options = {"SymmetricMode": True}
     return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options).solve
+
+
+_thread = threading.local()
+
+
+def solve_once(matrix: Any, rhs: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Solve with a symmetric definite sparse matrix that is not needed again.
+
+    Matrices with the same places, one after the other in a thread, share an ordering and a symbolic factorization.
+    """
+    from scipy.sparse import csc_matrix, triu
+
+    n = matrix.shape[0]
+    qdldl = _qdldl(n)
+    if qdldl is None or n > ONCE:
+        return factorize(matrix)(rhs)
+    upper = csc_matrix(triu(matrix, format="csc"))
+    last = getattr(_thread, "last", None)
+    if last is not None and all(
+        np.array_equal(a, b) for a, b in zip(last[1:], (upper.indptr, upper.indices), strict=True)
+    ):
+        last[0].update(upper, upper=True)
+    else:
+        last = _thread.last = qdldl.Solver(upper, upper=True), upper.indptr, upper.indices
+    return np.asarray(last[0].solve(rhs))
 
 
 def _qdldl(unknowns: int) -> Any:
@@ -138,6 +164,8 @@ class Pencil:
             if key == self._there:  # the shared place becomes its own
                 self._own[key], self._shared, self._there = self._shared.solve, None, None
                 return self._own[key]
+            if self._shared is not None and not self._spare:  # other numbers cost a fifth of another ordering
+                self._spare, self._shared, self._there = [self._shared], None, None
             return self._keep(key, self._matrix(a, b))
 
     def _matrix(self, a: float, b: float) -> Any:

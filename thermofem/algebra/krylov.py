@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
@@ -27,6 +28,7 @@ System = TypeVar("System", bound=Any)  # a dataclass that is a LinearSystem
 SHIFTS = 4  # 0, and three from 30 times the slowest to 300 times the fastest of `rates`
 ROOM = 32  # columns that a space has room for at first
 CYCLES = 5  # 20 fields a heated part: Z(f) within 2e-5 of R_th up to 3 GHz (measured on strip, rib, heated ring)
+MUCH = 1e-6  # squared length of what a column of unit length adds, above which one more projection is enough
 REFUSAL = "E and -A must be symmetric and positive definite, as for every heat problem"
 
 
@@ -37,19 +39,32 @@ class Basis:
     Attributes
     ----------
     rate : array, shape (k,), 1/s
-    vectors : array, shape (n, k)
     heating : array, shape (k, inputs)
         V^T B.
+    fields : array, shape (n, k)
+        M-orthonormal.
+    rotation : array, shape (k, k)
+        orthogonal; V = fields rotation.
     """
 
     rate: Array
-    vectors: Array
     heating: Array
+    fields: Array
+    rotation: Array
+
+    @cached_property
+    def vectors(self) -> Array:
+        """V, shape (n, k)."""
+        return np.asarray(self.fields @ self.rotation)
+
+    def read(self, C: Array) -> Array:
+        """C V of functionals C (outputs, n), without the fields V."""
+        return np.asarray((C @ self.fields) @ self.rotation)
 
     def reduced(self, system: System) -> System:
         """The reduced model with the inputs and outputs of ``system``."""
         E, A = np.eye(self.rate.size), -np.diag(self.rate)
-        return replace(system, E=E, A=A, B=self.heating, C=system.C @ self.vectors)
+        return replace(system, E=E, A=A, B=self.heating, C=self.read(system.C))
 
 
 class KrylovSpace:
@@ -97,10 +112,10 @@ class KrylovSpace:
         W = W[:, W.any(axis=0)]  # nothing is left of heat that the space holds to the last digit
         if room == 0 or W.shape[1] == 0:
             return False
-        W = orthonormal(W, self.M, self.V, self.MV, most=room, smallest=self.smallest)
+        W, MW = both(W, self.M, self.V, self.MV, most=room, smallest=self.smallest)
         if W.shape[1] == 0:
             return False
-        KW, MW = self.K @ W, self.M @ W
+        KW = self.K @ W
         across, corner = self.V.T @ KW, W.T @ KW
         self._append(W, MW)
         self.stiffness = np.block([[self.stiffness, across], [across.T, symmetric_part(corner)]])
@@ -131,13 +146,19 @@ class Rounds(KrylovSpace):
     shifts : array, 1/s
     solvers : sequence of callable
         solve with K + s M, for each shift s.
+    start : array, shape (n, f)
+        fields that it holds from the start; default none.
     """
 
-    def __init__(self, system: LinearSystem, shifts: Array, solvers: Sequence[Solve]) -> None:
+    def __init__(
+        self, system: LinearSystem, shifts: Array, solvers: Sequence[Solve], start: Array | None = None
+    ) -> None:
         from scipy.sparse import csr_matrix
 
         super().__init__(-csr_matrix(system.A), csr_matrix(system.E), np.asarray(system.B, dtype=float))
-        self.shifts, self.solvers, self.sizes = shifts, solvers, [0]
+        if start is not None:
+            self.extend(start)
+        self.shifts, self.solvers, self.sizes = shifts, solvers, [self.order]
 
     def grow(self) -> None:
         """One round; the space stays as it is once it holds everything."""
@@ -149,15 +170,15 @@ class Rounds(KrylovSpace):
     def basis(self, size: int | None = None, extra: Array | None = None) -> Basis:
         """Its first ``size`` fields (default all), and an extra one of shape (n,), in modal form."""
         size = self.order if size is None else size
-        V, stiffness = self.V[:, :size], self.stiffness[:size, :size]
+        V, stiffness, inside = self.V[:, :size], self.stiffness[:size, :size], self.inside[:size]
         if extra is not None and size < len(V):
             w = orthonormal(extra[:, None], self.M, V, self.MV[:, :size], smallest=self.smallest)
-            across = V.T @ (self.K @ w)
-            V = np.column_stack([V, w])
-            stiffness = np.block([[stiffness, across], [across.T, w.T @ (self.K @ w)]])
+            Kw = self.K @ w
+            across = V.T @ Kw
+            V, inside = np.column_stack([V, w]), np.vstack([inside, w.T @ self.B])
+            stiffness = np.block([[stiffness, across], [across.T, w.T @ Kw]])
         rate, rotation = np.linalg.eigh(stiffness)
-        V = V @ rotation
-        return Basis(rate, V, V.T @ self.B)
+        return Basis(rate, rotation.T @ inside, V, rotation)
 
 
 def krylov(system: LinearSystem, cycles: int = CYCLES) -> Basis:
@@ -173,7 +194,7 @@ def krylov(system: LinearSystem, cycles: int = CYCLES) -> Basis:
     check_heat_flow(system)
     if cycles == 0:
         none = np.empty((system.order, 0))
-        return Basis(np.empty(0), none, none.T @ np.asarray(system.B, dtype=float))
+        return Basis(np.empty(0), none.T @ np.asarray(system.B, dtype=float), none, np.empty((0, 0)))
     M, K = csr_matrix(system.E), -csr_matrix(system.A)
     static = factorize(K)
     slow, fast = rates(system, static)
@@ -225,7 +246,12 @@ def check_heat_flow(system: LinearSystem) -> None:
 
 
 def orthonormal(W: Array, M: Any, V: Array, MV: Array, *, most: int | None = None, smallest: float) -> Array:
-    """M-orthonormal basis of the part of the columns of W outside the M-orthonormal basis V.
+    """`both` without M times the basis."""
+    return both(W, M, V, MV, most=most, smallest=smallest)[0]
+
+
+def both(W: Array, M: Any, V: Array, MV: Array, *, most: int | None = None, smallest: float) -> tuple[Array, Array]:
+    """M-orthonormal basis of the part of the columns of W outside the M-orthonormal basis V, and M times it.
 
     Gram-Schmidt column by column, the one that adds most first, each orthogonalised again after it was scaled: so
     nearly equal columns give orthonormal ones to round-off (eigenvectors of their Gram matrix, which knows lengths to
@@ -251,22 +277,26 @@ def orthonormal(W: Array, M: Any, V: Array, MV: Array, *, most: int | None = Non
     if np.any(size <= 0):
         raise checks.InputError("E is not positive definite; every heat capacity must be positive")
     W = W / np.sqrt(size)
-    for _ in range(2):  # once more removes what round-off left
-        W = W - V @ (MV.T @ W)
+    W = W - V @ (MV.T @ W)
     room = W.shape[1] if most is None else min(most, W.shape[1])
     found, heavy = np.empty((W.shape[0], room)), np.empty((W.shape[0], room))
     for k in range(room):
         left = np.einsum("ij,ij->j", W, M @ W)
         pivot = int(np.argmax(left))
         if left[pivot] <= smallest:
-            return found[:, :k]
+            return found[:, :k], heavy[:, :k]
         w = W[:, pivot] / np.sqrt(left[pivot])
-        for _ in range(2):  # what is left may be 1e-8 of a column: its round-off along the basis goes out again
+        for _ in range(
+            1 if left[pivot] > MUCH else 2
+        ):  # round-off along the basis grows with 1/left: it goes out again
             w = w - V @ (MV.T @ w) - found[:, :k] @ (heavy[:, :k].T @ w)
-            w = w / np.sqrt(w @ (M @ w))
-        found[:, k], heavy[:, k] = w, M @ w
-        W = W - np.outer(w, heavy[:, k] @ W)
-    return found
+            heavy[:, k] = M @ w
+            length = np.sqrt(w @ heavy[:, k])
+            w, heavy[:, k] = w / length, heavy[:, k] / length
+        found[:, k] = w
+        if k + 1 < room:
+            W = W - np.outer(w, heavy[:, k] @ W)
+    return found, heavy
 
 
 def symmetric_part(matrix: Array) -> Array:

@@ -49,5 +49,9 @@ def _layout(name: str, data: xr.Dataset) -> tuple[Any, ...]:
 
 def _attributes(group: Any, before: dict[Any, Any], now: dict[Any, Any]) -> None:
     for key, value in now.items():
-        if not np.array_equal(before[key], value):
-            group.attrs[key] = value if isinstance(value, str) else np.atleast_1d(value)
+        if np.array_equal(before[key], value):
+            continue
+        if isinstance(value, str):
+            group.attrs[key] = value
+        else:
+            group.attrs.modify(key, np.atleast_1d(value))  # in its place

@@ -42,6 +42,9 @@ def family(
         Path | None, typer.Option(help="Keeps solved members; started again, training goes on from it.")
     ] = None,
     workers: Annotated[int, typer.Option(help="Processes that solve members.", min=1)] = 1,
+    power: Annotated[
+        str | None, typer.Option(help="Largest absorbed power, e.g. '2 mW'; for conductivities k(T).")
+    ] = None,
 ) -> dict[str, Any]:
     """Train one thermal model for all rings in the ranges of a campaign."""
     import surrogate
@@ -54,15 +57,25 @@ def family(
         if workers > 1:
             spawn = multiprocessing.get_context("spawn")
             pool = stack.enter_context(ProcessPoolExecutor(workers, mp_context=spawn))
-        found = surrogate.train_family(file, tolerance, executor=pool, folder=folder)
+        hot = None if power is None else quantity.parse(power, "W", name="--power")
+        found = surrogate.train_family(file, tolerance, executor=pool, folder=folder, power=hot)
     found.save(output)
     note(
         f"{found.size} functions ({found.engine}); error over {found.error.count} rings not seen: "
         f"worst {found.error.worst:.1e}, median {found.error.median:.1e}"
     )
+    if found.bend is not None:
+        note(f"k(T) up to {quantity.write(found.bend.power, 'W')}: error {found.bend.error:.1e}")
     note(f"wrote {output}")
     error = {"worst": found.error.worst, "median": found.error.median, "count": found.error.count}
-    return {"family": output, "functions": found.size, "engine": found.engine, "error": error, **_ranges(found)}
+    return {
+        "family": output,
+        "functions": found.size,
+        "engine": found.engine,
+        "error": error,
+        "error_hot": None if found.bend is None else found.bend.error,
+        **_ranges(found),
+    }
 
 
 def design(

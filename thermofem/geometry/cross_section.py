@@ -214,4 +214,8 @@ class CrossSection:
 
     def to_toml(self) -> str:
         """The geometry as the text of a geometry file; reading it back gives an equal CrossSection."""
+        return self._text
+
+    @cached_property
+    def _text(self) -> str:
         return toml_schema.write_text(self)

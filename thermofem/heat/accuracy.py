@@ -36,6 +36,7 @@ SLOWEST, FASTEST = 5, 9  # powers of ten of the shifts in 1/s: of an ordinary ch
 FAINT = 1e-2  # of R_th: what another part feels less of is not worth a finer mesh
 SATURATION = 2.0  # the exact energy over what the cubic functions add, at most (tests/audit/accuracy.py)
 CROSS = 1.75  # for another part that is read: the most it took on 200 random cross-sections (there)
+AT_ONCE = 200_000  # triangles times fields that are looked at together
 PEAK = 1.2  # between 0 and the last shift: what the error of the step may exceed its average over a decade by
 
 
@@ -71,10 +72,18 @@ class MeshError:
     Parameters
     ----------
     heat : HeatProblem
+
+    Attributes
+    ----------
+    fields : dict from name to array, shape (unknowns, s)
+        (K + s M)^-1 c of what was heated or read in estimates so far, at all shifts, 0 last.
     """
 
     def __init__(self, heat: HeatProblem) -> None:
         self.heat = heat
+        self.fields: dict[str, Array] = {}
+        self._statics: dict[str, Array] = {}
+        self._second: Array | None = None
 
     @cached_property
     def enrichment(self) -> Enrichment:
@@ -85,12 +94,26 @@ class MeshError:
 
     @cached_property
     def shifts(self) -> Array:
-        """One a decade from the slowest rate of the system to `FASTEST`, in 1/s; 0 last, as R_th comes next."""
-        d = self.heat.discretization
-        x = d.factors.solve(0.0, 1.0, d.E @ d.factors.solve(0.0, 1.0, d.means[self.heat.heated[0]][d.free]))
+        """One a decade from the slowest rate of the system to `FASTEST`, in 1/s; 0 last."""
+        d, x = self.heat.discretization, self.static(self.heat.heated[0])
+        x = self._second = d.factors.solve(0.0, 1.0, d.E @ x)
         slowest = float(x @ (d.K @ x)) / float(x @ (d.E @ x))  # Rayleigh's quotient after one inverse iteration
         first = min(SLOWEST, int(np.floor(np.log10(slowest))))
         return np.append(10.0 ** np.arange(FASTEST, first - 1, -1), 0.0)
+
+    def known(self, name: str) -> Array | None:
+        """Fields (unknowns, f) that estimates have left of what is heated, the static one last; None without any."""
+        fields = self.fields.get(name)
+        if fields is None or self._second is None or name != self.heat.heated[0]:
+            return fields
+        return np.column_stack([self._second, fields])
+
+    def static(self, name: str) -> Array:
+        """K^-1 c, shape (unknowns,), of what is heated or read."""
+        if name not in self._statics:
+            d = self.heat.discretization
+            self._statics[name] = d.factors.solve(0.0, 1.0, d.means[name][d.free])
+        return self._statics[name]
 
     def estimate(self, channels: tuple[Channel, ...]) -> Estimate:
         """Estimate the errors of some channels: `SATURATION` (and `PEAK`) times |a(u_3 - u, w_3 - w)| / Z.
@@ -103,14 +126,20 @@ class MeshError:
         names = list(dict.fromkeys(name for channel in channels for name in channel))
         means = np.column_stack([d.means[name] for name in names])
         load = np.column_stack([self.enrichment.mean(heat.geometry, heat.mesh, name) for name in names])
-        values, totals, shares = [], [], []
-        for s in self.shifts:
-            found = np.zeros_like(means)
-            found[d.free] = np.column_stack([d.factors.solve(s, 1.0, mean) for mean in means[d.free].T])
-            values.append(means.T @ found)
-            total, share = self.enrichment.added(s, found, load)
-            totals.append(total)
-            shares.append(share)
+        fields = np.empty((len(names), d.free.size, len(self.shifts)))
+        fields[:, :, -1] = [self.static(name) for name in names]  # while the factors of 0 are there
+        for k, s in enumerate(self.shifts[:-1]):
+            fields[:, :, k] = [d.factors.solve(s, 1.0, mean) for mean in means[d.free].T]
+        found = np.zeros((len(means), len(self.shifts), len(names)))
+        found[d.free] = fields.transpose(1, 2, 0)
+        values = np.einsum("ia,isb->sab", means, found, optimize=True)
+        at_once = max(1, AT_ONCE // (len(names) * d.basis.nelems))
+        parts = [
+            self.enrichment.added(self.shifts[k : k + at_once], found[:, k : k + at_once], load)
+            for k in range(0, len(self.shifts), at_once)
+        ]
+        totals, shares = (np.concatenate(each) for each in zip(*parts, strict=True))
+        self.fields.update(zip(names, fields, strict=True))
         between = (self.shifts > 0) & (self.shifts < self.shifts.max())
         factor = SATURATION * np.where(between, PEAK, 1.0)
         errors, local, weights = {}, {}, {}

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..algebra.factor import factorize
+from ..algebra.factor import solve_once
 from .matrices import properties
 from .surfaces import Surfaces, surface_terms
 
@@ -44,7 +44,7 @@ def domain_error(heat: HeatProblem, heated: str, read: str) -> float:
     extra = surface_terms(d.basis, conductivity, Surfaces(open=beyond, source=d.surfaces.source))
     held = d.basis.get_dofs(kept).all() if kept.size else kept
     opened = replace(d, stiffness=(d.stiffness + extra).tocsr(), held=held)
-    rise = factorize(opened.K)(d.means[heated][opened.free])
+    rise = solve_once(opened.K, d.means[heated][opened.free])
     there = float(d.means[read][opened.free] @ rise)
     here = heat.thermal_resistance(heated, read)
     return abs(there - here) / here

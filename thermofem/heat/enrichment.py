@@ -10,6 +10,7 @@ the energy that they add together with it (measured on 12 random cross-sections 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -143,47 +144,62 @@ class Enrichment:
             integral = probe_integral(geometry, mesh, functions, probe)
         return np.asarray(integral[functions.quadratic :] / integral[: functions.quadratic].sum())
 
-    def added(self, s: float, quadratic: Array, load: Array) -> tuple[Array, Array]:
-        """Correction of quadratic solutions by the cubic functions, and its energy in every triangle.
+    def added(self, shifts: Array, quadratic: Array, load: Array) -> tuple[Array, Array]:
+        """What the cubic functions add to quadratic solutions, and its energy in every triangle.
 
         Parameters
         ----------
-        s : float, 1/s
-        quadratic : array, shape (quadratic functions, n), K/W
+        shifts : array, shape (s,), 1/s
+        quadratic : array, shape (quadratic functions, s, n), K/W
             solutions of (K + s M) u = c.
         load : array, shape (cubic functions, n)
             c for the cubic functions.
 
         Returns
         -------
-        array, shape (n, n), K/W
+        array, shape (s, n, n), K/W
             c_i^T x_j of what is added.
-        array, shape (n, n, triangles), K/W
+        array, shape (s, n, n, triangles), K/W
             its share in every triangle, without what surfaces add.
         """
-        A = self.K + s * self.M if s else self.K
-        rest = load - self._sum(A[:, :, :6] @ quadratic[self.quadratic])
-        diagonal: Any = np.bincount(self.cubic.ravel(), np.einsum("tii->ti", A[:, :, 6:]).ravel())
-        block = np.ascontiguousarray(A[:, :, 6:])
+        count, s = load.shape[1], np.asarray(np.repeat(shifts, load.shape[1]), dtype=float)
+        u = quadratic.reshape(len(quadratic), -1)[self.quadratic]
+        rest = np.tile(load, len(shifts)) - self._sum(self.K[:, :, :6] @ u + (self.M[:, :, :6] @ u) * s)
+        on_diagonal = [
+            np.bincount(self.cubic.ravel(), np.einsum("tii->ti", A[:, :, 6:]).ravel()) for A in (self.K, self.M)
+        ]
+        diagonal = on_diagonal[0][:, None] + np.multiply.outer(on_diagonal[1], s)
         if self.surface is not None:
-            rest -= self.surface[:, : self.functions.quadratic] @ quadratic
-            diagonal = diagonal + self.surface.diagonal(self.functions.quadratic)
-        found = self._gradients(block, rest, np.asarray(diagonal)[:, None])
+            rest -= self.surface[:, : self.functions.quadratic] @ quadratic.reshape(len(quadratic), -1)
+            diagonal = diagonal + self.surface.diagonal(self.functions.quadratic)[:, None]
+        found = self._gradients(s, rest, diagonal)
         each = found[self.cubic]
-        shares = np.einsum("tia,tib->abt", each, block @ each)
+        split = (*each.shape[:2], len(shifts), count)
+        shares = np.einsum("tisa,tisb->sabt", each.reshape(split), self._image(each, s).reshape(split), optimize=True)
         total = shares.sum(axis=-1)
         if self.surface is not None:
-            total = total + found.T @ (self.surface[:, self.functions.quadratic :] @ found)
+            out = self.surface[:, self.functions.quadratic :] @ found
+            total += np.einsum("isa,isb->sab", *(x.reshape(len(x), len(shifts), count) for x in (found, out)))
         return total, shares
 
-    def _gradients(self, block: Array, rest: Array, diagonal: Array) -> Array:
+    @cached_property
+    def _blocks(self) -> tuple[Array, Array]:
+        """K and M between the cubic functions of each triangle."""
+        return np.ascontiguousarray(self.K[:, :, 6:]), np.ascontiguousarray(self.M[:, :, 6:])
+
+    def _image(self, each: Array, s: Array) -> Array:
+        """(K + s M) x in every triangle, with an s for every column of x, shape (triangles, 4, columns)."""
+        K, M = self._blocks
+        return np.asarray(K @ each + (M @ each) * s)
+
+    def _gradients(self, s: Array, rest: Array, diagonal: Array) -> Array:
         """A few conjugate gradients for each column, scaled by the diagonal."""
         rest[self.held] = 0.0
         found = np.zeros_like(rest)
         step = rest / diagonal
         direction, size = step.copy(), np.einsum("ia,ia->a", rest, step)
         for _ in range(ITERATIONS):
-            image = self._sum(block @ direction[self.cubic])
+            image = self._sum(self._image(direction[self.cubic], s))
             if self.surface is not None:
                 image += self.surface[:, self.functions.quadratic :] @ direction
             image[self.held] = 0.0
@@ -207,12 +223,6 @@ class Enrichment:
 
 def _surface(functions: Functions, d: Discretization, conductivity: Array) -> Any:
     """Rows of the cubic functions in the surface terms of the stiffness; None without such terms."""
-    import skfem
-
-    surfaces = d.surfaces
-    if not (surfaces.convection or surfaces.contacts or len(surfaces.open)):
+    if not d.surfaces.any:
         return None
-    basis = skfem.Basis(functions.mesh, functions.elem, intorder=1)  # surfaces take a rule of their own
-    order = np.empty(functions.N, dtype=np.intp)
-    order[functions.element_dofs] = basis.element_dofs
-    return surface_terms(basis, conductivity, surfaces).tocsr()[order[functions.quadratic :]][:, order]
+    return surface_terms(functions, conductivity, d.surfaces).tocsr()[functions.quadratic :]

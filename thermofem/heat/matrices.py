@@ -130,7 +130,9 @@ def build(
 
     element = {2: skfem.ElementTriP2, 3: skfem.ElementTriP3}[degree]()
     basis = skfem.Basis(mesh.skfem, element, intorder=2 * degree + 1)
-    stiffness = conduction(basis, conductivity) + surface_terms(basis, conductivity, surfaces)
+    stiffness = conduction(basis, conductivity)
+    if surfaces.any:
+        stiffness = stiffness + surface_terms(basis, conductivity, surfaces)
     return Discretization(
         basis=basis,
         mass=capacity(basis, heat_capacity),

@@ -133,8 +133,15 @@ class HeatProblem:
         """
         inputs = _names("heated", heated, self.heated, self.heated)
         outputs = _names("read", read, self.readable, inputs)
-        origin = {"geometry": self.geometry.to_toml(), "mesh_accuracy": self.accuracy}
-        return replace(self.discretization.state_space(inputs, outputs), origin=origin)
+        if (inputs, outputs) not in self._channels:
+            origin = {"geometry": self.geometry.to_toml(), "mesh_accuracy": self.accuracy}
+            system = replace(self.discretization.state_space(inputs, outputs), origin=origin)
+            self._channels[inputs, outputs] = system
+        return self._channels[inputs, outputs]
+
+    @cached_property
+    def _channels(self) -> dict[tuple[tuple[str, ...], tuple[str, ...]], StateSpace]:
+        return {}
 
     @cached_property
     def nonlinear(self) -> bool:
@@ -159,7 +166,8 @@ class HeatProblem:
             a name that is no heated part.
         """
         if heated not in self._modal:
-            self._modal[heated] = Modal(self.channels(heated), self.discretization.factors)
+            known = self._mesh_error.known(heated)
+            self._modal[heated] = Modal(self.channels(heated), self.discretization.factors, known)
         return self._modal[heated]
 
     @cached_property
@@ -218,14 +226,7 @@ class HeatProblem:
         """
         heated = self.heated[0] if heated is None else checks.choice("heated", heated, self.heated)
         channel = self.channels(heated, heated if read is None else read)
-        if heated not in self._static:
-            self._static[heated] = self.discretization.factors.solve(0.0, 1.0, channel.B[:, 0])
-        return float(channel.C[0] @ self._static[heated])
-
-    @cached_property
-    def _static(self) -> dict[str, Array]:
-        """Steady rise of all unknowns per watt in a part."""
-        return {}
+        return float(channel.C[0] @ self._mesh_error.static(heated))
 
     def steady_rise(self, power: float, heated: str | None = None, read: str | None = None) -> float:
         """Steady mean rise of ``read`` in K at a power in W in ``heated``; k(T) is taken into account.

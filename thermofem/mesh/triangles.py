@@ -18,7 +18,10 @@ from ..checks import InputError
 from ..display import shown
 from ..names import check_names
 
+KEPT = 20_000  # triangles; of more, the facets are not kept for the next mesh
 FLAT = 1e-10  # height over longest side, of a triangle that has no area
+
+_thread = threading.local()
 
 
 @shown
@@ -50,7 +53,13 @@ class Mesh:
         """The triangles as scikit-fem holds them."""
         import skfem
 
-        return skfem.MeshTri(np.ascontiguousarray(self.points.T), np.ascontiguousarray(self.triangles.T))
+        grid = skfem.MeshTri(np.ascontiguousarray(self.points.T), np.ascontiguousarray(self.triangles.T))
+        last = getattr(_thread, "last", None)
+        if last is not None and np.array_equal(last.t, grid.t):  # the same triangles, moved
+            grid._facets, grid._t2f, grid._f2t = last.facets, last.t2f, last.f2t
+        elif len(self.triangles) <= KEPT:
+            _thread.last = grid
+        return grid
 
     def volumes(self) -> dict[str, float]:
         """Volume of every region in m^3: the sum of 2 pi r_centroid area, exact for triangles."""

@@ -38,9 +38,15 @@ Array = NDArray[np.float64]
 
 SLOWEST, FASTEST = 30.0, 120.0  # shifts beside 0, over `krylov.rates`: the fewest fields for steps from 1 ns on
 SPAN = 2.5  # decades at most between two shifts: so two do for steps from 1 ns on, with as few fields as three or four
+KNOWN_LOW, KNOWN_HIGH, KNOWN_SPAN = 3.0, 60.0, 3.3  # the same where one field a decade is known: half the fields do
+KNOWN_LEAST, KNOWN_REACH = (
+    0.8e9,
+    2.0,
+)  # least of the last shift there, 1/s, and how far beyond it the known fields reach
 EARLIEST = 1.5  # the last shift over the inverse of the first wanted time
 FEWEST, ROUNDS = 2, 25  # first looked at, and left to the integrator
 OTHERS = 10.0  # weight of changes outside the heated part, where convergence is slow (measured, see the tests)
+STORED = 4.0  # the same of the stored heat, of which less is left at the end than at its largest
 LOUDER = 10.0  # times all power before it: the heat before then hides nothing behind such an edge, so the shifts follow
 WATCHED = 20_000  # times at which the answer is watched where there are more than twice as many
 MOST, PER_PIECE = 500_000, 3300  # straight pieces of the power at most, and what each takes in bytes (measured)
@@ -65,12 +71,15 @@ class Modal:
         E and -A symmetric positive definite; of its outputs nothing is kept.
     factors : Pencil
         of E and -A, where the caller keeps them.
+    known : array, shape (n, f)
+        (K + s M)^-1 B at one s a decade, the last one 0, of one input; where the caller has them.
     """
 
-    def __init__(self, system: LinearSystem, factors: Pencil | None = None) -> None:
+    def __init__(self, system: LinearSystem, factors: Pencil | None = None, known: Array | None = None) -> None:
         self.system = system
         self.factors = factors or Pencil(system.E, -system.A)
-        self._spaces: dict[float, Rounds] = {}
+        self.known = known
+        self._spaces: dict[tuple[float, bool], Rounds] = {}
         self._lock = threading.Lock()
 
     def run(
@@ -115,10 +124,13 @@ class Modal:
         wanted = _thinned(np.unique(np.concatenate([[0.0], times, kept])), kept, _pieces(waves, times, kept))
         shown = wanted.searchsorted(kept)
         first, answers, last = _first(waves, wanted), list[Answer](), np.inf
+        short = self.known is not None and not shown.size and all(np.array_equal(c, self.system.B[:, 0]) for c in C)
+        content = ledger.storage[None] if short and isinstance(ledger, Ledger) else np.empty((0, self.system.order))
+        watched = np.vstack([C, content])  # few fields hold the core long before they hold all heat
         grown: set[int] = set()
-        for rounds in range(FEWEST, ROUNDS):
+        for rounds in range(0 if short else FEWEST, ROUNDS):
             try:
-                space, size = self._grown(rounds, first)
+                space, size = self._grown(rounds, first, short=short)
             except checks.InputError:  # E or -A is not definite
                 return None
             if size in grown and size < self.system.order:
@@ -131,9 +143,9 @@ class Modal:
                 pole_responses(basis.rate, wave, wanted, periodic=periodic) * column
                 for wave, column in zip(waves, basis.heating.T, strict=True)
             )
-            answers = [*answers[-2:], Answer(basis, z, z @ (C @ basis.vectors).T)]
+            answers = [*answers[-2:], Answer(basis, z, z @ basis.read(watched).T)]
             if len(answers) > 2:
-                before, last = last, _moved(answers[0], answers[-1], C, space, shown) / rtol
+                before, last = last, _moved(answers[0], answers[-1], watched, space, shown, len(content)) / rtol
                 if max(before, last) <= 1 and last <= max(before / 2, STALLED):
                     break
         else:
@@ -144,7 +156,7 @@ class Modal:
             times=times,
             outputs=_outputs(found, C, waves, times, wanted, periodic=periodic),
             final=found.basis.vectors @ found.z[-1],
-            snapshots=found.z[shown] @ found.basis.vectors.T,
+            snapshots=found.z[shown] @ found.basis.vectors.T if shown.size else np.empty((0, self.system.order)),
             heat_in=heat[0],
             heat_stored=heat[1],
             heat_out=heat[2],
@@ -155,26 +167,35 @@ class Modal:
             method="closed form",
         )
 
-    def _grown(self, rounds: int, first: float) -> tuple[Rounds, int]:
-        """The space with at least ``rounds`` rounds, for times from ``first`` in s on, and its size after them."""
+    def _grown(self, rounds: int, first: float, *, short: bool) -> tuple[Rounds, int]:
+        """The space with at least ``rounds`` rounds, for times from ``first`` in s on, and its size after them.
+
+        ``short`` begins with the known fields.
+        """
         with self._lock:
-            low, high = self._shifts
-            if EARLIEST / first > high:  # to a decade; nothing in the mesh is faster than its fastest cell
+            slow, fast = self._rates
+            low, high, span = SLOWEST * slow, FASTEST * fast, SPAN
+            if short:
+                low, high, span = KNOWN_LOW * slow, max(KNOWN_HIGH * fast, KNOWN_LEAST), KNOWN_SPAN
+            if EARLIEST / first > (KNOWN_REACH * high if short else high):
+                # to a decade; nothing in the mesh is faster than its fastest cell
                 high = max(high, min(10 ** np.ceil(np.log10(EARLIEST / first)), self._cell))
-            if high not in self._spaces:
-                gaps = max(1, int(np.ceil(np.log10(high / low) / SPAN)))
-                shifts = np.append(0.0, np.geomspace(low, high, gaps + 1))
-                self._spaces[high] = Rounds(self.system, shifts, [self.factors.keep(s, 1.0) for s in shifts])
-            space = self._spaces[high]
+            key = high, short
+            if key not in self._spaces:
+                gaps = max(1, int(np.ceil(np.log10(high / low) / span)))
+                shifts = np.geomspace(low, high, gaps + 1)
+                shifts, start = (shifts, self.known) if short else (np.append(0.0, shifts), None)
+                self._spaces[key] = Rounds(self.system, shifts, [self.factors.keep(s, 1.0) for s in shifts], start)
+            space = self._spaces[key]
             while len(space.sizes) <= rounds:
                 space.grow()
             return space, space.sizes[rounds]
 
     @cached_property
-    def _shifts(self) -> tuple[float, float]:
-        """The first and the last shift beside 0."""
-        slow, fast = rates(self.system, self.factors.keep(0.0, 1.0))
-        return SLOWEST * slow, FASTEST * fast
+    def _rates(self) -> tuple[float, float]:
+        """As `krylov.rates`."""
+        known = self.known
+        return rates(self.system, self.factors.keep(0.0, 1.0) if known is None else lambda b: known[:, -1])
 
     @cached_property
     def _cell(self) -> float:
@@ -220,8 +241,8 @@ def _outputs(
     """Outputs at all times, shape (times, outputs); times that were not watched are computed piece by piece."""
     place = np.minimum(watched.searchsorted(times), watched.size - 1)
     if np.array_equal(watched[place], times):
-        return np.asarray(found.outputs[place])
-    rows, basis = C @ found.basis.vectors, found.basis
+        return np.asarray(found.outputs[place][:, : len(C)])
+    rows, basis = found.basis.read(C), found.basis
     outputs = np.empty((times.size, len(C)))
     edges = sum(wave.breakpoints(0.0, float(times[-1])).size for wave in waves)
     length = max(WATCHED, edges)  # every piece begins at t = 0 again
@@ -249,18 +270,23 @@ def _first(waves: Sequence[Waveform], wanted: Array) -> float:
     return shortest
 
 
-def _moved(old: Answer, new: Answer, C: Array, space: Rounds, shown: NDArray[np.intp]) -> float:
+def _moved(old: Answer, new: Answer, C: Array, space: Rounds, shown: NDArray[np.intp], contents: int) -> float:
     """Largest change of an output, or of a field ``shown``, in the last two rounds; `OTHERS` times but in the heat.
+
+    The last output is the stored heat where ``contents`` is 1: at the end, relative to its largest, `STORED` times.
 
     Relative to the largest value so far, of an output at least to `esdirk.FAR` of what the field would mean there.
     """
     basis, tiny = new.basis, np.finfo(float).tiny
     size = np.maximum.accumulate(np.linalg.norm(new.z, axis=1))
     steady = basis.heating.sum(axis=1) / basis.rate
-    far = FAR * np.abs(C @ (basis.vectors @ steady)) / np.linalg.norm(steady)
+    far = FAR * np.abs(basis.read(C) @ steady) / np.linalg.norm(steady)
     scale = np.maximum(np.maximum.accumulate(np.abs(new.outputs), axis=0), np.multiply.outer(size, far))
     changes = (np.abs(new.outputs - old.outputs) / np.maximum(scale, tiny)).max(axis=0)
     weights = [1.0 if any(np.array_equal(row, b) for b in space.B.T) else OTHERS for row in C]
+    if contents:
+        weights[-1], last = STORED, np.abs(new.outputs[-1, -1] - old.outputs[-1, -1])
+        changes[-1] = last / max(np.abs(new.outputs[:, -1]).max(), tiny)
     moved = list(weights * changes)
     if shown.size:  # the new space contains the old one, so the fields are those of z
         z, was = new.z[shown], old.z[shown] @ (old.basis.vectors.T @ (space.M @ basis.vectors))

@@ -16,7 +16,7 @@ from ...campaign import Campaign
 from ...campaign.vary import Schedule, Variation
 from ...dataset import build
 from ...geometry import strip_ring
-from ...models import Foster
+from ...models import Foster, OutputMap
 from ...waveforms import Constant, Waveform
 from .pulsing_stages import heat_of_the_pair
 from .settings import CENTRE, watts
@@ -107,7 +107,7 @@ def _worst(values: Array) -> Array:
     return np.asarray(np.abs((values - (low + high) / 2) / ((high - low) / 2)).max(axis=-1))
 
 
-def _quantities(model: Foster, wave: Waveform, samples: int) -> list[float]:
+def _quantities(model: Foster | OutputMap, wave: Waveform, samples: int) -> list[float]:
     """The quantities of the paper's statements for one stack; nan where the ring rests at the centre of the plane."""
     ring, cycles = coupled.borghi2021(), {}
     for point in PLANE:
