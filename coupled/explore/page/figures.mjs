@@ -172,7 +172,7 @@ function jumps(points, x, y, value, colours) {
     for (let j = 1; j < points.length; j++) {
       if (Math.abs(j - k) < 3) continue;
       const [a, b] = [points[j - 1], points[j]];
-      if ((a.detuning - here.detuning) * (b.detuning - here.detuning) <= 0 && a.regime !== "saddle") target = b;
+      if ((a.detuning - here.detuning) * (b.detuning - here.detuning) <= 0 && a.regime !== "saddle" && !b.cut) target = b;
     }
     if (target) out += `<path d="M${x(here.detuning / 1e9).toFixed(1)} ${y(value(here)).toFixed(1)}V${y(value(target)).toFixed(1)}" stroke="${colours.ink}" stroke-width="1.2" stroke-dasharray="1 3"/>`;
   }
