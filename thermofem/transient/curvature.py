@@ -21,7 +21,8 @@ from .nonlinear import NodalOperator, NonlinearEquations
 
 Array = NDArray[np.float64]
 
-HOT = 15.0  # K; of 5, 10 and 15 K the one with fewest solves for a ring that pulses up to 10 K; it changes the work alone
+# K; of 5, 10 and 15 K the one with fewest solves for a ring that pulses up to 10 K; it changes the work alone
+HOT = 15.0
 ROWS = 4096  # of amplitudes whose products are held at once
 
 
