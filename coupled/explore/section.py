@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh
 
 from thermofem.models import Foster
 
@@ -64,6 +63,8 @@ def _fields(reduction: Any, parts: Parts) -> tuple[Array, Array, Array, dict[str
         return np.asarray(model.R), np.asarray(model.tau), basis.T, {}
     light = parts.heated or model.inputs[0]
     read = model.C[model.outputs.index(parts.read or light)]
+    from scipy.linalg import eigh
+
     rate, modes = eigh(-model.A, model.E)
     seen = read @ modes
     R = seen * (model.B[:, model.inputs.index(light)] @ modes) / rate

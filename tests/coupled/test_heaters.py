@@ -91,7 +91,7 @@ def test_the_rise_by_a_heater_is_the_matrix_exponential(wave):
             x = (expm(big * share * (end - start)) @ begin)[:3]
             t = start + share * (end - start)
             assert float(found.rise(t)) == pytest.approx(x[0], rel=0, abs=allowed)
-    assert np.sum(found.states(stop)) == pytest.approx(x[0], rel=1e-9)
+    assert np.sum(found.states(stop)) == pytest.approx(x[0], rel=1e-9, abs=1e-3 * allowed)  # round-off of the largest
 
 
 def test_a_run_goes_on_with_its_heater():
