@@ -309,5 +309,3 @@ def test_a_settled_cycle_under_a_heater(js):
     assert page["period"] * 1e-9 == pytest.approx(cycle.attrs["period"], rel=SAME)
     top = float(cycle["delta_T"].max())
     assert page["hottest"] == pytest.approx(top, rel=4e-5)  # steps of both miss the top by 2e-5
-        float(cycle["delta_T"].max()), rel=4e-5
-    )  # steps of both miss the top by 2e-5
