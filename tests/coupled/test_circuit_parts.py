@@ -66,7 +66,7 @@ def test_parts_are_what_light_separates():
     assert len(separate.parts_of(replace(three(), lasers=beating))) == 1  # phases turn against the first laser
 
 
-def test_rings_of_different_heat_along_one_bus_against_dop853():
+def test_rings_of_different_heat_along_one_bus_against_lsoda():
     """Every ring has poles of its own, and the light of all before it arrives by one waveguide with loss and phase."""
     rings = [replace(RING, frequency=RING.frequency + df) for df in (0.0, 4e9, -3e9, 1e9)]
     ways = [
