@@ -180,7 +180,7 @@ def progress(value: Any) -> None:
 def choice(name: str, value: str, choices: Iterable[str], *, hint: str = "") -> str:
     """Return ``value``, or raise InputError naming the nearest of ``choices``."""
     known = sorted(choices)
-    if value in known:
+    if isinstance(value, str) and value in known:
         return value
     near = difflib.get_close_matches(shown(value).strip("'"), known, n=1, cutoff=0.5)
     guess = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"

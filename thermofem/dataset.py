@@ -141,6 +141,9 @@ def drive_of(data: xr.Dataset) -> Drive:
         if name not in getattr(data, "variables", {}):
             raise checks.InputError(f"data has no variable {name!r}; a training Dataset holds time, power and delta_T")
     data = netcdf.in_si(data)
+    for name in ("kind", "heated", "read", "geometry"):
+        if not isinstance(data.attrs.get(name), str | None):
+            raise checks.InputError(f"data.attrs[{name!r}] = {checks.shown(data.attrs[name])} is no text")
     times = checks.array("data.time", data["time"].values, increasing=True)
     if data["delta_T"].ndim != 1:
         raise checks.InputError("data.delta_T has several probes; pick one with data.sel(probe='core')")

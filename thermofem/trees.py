@@ -1,14 +1,15 @@
 """JSON and TOML text of any origin as a tree of bounded shape; every reader of either goes through here.
 
 A tree holds objects, lists, text, finite numbers, true, false and null, nested at most `DEPTH` deep. What it cannot
-hold is an InputError: nan and infinities, dates, integers of TOML beyond 64 bits, halves of Unicode pairs, text beyond
-`LONGEST` characters.
+hold is an InputError: nan and infinities, dates, integers of TOML beyond 64 bits, halves of Unicode pairs, a key that
+an object has twice, text beyond `LONGEST` characters.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import re
 import tomllib
 from typing import Any
 
@@ -18,6 +19,8 @@ DEPTH = 40  # of tables and lists in one another; our own files reach 8
 LONGEST = 200_000_000  # characters of JSON: a StateSpace of 500 states has 30 million
 LONGEST_TOML = 4_000_000  # characters
 DIGITS = 18  # of an integer that stays one; more are a float
+_WORD = r"""(?:[A-Za-z0-9_-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
+_DOTTED = re.compile(rf"(?<![\w\\-]){_WORD}(?:[ \t]*+\.[ \t]*+{_WORD}){{{DEPTH}}}")  # tomllib's memory is its square
 
 
 def from_json(text: str) -> Any:
@@ -33,7 +36,7 @@ def from_json(text: str) -> Any:
     """
     _check_length(text, LONGEST)
     try:
-        tree = json.loads(text, parse_constant=_refuse, parse_int=_integer, parse_float=_float)
+        tree = json.loads(text, parse_constant=_refuse, parse_int=_integer, parse_float=_float, object_pairs_hook=_once)
     except RecursionError:
         raise InputError(f"it is nested more than {DEPTH} deep") from None
     except json.JSONDecodeError as error:
@@ -44,6 +47,8 @@ def from_json(text: str) -> Any:
 def from_toml(text: str) -> dict[str, Any]:
     """The tables of a TOML text; raises as `from_json`, with line and column where it is no TOML."""
     _check_length(text, LONGEST_TOML)
+    if _DOTTED.search(text):
+        raise InputError(f"not valid TOML: a dotted name is nested more than {DEPTH} deep")
     try:
         tables = tomllib.loads(text)
     except RecursionError:
@@ -95,6 +100,15 @@ def _check_length(text: Any, most: int) -> None:
         raise InputError(f"a {type(text).__name__} is no text")
     if len(text) > most:
         raise InputError(f"its {len(text)} characters are more than {most}")
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object; of a key that stands twice, nobody knows which one is meant."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        raise InputError(f"an object has the key {shown(next(k for k in keys if keys.count(k) > 1))} twice")
+    return found
 
 
 def _refuse(name: str) -> float:

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from thermofem import Campaign, Mesh, checks, waveforms
 from thermofem.campaign.vary import Schedule, Variation
 from thermofem.dataset import write_whole
-from thermofem.files import read_bytes
+from thermofem.files import LARGEST_TEXT, read_bytes
 from thermofem.heat.problem import on_mesh, resistances
+from thermofem.trees import from_json
 
 from .affine import Coefficients
 from .bend import Bend
@@ -122,11 +123,13 @@ def read(path: str | Path) -> dict[str, Any]:
     raw = read_bytes(path, "family")
     try:
         with np.load(io.BytesIO(raw), allow_pickle=False) as archive:
+            if sum(member.file_size for member in archive.zip.infolist()) > LARGEST_TEXT:
+                raise ValueError(f"more than {LARGEST_TEXT} bytes unpacked")
             arrays = {name: archive[name] for name in archive.files}
-        content = json.loads(str(arrays.pop("header")))
+        content = from_json(str(arrays.pop("header")))
         if content["format"] != FORMAT:
             raise ValueError("another format")
-    except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile, TypeError) as error:
+    except (ValueError, KeyError, OSError, EOFError, MemoryError, zipfile.BadZipFile, TypeError) as error:
         raise checks.InputError(f"{path} is not a family that thermofem wrote ({error}); is it complete?") from None
     if content.get("schema") != SCHEMA:
         raise checks.InputError(f"{path} has schema {content.get('schema')!r}; this version reads {SCHEMA}")

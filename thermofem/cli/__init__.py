@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import sys
+import warnings
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -47,11 +48,16 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):  # a terminal that knows ASCII alone gets escapes, not a traceback
             stream.reconfigure(errors="backslashreplace")
     try:
-        code = app(prog_name="thermofem", standalone_mode=False)
+        with warnings.catch_warnings():
+            if not sys.warnoptions:
+                _show_ours_alone()
+            code = app(prog_name="thermofem", standalone_mode=False)
     except InputError as error:
         _fail(error.for_text(), 2)
     except (MissingLibraryError, OSError) as error:  # OSError: a disk that is full, a name that is too long
         _fail(str(error), 2)
+    except MemoryError as error:
+        _fail(f"it needs more memory than there is ({error or type(error).__name__})", 2)
     except KeyboardInterrupt:
         _fail("interrupted", 130)
     except Exception as error:
@@ -62,6 +68,17 @@ def main() -> None:
         _fail("interrupted", 130)
     if type(code) is int:
         sys.exit(code)
+
+
+def _show_ours_alone() -> None:
+    """Keep warnings of NumPy, xarray and Matplotlib from a user's screen; ours have a category of our own."""
+    show = warnings.showwarning
+
+    def show_ours(message: Any, category: type[Warning], *where: Any, **more: Any) -> None:
+        if category.__module__.split(".")[0] in ("thermofem", "surrogate", "coupled"):
+            show(message, category, *where, **more)
+
+    warnings.showwarning = show_ours
 
 
 def _wrong_usage(error: Any) -> NoReturn:
