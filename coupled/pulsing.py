@@ -200,7 +200,7 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     begin, end = float(up[-1 - together]), float(up[-1])
     before = begin - float(up[-1 - 2 * together]) if up.size > 2 * together else end - begin
     drift = (end - begin) / before - 1
-    if abs(drift) > FAR:
+    if abs(drift) > (FAR if heights.size > 2 * together else SETTLED):  # the least number of cycles proves less
         words = f"{seen}cycles whose length still changes by {100 * drift:+.2g} % from one to the next"
         return _slow(words, wanted, swing, heights.size)
     unequal = _miss(heights, waits[:-1], together)
