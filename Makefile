@@ -3,6 +3,8 @@ PYTHON ?= python3
 # the vectors are short: more threads only get in each other's way
 export OMP_NUM_THREADS ?= 1
 BIN := .venv/bin
+# without compiling every library's files ahead, which takes as long as unpacking them; Python compiles what it imports
+INSTALL := -m pip install --quiet --disable-pip-version-check --no-compile
 
 .PHONY: demo test test-slow check lint types validation docs wheel gdsfactory bench fuzz audit clean
 
@@ -40,7 +42,7 @@ wheel: .venv/installed-dev
 	rm -rf out/dist out/fresh
 	$(BIN)/python -m build --outdir out/dist .
 	$(PYTHON) -m venv out/fresh
-	out/fresh/bin/python -m pip install --quiet --disable-pip-version-check out/dist/thermofem-*.whl
+	out/fresh/bin/python $(INSTALL) out/dist/thermofem-*.whl
 	cd out/fresh && env -u PYTHONPATH bin/thermofem reproduce --quick -o demo
 
 # the import from gdsfactory, in an environment of its own: gdsfactory pins an older typer
@@ -49,7 +51,7 @@ gdsfactory: .venv-gdsfactory/installed
 
 .venv-gdsfactory/installed: pyproject.toml
 	$(PYTHON) -m venv .venv-gdsfactory
-	.venv-gdsfactory/bin/python -m pip install --quiet --disable-pip-version-check --editable ".[gdsfactory]" pytest pytest-xdist hypothesis
+	.venv-gdsfactory/bin/python $(INSTALL) --editable ".[gdsfactory]" pytest pytest-xdist hypothesis
 	touch $@
 
 # an hour; MINUTES=5 for less
@@ -72,8 +74,8 @@ bench: .venv-bench/installed
 
 .venv-bench/installed: pyproject.toml
 	$(PYTHON) -m venv .venv-bench
-	.venv-bench/bin/python -m pip install --quiet --disable-pip-version-check --editable . ngsolve femwell pymor
-	.venv-bench/bin/python -m pip install --quiet --disable-pip-version-check numbalsoda \
+	.venv-bench/bin/python $(INSTALL) --editable . ngsolve femwell pymor
+	.venv-bench/bin/python $(INSTALL) numbalsoda \
 		|| echo 'numbalsoda is left out: building it takes a Fortran compiler (Debian, Ubuntu: gfortran)'
 	touch $@
 
@@ -84,9 +86,9 @@ clean:
 	$(PYTHON) -m venv .venv
 
 .venv/installed: .venv/bin/python pyproject.toml
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	$(BIN)/python $(INSTALL) --editable .
 	touch $@
 
 .venv/installed-dev: .venv/installed
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[dev]"
+	$(BIN)/python $(INSTALL) --editable ".[dev]"
 	touch $@
