@@ -11,6 +11,7 @@ import inspect
 import json
 import re
 import textwrap
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -38,19 +39,29 @@ def examples() -> dict[str, str]:
     return found
 
 
+def groups() -> list[dict[str, Any]]:
+    """The groups of `api_groups.toml`: title, text, and the names as a list."""
+    found = tomllib.loads((DOCS / "api_groups.toml").read_text(encoding="utf-8"))["group"]
+    return [{**group, "names": group["names"].split()} for group in found]
+
+
 def api() -> str:
-    """Every public name of the three packages with its signature, its docstring and an example."""
+    """Every public name with its signature, its docstring and an example, by who uses it."""
     cells = examples()
-    text = (
-        "# API reference\n\nEvery public name, from its docstring. `import thermofem as th, surrogate, coupled`; all "
-    )
-    text += "numbers are in SI. Examples use the names of the examples before them.\n"
-    for short, package in PACKAGES.items():
-        module = importlib.import_module(package)
-        text += f"\n## {package}\n\n{inspect.getdoc(module)}\n"
-        for name in sorted(module.__all__, key=str.lower):
-            text += entry(f"{short}.{name}", getattr(module, name), cells.get(f"{short}.{name}", ""))
+    text = "# API reference\n\nEvery public name, from its docstring, by what you want to do. "
+    text += "`import thermofem as th, surrogate, coupled`; all numbers are in SI. "
+    text += "Examples use the names of the examples before them.\n"
+    for group in groups():
+        text += f"\n## {group['title']}\n\n{group['text']}\n"
+        for name in group["names"]:
+            text += entry(name, thing_of(name), cells.get(name, ""))
     return text
+
+
+def thing_of(name: str) -> Any:
+    """What a name such as `th.solve` stands for."""
+    short, _, inner = name.partition(".")
+    return getattr(importlib.import_module(PACKAGES[short]), inner)
 
 
 def entry(name: str, thing: Any, example: str) -> str:

@@ -199,6 +199,12 @@ def hooks():
     return module
 
 
+def test_every_public_name_is_in_one_group_of_the_api_page():
+    names = [name for group in hooks().groups() for name in group["names"]]
+    packages = {"th": th, "surrogate": surrogate, "coupled": coupled}
+    assert sorted(names) == sorted(f"{short}.{name}" for short, package in packages.items() for name in package.__all__)
+
+
 def test_every_public_name_has_an_example_that_runs(tmp_path, monkeypatch, needs_mesher):
     monkeypatch.chdir(tmp_path)
     cells = hooks().examples()
