@@ -139,30 +139,26 @@ def slopes(curves: dict[str, list[list[float]]]) -> str:
 
 
 def draw(curves: dict[str, list[list[float]]], path: Path) -> None:
-    """Every curve on its own axes, log-log, three in a row, with its exponent."""
+    """Left: against the number of unknowns. Right: against the number of poles, cells or geometries."""
     import matplotlib.pyplot as plt
 
-    rows = -(-len(curves) // 3)
-    fig, axes = plt.subplots(rows, 3, figsize=(9.0, 2.9 * rows), layout="constrained", squeeze=False)
-    for ax in axes.flat[len(curves) :]:
-        ax.remove()
-    for ax, (name, points) in zip(axes.flat, curves.items(), strict=False):
-        size, seconds = np.array(points).T
-        ax.loglog(size, seconds, "o-", color="#0072B2", markersize=5)
-        title, _, unit = name.partition(", by ")
-        slope = np.polyfit(np.log(size), np.log(seconds), 1)[0] if size.size > 1 else float("nan")
-        ax.set_title(f"{title}: slope {slope:.2f}", fontsize="medium")
-        ax.set(xlabel=unit, ylabel="time (s)" if ax.get_subplotspec().is_first_col() else "")
+    by = {name: name.split(", by ") for name in curves}
+    left = [name for name in curves if by[name][1] == "unknowns"]
+    right = [name for name in curves if name not in left]
+    fig, axes = plt.subplots(1, 2, figsize=(9.6, 4.2), layout="constrained")
+    for ax, names in zip(axes, (left, right), strict=True):
+        for color, name in zip(("#0072B2", "#D55E00", "#009E73"), names, strict=False):
+            size, seconds = np.array(curves[name]).T
+            slope = np.polyfit(np.log(size), np.log(seconds), 1)[0] if size.size > 1 else float("nan")
+            ax.loglog(size, seconds, "o-", color=color, label=f"{name}: slope {slope:.2f}")
+        units = [by[name][1] for name in names]
+        ax.set_xlabel("number of " + ", ".join(dict.fromkeys(units)))
         ax.grid(alpha=0.25, which="major")
-        for axis, values in ((ax.xaxis, size), (ax.yaxis, seconds)):
-            axis.set_ticks([values.min(), values.max()], [_short(values.min()), _short(values.max())])
-            axis.set_minor_formatter("")
-        ax.margins(0.15)
+        ax.legend(frameon=False, loc="upper left")
+        low, high = ax.get_ylim()
+        ax.set_ylim(low, high * (high / low) ** 0.35)  # room for the legend
+    axes[0].set_ylabel("time (s)")
     fig.savefig(path, dpi=150)
-
-
-def _short(value: float) -> str:
-    return f"{value:.2g}" if value < 100 else f"{float(f'{value:.2g}'):,.0f}".replace(",", " ")
 
 
 def main(quick: bool, again: bool) -> None:
