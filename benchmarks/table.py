@@ -150,11 +150,18 @@ def draw(curves: dict[str, list[list[float]]], path: Path) -> None:
         for color, name in zip(("#0072B2", "#D55E00", "#009E73"), names, strict=False):
             size, seconds = np.array(curves[name]).T
             slope = np.polyfit(np.log(size), np.log(seconds), 1)[0] if size.size > 1 else float("nan")
-            ax.loglog(size, seconds, "o-", color=color, label=f"{name}: slope {slope:.2f}")
+            ax.loglog(size, seconds, "o-", color=color, label=f"{by[name][0]}: {slope:.2f}")
         units = [by[name][1] for name in names]
         ax.set_xlabel("number of " + ", ".join(dict.fromkeys(units)))
         ax.grid(alpha=0.25, which="major")
-        ax.legend(frameon=False, loc="upper left")
+        ax.legend(
+            frameon=False,
+            loc="upper left",
+            fontsize="small",
+            title="slope of",
+            title_fontsize="small",
+            alignment="left",
+        )
         low, high = ax.get_ylim()
         ax.set_ylim(low, high * (high / low) ** 0.35)  # room for the legend
     axes[0].set_ylabel("time (s)")
