@@ -98,12 +98,14 @@ def main() -> None:
     rings, optics = family(), surrogate.Optics({"bus_rate": {"width": BUS_RATE}})
     studies = {
         "thermal resistance": surrogate.uncertainty(rings, SPREAD, samples=1024),
-        "time constant": surrogate.uncertainty(rings, SPREAD, "time_constant", samples=1024, layer=100),
-        "settled period": surrogate.uncertainty(rings, SPREAD, settled_period, samples=1024, optics=optics, layer=150),
+        "time constant": surrogate.uncertainty(rings, SPREAD, "time_constant", samples=1024, interpolate=100),
+        "settled period": surrogate.uncertainty(
+            rings, SPREAD, settled_period, samples=1024, optics=optics, interpolate=150
+        ),
     }
     for name, data in studies.items():
         shares = ", ".join(f"{p} {float(s):.2f}" for p, s in zip(SPREAD, data.total_order, strict=True))
-        error = data.attrs.get("layer_error")
+        error = data.attrs.get("interpolation_error")
         note = "" if error is None else f"; interpolated to {error:.1e} rms"
         print(f"{name}: +- {data.attrs['standard_deviation'] / data.attrs['mean']:.2%}, total indices {shares}{note}")
     probability = surrogate.uncertainty(rings, SPREAD, pulses, samples=32, optics=optics)

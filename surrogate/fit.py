@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofem import Foster, checks
+from thermofem import Foster, checks, renamed
 from thermofem.dataset import Drive, drive_of
 from thermofem.display import shown
 from thermofem.models import HasModel
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-METHODS = ("projection", "pso")
+METHODS = ("variable projection", "pso")
 EXPLAINED = 0.2  # share of the variance below which data count as noise; the paper's single pole explains 0.9 and more
 TRANSFER = "where another part is read than the one that is heated, give transfer=True"
 CANCELLING = 100.0  # R of a pole over R_th from which poles of opposite sign count as one
@@ -106,7 +106,7 @@ def fit_newton(
     data: xr.Dataset | Sequence[xr.Dataset],
     *,
     heat_capacity: float = BORGHI2021_HEAT_CAPACITY,
-    method: str = "projection",
+    method: str = "variable projection",
 ) -> Fit:
     """Train Newton's law: one pole, dT' = -dT/tau_th + P/(m c_p).
 
@@ -116,7 +116,7 @@ def fit_newton(
         from `thermofem.solve` or `solve_periodic`; each is weighted by its swing.
     heat_capacity : float, J/K
         the heated core's own m c_p, for the ratio below.
-    method : "projection" or "pso"
+    method : "variable projection" or "pso"
         "pso" lets the paper's particle swarm find the start.
 
     Returns
@@ -145,7 +145,7 @@ def fit_second_order(
     data: xr.Dataset | Sequence[xr.Dataset],
     *,
     heat_capacity: float = BORGHI2021_HEAT_CAPACITY,
-    method: str = "projection",
+    method: str = "variable projection",
     transfer: bool | None = None,
 ) -> Fit:
     """Train the paper's second-order equation (Eq. 3): two poles.
@@ -156,7 +156,7 @@ def fit_second_order(
         from `thermofem.solve` or `solve_periodic`; each is weighted by its swing.
     heat_capacity : float, J/K
         m c_p by which kappa and eta are normalised.
-    method : "projection" or "pso"
+    method : "variable projection" or "pso"
     transfer : bool, optional
         as in `fit_foster`; eta may then be negative.
 
@@ -200,7 +200,7 @@ def fit_foster(
     order: int = 5,
     *,
     thermal_resistance: float | None = None,
-    method: str = "projection",
+    method: str = "variable projection",
     transfer: bool | None = None,
 ) -> Fit:
     """Train a Foster network of ``order`` poles, every R_i >= 0 where the heated part is read.
@@ -215,7 +215,7 @@ def fit_foster(
     thermal_resistance : float, K/W
         static gain to impose; default the Datasets' own ``thermal_resistance`` where all agree (`thermofem.solve`
         writes it), else none.
-    method : "projection" or "pso"
+    method : "variable projection" or "pso"
     transfer : bool, optional
         whether another part is read than the one that is heated, as a core under its heater: the R_i then have either
         sign, because the rise begins late. By default what the Datasets' ``heated`` and ``read`` say, else False.
@@ -297,9 +297,12 @@ class Training:
 
     def search(self, order: int, method: str) -> tuple[Optimum, float | None]:
         """The optimum, and the residual of the swarm before it was polished."""
+        if method == "projection":
+            renamed.warn("method='projection'", "method='variable projection'", up=3)
+            method = "variable projection"
         checks.choice("method", method, METHODS)
         residual = None
-        if method == "projection":
+        if method == "variable projection":
             found = optimum(self.problem, order)
         else:
             from .swarm import swarm

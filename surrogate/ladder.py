@@ -24,6 +24,7 @@ from thermofem import (
     solve,
     waveforms,
 )
+from thermofem.dataset import describe
 from thermofem.display import shown
 from thermofem.models import NonlinearSystem, foster
 
@@ -248,8 +249,8 @@ def judge(
         },
         coords={
             "model": list(models),
-            "power": ("power", watts, {"units": "W", "long_name": "power"}),
-            "period": ("period", periods, {"units": "s", "long_name": "period"}),
+            "power": ("power", watts, describe("power")),
+            "period": ("period", periods, describe("period")),
         },
     )
     return found.assign_attrs(verdict=verdict(found), duty=duty)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofem import checks
+from thermofem import checks, renamed
 
 from .family import Family
-from .layer import layer_of
+from .interpolant import interpolate_members
 from .quantities import Optics, Property, Quantity, word
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ RESAMPLES = 200  # of the members, for the intervals of the indices
 OUTSIDE = 1e-3  # share of the samples that may leave the box; they are held at its edge
 
 
+@renamed.keywords(layer="interpolate")
 def uncertainty(
     family: Family,
     distributions: Mapping[str, Any],
@@ -31,7 +32,7 @@ def uncertainty(
     samples: int = 1024,
     fixed: Mapping[str, float] | None = None,
     optics: Optics | None = None,
-    layer: int | None = None,
+    interpolate: int | None = None,
     seed: int = 0,
 ) -> xr.Dataset:
     """Distribution of a property of the members, and the Sobol index of every parameter.
@@ -54,8 +55,9 @@ def uncertainty(
         of the parameters that are not varied; default the middle of their range.
     optics : Optics
         how the optics follow the geometry; functions then take a second argument, the dict of changes.
-    layer : int
-        work the property out for so many members only and interpolate (scikit-learn); for what takes long.
+    interpolate : int
+        compute the property for this number of members only and interpolate between them (scikit-learn); for a
+        property that takes long.
     seed : int
 
     Returns
@@ -63,9 +65,10 @@ def uncertainty(
     xarray.Dataset
         over "parameter": first_order and total_order with their 95 % intervals (``_low``, ``_high``, by bootstrap);
         over "sample": ``value``. Attributes: mean, standard_deviation, quantile_05, quantile_50, quantile_95, missing
-        (share of members without the property), and of a layer layer_error and layer_worst, relative, over held-out
-        members. Of a map: mean (of Booleans the probability), standard_deviation, first_order and total_order at every
-        point (nan where nothing varies). Without ``optics`` it is the thermal part alone.
+        (share of members without the property), and with ``interpolate`` interpolation_error (rms) and
+        interpolation_worst, relative, over held-out members. Of a map: mean (of Booleans the probability),
+        standard_deviation, first_order and total_order at every point (nan where nothing varies). Without ``optics``
+        it is the thermal part alone.
 
     Raises
     ------
@@ -80,10 +83,10 @@ def uncertainty(
     one = Property(family, quantity, optics)
     sampled = _Sampled(_many(one, names, fixed or {}), _clip(family, names), lambda: one.reason)
     attrs: dict[str, Any] = {"quantity": word(quantity), "samples": samples}
-    if layer is not None:
+    if interpolate is not None:
         low, high = np.array(_box(family, names)).T
-        made = layer_of(sampled.scalars, dists, (low, high), layer, sampled.reason)
-        attrs |= {"layer": layer, "layer_error": made.error, "layer_worst": made.worst}
+        made = interpolate_members(sampled.scalars, dists, (low, high), interpolate, sampled.reason)
+        attrs |= {"interpolate": interpolate, "interpolation_error": made.error, "interpolation_worst": made.worst}
         sampled.values = made
     indices = _sobol(sampled, dists, samples, seed)
     if sampled.like is not None:
@@ -129,7 +132,7 @@ class _Sampled:
     def scalars(self, x: Array) -> Array:
         found = self.values(self.clip(x))
         if np.ndim(found[0]):
-            raise checks.InputError("a layer interpolates one number, and the quantity returns an array")
+            raise checks.InputError("interpolate is for one number, and the quantity returns an array")
         return np.asarray(found, dtype=float)
 
     def __call__(self, x: Array) -> Array:

@@ -20,6 +20,7 @@ TREES = {
     for package in ("thermofem", "surrogate", "coupled")
     for path in sorted((ROOT / package).rglob("*.py"))
 }
+STEP, TIMES = th.Constant(1e-3), np.linspace(0, 1e-6, 41)
 HEAT = th.StateSpace(E=np.eye(1) * 1e-12, A=-np.eye(1) * 2e-4, B=np.eye(1), C=np.eye(1))
 
 
@@ -60,9 +61,19 @@ def test_only_reductions_lift():
         (lambda: coupled.identify(None, [], free=[], progress=True), "show_bar"),
         (lambda: coupled.fit_newton_per_trace(None, [], progress=True), "show_bar"),
         (lambda: surrogate.train_family("nowhere.toml", progress=print), "report"),
+        (lambda: surrogate.uncertainty(None, {}, layer=40), "interpolate"),
         (lambda: animate_field(None, "heat.gif", progress=print), "on_frame"),
     ],
-    ids=["cosimulate", "FEM", "pulsing_map", "identify", "fit_newton_per_trace", "train_family", "animate_field"],
+    ids=[
+        "cosimulate",
+        "FEM",
+        "pulsing_map",
+        "identify",
+        "fit_newton_per_trace",
+        "train_family",
+        "uncertainty",
+        "animate_field",
+    ],
 )
 def test_an_old_keyword_warns_and_works(call, new):
     """It reaches the checks of the function, which refuse what else was given."""
@@ -71,3 +82,29 @@ def test_an_old_keyword_warns_and_works(call, new):
         pytest.raises(th.InputError),
     ):
         call()
+
+
+def test_the_old_name_of_variable_projection_warns_and_works():
+    data = th.dataset.build(TIMES, surrogate.newton(tau_th=60e-9, heat_capacity=7e-12).response(STEP, TIMES), STEP)
+    with pytest.warns(DeprecationWarning, match="is now method='variable projection'") as caught:
+        old = surrogate.fit_newton(data, method="projection")
+    assert caught[0].filename == __file__  # the line that a user has to change
+    assert old.parameters == surrogate.fit_newton(data).parameters
+
+
+def test_power_says_which_power_it_is():
+    """Absorbed in thermal data; in the bus waveguide in results of `coupled`; there the absorbed one is `absorbed`."""
+    model, ring = surrogate.newton(tau_th=60e-9, heat_capacity=7e-12), coupled.borghi2021()
+    absorbed = [
+        th.dataset.build(TIMES, model.response(STEP, TIMES), STEP),
+        surrogate.judge({"Newton": model}, model, periods=[1e-6], powers=[1e-3]),
+    ]
+    assert {data["power"].long_name for data in absorbed} == {"absorbed power"}
+    plane = [3e-3, 6e-3], [-10e9, 0.0]
+    in_bus = [
+        coupled.stability_map(ring, model, *plane),
+        coupled.transmission(ring, model, power=6e-3, detuning=(-10e9, 10e9)),
+        *coupled.fold_curves(ring, model, [1e-3, 20e-3], [-80e9, 0.0]),
+    ]
+    assert len(in_bus) > 2
+    assert {data["power"].long_name for data in in_bus} == {"power in the bus waveguide"}

@@ -11,9 +11,9 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def warn(old: str, new: str) -> None:
-    """Issue the warning at the line that used the old name, two calls up."""
-    warnings.warn(f"{old} is now {new}; the old name goes with 0.3", DeprecationWarning, stacklevel=3)
+def warn(old: str, new: str, up: int = 2) -> None:
+    """Issue the warning at the line that used the old name, ``up`` calls up."""
+    warnings.warn(f"{old} is now {new}; the old name goes with 0.3", DeprecationWarning, stacklevel=up + 1)
 
 
 def keywords(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]]:

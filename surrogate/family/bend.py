@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from thermofem import Foster, HeatProblem, OutputMap, Pulse, checks, solve
 from thermofem.models import NonlinearSystem
 
-from ..layer import smooth
+from ..interpolant import smooth
 from ..output_map import output_map
 from .affine import LineEngine
 from .box import Box

@@ -168,24 +168,24 @@ def test_optics_follow_the_geometry(family):
         surrogate.Optics({"a": {"width": ([1.0, 0.0], [1.0, 2.0])}}).check(family)
 
 
-def test_a_layer_states_its_error(family):
+def test_an_interpolated_property_states_its_error(family):
     def slow(model):
         return 1.0 / model.thermal_resistance
 
     spread = {"width": stats.norm(500e-9, 5e-9), "box": stats.norm(2e-6, 50e-9)}
-    data = surrogate.uncertainty(family, spread, slow, samples=256, fixed={"radius": 7e-6}, layer=40)
+    data = surrogate.uncertainty(family, spread, slow, samples=256, fixed={"radius": 7e-6}, interpolate=40)
     exact = surrogate.uncertainty(family, spread, samples=256, fixed={"radius": 7e-6})
-    # the layer is made from all functions, the resistance of arrays from the static ones: 1e-4 apart
+    # the interpolation is made from all functions, the resistance of arrays from the static ones: 1e-4 apart
     np.testing.assert_allclose(1 / data["value"], exact["value"], rtol=3e-4)
-    assert 0 < data.attrs["layer_error"] < 1e-4
+    assert 0 < data.attrs["interpolation_error"] < 1e-4
     with pytest.raises(th.InputError, match="24 at least"):
-        surrogate.uncertainty(family, spread, slow, samples=256, layer=10)
+        surrogate.uncertainty(family, spread, slow, samples=256, interpolate=10)
 
     def none(model):
         raise th.InputError("it comes to rest")
 
     with pytest.raises(th.InputError, match=r"40 of 40 members do not have the property.*it comes to rest"):
-        surrogate.uncertainty(family, spread, none, samples=256, layer=40)
+        surrogate.uncertainty(family, spread, none, samples=256, interpolate=40)
 
 
 def test_no_member_beats_the_pareto_front(family):

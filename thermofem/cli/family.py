@@ -147,7 +147,10 @@ def uncertainty(
     ] = None,
     points: Annotated[str, typer.Option(help="Number of powers and of detunings of --map.")] = "15, 31",
     samples: Annotated[int, typer.Option(help="Base samples, a power of two.")] = 1024,
-    layer: Annotated[int | None, typer.Option(help="Work out so many members only and interpolate.")] = None,
+    interpolate: Annotated[
+        int | None,
+        typer.Option("--interpolate", "--layer", help="Compute this number of members only and interpolate."),
+    ] = None,
     seed: Annotated[int, typer.Option(help="Of the samples.")] = 0,
     optics: OpticsOption = None,
     ring: Ring = "borghi2021",
@@ -171,7 +174,7 @@ def uncertainty(
     options: dict[str, Any] = {"samples": samples, "fixed": _fixed(found, fix), "optics": optics_of(found, optics)}
     options["seed"] = seed
     with working("sampling"):
-        data = surrogate.uncertainty(found, spreads, what, layer=layer, **options)
+        data = surrogate.uncertainty(found, spreads, what, interpolate=interpolate, **options)
     if map_:
         dataset.save(data, map_)
         unsure = float(((data["mean"] > 0.05) & (data["mean"] < 0.95)).mean())
@@ -185,8 +188,9 @@ def uncertainty(
     )
     for name, first, total in zip(data.parameter.values, data.first_order.values, data.total_order.values, strict=True):
         say(f"{name}: first-order Sobol index {first:.3f}, total {total:.3f}")
-    if layer:
-        say(f"interpolated between {layer} members; rms error {data.attrs['layer_error']:.1e} over held-out ones")
+    if interpolate:
+        error = data.attrs["interpolation_error"]
+        say(f"interpolated between {interpolate} members; rms error {error:.1e} over held-out ones")
     indices = {str(n): float(v) for n, v in zip(data.parameter.values, data.first_order.values, strict=True)}
     return {**data.attrs, "first_order": indices}
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 import coupled
 import surrogate
 from coupled.parameters import borghi2021 as paper
-from surrogate.layer import smooth
+from surrogate.interpolant import smooth
 
 from ... import checks
 from ...campaign import Campaign

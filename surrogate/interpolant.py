@@ -1,4 +1,4 @@
-"""An interpolating layer over a family: a property that is slow to work out, from some members of a spread."""
+"""A slow property of a family, computed for some members and interpolated between them."""
 
 from __future__ import annotations
 
@@ -45,14 +45,14 @@ class Interpolant:
         return self.curve(_shares(x, self.low, self.high))
 
 
-def layer_of(
+def interpolate_members(
     values: Callable[[Array], Array],
     dists: Sequence[Any],
     box: tuple[Array, Array],
     count: int,
     reason: Callable[[], str] = lambda: "nan",
 ) -> Interpolant:
-    """Work out ``count`` members of a spread, and interpolate between them.
+    """Compute a property for ``count`` members drawn from the distributions, and interpolate between them.
 
     Parameters
     ----------
@@ -76,14 +76,14 @@ def layer_of(
 
     p, (low, high) = len(dists), box
     least = 2 * (p + 1) * (p + 2)
-    checks.between("layer", count, least, 2000, hint=f"members; {p} parameters need {least} at least")
+    checks.between("interpolate", count, least, 2000, hint=f"members; {p} parameters need {least} at least")
     span = np.array([np.clip([d.ppf(TAIL), d.ppf(1 - TAIL)], a, b) for d, a, b in zip(dists, low, high, strict=True)])
     u = qmc.Sobol(p, seed=np.random.default_rng(1)).random(2 ** int(np.ceil(np.log2(count))))[:count]
     found = values(span[:, :1] + u.T * (span[:, 1:] - span[:, :1]))
     if np.isnan(found).any():
         raise checks.InputError(
-            f"{np.isnan(found).sum()} of {count} members do not have the property, and a layer needs it everywhere "
-            f"({reason()}); take narrower distributions, or no layer"
+            f"{np.isnan(found).sum()} of {count} members do not have the property, and an interpolation needs it "
+            f"everywhere ({reason()}); take narrower distributions, or leave interpolate out"
         )
     test = np.arange(count) % TESTED == 0
     scale = float(abs(found.mean())) or 1.0
