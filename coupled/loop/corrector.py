@@ -28,7 +28,7 @@ from thermofem.algebra.krylov import CYCLES, krylov
 from thermofem.display import card
 from thermofem.models import Foster, NonlinearSystem, Quadratic, StateSpace, foster
 from thermofem.solve import mesh_hash
-from thermofem.transient.deflation import FieldIntegrator, FieldState
+from thermofem.transient.deflation import FieldIntegrator
 from thermofem.waveforms import Waveform, to_json
 
 Array = NDArray[np.float64]
@@ -110,7 +110,7 @@ class FEM:
         self.field_times = checks.array("field_times", field_times, increasing=True) if np.size(field_times) else None
         self.fields: list[Array] = []
         self.state, self.stored_before, self.max_discrepancy = self.field.start(), 0.0, max_discrepancy
-        self._tried: tuple[FieldState, Array] | None = None
+        self._tried: Any = None  # FieldState and fields
 
     def __repr__(self) -> str:
         return f"FEM({self.problem!r})"
@@ -121,13 +121,20 @@ class FEM:
 
     def advance(self, times: Array, power: Waveform) -> Array:
         """Rise of the heated part in K at ``times``."""
-        begin, end, wanted = times[0], times[-1], self.field_times
-        keep = np.empty(0) if wanted is None else wanted[(wanted > begin) & (wanted <= end * (1 + 1e-12))]
-        if wanted is not None and begin == 0:
-            keep = wanted[wanted <= end * (1 + 1e-12)]
-        outputs, state, fields = self.field.advance(self.state, [power, *self.heaters.values()], times, keep=keep)
-        self._tried = state, fields
+        outputs, *self._tried = self.field.advance(
+            self.state, [power, *self.heaters.values()], times, keep=self._kept(times)
+        )
         return outputs[:, 0]
+
+    def revise(self, times: Array, power: Waveform) -> Array:
+        """`advance` again under a power that differs little, without solves (`FieldIntegrator.revised`)."""
+        outputs, *self._tried = self.field.revised([power, *self.heaters.values()], times, keep=self._kept(times))
+        return outputs[:, 0]
+
+    def _kept(self, times: Array) -> Array:
+        """The field times of a window."""
+        wanted = np.empty(0) if self.field_times is None else self.field_times
+        return wanted[((wanted > times[0]) | (times[0] == 0)) & (wanted <= times[-1] * (1 + 1e-12))]
 
     def begin(self, rise: Array) -> None:
         """Start at t = 0 from a field, K."""

@@ -53,7 +53,8 @@ def cosimulate(
 
     The equations are those of `simulate`; the thermal model only predicts. In each time window (`relaxation`) the
     corrector receives the absorbed power and returns the temperature. The difference from the predicted temperature is
-    fed back, and the window is repeated until the difference is below ``max_discrepancy``.
+    fed back, and the window is repeated until the difference is below ``max_discrepancy``. The FEM's temperature then
+    follows what this changes in the light, so that the shift of a pulse is small too.
 
     Parameters
     ----------
@@ -84,8 +85,9 @@ def cosimulate(
     -------
     xarray.Dataset
         as of `simulate`, delta_T being the corrector's; passes and discrepancy (K) over window (its start in s); field
-        over field_time and vertex where ``field_times`` asks for it. In attrs: passes, largest_discrepancy (K), what
-        the FEM did (fem_steps, fem_solves, fem_factorizations), its heat balance (J), and the CPU time of both sides.
+        over field_time and vertex where ``field_times`` asks for it. In attrs: passes, largest_discrepancy (K),
+        estimated_change (K, what a further pass would change within a window), what the FEM did (fem_steps,
+        fem_solves, fem_factorizations), its heat balance (J), and the CPU time of both sides.
 
     Raises
     ------
@@ -197,6 +199,7 @@ def _dataset(
             "windows_abandoned": loop.abandoned,
             "passes": loop.passes,
             "largest_discrepancy": max(part.discrepancy for part in parts),
+            "estimated_change": max(part.moved for part in parts),
             "cpu_optics": loop.seconds["optics"],
             "cpu_corrector": loop.seconds["corrector"],
             **summary,

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from thermofem import checks
 from thermofem.waveforms import Cubic
@@ -38,6 +39,7 @@ ROWS = 1000  # steps of the light beyond which a window does not double
 SHORTEST = 1e-12  # s; windows below are given up
 STARTS = 10.0  # largest discrepancies by which the first value of a window may differ from the last accepted one
 HOTTEST = 1e5  # K; no solid is
+CLOSE = 0.1  # of the largest discrepancy: what the FEM's temperature may still move, since later windows magnify it
 KNOTS = 0.02  # share of the largest discrepancy that thinning the discrepancy may cost
 
 
@@ -50,6 +52,8 @@ class Passed(NamedTuple):
     passes: int
     discrepancy: float
     """Largest difference between the temperature that the light saw and the corrector's, K."""
+    moved: float
+    """What one more pass would change in the temperature, K; estimated by the predictor."""
     rest: float
     """The corrector's temperature less the predictor's at the end, K."""
 
@@ -119,17 +123,9 @@ class Relaxation:
     def _window(self, start: float, stop: float) -> tuple[Passed | None, str]:
         """Relax one window; None and the reason if it does not converge."""
         offset: Any = self._guess(start, stop)
-        last = np.inf
+        run, last = self._light(start, stop, offset), np.inf
         for passes in range(1, MOST_PASSES + 1):
-            clock = process_time()
-            run = advance(
-                self.ring, self.model, self.state, start, stop, power=self.power, detuning=self.detuning,
-                offset=offset, rtol=self.rtol, first_step=self.first_step,
-            )  # fmt: skip
-            middle = process_time()
-            rise = _answer(self.corrector.advance(run.time.copy(), Cubic(run.time, run.absorbed, run.absorbed_slope)))
-            self.seconds["optics"] += middle - clock
-            self.seconds["corrector"] += process_time() - middle
+            rise = self._asked(self.corrector.advance, run)
             self.passes += 1
             if rise.shape != run.time.shape:
                 raise checks.InputError(
@@ -145,14 +141,58 @@ class Relaxation:
                     None,
                     f"the corrector says {rise[np.abs(rise).argmax()]:.3g} K (a rise in K is needed; pass {passes})",
                 )
-            if change <= self.max_discrepancy:
-                seen = float(offset(stop)) if callable(offset) else float(offset)
-                return Passed(run, rise, passes, change, seen + float(rise[-1] - run.delta_T[-1])), ""
-            if passes > 1 and not _hopeful(change, last, self.max_discrepancy, MOST_PASSES - passes):
+            again = change > self.max_discrepancy and passes > 1
+            if again and not _hopeful(change, last, self.max_discrepancy, MOST_PASSES - passes):
                 return None, f"the discrepancy goes from {last:.2g} to {change:.2g} K in pass {passes}"
             last = change
-            offset = self._fed_back(run, offset, rise - run.delta_T)
+            found, offset, run = self._settled(run, rise, passes, offset, (start, stop))
+            if found is not None:
+                return found, ""
         return None, f"{MOST_PASSES} passes leave {last:.2g} K"
+
+    def _settled(
+        self, run: Window, rise: Array, passes: int, offset: Any, span: tuple[float, float]
+    ) -> tuple[Passed | None, Any, Window]:
+        """The window if a pass was the last, None otherwise; offset and light of the next pass.
+
+        A discrepancy shifts the pulses, whose edges turn it into up to a hundred times as much. So light is integrated
+        with the discrepancy fed back. Where its temperature moves, the FEM's fields follow without another pass
+        (`FEM.revise`); the share of the rise that the predictor misses says what this leaves out.
+        """
+        revise, moved = getattr(self.corrector, "revise", None), np.inf
+        close = CLOSE * self.max_discrepancy if revise else self.max_discrepancy
+        missed = float(np.abs(rise - run.delta_T).max() / max(np.abs(run.delta_T).max(), 1e-300))
+        while True:
+            discrepancy = float(np.abs(rise - run.delta_T).max())
+            after = self._fed_back(run, offset, rise - run.delta_T)
+            again, last = self._light(*span, after), moved
+            moved = float(np.abs(CubicSpline(run.time, rise)(again.time) - again.delta_T).max())
+            enough = moved <= close or not moved < last / 2
+            if discrepancy <= self.max_discrepancy and (enough or revise is None):
+                seen = float(offset(span[1])) if callable(offset) else float(offset)
+                rest = seen + float(rise[-1] - run.delta_T[-1])
+                return Passed(run, rise, passes, discrepancy, moved, rest), after, again
+            if revise is None or enough or missed * moved > KNOTS * self.max_discrepancy:
+                return None, after, again
+            run, offset = again, after
+            rise = self._asked(revise, run)
+
+    def _light(self, start: float, stop: float, offset: Any) -> Window:
+        """Light, carriers and predictor over one window."""
+        clock = process_time()
+        run = advance(
+            self.ring, self.model, self.state, start, stop, power=self.power, detuning=self.detuning,
+            offset=offset, rtol=self.rtol, first_step=self.first_step,
+        )  # fmt: skip
+        self.seconds["optics"] += process_time() - clock
+        return run
+
+    def _asked(self, way: Callable[[Array, Cubic], Any], run: Window) -> Array:
+        """The corrector's temperature under the absorbed power of a run."""
+        clock = process_time()
+        rise = _answer(way(run.time.copy(), Cubic(run.time, run.absorbed, run.absorbed_slope)))
+        self.seconds["corrector"] += process_time() - clock
+        return rise
 
     def _check_start(self, start: float, passes: int, first: float) -> None:
         """InputError unless the corrector begins a window where the accepted one ended, at 0 K before the first."""
@@ -213,8 +253,6 @@ def _hopeful(change: float, last: float, tolerance: float, left: int) -> bool:
 
 def _spline(times: Array, values: Array, allowed: float) -> Any:
     """A cubic spline through a few of the samples, with an error below ``allowed`` at the others."""
-    from scipy.interpolate import CubicHermiteSpline
-
     slope = np.gradient(values, times, edge_order=2 if times.size > 2 else 1)
     knots, open_ = {0, times.size - 1}, [(0, times.size - 1)]
     while open_:

@@ -23,7 +23,7 @@ interpolation at the third stage are each kept below a fixed share of the tolera
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -90,6 +90,17 @@ class Ends(NamedTuple):
     last_rate: Array
 
 
+class Passed(NamedTuple):
+    """A window that was advanced, for `FieldIntegrator.revised`."""
+
+    begin: FieldState
+    fast: FastPart
+    steps: list[tuple[float, float, Ends]]
+    """Start and length in s, and the outputs of the remainder at both ends."""
+    end: FieldState
+    fields: Array
+
+
 class FieldIntegrator:
     """The full-order field of a heat problem, advanced window by window from any `FieldState`.
 
@@ -140,6 +151,7 @@ class FieldIntegrator:
         self.direct = np.array(direct) if len(direct) else np.zeros(len(linear.inputs))
         self.unit = 0.0  # the first window: every step is this over a power of four, as far as the windows allow
         self._missed: dict[float, float] = {}
+        self._passed: Passed | None = None
 
     def start(self, time: float = 0.0) -> FieldState:
         """The field at ambient temperature."""
@@ -198,10 +210,8 @@ class FieldIntegrator:
         if window <= 0 or abs(times[0] - state.time) > 1e-9 * window:
             raise checks.InputError(f"times run from {times[0]:g} to {times[-1]:g} s, the field is at {state.time:g} s")
         self.unit = self.unit or window
-        C = self.linear.C
-        reach = np.abs(C @ self.basis.vectors).max(axis=0, initial=np.finfo(float).tiny)
-        left = SETTLED * self.tolerance / (reach * max(reach.size, 1))
-        fast = FastPart(self.basis, state.time, state.z, waves, times, self.curved if self.newton else None, left)
+        C, first, taken = self.linear.C, state, []
+        fast = self._fast(state, waves, times)
         outputs, fields = fast.z(times) @ (C @ self.basis.vectors).T, fast.z(keep) @ self.basis.vectors.T
         outputs[0] += C @ state.r
         fields[keep <= state.time] += state.r
@@ -221,12 +231,58 @@ class FieldIntegrator:
             state, error, ends, whole = step
             read, kept = between(times, t, t + h), between(keep, t, t + h)
             outputs[read] += hermite((times[read] - t) / h, *ends)
+            taken.append((t, h, ends))
             if kept.size:
                 fields[kept] += hermite((keep[kept] - t) / h, *whole())
             done += 1
             if error * 4**4 < 1 and done % 4 == 0 and count % 4 == 0:
                 done, count = done // 4, count // 4
+        self._passed = Passed(first, fast, taken, state, fields)
         return outputs, state, fields
+
+    def revised(
+        self, waves: Sequence[Waveform], times: ArrayLike, *, keep: ArrayLike = ()
+    ) -> tuple[Array, FieldState, Array]:
+        """The last window under powers that differ little: new amplitudes z and the remainder r of `advance`.
+
+        The result is off by |H - H_V| times the change of the power, which is the share of the rise that V leaves to r.
+        It takes no solves. Parameters and result are those of `advance`, without the state.
+        """
+        if self._passed is None:
+            raise checks.InputError("revised() comes after advance()")
+        (first, old, steps, end, fields), V, C = self._passed, self.basis.vectors, self.linear.C
+        times, keep, length = np.asarray(times, dtype=float), np.asarray(keep, dtype=float), end.time - first.time
+        new = self._fast(first, waves, times)
+        outputs = new.z(times) @ (C @ V).T
+        outputs[0] += C @ first.r
+        for t, h, ends in steps:
+            read = between(times, t, t + h)
+            outputs[read] += hermite((times[read] - t) / h, *ends)
+        z, before, slope = new.values[-1], old.values[-1], end.slope
+        if self.newton is not None:
+            flow, _ = self.curved(np.stack([z, before]), np.stack([z, before]))
+            x, was = V @ z + end.r, V @ before + end.r
+            slope = slope + self.loads @ np.concatenate([z - before, np.zeros(end.source.size), flow[0] - flow[1]])
+            slope = slope - self.newton.system.flow(x) + self.newton.system.flow(was)
+        gained = new.energy() - old.energy()
+        out = float(self.direct @ gained)
+        if self.ledger:
+            drained = [self._drained(self.ledger, fast, length, end.r) for fast in (new, old)]
+            out += drained[0] - drained[1]
+        state = replace(end, z=z, slope=slope, heat_in=end.heat_in + float(gained.sum()), heat_out=end.heat_out + out)
+        return outputs, state, fields + (new.z(keep) - old.z(keep)) @ V.T
+
+    def _fast(self, state: FieldState, waves: Sequence[Waveform], times: Array) -> FastPart:
+        """The amplitudes from a state on."""
+        reach = np.abs(self.linear.C @ self.basis.vectors).max(axis=0, initial=np.finfo(float).tiny)
+        left = SETTLED * self.tolerance / (reach * max(reach.size, 1))
+        return FastPart(self.basis, state.time, state.z, waves, times, self.curved if self.newton else None, left)
+
+    def _drained(self, ledger: Ledger | NonlinearLedger, fast: FastPart, length: float, r: Array) -> float:
+        """Heat in J that leaves by the mean field and the change of a window."""
+        begin, mean, end = np.stack([fast.values[0], fast.mean(), fast.values[-1]]) @ self.basis.vectors.T + r
+        slopes = np.stack([0 * begin, (end - begin) / length, 0 * begin])
+        return ledger.outflow(length, np.array([0.0, 1.0, 0.0]), np.stack([begin, mean, end]), slopes)
 
     def _steps(self, window: float, last: float) -> int:
         """Number of steps to begin a window with: each on the ladder of the first window, none longer than the last."""

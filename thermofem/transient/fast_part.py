@@ -147,6 +147,17 @@ class FastPart:
         c = self._cubics
         return np.asarray(c[0, i] + u * (c[1, i] + u * (c[2, i] + u * c[3, i])))
 
+    def mean(self) -> Array:
+        """z averaged over the window, shape (k,)."""
+        h = np.diff(self.grid)
+        return np.asarray((h @ np.tensordot(1 / np.arange(1, 5), self._cubics, axes=1)) / h.sum())
+
+    def energy(self) -> Array:
+        """Energy of every input in J."""
+        return np.asarray(
+            (h := np.diff(self.grid)) @ (WEIGHTS @ self.powers(self.grid[:-1, None] + h[:, None] * NODES))
+        )
+
     def piece(self, t: float, h: float) -> Piece:
         """The step from ``t`` to ``t + h``."""
         inside = self.grid[(self.grid > t + 1e-9 * h) & (self.grid < t + h * (1 - 1e-9))]
