@@ -30,6 +30,11 @@ class Column(NamedTuple):
     values: NDArray[Any]
     attrs: Mapping[str, Any]
 
+    @property
+    def ndim(self) -> int:
+        """Number of dimensions."""
+        return self.values.ndim
+
 
 @dataclass(frozen=True, eq=False)
 class Record:
@@ -52,6 +57,9 @@ class Record:
 
     def __getitem__(self, name: str) -> Column:
         return self.variables[name]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.variables
 
     def dataset(self) -> xr.Dataset:
         """Convert to xarray's Dataset."""

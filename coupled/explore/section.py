@@ -39,9 +39,10 @@ def section_of(heat: HeatProblem, reduction: Any, parts: Parts) -> dict[str, Any
     kept = np.sort(kept[np.argsort(-R[kept])][:MODES])
     r, z = _window(heat)
     at_r, at_z = (edges[0] + (np.arange(n) + 0.5) / n * (edges[1] - edges[0]) for edges, n in ((r, WIDTH), (z, HEIGHT)))
-    grid = np.stack(np.meshgrid(at_r, at_z), axis=-1).reshape(-1, 2)
     fields = heat.field(np.concatenate([modes[kept], *heaters.values()]))
-    shown = _on_grid(np.asarray(heat.mesh.points), fields, grid) * _within(heat, grid)
+    grid = np.stack(np.meshgrid(at_r, at_z), axis=-1)
+    corners = heat.mesh.triangles
+    shown = on_grid(heat.mesh.points[corners], fields[:, corners], at_r, at_z) * _within(heat, grid)
     images = [_packed(image) for image in shown]
     return {
         "width": WIDTH,
@@ -97,17 +98,45 @@ def _window(heat: HeatProblem) -> tuple[tuple[float, float], tuple[float, float]
     return (left, min(left + span, geometry.outer_radius)), (bottom, min(bottom + high, ceiling))
 
 
-def _on_grid(points: Array, fields: Array, grid: Array) -> Array:
-    """Fields at the vertices, shape (modes, n), between them by a plane on each triangle; 0 outside."""
-    from scipy.interpolate import LinearNDInterpolator
+def on_grid(corners: Array, values: Array, r: Array, z: Array) -> Array:
+    """Return fields that are linear on triangles at the pixels (z, r) of a regular grid; 0 outside all triangles.
 
-    unique, first = np.unique(points, axis=0, return_index=True)
-    return np.nan_to_num(LinearNDInterpolator(unique * 1e6, fields[:, first].T)(grid * 1e6).T)
+    Parameters
+    ----------
+    corners : array, shape (m, 3, 2)
+        of the triangles.
+    values : array, shape (fields, m, 3)
+        at the corners.
+    r, z : array, shape (width,) and (height,)
+        evenly spaced.
+
+    Returns
+    -------
+    array, shape (fields, height, width)
+    """
+    slack = 1e-9
+    origin, pitch = np.array([r[0], z[0]]), np.array([r[1] - r[0], z[1] - z[0]])
+    at = (corners - origin) / pitch  # in pixels
+    first = np.maximum(np.ceil(at.min(axis=1) - slack), 0).astype(int)
+    last = np.minimum(np.floor(at.max(axis=1) + slack), [r.size - 1, z.size - 1]).astype(int)
+    size = np.maximum(last - first + 1, 0)  # of the box of pixels around each triangle
+    count = size.prod(axis=1)
+    which = np.repeat(np.arange(len(at)), count)
+    within = np.arange(which.size) - np.repeat(np.cumsum(count) - count, count)
+    j, i = first[which].T + np.array(np.divmod(within, size[which, 0]))[::-1]
+    a, b, c = at[which].transpose(1, 0, 2)
+    p = np.column_stack([j, i]) - c
+    one, two, whole = (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] for u, v in ((p, b - c), (a - c, p), (a - c, b - c)))
+    weights = np.array([one, two, whole - one - two]) / whole
+    inside = weights.min(axis=0) >= -slack
+    out = np.zeros((len(values), z.size, r.size))
+    out[:, i[inside], j[inside]] = np.einsum("fkc,ck->fk", values[:, which[inside]], weights[:, inside])
+    return out
 
 
 def _within(heat: HeatProblem, grid: Array) -> NDArray[np.bool_]:
     """Whether points lie in the layers or in a part that stands on them, not in the air beside it."""
-    r, z = grid.T
+    r, z = grid[..., 0], grid[..., 1]
     parts = [
         (p.inner_radius <= r) & (r <= p.outer_radius) & (p.bottom <= z) & (z <= p.top) for p in heat.geometry.parts
     ]

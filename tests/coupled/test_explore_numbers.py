@@ -12,6 +12,7 @@ import coupled
 import thermofem as th
 from coupled.explore import bundle
 from coupled.explore.contents import model_of
+from coupled.explore.section import on_grid
 
 CASES = 100
 SAME = 1e-6  # the aim of the comparison; what is measured stands at each test
@@ -81,6 +82,18 @@ def test_tables_are_those_of_the_compiled_integrators():
         assert np.array_equal(table["a"], mine.a)
         assert np.array_equal(table["c"], mine.c)
         assert np.array_equal(table["dense"], mine.dense)
+
+
+def test_pixels_of_a_linear_field():
+    """Triangles of a square: linear between corners, to the last pixel on the edge, and 0 outside."""
+    points = np.array([[0, 0], [2, 0], [2, 2], [0, 2], [1.3, 0.6]]) * 1e-6
+    triangles = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
+    r, z = np.linspace(0, 3e-6, 13), np.linspace(-1e-6, 2e-6, 7)
+    field = 1 + points @ [3e6, -5e6]
+    (found,) = on_grid(points[triangles], field[None, triangles], r, z)
+    R, Z = np.meshgrid(r, z)
+    covered = (R < 2.1e-6) & (Z > -0.1e-6)
+    assert found == pytest.approx(np.where(covered, 1 + 3e6 * R - 5e6 * Z, 0), abs=1e-12)
 
 
 def test_traces(js):

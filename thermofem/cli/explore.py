@@ -122,12 +122,12 @@ def models_of_geometry(
         whole: Any = rom.model
         exact: Any = whole.channel(ring, ring).dynamics if others else whole
         square, step = waveforms.SquareWave(2e-3, TRAINED, DUTY), waveforms.Constant(2e-3)
-        periodic = dataset.build(
+        periodic: Any = dataset.build.record(  # the fits need no xarray, whose import takes longer than they do
             waveforms.period_times(square, SAMPLES), exact.periodic_response(square, SAMPLES), square, periodic=True
         )
         times = np.geomspace(1e-9, 50 * float(np.max(exact.tau)), 121)
         known = {"thermal_resistance": exact.thermal_resistance}
-        rise = dataset.build(times, exact.response(step, times), step, attributes=known)
+        rise: Any = dataset.build.record(times, exact.response(step, times), step, attributes=known)
         models = {
             f"certified reduction, {rom.order} poles": rom,
             f"Foster, {POLES} poles": surrogate.fit_foster(rise, POLES).model,
