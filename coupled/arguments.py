@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+import functools
+from collections.abc import Callable
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,7 +19,11 @@ SHORTEST = 1e-15  # s; the equations hold for the envelope of the field, so not 
 
 ROUND_OFF = 1e-7  # of the largest power: how far a cubic fit of a function may undershoot zero
 
+SEVERAL = "for several: simulate(..., lasers=[coupled.Laser(power, detuning)]), whose run pulsing() classifies"
+
 Array = NDArray[np.float64]
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 def check_ring(ring: RingResonator) -> None:
@@ -26,13 +32,33 @@ def check_ring(ring: RingResonator) -> None:
         raise checks.InputError(f"ring is a {type(ring).__name__}; it must be a RingResonator, such as borghi2021()")
 
 
+def one_laser(function: Callable[P, R]) -> Callable[P, R]:
+    """A decorator for functions of one laser, which says what to do with several."""
+
+    @functools.wraps(function)
+    def call(*args: Any, **given: Any) -> R:
+        if "lasers" in given:
+            raise checks.InputError(f"{function.__name__} has one laser and no argument lasers; {SEVERAL}")
+        return function(*args, **given)
+
+    return call
+
+
 def check_power(power: float, name: str = "power") -> float:
     """Return a bus power in W, or raise InputError."""
+    _check_alone(name, power)
     return checks.positive(name, power, unit="W", at_most=1, hint="8 dBm is 6.31e-3, 6.31 mW is 6.31e-3")
+
+
+def _check_alone(name: str, value: Any) -> None:
+    """InputError for several values where there is one laser."""
+    if np.size(value) > 1 and not isinstance(value, str):
+        raise checks.InputError(f"{name} holds {np.size(value)} values; there is one laser here; {SEVERAL}")
 
 
 def check_detuning(detuning: float, name: str = "detuning") -> float:
     """Return a detuning in Hz, or raise InputError."""
+    _check_alone(name, detuning)
     nu = checks.finite(name, detuning, unit="Hz")
     if 1 <= abs(nu) <= 1e3:
         raise checks.InputError(f"{name} = {nu:g} Hz is below any linewidth; it is in Hz (did you mean {nu:g}e9?)")
@@ -68,8 +94,8 @@ def detuning_in_time(detuning: Any, duration: float) -> Any:
     found = None if _is_number(detuning) else pieces("detuning", detuning, 0.0, float(duration))
     if type(detuning) in (list, tuple) and sum(_is_number(part) for part in detuning) > 1:
         raise checks.InputError(
-            f"detuning is a list of {len(detuning)} with several numbers; a list is one laser: give one number, "
-            "with waveforms where it varies, and a second laser as lasers=[coupled.Laser(power, detuning)]"
+            f"detuning is a list of {len(detuning)} with several numbers; a list is one laser: give one number, with "
+            "waveforms where it varies, and a second laser as lasers=[coupled.Laser(power, detuning)] of simulate"
         )
     ends = [detuning] if found is None else bounds(found)
     values = [checks.finite("detuning", nu, unit="Hz") for nu in ends]

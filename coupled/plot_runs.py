@@ -29,7 +29,8 @@ OUTPUTS = {
 def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the drop power and the temperature rise against time.
 
-    In a figure of its own each has a panel; laser power, heater powers and detuning have panels below where they vary.
+    In a figure of its own each has a panel; the drop power of other resonances has one below, and so have laser power,
+    heater powers and detuning where they vary.
     In given Axes the temperature rise has the right axis.
 
     Parameters
@@ -49,7 +50,7 @@ def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     drop, power_unit = readable(run["drop"].values, "W")
     if ax is None:
         drives = _drives(run)
-        heights = [1.9, 1.9, *(1.1 for _ in drives)]
+        heights = [1.9, 1.9, *(1.2 for _ in drives)]
         _, column = plt.subplots(
             len(heights), 1, figsize=(7, sum(heights)), height_ratios=heights, sharex=True, layout="constrained"
         )
@@ -76,7 +77,7 @@ def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 
 def _drives(run: xr.Dataset) -> list[tuple[str, dict[str, np.ndarray]]]:
-    """Inputs that vary in time: a label and curves for each panel."""
+    """Other resonances, and inputs that vary in time: a label and curves for each panel."""
     powers: dict[str, np.ndarray] = {}
     if "input_power" in run and np.ptp(run["input_power"].values) > 0:
         powers["laser"] = run["input_power"].values
@@ -86,6 +87,9 @@ def _drives(run: xr.Dataset) -> list[tuple[str, dict[str, np.ndarray]]]:
             if np.ptp(one) > 0:
                 powers[str(name)] = one
     panels = []
+    if "probe_drop" in run:
+        names = [f"{at / 1e12:.3f} THz" for at in run["resonance"].values]
+        panels.append(("probe power", dict(zip(names, run["probe_drop"].values, strict=True))))
     if powers:
         panels.append(("power", powers))
     if "detuning" in run and np.ptp(run["detuning"].values) > 0:
@@ -95,14 +99,14 @@ def _drives(run: xr.Dataset) -> list[tuple[str, dict[str, np.ndarray]]]:
 
 def _draw_drive(ax: Axes, t: np.ndarray, label: str, curves: dict[str, np.ndarray]) -> None:
     """One panel of what drives a run."""
-    unit = "W" if label == "power" else "Hz"
+    unit = "Hz" if label == "detuning" else "W"
     together, shown = readable(np.concatenate(list(curves.values())), unit)
     colours = (LIGHT, *OTHERS)
     for k, (name, values) in enumerate(zip(curves, np.split(together, len(curves)), strict=True)):
         colour = colours[(k + (name != "laser" and "laser" not in curves)) % len(colours)]
         ax.plot(t, values, color=colour, linewidth=1.1, label=name)
-    ax.set_ylabel(f"{label} ({shown})")
-    if label == "power":
+    ax.set_ylabel(f"{label} ({shown})" if len(label) < 10 else f"{label}\n({shown})")
+    if label != "detuning":
         ax.set_ylim(bottom=0)
         ax.legend(frameon=False, fontsize="x-small", loc="center left", bbox_to_anchor=(1.0, 0.5))
     ax.spines[["top", "right"]].set_visible(False)

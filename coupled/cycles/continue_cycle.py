@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from thermofem import checks
 from thermofem.models import ThermalModel
 
-from ..arguments import check_detuning, check_power, check_ring
+from ..arguments import check_detuning, check_power, check_ring, one_laser
 from ..equilibria.steady import provenance
 from ..heaters import constant
 from ..resonator import RingResonator
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
+@one_laser
 def continue_cycle(
     ring: RingResonator,
     model: ThermalModel,

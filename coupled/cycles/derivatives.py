@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from thermofem import Quadratic, checks
 from thermofem.models import ThermalModel
 
-from ..arguments import check_detuning, check_power, check_ring
+from ..arguments import check_detuning, check_power, check_ring, one_laser
 from ..equilibria.steady import provenance
 from ..heaters import constant
 from ..pulsing import DUTY_LEVEL
@@ -41,6 +41,7 @@ BIT, SMALL = 2e-7, 1e-5  # steps along the period for first and second derivativ
 FINE = 1e-9  # error of the polynomials between the stages where duty and swing are differentiated
 
 
+@one_laser
 def cycle_derivatives(
     ring: RingResonator,
     model: ThermalModel,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from thermofem.models import ThermalModel
 
-from ..arguments import check_detuning, check_power, check_ring
+from ..arguments import check_detuning, check_power, check_ring, one_laser
 from ..heaters import constant
 from ..resonator import RingResonator
 from ..states import State
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
+@one_laser
 def limit_cycle(
     ring: RingResonator,
     model: ThermalModel,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from thermofem.models import ThermalModel
 
-from ..arguments import check_detuning, check_power, check_ring
+from ..arguments import check_detuning, check_power, check_ring, one_laser
 from ..heaters import constant
 from ..record import origin
 from ..resonator import RingResonator
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
+@one_laser
 def steady_states(
     ring: RingResonator,
     model: ThermalModel,

@@ -12,7 +12,7 @@ from thermofem import Foster, HeatProblem, OutputMap, Quadratic, StateSpace, che
 from thermofem.models import NonlinearSystem, ThermalModel
 from thermofem.waveforms import Constant, Function, Waveform, storable
 
-from ..arguments import check_run, detuning_in_time, power_in_time
+from ..arguments import check_run, detuning_in_time, one_laser, power_in_time
 from ..record import heater_powers, provenance, traces
 from ..resonator import RingResonator
 from ..states import State
@@ -34,6 +34,7 @@ FIRST = 0.25e-6  # s, about the first window
 
 
 @renamed.keywords(tolerance="max_discrepancy")
+@one_laser
 def cosimulate(
     ring: RingResonator,
     heat: HeatProblem | StateSpace | NonlinearSystem | Corrector,

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from thermofem import Quadratic, checks, renamed
 from thermofem.models import ThermalModel
 
-from ..arguments import check_duration
+from ..arguments import check_duration, one_laser
 from ..bar import bar
 from ..equilibria.steady import provenance
 from ..heaters import constant
@@ -54,6 +54,7 @@ class _Cell(NamedTuple):
 
 
 @renamed.keywords(progress="show_bar")
+@one_laser
 def pulsing_map(
     ring: RingResonator,
     model: ThermalModel,

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from thermofem.models import ThermalModel
 
+from ..arguments import one_laser
 from ..equilibria.steady import Internal, absorbable, internal, provenance
 from ..heaters import constant
 from ..resonator import RingResonator
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
+@one_laser
 def stability_map(
     ring: RingResonator,
     model: ThermalModel,

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from commands import thermofem
 
+import coupled
 import surrogate
 import thermofem as th
 from thermofem.cli import drives
@@ -53,6 +57,31 @@ def test_simulate_sweeps_the_laser(folder):
     assert (folder / "a.png").stat().st_size > 10_000
 
 
+def test_simulate_with_a_probe_on_another_resonance(folder):
+    """Numbers and file against the same run in Python."""
+    done = thermofem(
+        "simulate", "m.json", "--channel", "core", "--laser", "1 uW -5 GHz on 1.5 THz", "--laser",
+        "1 mW pulse 50 ns at 0.1 us, 4 GHz", "--duration", "0.4 us", "--figure", "a.png", "-o", "run.nc", "--json",
+        cwd=folder,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    said, run, ring = json.loads(done.stdout), th.load(folder / "run.nc"), coupled.borghi2021()
+    lasers = [
+        coupled.Laser(1e-6, -5e9, replace(ring, frequency=ring.frequency + 1.5e12)),
+        coupled.Laser(th.Pulse(1e-3, 50e-9, start=0.1e-6), 4e9),
+    ]
+    model = surrogate.load_model(folder / "m.json")
+    drive = {"power": 1e-3 * 10**0.8, "lasers": lasers, "duration": 0.4e-6, "heated": "core", "read": "core"}
+    wanted = coupled.simulate(ring, model, **drive)
+    for name in ("drop", "probe_drop", "delta_T"):
+        assert run[name].values == pytest.approx(wanted[name].values, rel=1e-9, abs=0)
+    late = wanted["probe_drop"].values[0][wanted["time"].values >= 0.2e-6]
+    assert said["lasers"] == 3
+    numbers = {"resonance": ring.frequency + 1.5e12, "drop_low": late.min(), "drop_high": late.max()}
+    assert said["probes"] == [pytest.approx(numbers)]
+    assert (folder / "a.png").stat().st_size > 10_000
+
+
 def test_a_map_with_a_heater(folder):
     arguments = ["--power", "0 dBm, 9 dBm", "--points", "3, 4", "-o", "map.nc"]
     shift = 4e-3 * (-500 * np.sqrt(1998.1 * 55.8e-9) + 9000 * np.sqrt(5786.2 * 1.2e-6)) * 10.294e9  # Hz
@@ -89,6 +118,10 @@ def test_reduce_makes_a_model_with_a_heater(tmp_path):
         (["simulate", "m.json", "--channel", "core", "--sweep", "20 GHz, 1 mW"], "--sweep"),
         (["simulate", "m.json", "--channel", "core", "--modulate", "3 K square 1 us"], "--modulate"),
         (["simulate", "m.json", "--channel", "core", "--modulate", "3 mW square 1 us duty x"], "AMOUNT square"),
+        (["simulate", "m.json", "--channel", "core", "--laser", "8 dBm"], "POWER DETUNING [on OFFSET]"),
+        (["simulate", "m.json", "--channel", "core", "--laser", "0 GHz 8 dBm"], "a power is needed"),
+        (["simulate", "m.json", "--channel", "core", "--laser", "8 dBm 0 K"], "a frequency is needed"),
+        (["simulate", "m.json", "--channel", "core", "--laser", "1 mW 0 GHz on -400 THz"], "frequency"),
         (["map", "m.json", "--heater", "heater=5 mW square 1 us"], "constant powers"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from correctors import NETWORK
+from models import coarse_fem
 from scipy.integrate import solve_ivp
 
 import coupled
@@ -156,3 +157,39 @@ def test_what_is_refused():
             coupled.simulate(RING, NETWORK, **arguments, **drive)
     with pytest.raises(th.InputError, match="resonance is a float"):
         coupled.Laser(1e-3, resonance=194e12)
+
+
+HERE = {"power": 6.31e-3}
+ONE_LASER = {
+    "steady_states": lambda **k: coupled.steady_states(RING, NETWORK, **k),
+    "limit_cycle": lambda **k: coupled.limit_cycle(RING, NETWORK, **k),
+    "continue_cycle": lambda **k: coupled.continue_cycle(RING, NETWORK, "bus_rate", (4e10, 5e10), **k),
+    "cycle_derivatives": lambda **k: coupled.cycle_derivatives(RING, NETWORK, **k),
+    "cosimulate": lambda **k: coupled.cosimulate(RING, coarse_fem(), duration=1e-8, **k),
+    "simulate": lambda **k: coupled.simulate(RING, NETWORK, duration=1e-8, **k),
+}
+
+
+SEVERAL = {
+    "both": {"power": [1e-3, 1e-3], "detuning": [0.0, 20e9]},
+    "powers": {"power": (1e-3, 1e-3)},
+    "array": {"power": np.array([1e-3, 1e-3])},
+    "detunings": {"detuning": [0.0, 20e9]},
+    "lasers": {"lasers": coupled.Laser(1e-3, 20e9)},
+}
+ALLOWED = {("simulate", "lasers"), ("simulate", "powers"), ("cosimulate", "powers")}  # a list of powers in time adds
+
+
+@pytest.mark.parametrize(
+    ("name", "light"), [(name, light) for name in ONE_LASER for light in SEVERAL if (name, light) not in ALLOWED]
+)
+def test_several_lasers_are_refused_where_there_is_one(name, light):
+    """They would be summed silently; the message says where they go."""
+    with pytest.raises(th.InputError, match=r"simulate|is not a number"):
+        ONE_LASER[name](**HERE | SEVERAL[light])
+
+
+@pytest.mark.parametrize("map_of", [coupled.stability_map, coupled.pulsing_map])
+def test_maps_have_one_laser(map_of):
+    with pytest.raises(th.InputError, match=rf"{map_of.__name__} has one laser.*simulate\(..., lasers="):
+        map_of(RING, NETWORK, [1e-3, 2e-3], [0.0, 1e9], lasers=[coupled.Laser(1e-3)])

@@ -1,4 +1,4 @@
-"""The options --heater, --sweep and --modulate: powers and detunings that vary in time.
+"""The options --heater, --sweep, --modulate and --laser: powers and detunings that vary in time.
 
 AMOUNT                              constant
 AMOUNT square PERIOD [duty SHARE]   on for a share of every period, one half by default
@@ -8,7 +8,9 @@ AMOUNT sine FREQUENCY               AMOUNT sin(2 pi FREQUENCY t)
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from .. import checks, quantity
@@ -16,7 +18,7 @@ from ..checks import InputError
 from .detuning import detuning_of
 
 if TYPE_CHECKING:
-    from coupled import RingResonator
+    from coupled import Laser, RingResonator
 
     from ..models import ThermalModel
 
@@ -25,6 +27,11 @@ STEADY_HEATER = "Constant power of another part of the model: 'heater=5 mW'."
 CHANNEL = "Part of a model of several parts that the light heats and that detunes it; --heated and --read part the two."
 SWEEP = "Detunings (or powers) to go through at a constant rate, '20 GHz, -40 GHz, 20 GHz', over the whole run."
 MODULATE = "Adds to power or detuning: '1 mW square 1 us', '1 mW pulse 10 ns at 5 us' or '2 GHz sine 1 MHz'."
+LASER = (
+    "A further laser, POWER DETUNING [on OFFSET]: '1 mW 4 GHz' beats with the first; '1 uW -5 GHz on 1.5 THz' is near "
+    "the resonance 1.5 THz above. Repeatable."
+)
+PAIR = re.compile(r"([-+\d.eE]+\s*[^\s\d,]+)\s+([-+\d.eE]+\s*\S+)")
 FORMS = "AMOUNT, AMOUNT square PERIOD [duty SHARE], AMOUNT pulse WIDTH [at START] or AMOUNT sine FREQUENCY"
 
 
@@ -78,6 +85,31 @@ def light(
         added = varying("--modulate", text, "Hz" if name == "detuning" else "W")
         found[name] = [*(found[name] if isinstance(found[name], list) else [found[name]]), added]
     return found, swept
+
+
+def lasers(texts: list[str], ring: RingResonator) -> list[Laser]:
+    """Further lasers, of constant or varying power.
+
+    Raises
+    ------
+    InputError
+        a text of another form, a quantity with another unit, or a resonance that is not above 0 Hz.
+    """
+    from coupled import Laser
+
+    found = []
+    for text in texts:
+        light, on, offset = (part.strip() for part in text.partition(" on "))
+        pair = light.rsplit(",", 1) if "," in light else (match.groups() if (match := PAIR.fullmatch(light)) else ())
+        if len(pair) != 2 or (on and not offset):
+            raise InputError(
+                f"--laser {text!r} is not of the form POWER DETUNING [on OFFSET], such as '8 dBm 0 GHz' or "
+                "'1 mW pulse 10 ns, -5 GHz on 1.5 THz'"
+            )
+        at = replace(ring, frequency=ring.frequency + detuning_of(offset, ring, "--laser")) if on else None
+        power = varying("--laser", pair[0].strip(), "W")
+        found.append(Laser(power, detuning_of(pair[1].strip(), at or ring, "--laser"), at))
+    return found
 
 
 def _kind(option: str, text: str) -> str:

@@ -205,6 +205,7 @@ def simulate(
     heater: Annotated[list[str] | None, typer.Option(help=drives.HEATER)] = None,
     sweep: Annotated[str | None, typer.Option(help=drives.SWEEP)] = None,
     modulate: Annotated[list[str] | None, typer.Option(help=drives.MODULATE)] = None,
+    laser: Annotated[list[str] | None, typer.Option(help=drives.LASER)] = None,
     figure: Figure = None,
     output: Out = Path("traces.nc"),
 ) -> dict[str, Any]:
@@ -222,7 +223,8 @@ def simulate(
     resonator = ring_of(ring)
     length = quantity.positive(duration, "s", name="--duration")
     light, swept = drives.light(resonator, power, detuning, sweep, modulate or [], length)
-    settings: dict[str, Any] = {"duration": length, "heaters": powers, **parts, **light}
+    others = drives.lasers(laser or [], resonator)
+    settings: dict[str, Any] = {"duration": length, "heaters": powers, "lasers": others, **parts, **light}
     say_ring(resonator, ring)
     first = "the first run on a machine compiles for some seconds"
     with Bar("integrating", settings["duration"], first=first) as progress:
@@ -241,8 +243,24 @@ def simulate(
         say(f"period {found.period * 1e9:.1f} ns, duty {found.duty:.3f}, swing {found.swing:.2f} K")
     elif found.regime == "slow transient" and long_enough(small) > settings["duration"]:
         say(longer(long_enough(small)))
+    probes = _probes(run)
+    for one in probes:
+        low, high = (f"{one[name] * 1e3:.4g}" for name in ("drop_low", "drop_high"))
+        say(f"resonance at {one['resonance'] / 1e12:.4f} THz: drop power from {low} to {high} mW")
     say(f"wrote {output}" + (f" and {figure}" if figure else ""))
-    return {**pulsing_numbers(found), "traces": output, "figure": figure}
+    numbers = {"lasers": 1 + len(others), "probes": probes} if others else {}
+    return {**pulsing_numbers(found), **numbers, "traces": output, "figure": figure}
+
+
+def _probes(run: Any) -> list[dict[str, float]]:
+    """Frequency (Hz) of the other resonances, and their drop power (W) in the second half of a run."""
+    if "resonance" not in run.variables:
+        return []
+    late = run["time"].values >= run["time"].values[-1] / 2
+    return [
+        {"resonance": float(at), "drop_low": float(drop[late].min()), "drop_high": float(drop[late].max())}
+        for at, drop in zip(run["resonance"].values, run["probe_drop"].values, strict=True)
+    ]
 
 
 def verdict(run: Any, duration: str) -> Any:
