@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import Foster, checks, renamed
-from thermofem.dataset import Drive, drive_of
+from thermofem.dataset import Drive, at_probe, drive_of
 from thermofem.display import shown
 from thermofem.models import HasModel
 from thermofem.models.lumped import (
@@ -273,7 +273,7 @@ class Training:
         transfer: bool | None = None,
     ) -> Training:
         """Read Datasets; ``impose`` their static gain and, unless it is a ``transfer`` channel, positive gains."""
-        datasets = list(data) if isinstance(data, Sequence) else [data]
+        datasets = [at_probe(d) for d in (data if isinstance(data, Sequence) else [data])]
         drives: list[Drive] = [drive_of(d) for d in datasets]
         if not drives:
             raise checks.InputError("data is empty; give at least one Dataset")

@@ -79,12 +79,15 @@ def train_all(
     duty: float = 1 / 3,
     hot: float | None = None,
     names: Sequence[str] | None = None,
+    heated: str | None = None,
+    read: str | None = None,
 ) -> Ladder:
     """Train Newton, second order, SINDy and Foster networks and reduce the FEM to several orders.
 
-    All are trained at small power on the first heated part: Newton and second order on the paper's square wave (1 us),
-    Foster networks on a step, SINDy on a telegraph. The drives come from the certified reduction to 1e-6. With k(T) an
-    output map and quadratic SINDy are made for a larger power, SINDy from telegraphs of the quadratic reduction.
+    All are trained at small power on one channel, from a heated part to what is read: Newton and second order on the
+    paper's square wave (1 us), Foster networks on a step, SINDy on a telegraph. The drives come from the certified
+    reduction to 1e-6. With k(T) an output map and quadratic SINDy are made for a larger power, SINDy from telegraphs of
+    the quadratic reduction.
 
     Parameters
     ----------
@@ -98,28 +101,36 @@ def train_all(
         ten times ``power``; 0 leaves k(T) out, of the reference too, and with it a transient of the full order.
     names : sequence of str
         the models to train, such as "Newton" or "Foster, trained (5)"; default all of them.
+    heated, read : str, optional
+        part that is heated, default the first that can be; what is read, default the same. SINDy takes no other.
 
     Raises
     ------
     InputError
-        a power or duty out of range, a name that is none of the models'.
+        a power or duty out of range, a name that is none of the models', of no heated part, of nothing that is read.
     """
     checks.positive("power", power, unit="W", at_most=10, hint="powers are in W (did you mean 2e-3 for 2 mW?)")
     checks.has("heat", heat, "heated", "channels", hint="th.assemble(geometry) makes the HeatProblem")
-    part = heat.heated[0]
-    system = heat.channels(part, part)
+    part = checks.choice("heated", heated or heat.heated[0], heat.heated)
+    read = read or part
+    system = heat.channels(part, read)
     fine = reduce(system, REFERENCE)
     exact: Foster = fine.model  # type: ignore[assignment]  # one channel
     wave, times = SquareWave(power, 1e-6, duty), np.geomspace(1e-9, 50 * float(np.max(exact.tau)), 121)
+    channel = {"heated": part, "read": read}
     periodic = dataset.build(
-        waveforms.period_times(wave, SAMPLES), exact.periodic_response(wave, SAMPLES), wave, periodic=True
+        waveforms.period_times(wave, SAMPLES),
+        exact.periodic_response(wave, SAMPLES),
+        wave,
+        periodic=True,
+        attributes=channel,
     )
-    known = {"thermal_resistance": exact.thermal_resistance}
+    known = {"thermal_resistance": exact.thermal_resistance, **channel}
     step = dataset.build(times, exact.response(Constant(power), times), Constant(power), attributes=known)
     makers: dict[str, Callable[[], ThermalModel]] = {
         "Newton": lambda: fit_newton(periodic).model,
         "second order": lambda: fit_second_order(periodic).model,
-        "SINDy": lambda: _sindy(heat, part, power),
+        "SINDy": lambda: _sindy(heat, part, read, power),
         **{f"Foster, trained ({n})": lambda n=n: fit_foster(step, n).model for n in range(3, 9)},  # type: ignore[misc]
         **{f"balanced truncation ({n})": lambda n=n: balanced_truncation(system, n).model for n in range(3, 9)},  # type: ignore[misc]
         **{f"certified reduction ({t:g})": lambda t=t: reduce(system, t).model for t in TOLERANCES},  # type: ignore[misc]
@@ -128,13 +139,13 @@ def train_all(
     error = fine.error_bound
     if heat.nonlinear and hot != 0:
         hot = 10 * power if hot is None else checks.positive("hot", hot, unit="W", at_most=10)
-        model: NonlinearSystem = heat.model(part, part)  # type: ignore[assignment]  # heat.nonlinear
+        model: NonlinearSystem = heat.model(part, read)  # type: ignore[assignment]  # heat.nonlinear
         reference = reduce_quadratic(model, hot).model
-        pulse = solve(heat, Pulse(hot, 2e-5), _pulse_times())
+        pulse = solve(heat, Pulse(hot, 2e-5), _pulse_times(), heated=part, read=read)
         rise = pulse["delta_T"].values
         error = float(np.abs(reference.response(Pulse(hot, 2e-5), pulse["time"].values) - rise).max() / rise.max())
         makers["output map"] = lambda: output_map(model, hot)
-        makers["quadratic SINDy"] = lambda: _sindy_quadratic(heat, part, hot)
+        makers["quadratic SINDy"] = lambda: _sindy_quadratic(heat, part, read, hot)
     models, refused = {}, {}
     for name in makers if names is None else names:
         make = makers[checks.choice("names", name, makers)]
@@ -151,8 +162,9 @@ def _pulse_times() -> Array:
     return np.unique(np.concatenate([times, 2e-5 + times]))
 
 
-def _sindy(heat: HeatProblem, part: str, power: float) -> ThermalModel:
+def _sindy(heat: HeatProblem, part: str, read: str, power: float) -> ThermalModel:
     """Five states: the heated part and four shells around it."""
+    _check_own(part, read)
     return fit_sindy(*shells(heat, part, power)).model
 
 
@@ -169,16 +181,23 @@ def shells(heat: HeatProblem, part: str, power: float) -> tuple[xr.Dataset, list
     return dataset.build(TIMES, rises, wave, read=read), [p.thermal_resistance for p in parts]
 
 
-def _sindy_quadratic(heat: HeatProblem, part: str, power: float) -> ThermalModel:
+def _check_own(part: str, read: str) -> None:
+    """InputError where another part is read than heated."""
+    if read != part:
+        raise checks.InputError(f"SINDy reads the heated part {part!r} and shells around it; {read!r} is another")
+
+
+def _sindy_quadratic(heat: HeatProblem, part: str, read: str, power: float) -> ThermalModel:
     """Quadratic SINDy network, trained on the quadratic reduction under telegraphs of the power and of half of it."""
-    probed, read = _probed(heat, part)
-    system: NonlinearSystem = probed.model(part, read)  # type: ignore[assignment]  # heat.nonlinear
+    _check_own(part, read)
+    probed, names = _probed(heat, part)
+    system: NonlinearSystem = probed.model(part, names)  # type: ignore[assignment]  # heat.nonlinear
     reduced = reduce_quadratic(probed.model(part, part), power)  # type: ignore[arg-type]
     look = (system.linear.C @ reduced.basis).T
     data = []
     for wave in (_telegraph(power), _telegraph(power / 2, seed=2)):
         rises = reduced.model.states(wave, TIMES)[:, :-1] @ look
-        data.append(dataset.build(TIMES, rises, wave, read=read))
+        data.append(dataset.build(TIMES, rises, wave, read=names))
     static, steady = system.linear.gain[:, 0], system.steady_rise(power)
     return fit_sindy_quadratic(data, static.tolist(), power=power, steady=steady.tolist()).model
 

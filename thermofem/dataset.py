@@ -129,6 +129,39 @@ def describe(name: str) -> dict[str, str]:
     return {"units": VARIABLES[name].unit, "long_name": VARIABLES[name].long_name}
 
 
+def at_probe(data: xr.Dataset, read: str | None = None) -> xr.Dataset:
+    """One probe of a Dataset, whose attributes ``read`` and ``thermal_resistance`` become those of that probe.
+
+    Parameters
+    ----------
+    data : Dataset
+    read : str, optional
+        name of the probe; default the one that ``data.sel(probe=...)`` has picked, if any.
+
+    Raises
+    ------
+    InputError
+        a name that is none of the probes'.
+    """
+    if read is not None:
+        several = "probe" in getattr(data, "dims", ())
+        names = [str(n) for n in data["probe"].values] if several else [str(data.attrs.get("read", read))]
+        checks.choice("read", read, names)
+        data = data.sel(probe=read) if several else data
+    if "probe" not in getattr(data, "coords", {}) or data["probe"].ndim:
+        return data
+    name, names = str(data["probe"].values), [n.strip() for n in str(data.attrs.get("read", "")).split(",")]
+    if name not in names or len(names) == 1:
+        return data
+    gains = np.ravel(data.attrs.get("thermal_resistances", ()))
+    attrs = {key: value for key, value in data.attrs.items() if not key.startswith("thermal_resistance")}
+    if gains.size == len(names):
+        attrs["thermal_resistance"] = float(gains[names.index(name)])
+    picked = data.copy()
+    picked.attrs = {**attrs, "read": name}
+    return picked
+
+
 def drive_of(data: xr.Dataset) -> Drive:
     """Read the drive and the response from a Dataset.
 
@@ -146,7 +179,7 @@ def drive_of(data: xr.Dataset) -> Drive:
             raise checks.InputError(f"data.attrs[{name!r}] = {checks.shown(data.attrs[name])} is no text")
     times = checks.array("data.time", data["time"].values, increasing=True)
     if data["delta_T"].ndim != 1:
-        raise checks.InputError("data.delta_T has several probes; pick one with data.sel(probe='core')")
+        raise checks.InputError("data.delta_T has several probes; pick one with data.sel(probe='core'), or --read core")
     rise = checks.array("data.delta_T", data["delta_T"].values)
     if times.size < FEWEST:
         raise checks.InputError(f"data has {times.size} samples; at least {FEWEST} are needed to train anything")

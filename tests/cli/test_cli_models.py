@@ -187,3 +187,40 @@ def test_bad_input_is_one_line_and_exit_code_2(arguments, words, folder):
     assert words in done.stderr
     assert "Traceback" not in done.stderr
     assert sorted(folder.iterdir()) == before
+
+
+def test_heated_and_read_pick_a_channel_to_fit_and_to_judge(tmp_path):
+    """A heater is judged from heater to core; the figures of the first channel are another's."""
+    (tmp_path / "ring.toml").write_text(th.heated_ring().to_toml())
+    heat = th.assemble(th.heated_ring(), accuracy=1e-2)
+    times = np.append(0.0, np.geomspace(1e-9, 1e-4, 150))
+    both = th.solve(heat, th.Constant(1e-3), times=times, heated="heater", read=("heater", "core"))
+    th.save(both, tmp_path / "both.nc")
+    surrogate.save_model(surrogate.reduce(heat.channels(["core", "heater"]), 1e-4), tmp_path / "fem.json")
+    fitted = "fit", "both.nc", "--kind", "foster", "--order", "4", "-o", "m.json"
+    done = thermofem(*fitted, "--heated", "heater", "--read", "core", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    model = surrogate.load_model(tmp_path / "m.json")
+    assert (model.inputs, model.outputs) == (("heater",), ("core",))
+    judged = "validate", "m.json", "--reference", "fem.json", "--shortest", "2 us"
+    done = thermofem(*judged, "--heated", "heater", "--read", "core", "--json", cwd=tmp_path)
+    assert json.loads(done.stdout)["models"]["m"]["largest_error"] < 0.1
+    done = thermofem(*judged, "--heated", "core", "--json", cwd=tmp_path)
+    assert json.loads(done.stdout)["models"]["m"]["largest_error"] is None  # another channel, without that swing
+    whole = "validate", "ring.toml", "--accuracy", "1e-2", "--shortest", "2 us", "-o", "v.png", "--json"
+    done = thermofem(*whole, "--heated", "heater", "--read", "core", cwd=tmp_path)
+    found = json.loads(done.stdout)
+    assert found["models"]["certified reduction (0.0001)"]["largest_error"] < 1e-2
+    assert "SINDy" in found["refused"]
+    for command, words in {
+        fitted: "several probes",
+        (*fitted, "--heated", "core"): "says that 'heater' was heated",
+        (*fitted, "--read", "near"): "'near'",
+        judged: "--heated and --read",
+        (*judged, "--heated", "near"): "'near'",
+        (*whole, "--read", "near"): "'near'",
+    }.items():
+        done = thermofem(*command, cwd=tmp_path)
+        assert done.returncode == 2
+        assert words in done.stderr
+        assert len(done.stderr.strip().splitlines()) == 1

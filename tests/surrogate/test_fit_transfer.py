@@ -65,3 +65,17 @@ def test_a_transfer_channel_is_stored(tmp_path):
     again = surrogate.load_model(tmp_path / "m.json")
     assert again.inputs == ("heater",)
     assert np.asarray(again.R) == pytest.approx(np.asarray(fit.model.R))
+
+
+def test_one_of_several_probes_keeps_its_own_channel():
+    """``sel`` of xarray leaves the attributes of the whole, the core's resistance among them."""
+    heat = th.assemble(th.heated_ring(), accuracy=1e-2)
+    times = np.append(0.0, np.geomspace(1e-9, 1e-4, 150))
+    both = th.solve(heat, th.Constant(1e-3), times=times, heated="core", read=("core", "heater"))
+    own, other = (surrogate.fit_foster(both.sel(probe=name), order=4).model for name in ("core", "heater"))
+    assert own.thermal_resistance == pytest.approx(heat.thermal_resistance("core"), rel=1e-9)  # imposed
+    assert other.thermal_resistance == pytest.approx(heat.thermal_resistance("core", "heater"), rel=5e-3)  # the misfit
+    assert (other.inputs, other.outputs) == (("core",), ("heater",))
+    assert th.dataset.at_probe(both, "heater").attrs["read"] == "heater"
+    with pytest.raises(th.InputError, match="read = 'near' is unknown"):
+        th.dataset.at_probe(both, "near")

@@ -86,3 +86,24 @@ def model_of(
             f"power with --heater '{model.inputs[-1]}=5 mW'"
         )
     return model, {"heated": heated, "read": read}
+
+
+def one_channel(path: Path, heated: str | None, read: str | None) -> ThermalModel:
+    """The thermal model of a file; of one with several parts the channel that is asked for.
+
+    Raises
+    ------
+    InputError
+        no model; several parts and no choice, or a name that is none of them.
+    """
+    from ..models import load_model
+
+    model: Any = load_model(path)
+    if len(model.inputs) == len(model.outputs) == 1:
+        return model  # type: ignore[no-any-return]
+    if heated is None:
+        parts = f"inputs {', '.join(model.inputs)}; outputs {', '.join(model.outputs)}"
+        raise InputError(f"{path} has several parts ({parts}): pick two with --heated and --read")
+    checks.choice("--heated", heated, model.inputs)
+    read = checks.choice("--read", read or heated, model.outputs)
+    return model.channel(heated, read)  # type: ignore[no-any-return]

@@ -34,6 +34,8 @@ def fit(
     start: Annotated[str | None, typer.Option(help="When the heating began; default: found in the trace.")] = None,
     transfer: Annotated[bool, typer.Option(help="Another part was read than heated; solve's files say so.")] = False,
     baseline: Annotated[str | None, typer.Option(help="Temperature at rest; default: the mean before.")] = None,
+    heated: Annotated[str | None, typer.Option(help="Part that was heated.")] = None,
+    read: Annotated[str | None, typer.Option(help="Part that was read; picks one of several.")] = None,
     figure: Annotated[Path | None, typer.Option(help="Data, model and residual; .png, .pdf or .svg.")] = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="File to write.")] = Path("model.json"),
 ) -> dict[str, Any]:
@@ -51,6 +53,7 @@ def fit(
     columns = {"time": time, "temperature": temperature, "start": start, "baseline": baseline}
     drive = {"power": power, "pulse": pulse, "square": square, "duty": duty}
     training, assumed = _training(data, columns, drive)
+    training = [_channel(path, one, heated, read, kind) for path, one in zip(data, training, strict=True)]
     if kind == "sindy":
         found = _sindy(training)
     else:
@@ -72,6 +75,21 @@ def fit(
         "assumed": assumed,
         "model": output,
     }
+
+
+def _channel(path: Path, data: xr.Dataset, heated: str | None, read: str | None, kind: str) -> xr.Dataset:
+    """The part of a file that --heated and --read name; a table learns the names."""
+    from .. import dataset
+
+    if read is not None and kind == "sindy":
+        raise InputError("--read picks one part; a SINDy network needs all that the file holds")
+    if kind_of(path) == "table":
+        return data.assign_attrs({k: v for k, v in (("heated", heated), ("read", read)) if v is not None})
+    was = data.attrs.get("heated")
+    if heated is not None and was is not None and heated != was:
+        raise InputError(f"--heated = {heated!r}, but {path} says that {was!r} was heated")
+    data = data if heated is None else data.assign_attrs(heated=heated)
+    return data if read is None else dataset.at_probe(data, read)
 
 
 def _draw(found: Any, data: xr.Dataset, path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,7 +11,7 @@ import typer
 from .. import checks
 from . import drives
 from .bar import Bar
-from .files import DEFAULT_RING, HEATED, READ, RING, check_outputs, longer, model_of, ring_of, say_ring
+from .files import DEFAULT_RING, HEATED, READ, RING, check_outputs, longer, model_of, one_channel, ring_of, say_ring
 from .kinds import expect
 from .output import say, show, working
 
@@ -75,6 +75,8 @@ def validate(
     shortest: Annotated[str, typer.Option(help="Shortest period.")] = "0.1 us",
     longest: Annotated[str, typer.Option(help="Longest period.")] = "10 us",
     accuracy: Annotated[float, typer.Option(help="Wanted relative error of a geometry's mesh.")] = 1e-3,
+    heated: Annotated[str | None, typer.Option(help=HEATED)] = None,
+    read: Annotated[str | None, typer.Option(help=READ)] = None,
     figure: Figure = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Curves (.nc), or for a geometry the figure (.png).")
@@ -100,15 +102,18 @@ def validate(
         if len(inputs) > 1 or reference:
             raise checks.InputError("validate takes one geometry alone; models with --reference, without a geometry")
         figures = [path for path in (figure, output) if path] or [Path("period_error.png")]
-        return _validate_geometry(inputs[0], figures, periods, watts, duty, accuracy)
+        settings = {"periods": periods, "power": watts, "duty": duty, "heated": heated, "read": read}
+        return _validate_geometry(inputs[0], figures, accuracy=accuracy, **settings)
     if reference is None:
         raise checks.InputError("models are judged by a --reference, e.g. from `reduce`; or give one geometry (.toml)")
-    return _validate_models(inputs, reference, output or Path("period_error.nc"), figure, periods, watts, duty)
+    load = lambda path: one_channel(path, heated, read)  # noqa: E731
+    return _validate_models(inputs, reference, load, output or Path("period_error.nc"), figure, periods, watts, duty)
 
 
 def _validate_models(
     models: list[Path],
     reference: Path,
+    load: Callable[[Path], Any],
     output: Path,
     figure: Path | None,
     periods: NDArray[np.float64],
@@ -130,10 +135,9 @@ def _validate_models(
         raise checks.InputError(
             f"{' and '.join(map(str, models))} hold a name twice; curves are told apart by file name"
         )
-    judge, curves = surrogate.load_model(reference), {}
+    judge, curves = load(reference), {}
     for path in models:
-        model = surrogate.load_model(path)
-        curves[path.stem] = surrogate.period_error(model, judge, periods, power=watts, duty=duty)
+        curves[path.stem] = surrogate.period_error(load(path), judge, periods, power=watts, duty=duty)
         say(f"{path.stem}: {curves[path.stem].attrs['validity']}")
     joined = xr.concat(list(curves.values()), dim="model", combine_attrs="drop_conflicts")
     dataset.save(joined.assign_coords(model=list(curves)), output)
@@ -155,7 +159,7 @@ def _judged(curve: xr.Dataset) -> dict[str, Any]:
 
 
 def _validate_geometry(
-    path: Path, figures: list[Path], periods: NDArray[np.float64], watts: float, duty: float, accuracy: float
+    path: Path, figures: list[Path], *, power: float, duty: float, **settings: Any
 ) -> dict[str, Any]:
     """Train every kind of model on a geometry: one figure, one table."""
     from ..geometry import CrossSection
@@ -165,9 +169,9 @@ def _validate_geometry(
     expect(path, "geometry")
     geometry = CrossSection.from_toml(path)
     with working("solving, training every kind of model, judging"):
-        found = judge(geometry, accuracy=accuracy, periods=periods, power=watts, duty=duty)
+        found = judge(geometry, power=power, duty=duty, **settings)
     by = "its FEM" if found.power is None else "its FEM with k(T)"
-    of = f"{geometry.name}: square waves of {watts * 1e3:g} mW, {duty:.0%} duty, against {by}"
+    of = f"{geometry.name}: square waves of {power * 1e3:g} mW, {duty:.0%} duty, against {by}"
     for figure in figures:
         _draw_curves(found.curves, figure, of)
     show(table(found, of))

@@ -52,29 +52,40 @@ class Judged:
         return {name: curves.sel(model=name) for name in curves["model"].values.tolist()}
 
 
-def judge(geometry: CrossSection, *, accuracy: float, periods: Array, power: float, duty: float) -> Judged:
-    """Train models of every kind on a geometry and judge them by its FEM, with k(T) at the power asked for.
+def judge(
+    geometry: CrossSection,
+    *,
+    accuracy: float,
+    periods: Array,
+    power: float,
+    duty: float,
+    heated: str | None = None,
+    read: str | None = None,
+) -> Judged:
+    """Train models of every kind on one channel of a geometry and judge them by its FEM, with k(T) at the power given.
 
     Raises
     ------
     InputError
-        a geometry that cannot be meshed or reduced, a power without a steady state.
+        a geometry that cannot be meshed or reduced, a power without a steady state, a name of no part.
     """
     heat = assemble(geometry, accuracy)
-    core = heat.heated[0]
-    ladder = surrogate.train_all(heat, power=power, duty=duty, hot=0, names=NAMES)
-    models, reference, system = dict(ladder.models), ladder.reference, heat.model(core, core)
+    heated = checks.choice("--heated", heated or heat.heated[0], heat.heated)
+    read = checks.choice("--read", read or heated, heat.readable)
+    channel = {"heated": heated, "read": read}
+    ladder = surrogate.train_all(heat, power=power, duty=duty, hot=0, names=NAMES, **channel)
+    models, reference, system = dict(ladder.models), ladder.reference, heat.model(heated, read)
     if isinstance(system, NonlinearSystem):
         models["output map"] = surrogate.output_map(system, power)
         models["quadratic reduction"] = surrogate.reduce_quadratic(system, power)
         reference = system
     errors = surrogate.judge(models, reference, powers=[power], periods=periods, duty=duty)
-    return Judged(errors, ladder.refused, against_power(heat, core))
+    return Judged(errors, ladder.refused, against_power(heat, heated, read))
 
 
-def against_power(heat: HeatProblem, core: str) -> dict[str, float] | None:
+def against_power(heat: HeatProblem, heated: str, read: str) -> dict[str, float] | None:
     """Static error of linear models and of an output map under k(T), against the full order."""
-    system = heat.model(core, core)
+    system = heat.model(heated, read)
     if not isinstance(system, NonlinearSystem):
         return None
     found: list[tuple[float, float]] = []
