@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import CrossSection, Foster, OutputMap, checks, waveforms
-from thermofem.dataset import Drive, drive_of
+from thermofem.dataset import Drive, drive_of, warn_of
 from thermofem.display import shown
 
 from .family import Certified, Family
@@ -111,6 +111,7 @@ def calibrate(
     drives = [drive_of(one) for one in datasets]
     if not drives:
         raise checks.InputError("data is empty; give at least one Dataset")
+    warn_of(drives)
     measured = np.concatenate([drive.rise for drive in drives])
     if measured.size <= len(low):
         raise checks.InputError(f"{measured.size} samples do not determine {len(low)} parameters; give more of both")

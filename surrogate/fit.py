@@ -60,7 +60,7 @@ class Fit(HasModel):
     training : tuple of str
         the drive of each Dataset; the parameters mean little without it.
     notes : tuple of str
-        time constants that the data do not determine.
+        what makes the data doubtful; time constants that they do not determine.
     geometry : str or None
         TOML of the cross-section, where the data carries it.
     swarm_residual : float or None, K
@@ -281,7 +281,7 @@ class Training:
             hint = "it is in K/W (7.87 K/mW is 7870)"
             thermal_resistance = checks.positive("thermal_resistance", thermal_resistance, unit="K/W", hint=hint)
         elif impose:
-            thermal_resistance = _common([d.attrs.get("thermal_resistance") for d in datasets])
+            thermal_resistance = _common([d.thermal_resistance for d in drives])
         for drive in drives:
             if not np.any(drive.wave(drive.times)) and not np.any(drive.wave.before(drive.times)):
                 raise checks.InputError(f"the power of the {drive.name} is zero throughout; what heated it?")
@@ -294,6 +294,11 @@ class Training:
         parts = {"inputs": (heated if apart else "heater",), "outputs": (read if apart else "core",)}
         problem = FitProblem(drives, thermal_resistance, impose and not transfer)
         return cls(problem, tuple(d.name for d in drives), geometry, transfer, parts if transfer else {})
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What makes the data doubtful."""
+        return tuple(dict.fromkeys(doubt for drive in self.problem.drives for doubt in drive.doubts))
 
     def search(self, order: int, method: str) -> tuple[Optimum, float | None]:
         """The optimum, and the residual of the swarm before it was polished."""
@@ -343,7 +348,7 @@ class Training:
             residual=found.residual,
             relative_residual=found.relative_residual,
             training=self.names,
-            notes=(*_unseen(found, self.problem.span), *_cancelling(model)),
+            notes=(*self.doubts, *_unseen(found, self.problem.span), *_cancelling(model)),
             geometry=self.geometry,
             swarm_residual=swarm_residual,
         )

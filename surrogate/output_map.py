@@ -13,7 +13,7 @@ import numpy as np
 
 from thermofem import Foster, OutputMap, checks
 from thermofem.algebra.poles import pole_responses
-from thermofem.dataset import drive_of
+from thermofem.dataset import drive_of, warn_of
 from thermofem.models import NonlinearSystem
 
 from .reduce import reduce
@@ -73,6 +73,7 @@ def fit_output_map(linear: Foster, data: xr.Dataset | Sequence[xr.Dataset]) -> O
     drives = [drive_of(d) for d in (data if isinstance(data, Sequence) else [data])]
     if not drives:
         raise checks.InputError("data is empty; give at least one Dataset")
+    warn_of(drives)
     rate = 1 / np.asarray(linear.tau)
     z = np.concatenate([pole_responses(rate, d.wave, d.times, periodic=d.periodic) @ linear.gain for d in drives])
     rise = np.concatenate([d.rise for d in drives])

@@ -25,9 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import Quadratic, Waveform, checks
+from thermofem.dataset import drive_of, warn_of
 from thermofem.display import shown
 from thermofem.models import HasModel, Network, gate
-from thermofem.waveforms import from_json
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -218,21 +218,20 @@ def read_probes(data: xr.Dataset) -> tuple[Array, Array, Waveform, tuple[str, ..
         )
     if data.attrs.get("kind", "transient") != "transient" or "waveform" not in data.attrs:
         raise checks.InputError("data must be a transient from rest that carries its waveform")
-    times = checks.array("data.time", data["time"].values, increasing=True)
+    drives = [drive_of(data.isel(probe=k)) for k in range(data.sizes["probe"])]
+    times, rise = drives[0].times, np.stack([drive.rise for drive in drives], axis=1)
+    warn_of(drives)
     if times.size < 1000:
         raise checks.InputError(f"data has {times.size} samples; identification needs at least 1000")
     steps = np.diff(times)
     if np.ptp(steps) > 1e-6 * steps.mean():
         raise checks.InputError("data.time is not evenly spaced; the weak form needs even samples")
-    rise = np.asarray(data["delta_T"].transpose("time", "probe").values, dtype=float)
-    if not np.all(np.isfinite(rise)) or np.any(np.ptp(rise, axis=0) <= 0):
-        raise checks.InputError("a probe of data.delta_T does not move or is not finite")
     names = tuple(str(p) for p in data["probe"].values)
     if data.attrs.get("heated", names[0]) != names[0]:
         raise checks.InputError(
             f"the first probe is {names[0]!r}; it must be the heated part, {data.attrs['heated']!r}"
         )
-    return times, rise, from_json(data.attrs["waveform"]), names
+    return times, rise, drives[0].wave, names
 
 
 def _equations(A: Array, b: Array, names: tuple[str, ...]) -> tuple[str, ...]:

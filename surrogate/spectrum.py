@@ -75,5 +75,6 @@ def fit_spectrum(
         residual=float(np.sqrt(np.mean((misfit / problem.weight) ** 2))),
         relative_residual=float(np.sqrt(np.mean(misfit**2))),
         training=training.names,
+        notes=training.doubts,
         geometry=training.geometry,
     )

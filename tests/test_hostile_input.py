@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import io
+import json
+import os
 import sys
 import tracemalloc
 import warnings
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import coupled
 import surrogate
 import thermofem as th
+from coupled.maps.journal import Journal
 from thermofem import cli, trees
+from thermofem.mesh.triangles import load as load_mesh
 
 
 def test_a_key_that_stands_twice_is_refused():
@@ -95,3 +101,156 @@ def test_warnings_of_libraries_stay_off_the_screen(monkeypatch, capsys):
     monkeypatch.setattr(cli, "app", noisy)
     cli.main()
     assert capsys.readouterr().err.splitlines() == ["far above its training"]
+
+
+STEP, SQUARE = th.Constant(2e-3), th.SquareWave(2e-3, 2e-6, 0.3)
+POLES = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
+CHANGES = {
+    "double": lambda rise: 2 * rise,
+    "in mK": lambda rise: 1e3 * rise,
+    "half": lambda rise: rise / 2,
+    "shifted": lambda rise: rise + 3.0,
+}
+
+
+def stated(rise, times, wave, periodic=False):
+    return th.dataset.build(times, rise, wave, periodic=periodic, attributes={"thermal_resistance": 7000.0})
+
+
+@pytest.mark.parametrize("wave", [STEP, SQUARE], ids=["step", "square"])
+@pytest.mark.parametrize("change", CHANGES)
+def test_data_that_contradict_their_thermal_resistance_are_refused_or_noted(change, wave):
+    """Of an exact response, with noise or without, nothing is said; of a changed one something is."""
+    times = np.linspace(0, 20e-6, 400)
+    rise = POLES.response(wave, times)
+    noise = np.random.default_rng(0).normal(0, 0.1, times.size)
+    for exact in (rise, rise + noise):
+        assert not any("wrong?" in note for note in surrogate.fit_newton(stated(exact, times, wave)).notes)
+    try:
+        notes = surrogate.fit_newton(stated(CHANGES[change](rise), times, wave)).notes
+    except th.InputError as error:
+        notes = (str(error),)
+    assert any("thermal_resistance" in note and note.endswith("wrong?") for note in notes)
+
+
+@pytest.mark.parametrize("factor", [0.5, 0.95, 1.05, 2.0])
+def test_a_periodic_state_has_the_mean_of_its_thermal_resistance(factor):
+    times = th.waveforms.period_times(SQUARE, 301)
+    rise = POLES.periodic_response(SQUARE, 301)
+    surrogate.fit_newton(stated(rise, times, SQUARE, periodic=True))
+    with pytest.raises(th.InputError, match="thermal_resistance = 7000 K/W"):
+        surrogate.fit_newton(stated(factor * rise, times, SQUARE, periodic=True))
+
+
+def test_a_rise_with_conductivity_of_temperature_is_no_contradiction():
+    """k(T) makes more than R_th P at 500 mW; the same numbers without k(T) are refused."""
+    hot = th.strip_ring().with_({"layer.box.material": "Si(T)", "layer.substrate.material": "Si(T)"})
+    heat = th.assemble(hot, 1e-2)
+    data = th.solve(heat, th.Constant(0.5), np.linspace(0, 400e-6, 60))
+    assert float(data["delta_T"].max()) > 1.01 * data.attrs["thermal_resistance"] * 0.5
+    surrogate.fit_newton(data)
+    with pytest.raises(th.InputError, match="delta_T reaches"):
+        surrogate.fit_newton(data.assign_attrs(geometry=hot.to_toml().replace("Si(T)", "Si")))
+
+
+def test_a_probe_is_held_against_its_own_thermal_resistance():
+    times = np.linspace(0, 20e-6, 400)
+    rises = np.stack([POLES.response(STEP, times), 2 * POLES.response(STEP, times)], axis=1)
+    attributes = {"thermal_resistance": 7000.0, "thermal_resistances": [7000.0, 14000.0]}
+    data = th.dataset.build(times, rises, STEP, read=("core", "tip"), attributes=attributes)
+    for probe, expected in (("core", 7000), ("tip", 14000)):
+        fit = surrogate.fit_foster(data.sel(probe=probe), order=2)
+        assert fit.model.thermal_resistance == pytest.approx(expected, rel=1e-6)
+        assert not any("wrong?" in note for note in fit.notes)
+
+
+def test_a_time_that_stands_twice_is_refused_unless_the_power_jumps():
+    times = np.linspace(0, 8e-6, 41)
+    rise = POLES.response(STEP, times)
+    for second in (rise[20], rise[20] + 1.0):
+        data = th.dataset.build(np.insert(times, 20, times[20]), np.insert(rise, 20, second), STEP)
+        with pytest.raises(th.InputError, match="twice"):
+            surrogate.fit_newton(data)
+    pulse = th.Pulse(2e-3, 4e-6)
+    rise, at = POLES.response(pulse, times), int(np.searchsorted(times, 4e-6))
+    twice = np.insert(times, at, 4e-6)
+    surrogate.fit_newton(th.dataset.build(twice, POLES.response(pulse, twice), pulse))
+    wrong = POLES.response(pulse, twice)
+    wrong[at] += 1.0
+    with pytest.raises(th.InputError, match="twice"):
+        surrogate.fit_newton(th.dataset.build(twice, wrong, pulse))
+
+
+@pytest.mark.parametrize("count", [190, 300, 5000])
+def test_a_ladder_out_of_reach_is_said(count, tmp_path):
+    """Evenly spaced poles have ladders of 1e300 J/K; a SPICE file then holds the Foster network alone."""
+    model = th.Foster(R=np.ones(count), tau=np.linspace(1e-6, 2e-6, count))
+    with pytest.raises(th.InputError, match="ladder"):
+        surrogate.cauer(model)
+    text = surrogate.export_model(model, tmp_path / "x.cir", to="spice").read_text()
+    assert "without a Cauer ladder" in text
+    assert text.count(".subckt") == 1
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"ambient": 300},
+        {"poles": [{"R": 5e3, "tau": 1e-6, "C": 1}]},
+        {"units": {"R": "K/W", "x": "y"}},
+        {"thermal_resistance": 5001.0},
+    ],
+)
+@pytest.mark.parametrize("kind", ["Foster", "Cauer"])
+def test_a_field_that_would_be_ignored_is_refused(change, kind, tmp_path):
+    model = th.Foster(R=[5e3], tau=[1e-6])
+    path = surrogate.save_model(model if kind == "Foster" else surrogate.cauer(model), tmp_path / "m.json")
+    content = json.loads(path.read_text())
+    surrogate.load_model(path)
+    if kind == "Cauer" and "poles" in change:
+        change = {"ladder": [{**content["ladder"][0], "tau": 1}]}
+    path.write_text(json.dumps({**content, **change}))
+    with pytest.raises(th.InputError, match=r"is no field|edited or lost"):
+        surrogate.load_model(path)
+
+
+def test_a_byte_order_mark_is_no_obstacle(tmp_path):
+    path = surrogate.save_model(th.Foster(R=[5e3], tau=[1e-6]), tmp_path / "m.json")
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert surrogate.load_model(path).thermal_resistance == 5e3
+    toml = tmp_path / "ring.toml"
+    toml.write_bytes(b"\xef\xbb\xbf" + th.strip_ring().to_toml().encode())
+    assert th.CrossSection.from_toml(toml) == th.strip_ring()
+
+
+FILE_READERS = {
+    "model": surrogate.load_model,
+    "provenance": surrogate.load_provenance,
+    "family": surrogate.load_family,
+    "geometry": th.CrossSection.from_toml,
+    "ring": coupled.RingResonator.from_toml,
+    "campaign": th.Campaign.from_toml,
+    "data": th.load,
+    "mesh": load_mesh,
+    "table": lambda path: th.read_csv(path, time="1", temperature="2", power=1e-3),
+    "map": lambda path: Journal(path, {"a": 1}),
+}
+
+
+@pytest.mark.parametrize("reader", FILE_READERS)
+def test_what_is_no_regular_file_is_refused_at_once(reader, tmp_path):
+    """A pipe without a writer would be waited for, and a device has no end."""
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link").symlink_to(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", tmp_path / "link", tmp_path, Path("/dev/zero"), tmp_path / ("x" * 300)):
+        with pytest.raises(th.InputError) as error:
+            FILE_READERS[reader](path)
+        assert "\n" not in str(error.value)
+
+
+def test_no_guess_is_made_of_two_letters():
+    with pytest.raises(th.InputError) as error:
+        th.quantity.parse("1 mn", "s")
+    assert "did you mean" not in str(error.value)
+    with pytest.raises(th.InputError, match="did you mean 'nm'"):
+        th.quantity.parse("1 mn", "m")

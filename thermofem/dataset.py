@@ -14,10 +14,11 @@ Data measured or simulated elsewhere trains like our own once it has time, power
 from __future__ import annotations
 
 import io
+import logging
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import checks, netcdf, waveforms
+from . import checks, netcdf, static_gain, waveforms
 from .quantity import VARIABLES
 from .record import Record, as_dataset, column
 from .version import __version__
@@ -35,10 +36,13 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+log = logging.getLogger("thermofem")
+
 SCHEMA = 1
 IMAGES = (".png", ".pdf", ".svg", ".jpg")
 KINDS = ("transient", "periodic")
 FEWEST = 8  # samples that a training takes
+TWICE = 1e-3  # of the swing, by which both rows of a jump of the power may differ: the temperature has none
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +57,10 @@ class Drive:
         one period of the periodic state, not a transient from rest.
     name : str
         the drive in words.
+    thermal_resistance : float or None, K/W
+        that the Dataset states.
+    doubts : tuple of str
+        what makes the data doubtful, see `static_gain.contradictions`.
     """
 
     wave: waveforms.Waveform
@@ -60,6 +68,8 @@ class Drive:
     rise: Array
     periodic: bool
     name: str
+    thermal_resistance: float | None = None
+    doubts: tuple[str, ...] = ()
 
     @property
     def swing(self) -> float:
@@ -168,7 +178,8 @@ def drive_of(data: xr.Dataset) -> Drive:
     Raises
     ------
     InputError
-        not a Dataset with time, power and delta_T; several probes; numbers that are not finite; no heating at all.
+        not a Dataset with time, power and delta_T; several probes; numbers that are not finite; no heating at all; a
+        time that stands twice with two temperatures; a temperature that contradicts the ``thermal_resistance``.
     """
     for name in ("time", "delta_T"):
         if name not in getattr(data, "variables", {}):
@@ -194,8 +205,28 @@ def drive_of(data: xr.Dataset) -> Drive:
                 "data has neither power nor a waveform attribute; a model needs to know what heated it"
             )
         wave = waveforms.Sampled(times, data["power"].values)
+    _check_times(wave, times, rise)
     periodic = checks.choice("data.attrs['kind']", data.attrs.get("kind", "transient"), KINDS) == "periodic"
-    return Drive(wave, times, rise, periodic, f"{_words(wave)}, {'periodic state' if periodic else 'from rest'}")
+    doubts = static_gain.contradictions(data, wave, times, rise, periodic=periodic)
+    words = f"{_words(wave)}, {'periodic state' if periodic else 'from rest'}"
+    return Drive(wave, times, rise, periodic, words, static_gain.static_gain(data), doubts)
+
+
+def warn_of(drives: Sequence[Drive]) -> None:
+    """Log what makes data doubtful, each sentence once."""
+    for doubt in dict.fromkeys(doubt for drive in drives for doubt in drive.doubts):
+        log.warning("%s", doubt)
+
+
+def _check_times(wave: waveforms.Waveform, times: Array, rise: Array) -> None:
+    """InputError where a time stands twice, but at a jump of the power with one temperature on both sides."""
+    for k in np.flatnonzero(np.diff(times) == 0):
+        jump = wave(times[k]) != wave.before(times[k])
+        if not jump or abs(rise[k + 1] - rise[k]) > TWICE * np.ptp(rise) or (k and times[k - 1] == times[k]):
+            raise checks.InputError(
+                f"data.time has {times[k]:g} s twice, with delta_T = {rise[k]:g} and {rise[k + 1]:g} K; a time may "
+                "stand twice only where the power jumps; take one out, or average them"
+            )
 
 
 def _words(wave: waveforms.Waveform) -> str:
@@ -272,11 +303,9 @@ def load(path: str | Path) -> xr.Dataset:
         raise checks.InputError(f"{path} cannot be read as netCDF ({damage}); is it complete?")
     schema = data.attrs.get("schema", SCHEMA)
     if not isinstance(schema, int | np.integer):
-        raise checks.InputError(f"{path} has schema {schema!r}, which is no number; was it written by thermofem?")
+        raise checks.InputError(f"{path} has schema {checks.shown(schema)}, which is no number")
     if schema > SCHEMA:
-        raise checks.InputError(
-            f"{path} has schema {data.attrs['schema']}; this version reads up to {SCHEMA}, update thermofem"
-        )
+        raise checks.InputError(f"{path} has schema {schema}; this version reads up to {SCHEMA}, update thermofem")
     try:
         return netcdf.in_si(data)
     except checks.InputError as error:

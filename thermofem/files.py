@@ -1,5 +1,8 @@
 """Files of any origin: text and bytes of bounded size, hashes that say whether a file is still the one written, locks.
 
+What is no regular file is refused, for every reader: a pipe would be waited for and a device has no end, and most
+readers look at a file twice. ``thermofem show /dev/stdin < model.json`` works, a pipe into it does not.
+
 `digest` is the one hash of the project's stores: the folder of a campaign and that of a reproduction keep it beside
 each result and believe no result without it.
 """
@@ -9,6 +12,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import stat
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +22,29 @@ from .checks import InputError
 LARGEST_TEXT = 400_000_000  # bytes
 
 
+def regular(path: str | Path, kind: str = "") -> Path:
+    """The path of a regular file, links followed; InputError for what does not exist, a folder, a pipe or a device."""
+    path = checks.path("path", path)
+    what = f"{kind} file {str(path)!r}" if kind else str(path)
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:
+        raise InputError(f"{what} does not exist") from None
+    except OSError as error:
+        raise InputError(f"{what} cannot be read: {error.strerror}") from None
+    if stat.S_ISDIR(mode):
+        raise InputError(f"{what} cannot be read: it is a folder; give a file in it")
+    if not stat.S_ISREG(mode):
+        raise InputError(f"{what} cannot be read: it is a pipe or a device; write its content into a file first")
+    return path
+
+
 def read_bytes(path: str | Path, kind: str, *, most: int = LARGEST_TEXT) -> bytes:
     """Content of a file of a kind such as "geometry"; InputError where there is none, or more than ``most`` bytes."""
-    path = checks.path("path", path)
+    path = regular(path, kind)
     try:
         with path.open("rb") as file:
-            content = file.read(most + 1)  # a device has no end
-    except FileNotFoundError:
-        raise InputError(f"{kind} file {str(path)!r} does not exist") from None
+            content = file.read(most + 1)
     except OSError as error:
         raise InputError(f"{kind} file {str(path)!r} cannot be read: {error.strerror}") from None
     if len(content) > most:
@@ -34,9 +53,9 @@ def read_bytes(path: str | Path, kind: str, *, most: int = LARGEST_TEXT) -> byte
 
 
 def read_text(path: str | Path, kind: str, *, most: int = LARGEST_TEXT) -> str:
-    """Text of a UTF-8 file; raises as `read_bytes`."""
+    """Text of a UTF-8 file, with or without a byte order mark; raises as `read_bytes`."""
     try:
-        return read_bytes(path, kind, most=most).decode("utf-8")
+        return read_bytes(path, kind, most=most).decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(f"{kind} file {str(path)!r} cannot be read: it is not UTF-8 text") from None
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import checks, quantity
+from . import files, quantity
 from .checks import InputError, shown
 
 if TYPE_CHECKING:
@@ -133,9 +133,7 @@ def _field(name: str) -> quantity.Variable | None:
 
 def checked_path(path: str | Path) -> Path:
     """The path of a file whose layout is sound; InputError, beginning with the path, where it is not."""
-    path = checks.path("path", path)
-    if not path.is_file():
-        raise InputError(f"{path} {'is a folder or a device' if path.exists() else 'does not exist'}")
+    path = files.regular(path)
     try:
         check(path)
     except InputError as error:

@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 LONGEST = 80  # characters of a unit
 FACTORS, DEPTH, POWER, NAME = 12, 3, 9, 30
+LETTERS = 4  # of a name whose unit is guessed by likeness
 PREFIXES = {
     "f": -15, "p": -12, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "": 0, "k": 3, "M": 6, "G": 9, "T": 12,
 }  # fmt: skip
@@ -109,6 +110,8 @@ def nearest(name: str, wanted: Iterable[str]) -> str | None:
         for unit in known:
             if key(unit) == key(name):
                 return unit
+    if len(name) < LETTERS:  # of three letters each unit is as near as the next
+        return None
     return next(iter(difflib.get_close_matches(name, known, n=1, cutoff=0.5)), None)
 
 

@@ -48,8 +48,8 @@ class Journal:
         if self.path is None:
             return
         head = json.dumps({"journal": VERSION, **identity}, sort_keys=True)
-        if self.path.exists() and not self.path.is_file():
-            raise checks.InputError(f"{self.path} cannot be read: it is no file; give another file name")
+        if os.path.lexists(self.path):
+            files.regular(self.path, "map")
         self._handle = files.open_locked(self.path, str(self.path))
         try:
             self._read(head, valid)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import Foster
+from thermofem.checks import InputError
 from thermofem.dataset import write_whole
 from thermofem.models.cauer import cauer
 
@@ -37,8 +38,11 @@ def write(model: Any, path: Path, header: list[str]) -> Path:
         body = _foster(name, net)
         poles = Foster(net.R, net.R * net.C)
         if poles.passive:
-            body += ["", *_cauer(f"{name}_cauer", net.pins[0], poles)]
-            lines.insert(2, f"{name} is a Foster network, {name}_cauer the same impedance as a Cauer ladder")
+            try:
+                body += ["", *_cauer(f"{name}_cauer", net.pins[0], poles)]
+                lines.insert(2, f"{name} is a Foster network, {name}_cauer the same impedance as a Cauer ladder")
+            except InputError as error:
+                lines.insert(2, f"{name} is a Foster network, without a Cauer ladder: {error}")
     text = comment(lines, "*") + "\n" + "\n".join(body) + "\n"
     return write_whole(path, lambda p: p.write_text(text, encoding="ascii"))
 

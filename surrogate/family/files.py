@@ -117,9 +117,6 @@ def read(path: str | Path) -> dict[str, Any]:
     InputError
         no such file, not a family, or one of a newer version.
     """
-    path = checks.path("path", path)
-    if not path.exists():
-        raise checks.InputError(f"{path} does not exist")
     raw = read_bytes(path, "family")
     try:
         with np.load(io.BytesIO(raw), allow_pickle=False) as archive:
@@ -132,7 +129,7 @@ def read(path: str | Path) -> dict[str, Any]:
     except (ValueError, KeyError, OSError, EOFError, MemoryError, zipfile.BadZipFile, TypeError) as error:
         raise checks.InputError(f"{path} is not a family that thermofem wrote ({error}); is it complete?") from None
     if content.get("schema") != SCHEMA:
-        raise checks.InputError(f"{path} has schema {content.get('schema')!r}; this version reads {SCHEMA}")
+        raise checks.InputError(f"{path} has schema {checks.shown(content.get('schema'))}; this version reads {SCHEMA}")
     try:
         return _fields(content, arrays)
     except (KeyError, ValueError, IndexError, TypeError) as error:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .. import checks
+from .. import checks, files
 from ..checks import InputError
 from . import drives
 from .detuning import HELP as DETUNING
@@ -77,7 +77,8 @@ def _family(given: list[Path]) -> Any:
     """The family of geometries that is given, or None."""
     import surrogate
 
-    if len(given) != 1 or not zipfile.is_zipfile(given[0]):  # families are archives of arrays, models are text
+    # families are archives of arrays, models are text
+    if len(given) != 1 or not zipfile.is_zipfile(files.regular(given[0])):
         return None
     return surrogate.load_family(given[0])
 

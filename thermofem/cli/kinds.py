@@ -38,10 +38,8 @@ def expect(path: Path | None, *wanted: str) -> None:
 
 def kind_of(path: Path) -> str | None:
     """One of `KINDS`, or None for what is none of them, cannot be read or is damaged."""
-    if not path.is_file():
-        return None
     try:
-        with path.open("rb") as file:
+        with files.regular(path).open("rb") as file:
             if file.read(6) == b"\x89HDF\r\n":
                 return "data"
         if path.suffix.lower() == ".toml":

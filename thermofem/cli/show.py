@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from .. import quantity
+from .. import files, quantity
 from ..checks import InputError
 from .kinds import expect
 from .output import say
@@ -24,7 +24,7 @@ def show(model: Annotated[Path, typer.Argument(help="Thermal model (JSON).")]) -
     expect(model, "model")
     loaded, provenance = surrogate.load_model(model), surrogate.load_provenance(model)
     numbers = _numbers(loaded, provenance)
-    numbers["sha256"] = hashlib.sha256(model.read_bytes()).hexdigest()
+    numbers["sha256"] = hashlib.sha256(files.read_bytes(model, "model")).hexdigest()
     _say(model, numbers)
     return numbers
 

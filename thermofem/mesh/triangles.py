@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import checks
+from .. import checks, files
 from ..checks import InputError
 from ..display import shown
 from ..names import check_names
@@ -133,8 +133,7 @@ def load(path: str | Path) -> Mesh:
     """
     import meshio
 
-    if not checks.path("path", path).is_file():
-        raise InputError(f"mesh file {str(path)!r} does not exist")
+    path = files.regular(path, "mesh")
     try:
         mesh = meshio.gmsh.read(path)
         blocks = [k for k, block in enumerate(mesh.cells) if block.type == "triangle"]

@@ -34,7 +34,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+FEWER = "merge neighbouring poles, or fit or reduce to fewer"
 DIGITS = 40  # decimal digits kept, and
+MOST = 200  # poles of a ladder: the time goes with their fourth power, 4 s for 200
 DIGITS_PER_POLE = 12  # more for each pole: the continued fraction loses up to the square of the ratio of neighbours
 
 
@@ -130,7 +132,8 @@ def cauer(model: ThermalModel) -> Cauer:
     Raises
     ------
     InputError
-        a network that is not passive; poles of zero R are left out, equal time constants merged.
+        a network that is not passive; more than `MOST` poles, or so many so near each other that R or C of the ladder
+        are no floats (150 from 1 to 2 us reach 1e268 J/K). Poles of zero R are left out, equal time constants merged.
     """
     model = linear_poles(model, "has a Cauer ladder")
     if not model.passive:
@@ -138,6 +141,8 @@ def cauer(model: ThermalModel) -> Cauer:
     R, tau = np.asarray(model.R), np.asarray(model.tau)
     tau, group = np.unique(tau[R > 0], return_inverse=True)
     R = np.bincount(group, weights=R[R > 0])
+    if R.size > MOST:
+        raise checks.InputError(f"a ladder of {R.size} poles is out of reach, {MOST} are the most; {FEWER}")
     ladder_R, ladder_C = [], []
     with localcontext() as context:
         context.prec = DIGITS + DIGITS_PER_POLE * R.size
@@ -149,6 +154,8 @@ def cauer(model: ThermalModel) -> Cauer:
             resistance = top[-1] / bottom[-1]  # 1/rest = R + next Z
             top = _minus(top, [resistance * x for x in bottom])
             ladder_R.append(float(resistance))
+    if not 0 < min(*ladder_R, *ladder_C) <= max(*ladder_R, *ladder_C) < float("inf"):
+        raise checks.InputError(f"the {R.size} poles lie so near each other that their ladder has no floats; {FEWER}")
     return Cauer(ladder_R, ladder_C, model.inputs, model.outputs, getattr(model, "origin", None))
 
 

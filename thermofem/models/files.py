@@ -22,7 +22,7 @@ import numpy as np
 
 from .. import checks, trees
 from ..dataset import write_whole
-from ..files import read_bytes
+from ..files import read_text
 from .cauer import Cauer
 from .contract import HasModel, ThermalModel, bare
 from .foster import Foster
@@ -33,7 +33,8 @@ from .state_space import StateSpace
 
 FORMAT = "thermofem thermal model"
 SCHEMA = 1
-
+COMMON = ("format", "schema", "kind", "inputs", "outputs", "provenance")  # fields of every kind
+AGREEMENT = (1e-9, 1e-3)  # of R_th with what is stated: a person may keep 10 digits; of a network, see `gate`
 
 KINDS: dict[str, Any] = {kind.__name__: kind for kind in (Cauer, Foster, Network, OutputMap, Quadratic, StateSpace)}
 
@@ -96,7 +97,10 @@ def load_model(path: str | Path) -> Any:
     content = _content(path)
     try:
         model = KINDS[checks.choice("kind", str(content.get("kind")), KINDS)].from_json(content)
-        _check_units(content.get("units", {}), model.to_json()["units"])
+        written = model.to_json()
+        _check_units(content.get("units", {}), written["units"])
+        _check_fields(content, {**dict.fromkeys(COMMON), **written})
+        _check_static(content, model)
     except KeyError as error:
         raise checks.InputError(f"{path} has no {error.args[0]!r}; docs/models.md lists the fields") from None
     except (TypeError, AttributeError) as error:
@@ -117,6 +121,34 @@ def _check_units(stated: Any, units: Mapping[str, str]) -> None:
             raise checks.InputError(f"{name} is in {checks.shown(stated[name])}; a model file holds it in {unit}")
 
 
+def _check_fields(found: Any, written: Any, at: str = "") -> None:
+    """InputError for a field that this kind and schema do not have: it would be ignored, whatever it was to say."""
+    if isinstance(found, dict) and isinstance(written, dict):
+        for key, value in found.items():
+            name = f"{at}.{key}" if at else key
+            if key not in written:
+                raise checks.InputError(
+                    f"{checks.shown(name)} is no field of this kind; notes of your own belong into provenance"
+                )
+            _check_fields(value, written[key], name)
+    elif isinstance(found, list) and isinstance(written, list) and written and isinstance(written[0], dict):
+        for k, item in enumerate(found):
+            _check_fields(item, written[0], f"{at}[{k}]")
+
+
+def _check_static(content: Mapping[str, Any], model: Any) -> None:
+    """InputError where the file states another thermal resistance than its numbers have."""
+    stated = content.get("thermal_resistance")
+    if stated is None:
+        return
+    stated, found = checks.positive("thermal_resistance", stated, unit="K/W"), float(model.thermal_resistance)
+    if abs(stated - found) > AGREEMENT[type(model) is Network] * stated:
+        raise checks.InputError(
+            f"thermal_resistance = {stated:.10g} K/W, but the model's own numbers make it {found:.10g}; was a "
+            "number edited or lost?"
+        )
+
+
 def load_provenance(path: str | Path) -> dict[str, Any]:
     """Where the model of a file comes from: training drive, parameters, geometry; as given to `save_model`."""
     provenance = _content(path).get("provenance", {})
@@ -127,21 +159,16 @@ def load_provenance(path: str | Path) -> dict[str, Any]:
 
 def _content(path: str | Path) -> dict[str, Any]:
     """The JSON object of a model file, its format and version checked."""
-    path = checks.path("path", path)
-    if not path.exists():
-        raise checks.InputError(f"{path} does not exist")
-    raw = read_bytes(path, "model")
+    text = read_text(path, "model")
     try:
-        content = trees.from_json(raw.decode("utf-8"))
-    except UnicodeDecodeError:
-        raise checks.InputError(f"{path} is not JSON (it is not UTF-8 text); is it complete?") from None
+        content = trees.from_json(text)
     except checks.InputError as error:
-        raise checks.InputError(f"{path} is not JSON that can be read ({error}); is it complete?") from None
+        raise checks.InputError(f"{path} cannot be read: {error}; is it complete?") from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise checks.InputError(f'{path} is not a thermal model; its "format" must be "{FORMAT}"')
     schema = content.get("schema")
     if not isinstance(schema, int) or isinstance(schema, bool) or schema < 1:
-        raise checks.InputError(f"{path} has schema {schema!r}; a whole number from 1 is needed")
+        raise checks.InputError(f"{path} has schema {checks.shown(schema)}; a whole number from 1 is needed")
     if schema > SCHEMA:
         raise checks.InputError(f"{path} has schema {schema}; this version reads up to {SCHEMA}, update thermofem")
     return content

@@ -18,7 +18,6 @@ from .json_fields import parts
 Array = NDArray[np.float64]
 
 SHORTEST, LONGEST = 1e-20, 1e12  # s, of a time constant: beyond them rates and charges overflow in other programs
-AGREEMENT = 1e-9  # thermal_resistance against the sum of R: 17 digits are written, a person may keep 10
 
 
 @shown
@@ -140,14 +139,6 @@ class Foster:
             **parts(content),
         )
         model.check_passive()
-        stated = content.get("thermal_resistance")
-        if stated is not None:
-            stated = checks.positive("thermal_resistance", stated, unit="K/W")
-            if abs(stated - model.thermal_resistance) > AGREEMENT * stated:
-                raise checks.InputError(
-                    f"thermal_resistance = {stated:.10g} K/W, but the poles' R add up to "
-                    f"{model.thermal_resistance:.10g}; was a number edited or lost?"
-                )
         return model
 
     def check_passive(self) -> None:
