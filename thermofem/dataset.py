@@ -317,7 +317,7 @@ def check_target(path: str | Path) -> Path:
     path = checks.path("path", path)
     try:
         if path.is_symlink():
-            path = path.resolve()
+            path = Path(os.path.realpath(path))
         if not path.parent.is_dir():
             raise checks.InputError(f"{path.parent} is not a folder; make it first to write {path.name}")
         if path.exists() and not path.is_file():

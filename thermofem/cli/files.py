@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,12 +28,14 @@ def check_outputs(
     outputs: Iterable[Path | None], *, inputs: Iterable[Path | None] = (), images: Iterable[Path | None] = ()
 ) -> None:
     """InputError unless every output has a folder, is no device, no input and no other output, images an ending."""
-    taken = {path.resolve(): "read" for path in inputs if path}
+    taken = {os.path.realpath(path): "read" for path in inputs if path}
     for path in filter(None, outputs):
         dataset.check_target(path)
-        if path.resolve() in taken:
-            raise InputError(f"{path} would be {taken[path.resolve()]} and written at once; give it another name")
-        taken[path.resolve()] = "written for something else"
+        if os.path.realpath(path) in taken:
+            raise InputError(
+                f"{path} would be {taken[os.path.realpath(path)]} and written at once; give it another name"
+            )
+        taken[os.path.realpath(path)] = "written for something else"
     for path in filter(None, images):
         dataset.check_image(path)
 

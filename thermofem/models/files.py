@@ -34,7 +34,8 @@ from .state_space import StateSpace
 FORMAT = "thermofem thermal model"
 SCHEMA = 1
 COMMON = ("format", "schema", "kind", "inputs", "outputs", "provenance")  # fields of every kind
-AGREEMENT = (1e-9, 1e-3)  # of R_th with what is stated: a person may keep 10 digits; of a network, see `gate`
+AGREEMENT = 1e-9  # of R_th with what is stated: 17 digits are written, a person may keep 10
+OF_NETWORK = 1e-3  # the same of a `Network`, see `gate`
 
 KINDS: dict[str, Any] = {kind.__name__: kind for kind in (Cauer, Foster, Network, OutputMap, Quadratic, StateSpace)}
 
@@ -96,11 +97,12 @@ def load_model(path: str | Path) -> Any:
     """
     content = _content(path)
     try:
-        model = KINDS[checks.choice("kind", str(content.get("kind")), KINDS)].from_json(content)
+        kind = checks.choice("kind", str(content.get("kind")), KINDS)
+        model = KINDS[kind].from_json(content)
         written = model.to_json()
         _check_units(content.get("units", {}), written["units"])
         _check_fields(content, {**dict.fromkeys(COMMON), **written})
-        _check_static(content, model)
+        _check_static(content.get("thermal_resistance"), written.get("thermal_resistance"), kind)
     except KeyError as error:
         raise checks.InputError(f"{path} has no {error.args[0]!r}; docs/models.md lists the fields") from None
     except (TypeError, AttributeError) as error:
@@ -136,13 +138,12 @@ def _check_fields(found: Any, written: Any, at: str = "") -> None:
             _check_fields(item, written[0], f"{at}[{k}]")
 
 
-def _check_static(content: Mapping[str, Any], model: Any) -> None:
-    """InputError where the file states another thermal resistance than its numbers have."""
-    stated = content.get("thermal_resistance")
-    if stated is None:
+def _check_static(stated: Any, found: float | None, kind: str) -> None:
+    """InputError where the file states another thermal resistance than the model made of it writes."""
+    if stated is None or found is None:
         return
-    stated, found = checks.positive("thermal_resistance", stated, unit="K/W"), float(model.thermal_resistance)
-    if abs(stated - found) > AGREEMENT[type(model) is Network] * stated:
+    stated = checks.positive("thermal_resistance", stated, unit="K/W")
+    if abs(stated - found) > (OF_NETWORK if kind == "Network" else AGREEMENT) * stated:
         raise checks.InputError(
             f"thermal_resistance = {stated:.10g} K/W, but the model's own numbers make it {found:.10g}; was a "
             "number edited or lost?"
