@@ -188,6 +188,7 @@ def drive_of(data: xr.Dataset) -> Drive:
     for name in ("kind", "heated", "read", "geometry"):
         if not isinstance(data.attrs.get(name), str | None):
             raise checks.InputError(f"data.attrs[{name!r}] = {checks.shown(data.attrs[name])} is no text")
+    data = at_probe(data)
     times = checks.array("data.time", data["time"].values, increasing=True)
     if data["delta_T"].ndim != 1:
         raise checks.InputError("data.delta_T has several probes; pick one with data.sel(probe='core'), or --read core")

@@ -38,17 +38,11 @@ WRONG = "is a unit, a scale or an offset of delta_T, power or thermal_resistance
 def static_gain(data: xr.Dataset) -> float | None:
     """The thermal resistance in K/W that belongs to ``delta_T``; None where the Dataset states none.
 
-    Of several probes, ``data.sel(probe=...)`` keeps the one of its own.
-
     Raises
     ------
     InputError
         a thermal resistance that is not a positive number.
     """
-    names, each = str(data.attrs.get("read", "")).split(", "), data.attrs.get("thermal_resistances")
-    if each is not None and "probe" in data.coords and data["probe"].ndim == 0:
-        probe, values = str(data["probe"].values), checks.array("data.attrs['thermal_resistances']", each)
-        return float(values[names.index(probe)]) if probe in names and values.size == len(names) else None
     stated = data.attrs.get("thermal_resistance")
     if stated is None:
         return None
