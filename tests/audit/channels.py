@@ -6,6 +6,7 @@ Seeded: the same number gives the same cross-section on every machine.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,6 +24,22 @@ def cross_section(seed: int) -> th.CrossSection:
         except InputError:
             continue
     raise RuntimeError(f"no cross-section fits for seed {seed}")
+
+
+def strip(seed: int) -> th.CrossSection:
+    """A random strip, of silicon and oxide or of any materials: it takes the committed mesh with moved vertices."""
+    rng = np.random.default_rng(seed)
+    lengths = {
+        "radius": _log(rng, 3e-6, 20e-6),
+        "width": _log(rng, 300e-9, 800e-9),
+        "height": _log(rng, 100e-9, 400e-9),
+        "box": _log(rng, 0.5e-6, 4e-6),
+        "cladding": _log(rng, 0.5e-6, 4e-6),
+    }
+    geometry = th.strip_ring(**lengths)
+    if rng.random() < 0.5:
+        return geometry
+    return replace(geometry, materials=tuple(_material(rng, name) for name in ("Si", "SiO2")))
 
 
 def _draw(rng: np.random.Generator) -> th.CrossSection:

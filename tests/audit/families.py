@@ -101,7 +101,7 @@ def indices(family: surrogate.Family) -> None:
 def main() -> None:
     """Everything in turn."""
     count, random, calibrations, seed = (
-        int(x) for x in (sys.argv[1:] + ["300", "10000", "50", "0"][len(sys.argv) - 1 :])
+        int(x) for x in (sys.argv[1:] + ["300", "10000", "200", "0"][len(sys.argv) - 1 :])
     )
     family = trained()
     print(family, flush=True)

@@ -148,17 +148,24 @@ class Rounds(KrylovSpace):
         solve with K + s M, for each shift s.
     start : array, shape (n, f)
         fields that it holds from the start; default none.
+    others : array, shape (n, e)
+        fields that `basis` can add; they are no part of what grows.
     """
 
     def __init__(
-        self, system: LinearSystem, shifts: Array, solvers: Sequence[Solve], start: Array | None = None
+        self,
+        system: LinearSystem,
+        shifts: Array,
+        solvers: Sequence[Solve],
+        start: Array | None = None,
+        others: Array | None = None,
     ) -> None:
         from scipy.sparse import csr_matrix
 
         super().__init__(-csr_matrix(system.A), csr_matrix(system.E), np.asarray(system.B, dtype=float))
         if start is not None:
             self.extend(start)
-        self.shifts, self.solvers, self.sizes = shifts, solvers, [self.order]
+        self.shifts, self.solvers, self.sizes, self.others = shifts, solvers, [self.order], others
 
     def grow(self) -> None:
         """One round; the space stays as it is once it holds everything."""
@@ -167,18 +174,36 @@ class Rounds(KrylovSpace):
                 self.extend(np.column_stack([solve(b) for b in self.remainder.T]))
         self.sizes.append(self.order)
 
-    def basis(self, size: int | None = None, extra: Array | None = None) -> Basis:
-        """Its first ``size`` fields (default all), and an extra one of shape (n,), in modal form."""
+    def basis(self, size: int | None = None, *, others: bool = False) -> Basis:
+        """Its first ``size`` fields (default all) in modal form, with the span of ``others`` on request."""
         size = self.order if size is None else size
         V, stiffness, inside = self.V[:, :size], self.stiffness[:size, :size], self.inside[:size]
-        if extra is not None and size < len(V):
-            w = orthonormal(extra[:, None], self.M, V, self.MV[:, :size], smallest=self.smallest)
+        if others and self.others is not None and size < len(V):
+            w = self._outside(size)
             Kw = self.K @ w
             across = V.T @ Kw
             V, inside = np.column_stack([V, w]), np.vstack([inside, w.T @ self.B])
             stiffness = np.block([[stiffness, across], [across.T, w.T @ Kw]])
         rate, rotation = np.linalg.eigh(stiffness)
         return Basis(rate, rotation.T @ inside, V, rotation)
+
+    @cached_property
+    def _beside(self) -> Array:
+        """M-orthonormal basis W of ``others``."""
+        none = np.empty((self.M.shape[0], 0))
+        return orthonormal(self.others, self.M, none, none, most=len(none), smallest=self.smallest)
+
+    def _outside(self, size: int) -> Array:
+        """M-orthonormal basis of the part of ``others`` outside the first ``size`` fields V.
+
+        (W - V V^T M W) T with T^-2 = 1 - (V^T M W)^T (V^T M W); column by column where that is nearly singular.
+        """
+        V, MV, W = self.V[:, :size], self.MV[:, :size], self._beside
+        inside = MV.T @ W
+        left, turn = np.linalg.eigh(np.eye(W.shape[1]) - inside.T @ inside)
+        if left[0] <= MUCH:
+            return orthonormal(W, self.M, V, MV, most=len(V) - size, smallest=self.smallest)
+        return np.asarray((W - V @ inside) @ (turn / np.sqrt(left)))
 
 
 def krylov(system: LinearSystem, cycles: int = CYCLES) -> Basis:
@@ -273,15 +298,19 @@ def both(W: Array, M: Any, V: Array, MV: Array, *, most: int | None = None, smal
     InputError
         M not positive definite.
     """
-    size = np.einsum("ij,ij->j", W, M @ W)
+    MW = M @ W
+    size = np.einsum("ij,ij->j", W, MW)
     if np.any(size <= 0):
         raise checks.InputError("E is not positive definite; every heat capacity must be positive")
-    W = W / np.sqrt(size)
-    W = W - V @ (MV.T @ W)
+    inside = MV.T @ W
+    W, MW = (W - V @ inside) / np.sqrt(size), (MW - MV @ inside) / np.sqrt(size)
     room = W.shape[1] if most is None else min(most, W.shape[1])
-    found, heavy = np.empty((W.shape[0], room)), np.empty((W.shape[0], room))
+    found, heavy = (np.empty((W.shape[0], room), order="F") for _ in range(2))
     for k in range(room):
-        left = np.einsum("ij,ij->j", W, M @ W)
+        left = np.einsum("ij,ij->j", W, MW)
+        if left.max() <= MUCH:  # differences of M W know lengths no better
+            MW = M @ W
+            left = np.einsum("ij,ij->j", W, MW)
         pivot = int(np.argmax(left))
         if left[pivot] <= smallest:
             return found[:, :k], heavy[:, :k]
@@ -295,7 +324,8 @@ def both(W: Array, M: Any, V: Array, MV: Array, *, most: int | None = None, smal
             w, heavy[:, k] = w / length, heavy[:, k] / length
         found[:, k] = w
         if k + 1 < room:
-            W = W - np.outer(w, heavy[:, k] @ W)
+            share = heavy[:, k] @ W
+            W, MW = W - np.outer(w, share), MW - np.outer(heavy[:, k], share)
     return found, heavy
 
 

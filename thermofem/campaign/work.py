@@ -118,7 +118,7 @@ def compute(task: Task) -> Outcome:
 
 def _assemble(task: Task) -> HeatProblem:
     from ..geometry import CrossSection
-    from .follow import assemble_like
+    from ..heat.assembly import assemble_like
 
     heat = assemble_like(task.base, CrossSection.from_toml_text(task.geometry), task.accuracy)
     heat.channels(task.heated or heat.heated[0], task.read or None)

@@ -37,6 +37,7 @@ FAINT = 1e-2  # of R_th: what another part feels less of is not worth a finer me
 SATURATION = 2.0  # the exact energy over what the cubic functions add, at most (tests/audit/accuracy.py)
 CROSS = 1.75  # for another part that is read: the most it took on 200 random cross-sections (there)
 AT_ONCE = 200_000  # triangles times fields that are looked at together
+STORED = 1.1e6  # 1/s; the stored heat of slower processes needs fields of its own
 PEAK = 1.2  # between 0 and the last shift: what the error of the step may exceed its average over a decade by
 
 
@@ -77,11 +78,14 @@ class MeshError:
     ----------
     fields : dict from name to array, shape (unknowns, s)
         (K + s M)^-1 c of what was heated or read in estimates so far, at all shifts, 0 last.
+    contents : list of arrays, shape (unknowns,)
+        (K + s M)^-1 M 1 at the shifts up to `STORED`.
     """
 
     def __init__(self, heat: HeatProblem) -> None:
         self.heat = heat
         self.fields: dict[str, Array] = {}
+        self.contents: list[Array] = []
         self._statics: dict[str, Array] = {}
         self._second: Array | None = None
 
@@ -97,6 +101,7 @@ class MeshError:
         """One a decade from the slowest rate of the system to `FASTEST`, in 1/s; 0 last."""
         d, x = self.heat.discretization, self.static(self.heat.heated[0])
         x = self._second = d.factors.solve(0.0, 1.0, d.E @ x)
+        self.contents = [d.factors.solve(0.0, 1.0, d.ledger.storage)]
         slowest = float(x @ (d.K @ x)) / float(x @ (d.E @ x))  # Rayleigh's quotient after one inverse iteration
         first = min(SLOWEST, int(np.floor(np.log10(slowest))))
         return np.append(10.0 ** np.arange(FASTEST, first - 1, -1), 0.0)
@@ -130,6 +135,8 @@ class MeshError:
         fields[:, :, -1] = [self.static(name) for name in names]  # while the factors of 0 are there
         for k, s in enumerate(self.shifts[:-1]):
             fields[:, :, k] = [d.factors.solve(s, 1.0, mean) for mean in means[d.free].T]
+            if s <= STORED and not self.fields:
+                self.contents.append(d.factors.solve(s, 1.0, d.ledger.storage))
         found = np.zeros((len(means), len(self.shifts), len(names)))
         found[d.free] = fields.transpose(1, 2, 0)
         values = np.einsum("ia,isb->sab", means, found, optimize=True)

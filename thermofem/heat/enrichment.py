@@ -164,7 +164,8 @@ class Enrichment:
         """
         count, s = load.shape[1], np.asarray(np.repeat(shifts, load.shape[1]), dtype=float)
         u = quadratic.reshape(len(quadratic), -1)[self.quadratic]
-        rest = np.tile(load, len(shifts)) - self._sum(self.K[:, :, :6] @ u + (self.M[:, :, :6] @ u) * s)
+        lacking = self.K[:, :, :6] @ u + (self.M[:, :, :6] @ u) * s
+        rest = np.tile(load, len(shifts)) - self._sum(lacking.transpose(1, 0, 2))
         on_diagonal = [
             np.bincount(self.cubic.ravel(), np.einsum("tii->ti", A[:, :, 6:]).ravel()) for A in (self.K, self.M)
         ]
@@ -172,10 +173,13 @@ class Enrichment:
         if self.surface is not None:
             rest -= self.surface[:, : self.functions.quadratic] @ quadratic.reshape(len(quadratic), -1)
             diagonal = diagonal + self.surface.diagonal(self.functions.quadratic)[:, None]
-        found = self._gradients(s, rest, diagonal)
-        each = found[self.cubic]
+        K, M = self._blocks
+        blocks = K[..., None] + M[..., None] * s
+        found = self._gradients(blocks, rest, diagonal)
+        each = found[self.cubic.T]
         split = (*each.shape[:2], len(shifts), count)
-        shares = np.einsum("tisa,tisb->sabt", each.reshape(split), self._image(each, s).reshape(split), optimize=True)
+        image = (blocks * each).sum(axis=1).reshape(split)
+        shares = np.einsum("itsa,itsb->sabt", each.reshape(split), image, optimize=True)
         total = shares.sum(axis=-1)
         if self.surface is not None:
             out = self.surface[:, self.functions.quadratic :] @ found
@@ -184,22 +188,21 @@ class Enrichment:
 
     @cached_property
     def _blocks(self) -> tuple[Array, Array]:
-        """K and M between the cubic functions of each triangle."""
-        return np.ascontiguousarray(self.K[:, :, 6:]), np.ascontiguousarray(self.M[:, :, 6:])
+        """K and M between the cubic functions of each triangle, shape (4, 4, triangles): numbers side by side."""
+        K, M = (np.ascontiguousarray(A[:, :, 6:].transpose(1, 2, 0)) for A in (self.K, self.M))
+        return K, M
 
-    def _image(self, each: Array, s: Array) -> Array:
-        """(K + s M) x in every triangle, with an s for every column of x, shape (triangles, 4, columns)."""
-        K, M = self._blocks
-        return np.asarray(K @ each + (M @ each) * s)
+    def _gradients(self, blocks: Array, rest: Array, diagonal: Array) -> Array:
+        """A few conjugate gradients for each column, scaled by the diagonal.
 
-    def _gradients(self, s: Array, rest: Array, diagonal: Array) -> Array:
-        """A few conjugate gradients for each column, scaled by the diagonal."""
+        ``blocks``, shape (4, 4, triangles, columns): K + s M of each triangle with the s of each column.
+        """
         rest[self.held] = 0.0
         found = np.zeros_like(rest)
         step = rest / diagonal
         direction, size = step.copy(), np.einsum("ia,ia->a", rest, step)
         for _ in range(ITERATIONS):
-            image = self._sum(self._image(direction[self.cubic], s))
+            image = self._sum((blocks * direction[self.cubic.T]).sum(axis=1))
             if self.surface is not None:
                 image += self.surface[:, self.functions.quadratic :] @ direction
             image[self.held] = 0.0
@@ -213,9 +216,9 @@ class Enrichment:
         return found
 
     def _sum(self, each: Array) -> Array:
-        """Sum the triangles into each cubic function; shapes (triangles, 4, n) and (functions, n)."""
+        """Sum the triangles into each cubic function; shapes (4, triangles, n) and (functions, n)."""
         count = self.functions.N - self.functions.quadratic
-        places = self.cubic.ravel()
+        places = self.cubic.T.ravel()
         return np.stack(
             [np.bincount(places, column, minlength=count) for column in each.reshape(-1, each.shape[-1]).T], 1
         )

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
     from ..mesh import Mesh
 
-__all__ = ["Discretization", "HeatProblem", "Surfaces", "assemble", "discretize"]
+__all__ = ["Discretization", "HeatProblem", "Surfaces", "discretize"]
 
 Array = NDArray[np.float64]
 
@@ -166,8 +166,9 @@ class HeatProblem:
             a name that is no heated part.
         """
         if heated not in self._modal:
-            known = self._mesh_error.known(heated)
-            self._modal[heated] = Modal(self.channels(heated), self.discretization.factors, known)
+            known, contents = self._mesh_error.known(heated), self._mesh_error.contents
+            others = np.column_stack(contents) if contents else None
+            self._modal[heated] = Modal(self.channels(heated), self.discretization.factors, known, others)
         return self._modal[heated]
 
     @cached_property
@@ -287,35 +288,6 @@ class HeatProblem:
         everywhere = np.zeros((*state.shape[:-1], self.discretization.mass.shape[0]))
         everywhere[..., self.discretization.free] = state
         return everywhere[..., self.discretization.basis.nodal_dofs[0]]
-
-
-def assemble(geometry: CrossSection, accuracy: float = 1e-3) -> HeatProblem:
-    """Mesh a cross-section and assemble its heat problem.
-
-    Parameters
-    ----------
-    geometry : CrossSection
-    accuracy : float
-        wanted relative error of R_th and of the step response from 1 ns on; it picks the mesh sizes. Where the
-        estimated error (`HeatProblem.mesh_error`) of a heated part, or of a copy of a part off the axis, is larger,
-        the mesh is made again, finer. The meshes of the reference strip are committed; any other is made by gmsh.
-
-    Raises
-    ------
-    InputError
-        accuracy out of range, or a probe around a part of which nothing is left.
-    MissingLibraryError
-        a mesh must be made and gmsh cannot be loaded.
-    """
-    from ..geometry.cross_section import CrossSection
-    from ..mesh import mesh_for
-
-    if not isinstance(geometry, CrossSection):
-        raise checks.InputError(
-            f"geometry is a {type(geometry).__name__}; th.strip_ring() or th.CrossSection.from_toml(path) makes one"
-        )
-    accuracy = checks.finite("accuracy", accuracy)
-    return adapted(geometry, mesh_for(geometry, accuracy), accuracy)[0]
 
 
 def adapted(geometry: CrossSection, mesh: Mesh, accuracy: float) -> tuple[HeatProblem, Mesh]:

@@ -73,12 +73,22 @@ class Modal:
         of E and -A, where the caller keeps them.
     known : array, shape (n, f)
         (K + s M)^-1 B at one s a decade, the last one 0, of one input; where the caller has them.
+    contents : array, shape (n, e)
+        (K + s M)^-1 M 1 at slow s: without them few fields hold the core long before they hold all heat.
     """
 
-    def __init__(self, system: LinearSystem, factors: Pencil | None = None, known: Array | None = None) -> None:
+    def __init__(
+        self,
+        system: LinearSystem,
+        factors: Pencil | None = None,
+        known: Array | None = None,
+        contents: Array | None = None,
+    ) -> None:
         self.system = system
         self.factors = factors or Pencil(system.E, -system.A)
         self.known = known
+        constant = np.ones((system.order, 1))
+        self._contents = constant if contents is None else np.column_stack([constant, contents])
         self._spaces: dict[tuple[float, bool], Rounds] = {}
         self._lock = threading.Lock()
 
@@ -126,9 +136,10 @@ class Modal:
         first, answers, last = _first(waves, wanted), list[Answer](), np.inf
         short = self.known is not None and not shown.size and all(np.array_equal(c, self.system.B[:, 0]) for c in C)
         content = ledger.storage[None] if short and isinstance(ledger, Ledger) else np.empty((0, self.system.order))
-        watched = np.vstack([C, content])  # few fields hold the core long before they hold all heat
+        watched = np.vstack([C, content])
+        back = -2 if short else -3  # the known fields bring the core alone nearer in every round
         grown: set[int] = set()
-        for rounds in range(0 if short else FEWEST, ROUNDS):
+        for rounds in range(FEWEST, ROUNDS):
             try:
                 space, size = self._grown(rounds, first, short=short)
             except checks.InputError:  # E or -A is not definite
@@ -136,7 +147,7 @@ class Modal:
             if size in grown and size < self.system.order:
                 return None  # the space cannot grow, so convergence cannot be checked
             grown.add(size)
-            basis = space.basis(size, None if ledger is None else np.ones(self.system.order))
+            basis = space.basis(size, others=ledger is not None)
             if basis.rate[0] <= 0:  # a growing mode: -A is not positive definite
                 return None
             z = sum(
@@ -144,8 +155,8 @@ class Modal:
                 for wave, column in zip(waves, basis.heating.T, strict=True)
             )
             answers = [*answers[-2:], Answer(basis, z, z @ basis.read(watched).T)]
-            if len(answers) > 2:
-                before, last = last, _moved(answers[0], answers[-1], watched, space, shown, len(content)) / rtol
+            if len(answers) >= -back:
+                before, last = last, _moved(answers[back], answers[-1], watched, space, shown, len(content)) / rtol
                 if max(before, last) <= 1 and last <= max(before / 2, STALLED):
                     break
         else:
@@ -184,8 +195,11 @@ class Modal:
             if key not in self._spaces:
                 gaps = max(1, int(np.ceil(np.log10(high / low) / span)))
                 shifts = np.geomspace(low, high, gaps + 1)
-                shifts, start = (shifts, self.known) if short else (np.append(0.0, shifts), None)
-                self._spaces[key] = Rounds(self.system, shifts, [self.factors.keep(s, 1.0) for s in shifts], start)
+                if not short:
+                    shifts = np.append(0.0, shifts)
+                start, others = (self.known, self._contents) if short else (None, np.ones((self.system.order, 1)))
+                solvers = [self.factors.keep(s, 1.0) for s in shifts]
+                self._spaces[key] = Rounds(self.system, shifts, solvers, start, others)
             space = self._spaces[key]
             while len(space.sizes) <= rounds:
                 space.grow()
@@ -271,7 +285,7 @@ def _first(waves: Sequence[Waveform], wanted: Array) -> float:
 
 
 def _moved(old: Answer, new: Answer, C: Array, space: Rounds, shown: NDArray[np.intp], contents: int) -> float:
-    """Largest change of an output, or of a field ``shown``, in the last two rounds; `OTHERS` times but in the heat.
+    """Largest change of an output, or of a field ``shown``, since an older answer; `OTHERS` times but in the heat.
 
     The last output is the stored heat where ``contents`` is 1: at the end, relative to its largest, `STORED` times.
 

@@ -1,0 +1,163 @@
+"""The heat problem of a geometry: on the moved mesh of a similar one where that keeps the accuracy, else on its own.
+
+A `Leader` holds the mesh of one geometry. For another geometry with the same faces its vertices move with the outlines
+(`mesh.motion`). The moved mesh is taken where its estimated error keeps the promise, or after triangles were divided
+where it nearly does. The committed meshes of the reference strip lead all strips; the base geometry of a campaign leads
+its members, with a smaller error than promised (`MARGIN`). What a geometry gets does not depend on those before it.
+Moved meshes share the places of their matrices, so that orderings and symbolic factorizations are made once, too
+(`Pencil.inherit`).
+"""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from .. import checks
+from ..checks import InputError
+from ..geometry.cross_section import CrossSection
+from ..geometry.rings import strip_ring
+from ..mesh import find_committed, load, make, mesh_for
+from ..mesh.motion import Motion, quality
+from ..mesh.refine import refined
+from ..sizes import sizes
+from .adaptive import marked
+from .interface import split
+from .problem import HeatProblem, adapted, on_mesh, resistances
+
+if TYPE_CHECKING:
+    from ..mesh import Mesh
+    from .matrices import Discretization
+
+MARGIN = 0.9  # of the accuracy, for the mesh that is moved
+FLATTEST = 0.05  # of `motion.quality`; flatter triangles are not worth an estimate
+DIVIDED = 0.2, 2.0  # flattest triangle, and estimate over accuracy, with which a moved mesh is worth dividing
+
+_thread = threading.local()  # one thread works on one geometry at a time
+
+
+class Leader:
+    """The mesh of one geometry, to be moved.
+
+    Parameters
+    ----------
+    geometry : CrossSection
+    mesh : Mesh
+        of ``geometry``, with an estimated error below ``accuracy``.
+    accuracy : float
+    """
+
+    def __init__(self, geometry: CrossSection, mesh: Mesh, accuracy: float) -> None:
+        self.motion, self.accuracy = Motion(mesh, geometry), accuracy
+        self.last: Discretization | None = None
+
+    @classmethod
+    def of(cls, geometry: CrossSection, accuracy: float) -> Leader:
+        """Make its mesh with `MARGIN`."""
+        return cls(geometry, adapted(geometry, mesh_for(geometry, accuracy), MARGIN * accuracy)[1], accuracy)
+
+    def follow(self, geometry: CrossSection) -> tuple[HeatProblem, Mesh] | None:
+        """The heat problem of another geometry on the moved mesh, and that mesh without the cuts of contacts.
+
+        None where it does not keep the accuracy, or cannot move there.
+        """
+        try:
+            points = self.motion.moved(geometry)
+        except InputError:
+            return None
+        flattest = quality(points, self.motion.mesh.triangles).min()
+        if flattest < FLATTEST:
+            return None
+        contacts, mesh = resistances(geometry), replace(self.motion.mesh, points=points)
+        heat = on_mesh(geometry, split(mesh, contacts), contacts, self.accuracy)
+        if self.last is not None:
+            heat.discretization.factors.inherit(self.last.factors)
+        self.last = heat.discretization
+        estimate = heat.estimate()
+        if estimate.largest <= self.accuracy:
+            return heat, mesh
+        if flattest >= DIVIDED[0] and estimate.largest <= DIVIDED[1] * self.accuracy:
+            return adapted(geometry, refined(mesh, marked(estimate, self.accuracy))[0], self.accuracy)
+        return None
+
+
+def assemble(geometry: CrossSection, accuracy: float = 1e-3) -> HeatProblem:
+    """Mesh a cross-section and assemble its heat problem.
+
+    Parameters
+    ----------
+    geometry : CrossSection
+    accuracy : float
+        wanted relative error of R_th and of the step response from 1 ns on; it picks the mesh sizes. Where the
+        estimated error (`HeatProblem.mesh_error`) of a heated part, or of a copy of a part off the axis, is larger,
+        triangles are divided. The meshes of the reference strip are committed, and other strips take them with moved
+        vertices where their error allows; any other mesh is made by gmsh.
+
+    Raises
+    ------
+    InputError
+        accuracy out of range, or a probe around a part of which nothing is left.
+    MissingLibraryError
+        a mesh must be made and gmsh cannot be loaded.
+    """
+    if not isinstance(geometry, CrossSection):
+        raise checks.InputError(
+            f"geometry is a {type(geometry).__name__}; th.strip_ring() or th.CrossSection.from_toml(path) makes one"
+        )
+    return meshed(geometry, checks.finite("accuracy", accuracy))[0]
+
+
+def meshed(geometry: CrossSection, accuracy: float) -> tuple[HeatProblem, Mesh]:
+    """`assemble`, and the mesh without the cuts of contacts."""
+    sizes(accuracy)
+    committed = find_committed(geometry, accuracy)
+    if committed:
+        return adapted(geometry, load(committed), accuracy)
+    leader = _strip(accuracy) if _like_a_strip(geometry) else None
+    found = leader and leader.follow(geometry)
+    return found or adapted(geometry, make(geometry, accuracy), accuracy)
+
+
+def assemble_like(base: str, geometry: CrossSection, accuracy: float) -> HeatProblem:
+    """The heat problem of a geometry, on the moved mesh of ``base`` (text of a geometry file; "" for none) if it fits.
+
+    Raises
+    ------
+    InputError, MissingLibraryError
+        as `assemble`.
+    """
+    if not base:
+        return assemble(geometry, accuracy)
+    key = base, accuracy
+    if getattr(_thread, "key", None) != key:
+        _thread.leader = _leader(base, accuracy)
+        _thread.key = key
+    if _thread.leader is None:
+        return assemble(geometry, accuracy)
+    found = _thread.leader.follow(geometry) or adapted(geometry, mesh_for(geometry, accuracy), accuracy)
+    return found[0]
+
+
+def _leader(base: str, accuracy: float) -> Leader | None:
+    """None where the base geometry cannot be solved itself."""
+    try:
+        return Leader.of(CrossSection.from_toml_text(base), accuracy)
+    except InputError:
+        return None
+
+
+def _like_a_strip(geometry: CrossSection) -> bool:
+    """Whether its faces and what is heated are those of `strip_ring`."""
+    owners = [face.owner for face in geometry.subdivision.faces]
+    return owners == ["substrate", "box", "cladding", "core"] and geometry.heated == ("core",)
+
+
+def _strip(accuracy: float) -> Leader | None:
+    """The reference strip where a mesh of this accuracy is committed; kept in each thread."""
+    kept: dict[float, Leader | None] = _thread.__dict__.setdefault("strips", {})
+    if accuracy not in kept:
+        geometry = strip_ring()
+        committed = find_committed(geometry, accuracy)
+        kept[accuracy] = Leader(geometry, load(committed), accuracy) if committed else None
+    return kept[accuracy]
