@@ -266,3 +266,21 @@ def test_a_loop_of_links_is_one_line(tmp_path):
             reader(loop)
     with pytest.raises(th.InputError, match="once"):
         check_outputs([loop], inputs=[loop])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["solve", "--pulse", ""], "--pulse is empty"),
+        (["solve", "--read", "core", "--read", " "], "--read is empty"),
+        (["simulate", "m.json", "--power", "1 mW", "--power=2 mW"], "--power is given 2 times"),
+        (["fit", "d.nc", "-o", "a.json", "--output", "b.json"], "--output is given 2 times"),
+    ],
+)
+def test_an_option_that_is_empty_or_given_twice_is_refused(arguments, words, monkeypatch, capsys):
+    """An empty --pulse made a step of it, and of two powers the last one won, both in silence."""
+    monkeypatch.setattr(sys, "argv", ["thermofem", *arguments])
+    with pytest.raises(SystemExit) as left:
+        cli.main()
+    assert left.value.code == 2
+    assert words in capsys.readouterr().err

@@ -86,6 +86,11 @@ def speaking(function: Callable[..., Numbers | None]) -> Callable[..., None]:
     @functools.wraps(function)
     def command(*, json_: bool, quiet: bool, verbose: bool, threads: int | None, **options: Any) -> None:
         _manner.json, _manner.quiet = json_, quiet
+        for name, value in options.items():
+            if any(
+                isinstance(text, str) and not text.strip() for text in (value if isinstance(value, list) else [value])
+            ):
+                raise checks.InputError(f"--{name.strip('_').replace('_', '-')} is empty; leave it out for its default")
         _log(quiet, verbose)
         if threads is not None:
             _use_threads(threads)
