@@ -88,7 +88,7 @@ def test_solve_periodic(tmp_path):
         (["fit", "table.csv"], "thermofem.read_csv makes training data of it"),
         (["cosimulate", "model.json"], "holds a thermal model, not a geometry"),
         (["stability", "model.json", "--ring", "good.toml"], "not the optics of a ring"),
-        (["cite", "."], ". is a folder or a device"),
+        (["cite", "."], "it is a folder; give a file in it"),
         (["solve", "-o", f"{'n' * 300}.nc"], "File name too long"),
         (["cite", f"{'n' * 300}.nc"], "File name too long"),
         (["campaign", "missing.toml"], "campaign file 'missing.toml' does not exist"),
