@@ -165,7 +165,8 @@ class Rounds(KrylovSpace):
         super().__init__(-csr_matrix(system.A), csr_matrix(system.E), np.asarray(system.B, dtype=float))
         if start is not None:
             self.extend(start)
-        self.shifts, self.solvers, self.sizes, self.others = shifts, solvers, [self.order], others
+        self.shifts, self.solvers, self.sizes = shifts, solvers, [self.order]
+        self.others = self.V[:, :0] if others is None else others
 
     def grow(self) -> None:
         """One round; the space stays as it is once it holds everything."""
@@ -178,7 +179,7 @@ class Rounds(KrylovSpace):
         """Its first ``size`` fields (default all) in modal form, with the span of ``others`` on request."""
         size = self.order if size is None else size
         V, stiffness, inside = self.V[:, :size], self.stiffness[:size, :size], self.inside[:size]
-        if others and self.others is not None and size < len(V):
+        if others and self.others.shape[1] and size < len(V):
             w = self._outside(size)
             Kw = self.K @ w
             across = V.T @ Kw

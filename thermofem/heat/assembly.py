@@ -2,10 +2,10 @@
 
 A `Leader` holds the mesh of one geometry. For another geometry with the same faces its vertices move with the outlines
 (`mesh.motion`). The moved mesh is taken where its estimated error keeps the promise, or after triangles were divided
-where it nearly does. The committed meshes of the reference strip lead all strips; the base geometry of a campaign leads
-its members, with a smaller error than promised (`MARGIN`). What a geometry gets does not depend on those before it.
-Moved meshes share the places of their matrices, so that orderings and symbolic factorizations are made once, too
-(`Pencil.inherit`).
+where it nearly does. The committed meshes of the reference strip lead all strips at about their accuracy; the base
+geometry of a campaign leads its members, with a smaller error than promised (`MARGIN`). What a geometry gets does not
+depend on those before it. Moved meshes share the places of their matrices, so that orderings and symbolic
+factorizations are made once, too (`Pencil.inherit`).
 """
 
 from __future__ import annotations
@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 MARGIN = 0.9  # of the accuracy, for the mesh that is moved
 FLATTEST = 0.05  # of `motion.quality`; flatter triangles are not worth an estimate
 DIVIDED = 0.2, 2.0  # flattest triangle, and estimate over accuracy, with which a moved mesh is worth dividing
+
+COMMITTED, COARSER = (1e-3, 1e-4), 2.0  # accuracies of committed meshes, and up to which factor above they serve
 
 _thread = threading.local()  # one thread works on one geometry at a time
 
@@ -154,10 +156,10 @@ def _like_a_strip(geometry: CrossSection) -> bool:
 
 
 def _strip(accuracy: float) -> Leader | None:
-    """The reference strip where a mesh of this accuracy is committed; kept in each thread."""
+    """The reference strip on a committed mesh of this accuracy or up to `COARSER` finer; kept in each thread."""
     kept: dict[float, Leader | None] = _thread.__dict__.setdefault("strips", {})
     if accuracy not in kept:
         geometry = strip_ring()
-        committed = find_committed(geometry, accuracy)
-        kept[accuracy] = Leader(geometry, load(committed), accuracy) if committed else None
+        there = [find_committed(geometry, a) for a in COMMITTED if a <= accuracy <= COARSER * a]
+        kept[accuracy] = Leader(geometry, load(there[0]), accuracy) if there and there[0] else None
     return kept[accuracy]
