@@ -44,7 +44,7 @@ def lumped(system: th.StateSpace) -> th.StateSpace:
 def monolithic(system: th.StateSpace, times: Array, rtol: float) -> Array:
     """dT by BDF on everything at once, in the internal units of coupled."""
     rates, fcd = eq.internal_rates(RING)
-    drive, capacity = eq.internal_drive(RING, POWER), system.E.diagonal() / (eq.UW * eq.NS)
+    drive, capacity = eq.internal_pump(RING, POWER), system.E.diagonal() / (eq.UW * eq.NS)
     A, b = diags(1 / capacity) @ csr_matrix(system.A) / eq.UW, system.B[:, 0] / capacity
     C = system.C[0]
 

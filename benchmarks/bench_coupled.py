@@ -35,7 +35,7 @@ TIMES = np.linspace(0, DURATION, 2001)
 FLOOR = np.array([1e-3, 1e-4, 1e-3])
 RING = coupled.borghi2021()
 MODEL = surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)
-DRIVE = eq.internal_drive(RING, 10**0.8 * 1e-3)
+DRIVE = eq.internal_pump(RING, 10**0.8 * 1e-3)
 RATES, FCD = eq.internal_rates(RING)
 SIXTEEN = th.Foster(R=np.repeat(MODEL.R, 8) / 8, tau=np.repeat(MODEL.tau, 8))  # the same physics in 16 poles
 

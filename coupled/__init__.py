@@ -132,7 +132,7 @@ _MODULES = {name: module for module, names in _LATE.items() for name in names.sp
 
 
 def __getattr__(name: str) -> _Any:
-    """Import what is first used now."""
+    """Import a name at its first use."""
     if name in _MODULES:
         return getattr(_import_module(_MODULES[name], __name__), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

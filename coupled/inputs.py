@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 from thermofem import checks
 from thermofem.display import shown
 from thermofem.waveforms import Pieces as Pieces
-from thermofem.waveforms import Waveform, cubic_pieces, linear_pieces
+from thermofem.waveforms import Waveform, cubic_pieces
 from thermofem.waveforms import bounds as bounds
-from thermofem.waveforms.contract import seconds
+from thermofem.waveforms.lines import Lines
 
 Array = NDArray[np.float64]
 Input: TypeAlias = "float | Waveform | Pieces | Sequence[Any]"
@@ -27,7 +27,7 @@ DEGREE = 3
 
 @shown
 @dataclass(frozen=True, eq=False)
-class Sweep:
+class Sweep(Lines):
     """A detuning (or another signed quantity) that is linear between given samples, such as a swept laser.
 
     Keeps the contract of `thermofem.waveforms`; two samples at one time make a jump.
@@ -45,51 +45,12 @@ class Sweep:
 
     times: ArrayLike
     values: ArrayLike
-    piecewise_linear: ClassVar[bool] = True
-    period: ClassVar[None] = None
+    what: ClassVar[str] = "values"
 
     def __post_init__(self) -> None:
-        times, values = checks.array("times", self.times, increasing=True), checks.array("values", self.values)
-        if times.size != values.size or times.size < 2:
-            raise checks.InputError(
-                f"times has {times.size} samples, values {values.size}; both need the same, at least 2"
-            )
-        if times[0] == times[1] or times[-1] == times[-2] or np.any(times[2:] == times[:-2]):
-            raise checks.InputError("times must not begin or end with a jump, nor hold a time more than twice")
-        object.__setattr__(self, "times", times)
+        values = checks.array("values", self.values)
+        self.check_samples(values)
         object.__setattr__(self, "values", values)
-
-    def _at(self, t: ArrayLike, side: str) -> Array:
-        times, values, t = np.asarray(self.times), np.asarray(self.values), seconds(t)
-        slack = 1e-9 * (times[-1] - times[0])
-        outside = (t < times[0] - slack) | (t > times[-1] + slack)
-        if np.any(outside):
-            raise checks.InputError(
-                f"the sweep is asked for at t = {np.atleast_1d(t)[np.atleast_1d(outside)][0]:g} s and has samples "
-                f"from {times[0]:g} to {times[-1]:g} s; give samples that cover the run"
-            )
-        k = np.clip(np.searchsorted(times, t, side=side) - 1, 0, times.size - 2)  # type: ignore[call-overload]
-        length = times[k + 1] - times[k]
-        share = np.where(length > 0, (t - times[k]) / np.where(length > 0, length, 1.0), side == "right")
-        return np.asarray(values[k] + share * (values[k + 1] - values[k]))
-
-    def __call__(self, t: ArrayLike) -> Array:
-        """The value at ``t``, continuous from the right."""
-        return self._at(t, "right")
-
-    def before(self, t: ArrayLike) -> Array:
-        """The value just before ``t``."""
-        return self._at(t, "left")
-
-    def breakpoints(self, start: float, stop: float) -> Array:
-        """Every sample inside."""
-        times = np.unique(np.asarray(self.times))
-        return times[(times > start) & (times < stop)]
-
-    def mean(self, start: float, stop: float) -> float:
-        """Trapezoids between the samples, which is exact."""
-        edges, after, before = linear_pieces(self, start, stop)
-        return float(np.sum(np.diff(edges) * (after + before)) / 2 / (stop - start))
 
 
 def pieces(name: str, value: Any, start: float, stop: float) -> Pieces:

@@ -127,7 +127,7 @@ def run_several(
     thermal, n = eq.internal_thermal(model), np.size(state.thermal)
     unit = np.concatenate([units(n), np.full(2 * len(resonances) - 2, eq.FJ**0.5)])
     extra = fields if fields.size == 2 * len(resonances) - 2 else np.zeros(2 * len(resonances) - 2)
-    floor = floor_of(rates, math.sqrt(light.drive[:, :, 0].max()), model.thermal_resistance * eq.UW)
+    floor = floor_of(rates, math.sqrt(light.power[:, :, 0].max()), model.thermal_resistance * eq.UW)
     longest = min(QUIET * rates.tau0, BEAT * 2 * math.pi / beat if beat else math.inf)
     call = uninterrupted
     if duration > LONG:
@@ -177,10 +177,10 @@ def _light(
     dT = pieces("offset", offset, 0.0, duration)
     edges = joint(*powers, *turns, dT)
     scale = eq.NS ** np.arange(4)
-    drive, detuning = [], []
+    squared, detuning = [], []
     for f, power, turn in zip(at, powers, turns, strict=True):
         one = resonances[f]
-        drive.append(power.on(edges).coefficients * (2 * one.bus_rate * eq.NS / eq.UW) * scale)
+        squared.append(power.on(edges).coefficients * (2 * one.bus_rate * eq.NS / eq.UW) * scale)
         parts = [turn.times(2 * np.pi * eq.NS), dT.times(one.thermal_shift * eq.NS)]
         detuning.append(add(parts).on(edges).coefficients * scale)
     first = np.array([at.index(f) for f in range(len(resonances))])
@@ -189,7 +189,7 @@ def _light(
     gained = (apart * h[:, None] ** np.arange(1, 5) / np.arange(1, 5)).sum(axis=2)
     phase = np.cumsum(gained, axis=1) - gained + np.array([[one.phase] for one in lasers])
     phase -= phase[first[at], :1]
-    return Lasers(edges / eq.NS, np.array(drive), d, phase, np.array(at), first), float(np.abs(apart[:, :, 0]).max())
+    return Lasers(edges / eq.NS, np.array(squared), d, phase, np.array(at), first), float(np.abs(apart[:, :, 0]).max())
 
 
 def _incoming(light: Any, t: Array, resonances: int) -> NDArray[np.complex128]:
@@ -198,7 +198,7 @@ def _incoming(light: Any, t: Array, resonances: int) -> NDArray[np.complex128]:
     u = (t - light.edges[piece])[:, None] ** np.arange(5)
     total = np.zeros((resonances, t.size), dtype=complex)
     for k, f in enumerate(light.field):
-        power = (light.drive[k, piece] * u[:, :4]).sum(axis=1)
+        power = (light.power[k, piece] * u[:, :4]).sum(axis=1)
         apart = light.detuning[k, piece] - light.detuning[light.first[f], piece]
         turn = light.phase[k, piece] + (apart * u[:, 1:] / np.arange(1, 5)).sum(axis=1)
         total[f] += np.sqrt(np.maximum(power, 0)) * np.exp(1j * turn)

@@ -63,7 +63,7 @@ def intensity_noise(power: float, rin: float, *, bandwidth: float, duration: flo
 
 
 def frequency_noise(linewidth: float, *, bandwidth: float, duration: float, seed: int = 0) -> PiecewiseCubic:
-    """Return what a finite linewidth adds to a detuning, in Hz: ``detuning=[2e9, frequency_noise(...)]``.
+    """Return the frequency noise of a finite linewidth in Hz; it adds to a detuning, ``[2e9, frequency_noise(...)]``.
 
     Parameters
     ----------

@@ -162,7 +162,7 @@ def _maps_key(
     hopf: Mapping[str, Sequence[xr.Dataset]],
     folds: Mapping[str, Sequence[xr.Dataset]],
 ) -> tuple[list[Any], list[str]]:
-    """Handles and names of the regimes and of the curves that are there."""
+    """Legend handles and labels of the regimes and curves that the maps contain."""
     handles, names = _regime_key(list(maps.values())) if "regime" in show else ([], [])
     lines = [curve for several in hopf.values() for curve in several]
     soft, hard = (any(np.any(np.sign(c["lyapunov"].values) == sign) for c in lines) for sign in (-1, 1))
@@ -210,7 +210,7 @@ def _regime_key(maps: Sequence[xr.Dataset]) -> tuple[list[Any], list[str]]:
 
 
 def _drawn_axis(data: xr.Dataset, name: str) -> tuple[np.ndarray, str]:
-    """An axis of a map as it is drawn, and its label."""
+    """Values of a map's axis in the drawn unit, and the label."""
     values = data[name].values
     if name == "detuning":
         return values * 1e-9, "detuning (GHz)"

@@ -170,7 +170,7 @@ def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFi
 
 
 def _density(t: Array, N0: float, tau0: float, a: float, b: float) -> Array:
-    """N(t), by Newton's method in u = ln(N/N0), which approaches from the side where it cannot overshoot."""
+    """N(t), by Newton's method in u = ln(N/N0), whose iterates are monotone."""
     k = a / b - 1
     u = -t / (tau0 * max(a / b, 1))  # the decay at the longest lifetime
     for _ in range(100):

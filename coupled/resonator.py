@@ -77,8 +77,8 @@ class RingResonator:
     InputError
         a number that is not finite or out of the range of its unit.
 
-    Source: Borghi et al., Opt. Express 29, 4363 (2021), Eqs. 2.1-2.5 and Table 1; drive and drop with 2 gamma_e, which
-    conserves energy where the printed gamma_e does not.
+    Source: Borghi et al., Opt. Express 29, 4363 (2021), Eqs. 2.1-2.5 and Table 1; with 2 gamma_e in the pump and at
+    the drop port, which conserves energy where the printed gamma_e does not.
     """
 
     name: str

@@ -74,7 +74,7 @@ def rest_of(
 
 
 def rest_near(ring: RingResonator, model: Quadratic, state: State, power: float, detuning: float) -> Rest | None:
-    """Return the fixed point that Newton's method finds from the end of a run; None where it leads away.
+    """Return the fixed point that Newton's method finds from the end of a run; None where it diverges.
 
     For quadratic models, which are too large for the attributes of a run.
     """
@@ -82,12 +82,12 @@ def rest_near(ring: RingResonator, model: Quadratic, state: State, power: float,
 
     unit = units(np.size(state.thermal))
     rates, fcd = eq.internal_rates(ring)
-    drive, turned, heat = eq.internal_drive(ring, power), eq.internal_detuning(detuning), eq.internal_thermal(model)
+    pump, turned, heat = eq.internal_pump(ring, power), eq.internal_detuning(detuning), eq.internal_thermal(model)
     y = state.as_array() / unit
     begun, step = y[0] ** 2 + y[1] ** 2, y
     for _ in range(NEWTON_STEPS):
         step = np.linalg.solve(
-            eq.jacobian(y, turned, rates, fcd, heat), eq.right_hand_side(y, drive, turned, rates, fcd, heat)
+            eq.jacobian(y, turned, rates, fcd, heat), eq.right_hand_side(y, pump, turned, rates, fcd, heat)
         )
         y = y - step
         if not np.abs(step).max() > CLOSE * np.abs(y).max():

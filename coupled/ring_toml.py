@@ -172,7 +172,7 @@ def _resolve(values: dict[str, Any], template: Any, frequency: float | None) -> 
 
 
 def _together(values: dict[str, Any], first: str, second: str, instead_of: tuple[str, ...]) -> None:
-    """Raise InputError where one of a pair stands alone, or beside what it determines."""
+    """Raise InputError where one key of a pair is missing, or a key is given that the pair determines."""
     if (first in values) != (second in values):
         raise InputError(f"{first} and {second} belong together; give both or none")
     twice = [key for key in instead_of if key in values]

@@ -74,8 +74,8 @@ def simulate(
     rtol : float
         error allowed in a step relative to field, carriers and temperature.
     times : array, s, optional
-        wanted output times, increasing, within the duration, at no cost of memory for the steps between; by default the
-        accepted steps, which are dense where the traces are steep.
+        output times, increasing, within the duration; steps between them take no memory. By default the accepted
+        steps, which are dense where the traces are steep.
     method : Method or its name, optional
         by default Rodas4 down to rtol = 1e-6 and Rodas5P below, which are the faster ones there.
     initial : State or Dataset, optional
@@ -84,9 +84,9 @@ def simulate(
         a level that "energy", "carriers" or "delta_T" rises through: the times are in ``attrs["crossings"]``, and the
         run ends at the first unless ``stop=False``.
     adiabatic : bool
-        whether light follows carriers and heat at once (`kernels.adiabatic`) instead of within its 10 ps: periods are
-        .01 to .02 % shorter (measured at six points, 6 to 10 dBm), for half the time at rtol = 1e-5, a fifth at 1e-7.
-        Not with ``event`` or ``method``, nor for what happens within the lifetime of light in the ring.
+        whether the light follows carriers and heat at once (`kernels.adiabatic`), without its lifetime of 10 ps:
+        periods are .01 to .02 % shorter (measured at six points, 6 to 10 dBm), for half the computing time at
+        rtol = 1e-5, a fifth at 1e-7. Not with ``event`` or ``method``, nor for events shorter than that lifetime.
     heaters : mapping of name to float, Waveform, or a list of both; W, optional
         power in further inputs of a StateSpace (or of a reduction that holds one), from t = 0 on.
     heated, read : str, optional
@@ -102,7 +102,7 @@ def simulate(
     Returns
     -------
     xarray.Dataset
-        over time (s): energy (J), carriers (1/m^3), delta_T (K), drop, through and absorbed (W), what scatters where
+        over time (s): energy (J), carriers (1/m^3), delta_T (K), drop, through and absorbed (W), scattered (W) where
         the ring has such a loss, power and detuning where they vary, heater_power (W) over heater and time; with
         lasers on other resonances probe_energy, probe_drop and probe_through over probe and time. Provenance and the
         final state in attrs. Write ``run["drop"]``: ``run.drop`` is a method of every Dataset.

@@ -122,7 +122,7 @@ def advance(
     laser = laser_of(ring, start, stop, power, detuning, offset)
     rates, fcd = eq.internal_rates(ring)
     thermal = eq.internal_thermal(model)
-    floor = floor_of(rates, float(np.sqrt(laser.drive[:, 0].max())), model.thermal_resistance * eq.UW)
+    floor = floor_of(rates, float(np.sqrt(laser.power[:, 0].max())), model.thermal_resistance * eq.UW)
     unit = units(np.size(state.thermal))
     at, begin = np.asarray(times, dtype=float) / eq.NS, state.as_array() / unit
     call = uninterrupted
@@ -183,7 +183,7 @@ def laser_of(ring: RingResonator, start: float, stop: float, power: Any, detunin
 
     if isinstance(power, float) and isinstance(detuning, float) and isinstance(offset, float) and power >= 0:
         turned = eq.internal_detuning(detuning) + ring.thermal_shift * eq.NS * offset
-        return constant_laser(start, stop, eq.internal_drive(ring, power), turned)
+        return constant_laser(start, stop, eq.internal_pump(ring, power), turned)
     P, nu, dT = (
         pieces(name, value, start, stop)
         for name, value in (("power", power), ("detuning", detuning), ("offset", offset))
@@ -194,20 +194,20 @@ def laser_of(ring: RingResonator, start: float, stop: float, power: Any, detunin
     edges = joint(P, nu, dT)
     turning = add([nu.times(2 * np.pi * eq.NS), dT.times(ring.thermal_shift * eq.NS)]).on(edges)
     scale = eq.NS ** np.arange(4)
-    drive = P.on(edges).coefficients * (2 * ring.bus_rate * eq.NS / eq.UW)
+    squared = P.on(edges).coefficients * (2 * ring.bus_rate * eq.NS / eq.UW)
     return LaserPieces(
-        edges / eq.NS, np.ascontiguousarray(drive * scale), np.ascontiguousarray(turning.coefficients * scale)
+        edges / eq.NS, np.ascontiguousarray(squared * scale), np.ascontiguousarray(turning.coefficients * scale)
     )
 
 
-def constant_laser(start: float, stop: float, drive: float, detuning: float) -> Any:
-    """A laser that does not change; times in s, drive and detuning in internal units."""
+def constant_laser(start: float, stop: float, pump: float, detuning: float) -> Any:
+    """A laser that does not change; times in s, pump and detuning in internal units."""
     from .kernels import equations as eq
     from .kernels.rosenbrock import LaserPieces
 
     zero = [0.0, 0.0, 0.0]
     edges = np.array([start / eq.NS, stop / eq.NS])
-    return LaserPieces(edges, np.array([[drive * drive, *zero]]), np.array([[detuning, *zero]]))
+    return LaserPieces(edges, np.array([[pump * pump, *zero]]), np.array([[detuning, *zero]]))
 
 
 def check_end(counts: NDArray[np.int64], reached: float, duration: float, rtol: float) -> None:
@@ -225,13 +225,13 @@ def check_end(counts: NDArray[np.int64], reached: float, duration: float, rtol: 
         raise RuntimeError(f"the integration found no step small enough at t = {reached * 1e-9:g} s")
 
 
-def floor_of(rates: Rates, drive: float, thermal_resistance: float) -> Array:
+def floor_of(rates: Rates, pump: float, thermal_resistance: float) -> Array:
     """Sizes of field, carriers and temperature, in internal units, below which errors are not relative to them.
 
     A thousandth of the values on resonance with the loss of the cold ring, but at most a thousandth of 1e23 carriers
     per m^3 and of 10 K. These values are far below those that shift the resonance by its width.
     """
-    U = (drive / rates.loss) ** 2
+    U = (pump / rates.loss) ** 2
     N = rates.tau0 * (rates.a / rates.b if rates.b > 0 else 1.0) * rates.g * U**2
     dT = thermal_resistance * 2 * rates.absorbed * U
     tiny = 1e-27  # with no light at all, keeps 0/0 away
@@ -246,14 +246,14 @@ def units(order: int) -> Array:
 
 
 def _absorbed_slope(rows: Array, laser: Any, rates: Rates) -> Array:
-    """dP_abs/dt in W/s at the rows, from the equations themselves: dU/dt = 2 (drive Im a - gamma U)."""
+    """dP_abs/dt in W/s at the rows, from the equations themselves: dU/dt = 2 (pump Im a - gamma U)."""
     from .kernels import equations as eq
 
     t, ar, ai, N, _ = rows.T
-    drive = np.sqrt(np.maximum(Pieces(laser.edges, laser.drive)(t), 0))
+    pump = np.sqrt(np.maximum(Pieces(laser.edges, laser.power)(t), 0))
     U = ar**2 + ai**2
     gamma = rates.loss + rates.fca * N + rates.tpa * U
-    U_slope = 2 * (drive * ai - gamma * U)
+    U_slope = 2 * (pump * ai - gamma * U)
     recombination = N * (1 + rates.b * N) / (rates.tau0 * (1 + rates.a * N))
     N_slope = rates.g * U**2 - recombination
     slope = 2 * (rates.absorbed + rates.fca * N + 2 * rates.tpa * U) * U_slope + 2 * rates.fca * U * N_slope

@@ -63,7 +63,7 @@ class Pairs:
 
 
 def reduce_pairs(heat: HeatProblem, heated: str, read: Sequence[str], tolerance: float) -> Pairs:
-    """Reduce the field of one heated part for its own ring, ``read[0]``, and for copies at distances, ``read[1:]``.
+    """Reduce the response to one heated ring: its own temperature ``read[0]`` and those of its copies, ``read[1:]``.
 
     Raises
     ------

@@ -162,7 +162,7 @@ def calibrate(
 
 @dataclass(frozen=True, eq=False)
 class _Span:
-    """Parameters as shares 0 to 1 of their ranges, of the logarithm where a campaign says so."""
+    """Map between parameters and 0..1 over their ranges, in the logarithm where the campaign draws them so."""
 
     low: Array
     high: Array

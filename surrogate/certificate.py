@@ -48,7 +48,7 @@ ROUND_OFF = 1e-9  # of the ports' own gains: what solves leave at worst (measure
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """A reduced system between its ports, and what is left of the ports outside its basis.
+    """A reduced system between its ports, and the part of the ports outside its basis.
 
     Attributes
     ----------
@@ -147,7 +147,7 @@ def certify_defect(
     *,
     pairs: tuple[Indices, Indices],
 ) -> Certificate:
-    """Bound the error with the residual as it is, R = Rhat - D Y, whatever round-off did to the basis.
+    """Bound the error from the computed residual R = Rhat - D Y, which includes the round-off in the basis.
 
         H - H_r = R^T (K + s M)^-1 R + R^T V Z Y
 

@@ -69,7 +69,7 @@ def pareto_front(
 
 
 def front_of(search: Search, generations: int = GENERATIONS, seed: int = 0) -> xr.Dataset:
-    """The front of a search."""
+    """The Pareto front of a search, by NSGA-II; arguments and result of `pareto`."""
     import xarray as xr
     from pymoo.algorithms.moo.nsga2 import NSGA2
     from pymoo.core.problem import ElementwiseProblem

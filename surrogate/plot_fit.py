@@ -18,7 +18,7 @@ FINE = 4001  # samples of a period, between which a periodic state is a straight
 
 
 def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
-    """Data and model against time (us) above, what the model misses (K) below.
+    """Data and model against time (us) above, their difference (K) below.
 
     Parameters
     ----------

@@ -50,7 +50,7 @@ DEPENDENT = 1e-8  # of the largest: below, a direction of the basis is in the sp
 @shown
 @dataclass(frozen=True, eq=False)
 class QuadraticReduction(HasModel):
-    """A quadratic reduced model, and where it holds.
+    """A quadratic reduced model, with the power and the error for which it holds.
 
     Attributes
     ----------

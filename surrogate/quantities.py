@@ -108,7 +108,7 @@ def word(quantity: Quantity) -> str:
 
 
 class Property:
-    """A property as a function of a member's parameters; nan where it has none, that is on InputError.
+    """A property as a function of a member's parameters; nan where its computation raises InputError.
 
     Attributes
     ----------

@@ -256,7 +256,7 @@ def _model(
 
 
 def _parts(system: StateSpace) -> tuple[Any, Any, Array, Indices, Indices]:
-    """K, M, the different columns among B and C^T, and which of them each input and output is."""
+    """K, M, the distinct columns of [B, C^T], and the index of the column of each input and each output."""
     from scipy.sparse import csr_matrix
 
     K, M = -csr_matrix(system.A), csr_matrix(system.E)

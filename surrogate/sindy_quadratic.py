@@ -182,7 +182,7 @@ def _gate(model: Quadratic, static: float, power: float, settled: float) -> None
 
 
 def _parameters(model: Quadratic) -> dict[str, float]:
-    """Every coefficient that is there, counted from 1."""
+    """Every coefficient of the library that is not zero, counted from 1."""
     named = {"A": model.A, "b": model.B, "H": model.H, "G": model.G}
     return {
         "_".join([name, *(str(i + 1) for i in at)]): float(value)

@@ -57,7 +57,7 @@ class CertifiedSpace(krylov.KrylovSpace):
         return np.asarray(self.K @ (self.V @ Z) - (self.MV @ Z) * rate)
 
     def solve(self, j: int) -> Array:
-        """(K + s_j M)^-1 times what the basis leaves of the ports (`Projection.remainder`)."""
+        """(K + s_j M)^-1 times the part of the ports outside the basis (`Projection.remainder`)."""
         columns = self.projection.remainder if self.order else self.remainder
         self.solves += columns.shape[1]
         return self.apply(j, columns)
@@ -89,7 +89,7 @@ class CertifiedSpace(krylov.KrylovSpace):
         return j, self.solve(j)
 
     def extend(self, W: Array) -> bool:
-        """Add what is new in the columns of W, and project on them; False when there is nothing new."""
+        """Add the columns of W, made orthogonal to the basis, and project; False if they lie in the basis."""
         if not super().extend(W):
             return False
         # slow fields come first: this triangle keeps the slow rates, and with them R_th, to 1e-12 beside the fast ones

@@ -112,7 +112,7 @@ def _checked(
 
 
 class _Sampled:
-    """The property of samples, kept as it is worked out.
+    """The property of samples; values are kept as they are computed.
 
     Parameters
     ----------
@@ -250,7 +250,7 @@ def _clip(family: Family, names: tuple[str, ...]) -> Callable[[Array], Array]:
 
 
 def _many(one: Property, names: tuple[str, ...], fixed: Mapping[str, float]) -> Callable[[Array], Any]:
-    """The property of many members from parameters of shape (p, n), of all at once where it is the resistance."""
+    """The property of many members from parameters of shape (p, n); the resistance of all members in one call."""
     family = one.family
     middle = dict(zip(family.names, family.box.middle, strict=True))
     rest = {name: float(fixed.get(name, middle[name])) for name in family.names if name not in names}

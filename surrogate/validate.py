@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermofem import Chirp, Constant, Pulse, SquareWave, Telegraph, ThermalModel, Waveform, checks
+from thermofem import Chirp, Constant, Pulse, SquareWave, Telegraph, ThermalModel, Waveform, checks, waveforms
 
 from .swings import SAMPLES, period_of, swing_over_period, swings
 
@@ -207,7 +207,7 @@ def compare(
         swing = swings(reference, periods, power, duty)
         words = [error_curve(m, swing, periods, power, duty).attrs["validity"] for m in models.values()]
         variables["validity"] = ("model", words, {"long_name": "range of validity on the period"})
-    return xr.Dataset(variables, coords={"model": list(models), "drive": [_words(d) for d in drives]})
+    return xr.Dataset(variables, coords={"model": list(models), "drive": [waveforms.words(d) for d in drives]})
 
 
 def square_waves(
@@ -246,17 +246,3 @@ def _length(drive: Waveform) -> float:
         case Constant():
             return 1e-4
     raise checks.InputError(f"how long a {type(drive).__name__} lasts is not known; give one that repeats")
-
-
-def _words(drive: Waveform) -> str:
-    """A short label of a drive."""
-    match drive:
-        case SquareWave():
-            return f"square {drive.period * 1e6:.3g} us, duty {drive.duty:.2g}"
-        case Pulse():
-            return f"pulse {drive.width * 1e6:.3g} us"
-        case Telegraph():
-            return f"telegraph {drive.dwell * 1e6:.3g} us"
-        case Chirp():
-            return f"chirp {drive.first * 1e6:.3g} to {drive.last * 1e6:.3g} us"
-    return type(drive).__name__.lower()

@@ -109,7 +109,7 @@ _RENAMED = {"Power": "PowerLaw"}  # old name -> new name; the old names go with 
 
 
 def __getattr__(name: str) -> _Any:
-    """Return what is imported late, a waveform that joined by its file alone, or, with a warning, an old name."""
+    """Import a late name, find a waveform added as a file, or return the object of an old name with a warning."""
     if name in _LATE:
         return getattr(_import_module(_LATE[name], __name__), name)
     if name in _RENAMED:

@@ -209,7 +209,7 @@ def drive_of(data: xr.Dataset) -> Drive:
     _check_times(wave, times, rise)
     periodic = checks.choice("data.attrs['kind']", data.attrs.get("kind", "transient"), KINDS) == "periodic"
     doubts = static_gain.contradictions(data, wave, times, rise, periodic=periodic)
-    words = f"{_words(wave)}, {'periodic state' if periodic else 'from rest'}"
+    words = f"{waveforms.words(wave)}, {'periodic state' if periodic else 'from rest'}"
     return Drive(wave, times, rise, periodic, words, static_gain.static_gain(data), doubts)
 
 
@@ -228,19 +228,6 @@ def _check_times(wave: waveforms.Waveform, times: Array, rise: Array) -> None:
                 f"data.time has {times[k]:g} s twice, with delta_T = {rise[k]:g} and {rise[k + 1]:g} K; a time may "
                 "stand twice only where the power jumps; take one out, or average them"
             )
-
-
-def _words(wave: waveforms.Waveform) -> str:
-    """A short description of a waveform: 'SquareWave 2 mW, 1 us, duty 0.33'."""
-    match wave:
-        case waveforms.SquareWave():
-            return f"square wave {wave.power * 1e3:g} mW, {wave.period * 1e6:g} us, duty {wave.duty:.3g}"
-        case waveforms.Pulse():
-            return f"pulse {wave.power * 1e3:g} mW, {wave.width * 1e6:g} us"
-        case waveforms.Constant():
-            return f"step {wave.power * 1e3:g} mW"
-        case _:
-            return type(wave).__name__.lower()
 
 
 def _check_power(data: xr.Dataset, wave: waveforms.Waveform, times: Array) -> None:

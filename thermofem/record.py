@@ -1,4 +1,4 @@
-"""Results as plain arrays with dimensions, units and names: what a Dataset is made of, before xarray is imported.
+"""Results as plain arrays with dimensions, units and names: the content of a Dataset without importing xarray.
 
 A command needs no more than this to write its file. Importing xarray costs more than solving the reference strip: it
 imports pandas, and dask and pint where they are installed.

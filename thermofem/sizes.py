@@ -66,7 +66,7 @@ def sizes(accuracy: float) -> Sizes:
 
 
 def fitted(geometry: CrossSection, at: Sizes) -> Sizes:
-    """Sizes for the heated parts that are there, from those for the reference core of 450 x 220 nm.
+    """Sizes for the heated parts of a geometry, scaled from those for the reference core of 450 x 220 nm.
 
     The early step errs in the layer of cold material around a part, by h^4 perimeter/area; R_th errs at its corners,
     by a share of the part's extent.

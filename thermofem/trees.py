@@ -103,7 +103,7 @@ def _check_length(text: Any, most: int) -> None:
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """An object; of a key that stands twice, nobody knows which one is meant."""
+    """A JSON object; InputError where a key stands twice."""
     found = dict(pairs)
     if len(found) < len(pairs):
         keys = [key for key, _ in pairs]

@@ -143,7 +143,7 @@ def _seeds(hopf: xr.Dataset) -> list[xr.Dataset]:
 
 
 def _folds_from(ring: RingResonator, model: Compact, seed: xr.Dataset, window: _Window) -> list[tuple[Place, Array]]:
-    """The folds on the branch of a Hopf point in detuning, as places of both parameters with the direction across."""
+    """Folds on the branch of cycles from a Hopf point in detuning: power, detuning and the direction across each."""
     p = problem(ring, model, *laser_of(seed))
     here = window.ranges(np.array([p.power, p.detuning]))
     one = FreeParameters(p, ("detuning",), here[1:])

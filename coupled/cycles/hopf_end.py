@@ -53,7 +53,7 @@ def _pair(family: FreeParameters, value: float, energy: float, omega: float) -> 
 
     p = family.at(np.array([value]))
     at = internal(p.ring, p.model, absorbable(p.ring, p.power))
-    rest = (p.at.drive, at.rates, at.fcd, at.static)
+    rest = (p.at.pump, at.rates, at.fcd, at.static)
     U, D = balance.fixed_points(
         p.at.detuning, *rest, balance.turning_points(balance.reach(p.at.detuning, *rest), *rest)
     )
@@ -67,6 +67,6 @@ def _pair(family: FreeParameters, value: float, energy: float, omega: float) -> 
 
 
 def turned(gamma: float, D: float) -> Array:
-    """The direction of the field (Re, Im) at a fixed point under a real drive: that of i/(gamma - i D)."""
+    """The direction of the field (Re, Im) at a fixed point under a real pump: that of i/(gamma - i D)."""
     turn = 1j / (gamma - 1j * D)
     return np.array([turn.real, turn.imag]) / abs(turn)

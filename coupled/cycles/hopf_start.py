@@ -62,7 +62,7 @@ def hopf_point(p: CycleProblem, guess: Any) -> HopfPoint:
     _, _, _, shift, _, gamma, _ = balance.balances(np.array([U]), at.rates, at.fcd, at.static)[:, 0]
     D = shift - p.at.detuning
     y, _ = spectrum.state(U, D, at.rates, at.fcd, p.at.thermal, at.static)
-    y[:2] = np.sqrt(U) * turned(gamma, D)  # `state` has a real field, a problem a real drive
+    y[:2] = np.sqrt(U) * turned(gamma, D)  # `state` has a real field, a problem a real pump
     J = eq.jacobian(y, p.at.detuning, p.at.rates, p.at.fcd, p.at.thermal)
     values, vectors = np.linalg.eig(J)
     omega = 2 * np.pi * eq.NS * frequency
@@ -102,7 +102,7 @@ def born(family: FreeParameters, guess: Any) -> tuple[Place, Array]:
 
 
 def near_hopf(p: CycleProblem, guess: Any) -> Orbit:
-    """The cycle of a problem, along the branch from a Hopf point under another power or detuning."""
+    """The cycle of a problem, by continuation from a Hopf point at another power or detuning."""
     own = dict(zip(LASER, laser_of(guess, turned_by(p.rise, p.ring)), strict=True))
     wanted = {"power": p.power, "detuning": p.detuning}
     names = [name for name in LASER if wanted[name] != own[name]]

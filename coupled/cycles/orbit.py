@@ -64,10 +64,10 @@ def problem(ring: RingResonator, model: Compact, power: float, detuning: float, 
     from ..kernels import equations as eq
 
     rates, fcd = eq.internal_rates(ring)
-    drive = eq.internal_drive(ring, power)
+    pump = eq.internal_pump(ring, power)
     thermal = eq.internal_thermal(model)
-    at = Ring(drive, eq.internal_detuning(detuning + turned_by(rise, ring)), rates, fcd, thermal)
-    floor = window.floor_of(rates, drive, model.thermal_resistance * eq.UW)
+    at = Ring(pump, eq.internal_detuning(detuning + turned_by(rise, ring)), rates, fcd, thermal)
+    floor = window.floor_of(rates, pump, model.thermal_resistance * eq.UW)
     return CycleProblem(at, floor, window.units(thermal.order), ring, model, power, detuning, rise)
 
 

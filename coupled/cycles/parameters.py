@@ -83,18 +83,18 @@ def under_laser(p: CycleProblem, power: float, detuning: float) -> CycleProblem:
 
     check_power(power)
     turned = eq.internal_detuning(detuning + turned_by(p.rise, p.ring))
-    at = p.at._replace(drive=eq.internal_drive(p.ring, power), detuning=turned)
-    floor = window.floor_of(at.rates, at.drive, p.model.thermal_resistance * eq.UW)
+    at = p.at._replace(pump=eq.internal_pump(p.ring, power), detuning=turned)
+    floor = window.floor_of(at.rates, at.pump, p.model.thermal_resistance * eq.UW)
     return p._replace(at=at, floor=floor, power=power, detuning=detuning)
 
 
 def _by_laser(p: CycleProblem, name: str, states: Array) -> Array:
-    """`slope` for power and detuning: da/dt holds i drive - i detuning a."""
+    """`slope` for power and detuning: da/dt holds i pump - i detuning a."""
     from ..kernels import equations as eq
 
     out = np.zeros_like(states)
     if name == "power":
-        out[..., 1] = p.at.drive / (2 * p.power)
+        out[..., 1] = p.at.pump / (2 * p.power)
     else:
         unit = eq.internal_detuning(1.0)
         out[..., 0], out[..., 1] = unit * states[..., 1], -unit * states[..., 0]

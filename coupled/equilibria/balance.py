@@ -2,11 +2,11 @@
 
     k = tau0 g U^2:       b N^2 + (1 - a k) N - k = 0,        dT = dT(P_abs(U, N)),     gamma = gamma(U, N)
     shift(U) = -thermal_shift dT - S(N) - kerr U             the resonance's own shift, with D = shift - detuning
-    drive^2  = U (gamma^2 + D^2)
+    pump^2  = U (gamma^2 + D^2)
 
 At one power the fixed points lie on one smooth curve, the tilted resonance, with the parameter s:
 
-    D = gamma sinh s,     U gamma(U)^2 = drive^2 / cosh^2 s,      detuning(s) = shift(U) - gamma sinh s
+    D = gamma sinh s,     U gamma(U)^2 = pump^2 / cosh^2 s,      detuning(s) = shift(U) - gamma sinh s
 
 The left side of the second rises with U, so every s has one U; detuning(s) runs from +infinity to -infinity and bends
 on the scale of 1 in s at any power. Cut at its turning points (the folds of that power), every piece holds a detuning
@@ -71,9 +71,9 @@ def balances(U: Array, rates: Rates, fcd: Array, heat: Any) -> Array:
 
 
 @compiled
-def energy(s: float, drive: float, rates: Rates, fcd: Array, heat: Any) -> float:
-    """Return U with U gamma(U)^2 = drive^2/cosh^2 s: Newton in log U, kept within a bracket."""
-    target = 2.0 * (math.log(drive) - math.log(math.cosh(s)))
+def energy(s: float, pump: float, rates: Rates, fcd: Array, heat: Any) -> float:
+    """Return U with U gamma(U)^2 = pump^2/cosh^2 s: Newton in log U, kept within a bracket."""
+    target = 2.0 * (math.log(pump) - math.log(math.cosh(s)))
     high = target - 2.0 * math.log(rates.loss)  # gamma >= loss
     gamma = balance(math.exp(high), rates, fcd, heat).gamma
     low = target - 2.0 * math.log(gamma)
@@ -95,9 +95,9 @@ def energy(s: float, drive: float, rates: Rates, fcd: Array, heat: Any) -> float
 
 
 @compiled
-def tilted(s: float, drive: float, rates: Rates, fcd: Array, heat: Any) -> tuple[float, float, float, float]:
+def tilted(s: float, pump: float, rates: Rates, fcd: Array, heat: Any) -> tuple[float, float, float, float]:
     """Return U, D, detuning and d(detuning)/ds of the tilted resonance at ``s``."""
-    U = energy(s, drive, rates, fcd, heat)
+    U = energy(s, pump, rates, fcd, heat)
     at = balance(U, rates, fcd, heat)
     D = at.gamma * math.sinh(s)
     U_slope = -2.0 * U * math.tanh(s) / (1.0 + 2.0 * U * at.gamma_slope / at.gamma)
@@ -106,23 +106,23 @@ def tilted(s: float, drive: float, rates: Rates, fcd: Array, heat: Any) -> tuple
 
 
 @compiled
-def reach(detuning: float, drive: float, rates: Rates, fcd: Array, heat: Any) -> float:
+def reach(detuning: float, pump: float, rates: Rates, fcd: Array, heat: Any) -> float:
     """Return an s beyond which, on either side, the tilted resonance is farther off than ``detuning`` (rad/ns)."""
-    U = energy(0.0, drive, rates, fcd, heat)
+    U = energy(0.0, pump, rates, fcd, heat)
     top = balance(U, rates, fcd, heat)
     largest = abs(rates.thermal_shift * top.dT) + abs(dispersion(top.N, fcd)[0]) + abs(rates.kerr * U)
     return math.asinh((abs(detuning) + largest) / rates.loss + 1.0)
 
 
 @compiled
-def _slope_zero(left: float, right: float, drive: float, rates: Rates, fcd: Array, heat: Any) -> float:
+def _slope_zero(left: float, right: float, pump: float, rates: Rates, fcd: Array, heat: Any) -> float:
     """Return the s between two of opposite slope where the slope vanishes, by bisection."""
-    sign = tilted(left, drive, rates, fcd, heat)[3] > 0.0
+    sign = tilted(left, pump, rates, fcd, heat)[3] > 0.0
     while right - left > CLOSE * (1.0 + abs(left)):
         middle = 0.5 * (left + right)
         if middle <= left or middle >= right:
             break
-        if (tilted(middle, drive, rates, fcd, heat)[3] > 0.0) == sign:
+        if (tilted(middle, pump, rates, fcd, heat)[3] > 0.0) == sign:
             left = middle
         else:
             right = middle
@@ -130,12 +130,15 @@ def _slope_zero(left: float, right: float, drive: float, rates: Rates, fcd: Arra
 
 
 @compiled
-def _flattest(left: float, right: float, drive: float, rates: Rates, fcd: Array, heat: Any) -> float:
-    """Return the s of the smallest |slope| between two, by golden section; stops where the slope changes sign."""
+def _flattest(left: float, right: float, pump: float, rates: Rates, fcd: Array, heat: Any) -> float:
+    """Return the s between ``left`` and ``right`` of the smallest |slope|, by golden section.
+
+    It stops early at an s where the slope has changed its sign.
+    """
     golden = 0.6180339887498949
-    sign = tilted(left, drive, rates, fcd, heat)[3] > 0.0
+    sign = tilted(left, pump, rates, fcd, heat)[3] > 0.0
     a, b = right - golden * (right - left), left + golden * (right - left)
-    fa, fb = tilted(a, drive, rates, fcd, heat)[3], tilted(b, drive, rates, fcd, heat)[3]
+    fa, fb = tilted(a, pump, rates, fcd, heat)[3], tilted(b, pump, rates, fcd, heat)[3]
     for _ in range(40):
         if (fa > 0.0) != sign:
             return a
@@ -144,35 +147,35 @@ def _flattest(left: float, right: float, drive: float, rates: Rates, fcd: Array,
         if abs(fa) < abs(fb):
             right, b, fb = b, a, fa
             a = right - golden * (right - left)
-            fa = tilted(a, drive, rates, fcd, heat)[3]
+            fa = tilted(a, pump, rates, fcd, heat)[3]
         else:
             left, a, fa = a, b, fb
             b = left + golden * (right - left)
-            fb = tilted(b, drive, rates, fcd, heat)[3]
+            fb = tilted(b, pump, rates, fcd, heat)[3]
     return 0.5 * (left + right)
 
 
 @compiled
-def turning_points(s_end: float, drive: float, rates: Rates, fcd: Array, heat: Any) -> Array:
+def turning_points(s_end: float, pump: float, rates: Rates, fcd: Array, heat: Any) -> Array:
     """Return -s_end, every s between where detuning(s) turns, and s_end, in increasing order."""
     n = math.ceil(2.0 * s_end / SPACING) + 1
     s = np.linspace(-s_end, s_end, n)
     slope = np.empty(n)
     for k in range(n):
-        slope[k] = tilted(s[k], drive, rates, fcd, heat)[3]
+        slope[k] = tilted(s[k], pump, rates, fcd, heat)[3]
     out = np.empty(n + 2)
     out[0], count = -s_end, 1
     for k in range(n - 1):
         if (slope[k] > 0.0) != (slope[k + 1] > 0.0):
-            out[count] = _slope_zero(s[k], s[k + 1], drive, rates, fcd, heat)
+            out[count] = _slope_zero(s[k], s[k + 1], pump, rates, fcd, heat)
             count += 1
         elif k > 0 and (slope[k - 1] > 0.0) == (slope[k] > 0.0) and abs(slope[k]) < abs(slope[k - 1]) and (
             abs(slope[k]) <= abs(slope[k + 1])
         ):  # fmt: skip
-            flat = _flattest(s[k - 1], s[k + 1], drive, rates, fcd, heat)
-            if (tilted(flat, drive, rates, fcd, heat)[3] > 0.0) != (slope[k] > 0.0):
-                out[count] = _slope_zero(s[k - 1], flat, drive, rates, fcd, heat)
-                out[count + 1] = _slope_zero(flat, s[k + 1], drive, rates, fcd, heat)
+            flat = _flattest(s[k - 1], s[k + 1], pump, rates, fcd, heat)
+            if (tilted(flat, pump, rates, fcd, heat)[3] > 0.0) != (slope[k] > 0.0):
+                out[count] = _slope_zero(s[k - 1], flat, pump, rates, fcd, heat)
+                out[count + 1] = _slope_zero(flat, s[k + 1], pump, rates, fcd, heat)
                 count += 2
     out[count] = s_end
     return out[: count + 1]
@@ -180,14 +183,14 @@ def turning_points(s_end: float, drive: float, rates: Rates, fcd: Array, heat: A
 
 @compiled
 def crossing(
-    left: float, right: float, detuning: float, drive: float, rates: Rates, fcd: Array, heat: Any
+    left: float, right: float, detuning: float, pump: float, rates: Rates, fcd: Array, heat: Any
 ) -> tuple[float, float]:
     """Return U and D where a monotone piece of the tilted resonance meets ``detuning``; Newton kept in the bracket."""
-    falling = tilted(left, drive, rates, fcd, heat)[2] > detuning
+    falling = tilted(left, pump, rates, fcd, heat)[2] > detuning
     s = 0.5 * (left + right)
     U, D = 0.0, 0.0
     for _ in range(200):
-        U, D, at, slope = tilted(s, drive, rates, fcd, heat)
+        U, D, at, slope = tilted(s, pump, rates, fcd, heat)
         f = at - detuning
         if (f > 0.0) == falling:
             left = s
@@ -203,14 +206,14 @@ def crossing(
 
 
 @compiled
-def fixed_points(detuning: float, drive: float, rates: Rates, fcd: Array, heat: Any, pieces: Array) -> Array:
+def fixed_points(detuning: float, pump: float, rates: Rates, fcd: Array, heat: Any, pieces: Array) -> Array:
     """Return every fixed point as columns (U, D), shape (2, m), in the order of s; ``pieces`` by `turning_points`."""
     out, count = np.empty((2, pieces.size - 1)), 0
-    above = tilted(pieces[0], drive, rates, fcd, heat)[2] > detuning
+    above = tilted(pieces[0], pump, rates, fcd, heat)[2] > detuning
     for k in range(pieces.size - 1):
-        after = tilted(pieces[k + 1], drive, rates, fcd, heat)[2] > detuning
+        after = tilted(pieces[k + 1], pump, rates, fcd, heat)[2] > detuning
         if above != after:
-            out[0, count], out[1, count] = crossing(pieces[k], pieces[k + 1], detuning, drive, rates, fcd, heat)
+            out[0, count], out[1, count] = crossing(pieces[k], pieces[k + 1], detuning, pump, rates, fcd, heat)
             count += 1
         above = after
     return out[:, :count]

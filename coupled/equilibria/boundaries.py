@@ -155,7 +155,7 @@ def _plane(ring: RingResonator, model: ThermalModel, powers: ArrayLike, detuning
     check_ring(ring)
     P, nu = check_axis("powers", powers), check_axis("detunings", detunings)
     at, shifts = internal(ring, model, absorbable(ring, P[-1])), 2 * np.pi * eq.NS * nu
-    weak, strong = eq.internal_drive(ring, P[0]), eq.internal_drive(ring, P[-1])
+    weak, strong = eq.internal_pump(ring, P[0]), eq.internal_pump(ring, P[-1])
     rest = (at.rates, at.fcd, at.static)
     high = balance.energy(0.0, strong, *rest)
     low = balance.energy(balance.reach(np.abs(shifts).max(), strong, *rest), weak, *rest)

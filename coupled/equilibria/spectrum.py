@@ -172,20 +172,20 @@ def _again_of(z: Any, U: Any, D: Any, rates: Any, fcd: Any, thermal: Any, static
 
 
 @compiled
-def survey(detunings: Array, drive: float, rates: Rates, fcd: Array, thermal: Any, static: Any) -> Array:
+def survey(detunings: Array, pump: float, rates: Rates, fcd: Array, thermal: Any, static: Any) -> Array:
     """Return what linear stability says at one power, shape (4, m) for ``detunings`` in rad/ns, shape (m,).
 
     Rows: number of fixed points, number of stable ones, and of the least unstable fixed point the largest real part of
     its eigenvalues (1/ns) and the angular frequency that goes with it (rad/ns, 0 if real).
     """
-    s_end = fixed.reach(np.max(np.abs(detunings)), drive, rates, fcd, static)
-    pieces = fixed.turning_points(s_end, drive, rates, fcd, static)
+    s_end = fixed.reach(np.max(np.abs(detunings)), pump, rates, fcd, static)
+    pieces = fixed.turning_points(s_end, pump, rates, fcd, static)
     near = np.empty((pieces.size, 3 + order(thermal)), dtype=np.complex128)  # eigenvalues last seen on each branch
     known = np.zeros(pieces.size, dtype=np.bool_)
     out = np.zeros((4, detunings.size))
     for j in range(detunings.size):
         out[2, j] = np.inf
-        points = fixed.fixed_points(detunings[j], drive, rates, fcd, static, pieces)
+        points = fixed.fixed_points(detunings[j], pump, rates, fcd, static, pieces)
         out[0, j] = points.shape[1]
         for k in range(points.shape[1]):
             U, D = points[0, k], points[1, k]

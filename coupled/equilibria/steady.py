@@ -76,7 +76,7 @@ def steady_states(
     to 1e-9 beyond the detuning at which bistability begins. The static rise of a quadratic model is a Chebyshev series
     through its steady states, exact to 1e-12.
 
-    Source: Borghi et al., Opt. Express 29, 4363 (2021), Eqs. 1 and 2.1-2.5, with 2 gamma_e in drive and drop.
+    Source: Borghi et al., Opt. Express 29, 4363 (2021), Eqs. 1 and 2.1-2.5, with 2 gamma_e for both buses.
 
     >>> import coupled, thermofem as th
     >>> model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
@@ -127,7 +127,7 @@ def internal(ring: RingResonator, model: ThermalModel, largest: float) -> Intern
 
 
 def absorbable(ring: RingResonator, power: float) -> float:
-    """The most that a ring can absorb of a bus power in W: what it does when it absorbs as much as leaves otherwise.
+    """Largest power in W that a ring can absorb: that of a ring which absorbs as much as it loses in all other ways.
 
     P_abs = 2 own U <= 4 gamma_e own P/(own + other)^2 <= gamma_e P/other, with other = gamma_e + gamma_d + gamma_s.
     """
@@ -139,7 +139,7 @@ def fixed_points(ring: RingResonator, at: Internal, power: float, detuning: floa
     from ..kernels import equations as eq
     from . import balance
 
-    shift, rest = eq.internal_detuning(detuning), (eq.internal_drive(ring, power), at.rates, at.fcd, at.static)
+    shift, rest = eq.internal_detuning(detuning), (eq.internal_pump(ring, power), at.rates, at.fcd, at.static)
     U, D = balance.fixed_points(shift, *rest, balance.turning_points(balance.reach(shift, *rest), *rest))
     order = np.argsort(U)
     return U[order], D[order]
@@ -183,5 +183,5 @@ def kind_of(eigenvalues: NDArray[np.complex128]) -> tuple[float, float, str]:
 
 
 def provenance(kind: str, ring: RingResonator, model: Compact) -> dict[str, Any]:
-    """Attributes of a Dataset of this package: what it is, and the ring and the network it was made with."""
+    """Attributes of a Dataset: its kind, the ring and the thermal network."""
     return origin(kind, ring) | attributes(model)

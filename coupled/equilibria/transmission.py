@@ -69,17 +69,17 @@ def transmission(
     at = internal(ring, model, absorbable(ring, P[-1]))
     rest = (at.rates, at.fcd, at.static)
     if (P.size, nu.size) == (1, 2):
-        drive = eq.internal_drive(ring, P[0])
-        end = balance.reach(2 * np.pi * eq.NS * float(np.abs(nu).max()), drive, *rest)
+        pump = eq.internal_pump(ring, P[0])
+        end = balance.reach(2 * np.pi * eq.NS * float(np.abs(nu).max()), pump, *rest)
 
         def along(s: Array) -> tuple[Array, Array, Array, Array]:
-            U, D, shift, _ = np.array([balance.tilted(v, drive, *rest) for v in s]).T
+            U, D, shift, _ = np.array([balance.tilted(v, pump, *rest) for v in s]).T
             return U, D, np.full(U.size, P[0]), shift / (2 * np.pi * eq.NS)
 
         U, D, powers, detunings = _window(along, -end, end, lambda curve: (curve[3] >= nu[0]) & (curve[3] <= nu[1]))
     elif (P.size, nu.size) == (2, 1):
         shift_0 = 2 * np.pi * eq.NS * nu[0]
-        weak, strong = (eq.internal_drive(ring, p) for p in P)
+        weak, strong = (eq.internal_pump(ring, p) for p in P)
         high = np.log(balance.energy(0.0, strong, *rest))
         low = np.log(balance.energy(balance.reach(abs(shift_0), weak, *rest), weak, *rest))
 
@@ -87,7 +87,7 @@ def transmission(
             U = np.exp(s)
             shift, gamma = balance.balances(U, *rest)[[3, 5]]
             D = shift - shift_0
-            return U, D, U * (gamma**2 + D**2) / eq.internal_drive(ring, 1.0) ** 2, np.full(U.size, nu[0])
+            return U, D, U * (gamma**2 + D**2) / eq.internal_pump(ring, 1.0) ** 2, np.full(U.size, nu[0])
 
         U, D, powers, detunings = _window(along, low, high, lambda curve: (curve[2] >= P[0]) & (curve[2] <= P[1]))
     else:
@@ -145,7 +145,7 @@ def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike,
     at = internal(ring, model, float(eq.absorbed_power.py_func(U, N, rates).max()) * eq.UW)
     shift, gamma = balance.balances(U, at.rates, at.fcd, at.static)[[3, 5]]
     D = shift - 2 * np.pi * eq.NS * nu.ravel()
-    return np.asarray(U * (gamma**2 + D**2) / eq.internal_drive(ring, 1.0) ** 2).reshape(wanted.shape)
+    return np.asarray(U * (gamma**2 + D**2) / eq.internal_pump(ring, 1.0) ** 2).reshape(wanted.shape)
 
 
 def sweep(
@@ -195,12 +195,12 @@ def sweep(
     P, nu = np.broadcast_to(P, steps), np.broadcast_to(nu, steps)
     shifts = 2 * np.pi * eq.NS * nu
     farthest = float(np.abs(shifts).max())
-    path, jumped, before, pieces, drive = np.empty((2, steps)), np.zeros(steps, dtype=bool), None, None, np.nan
+    path, jumped, before, pieces, pump = np.empty((2, steps)), np.zeros(steps, dtype=bool), None, None, np.nan
     for k in range(steps):
-        if eq.internal_drive(ring, P[k]) != drive:
-            drive = eq.internal_drive(ring, P[k])
-            pieces = balance.turning_points(balance.reach(farthest, drive, *rest), drive, *rest)
-        points = balance.fixed_points(shifts[k], drive, *rest, pieces)
+        if eq.internal_pump(ring, P[k]) != pump:
+            pump = eq.internal_pump(ring, P[k])
+            pieces = balance.turning_points(balance.reach(farthest, pump, *rest), pump, *rest)
+        points = balance.fixed_points(shifts[k], pump, *rest, pieces)
         points = points[:, np.argsort(points[0])]
         here, jumped[k] = _next(points[0], before, lambda i, p=points: _stable(p[:, i], at))
         path[:, k], before = points[:, here], (points[0], here)
@@ -211,7 +211,7 @@ def sweep(
 
 
 def _window(along: Any, low: float, high: float, inside: Any) -> tuple[Array, Array, Array, Array]:
-    """The part of a curve within the window, with points at equal distances along it as it is drawn."""
+    """The part of a curve within the window, at points of equal distance in the drawn plane."""
     parameter = np.linspace(low, high, POINTS)
     seen = np.flatnonzero(inside(along(parameter)))
     if seen.size:

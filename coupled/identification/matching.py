@@ -119,9 +119,10 @@ def polished(
 
 
 def deviations(what: Unknowns, targets: list[Target], x: Array) -> Array:
-    """Standard deviations of the logarithms at the optimum ``x`` from the scatter of the cycles of each trace.
+    """Standard deviations of the fitted logarithms ``x``, from the scatter between the cycles of each trace.
 
-    Jackknife: with r the residuals, J their derivative and i a cycle of a trace with n,
+    Jackknife: leave out one cycle i of the n cycles of a trace. With the residuals r, without that cycle r_(i), and
+    their derivative J,
 
         x_(i) = x - (J^T J)^-1 J^T (r_(i) - r),      variance = sum over the traces of (n - 1)/n sum_i (x_(i) - mean)^2
     """

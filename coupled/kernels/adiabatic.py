@@ -1,7 +1,7 @@
 """The field eliminated: light that follows carriers and heat at once, and an explicit method for those two.
 
-    0 = (i D - gamma) a + i drive:      a = drive (i gamma - D)/(gamma^2 + D^2)
-    U [(loss + fca N + tpa U)^2 + (D_0 - kerr U)^2] = drive^2,          D_0 = -thermal_shift dT - S(N) - detuning
+    0 = (i D - gamma) a + i pump:      a = pump (i gamma - D)/(gamma^2 + D^2)
+    U [(loss + fca N + tpa U)^2 + (D_0 - kerr U)^2] = pump^2,          D_0 = -thermal_shift dT - S(N) - detuning
 
 Newton's method finds U from that of the stage before. Without the 10 ps of the field nothing is stiff, and a step of
 Dormand and Prince's method of order 5 needs no Jacobian.
@@ -43,7 +43,7 @@ BETWEEN = 4  # rows for every accepted step: light turns faster than the carrier
 
 @compiled
 def field(y: Array, power: float, detuning: float, U: float, rates: Rates, fcd: Array, thermal: Any) -> Array:
-    """Return Re a, Im a and U at rest in given carriers and heat, from a guess of U; ``power`` is the squared drive."""
+    """Return Re a, Im a and U at rest in given carriers and heat, from a guess of U; ``power`` is the squared pump."""
     N = y[2]
     own, D0 = rates.loss + rates.fca * N, -rates.thermal_shift * rise_of(read(y, thermal), thermal)[0] - detuning
     D0 -= dispersion(N, fcd)[0]
@@ -56,8 +56,8 @@ def field(y: Array, power: float, detuning: float, U: float, rates: Rates, fcd: 
         if abs(change) <= 1e-14 * U:
             break
     gamma, D = own + rates.tpa * U, D0 - rates.kerr * U
-    drive = math.sqrt(power) / (gamma * gamma + D * D)
-    return np.array([-D * drive, gamma * drive, U])
+    pump = math.sqrt(power) / (gamma * gamma + D * D)
+    return np.array([-D * pump, gamma * pump, U])
 
 
 @inlined

@@ -45,7 +45,7 @@ class Scheme(NamedTuple):
 class Ring(NamedTuple):
     """Ring, laser and heat in internal units, as `equations` takes them."""
 
-    drive: float
+    pump: float
     detuning: float
     rates: Rates
     fcd: Array
@@ -176,7 +176,7 @@ def network_pass(start: Array, Y: Array, tau: Array, T: float, ring: Ring, schem
             dT, dT_slope = rise_of(z, ring.thermal)
             ar, ai, N = Y[k, j, 0], Y[k, j, 1], Y[k, j, 2]
             shift, slope = dispersion(N, ring.fcd)
-            f[j, 0], f[j, 1], f[j, 2], _ = optics(ar, ai, N, dT, shift, ring.drive, ring.detuning, ring.rates)
+            f[j, 0], f[j, 1], f[j, 2], _ = optics(ar, ai, N, dT, shift, ring.pump, ring.detuning, ring.rates)
             rows = optics_jacobian(ar, ai, N, dT, shift, slope, ring.detuning, ring.rates)
             for a in range(3):
                 J[j, a, 0], J[j, a, 1], J[j, a, 2] = rows[a][0], rows[a][1], rows[a][2]
@@ -279,7 +279,7 @@ def full_pass(start: Array, Y: Array, tau: Array, T: float, ring: Ring, scheme: 
         begin = start if k == 0 else Y[k - 1, s - 1]
         right = np.zeros((s * m, m + extra))
         for j in range(s):
-            f[j] = equations.right_hand_side(Y[k, j], ring.drive, ring.detuning, ring.rates, ring.fcd, ring.thermal)
+            f[j] = equations.right_hand_side(Y[k, j], ring.pump, ring.detuning, ring.rates, ring.fcd, ring.thermal)
             J[j] = equations.jacobian(Y[k, j], ring.detuning, ring.rates, ring.fcd, ring.thermal)
         for j in range(s):
             for a in range(m):

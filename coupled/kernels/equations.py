@@ -3,7 +3,7 @@
 Internal units: ns, fJ, uW, K and 1e23 carriers per m^3 (1 uW is 1 fJ/ns), in which every state is of order one.
 State: y = [Re a, Im a, N, x_1 .. x_n], with U = |a|^2.
 
-    da/dt   = (i D - gamma) a + i drive
+    da/dt   = (i D - gamma) a + i pump
     dN/dt   = -N/tau(N) + g U^2
     dx_i/dt = gain_i P_abs - rate_i x_i,                  dT = z + curvature z^2,  z = sum_i x_i       (a network)
     dx/dt   = A x + H[x, x] + (G x + B) P_abs,            dT = C x                                     (quadratic)
@@ -15,7 +15,7 @@ The heat of the coupling loss leaves through the buses and that of scattering wi
 absorbing loss alone. S(N) stands for N^p, whose slope at N = 0 is infinite for p < 1. Heat meets light only through dT
 and P_abs: the Jacobian of a network is a 3 x 3 block, a diagonal, and two blocks of rank one.
 
-Source: Borghi et al., Opt. Express 29, 4363 (2021), Eqs. 1 and 2.1-2.5, with 2 gamma_e in drive and drop.
+Source: Borghi et al., Opt. Express 29, 4363 (2021), Eqs. 1 and 2.1-2.5, with 2 gamma_e for both buses.
 """
 
 from __future__ import annotations
@@ -97,8 +97,8 @@ def _poles(model: Foster) -> Array:
     return np.array([R * UW * NS / tau, NS / tau])
 
 
-def internal_drive(ring: RingResonator, power: float) -> float:
-    """Return sqrt(2 gamma_e P) in sqrt(fJ)/ns for a bus power in W."""
+def internal_pump(ring: RingResonator, power: float) -> float:
+    """Return the pump amplitude sqrt(2 gamma_e P) in sqrt(fJ)/ns for a bus power in W."""
     return math.sqrt(2 * ring.bus_rate * NS * power / UW)
 
 
@@ -131,14 +131,14 @@ def absorbed_power(U: float, N: float, rates: Rates) -> float:
 
 
 @inlined
-def optics(ar: float, ai: float, N: float, dT: float, shift: float, drive: float, detuning: float, rates: Rates) -> Row:
+def optics(ar: float, ai: float, N: float, dT: float, shift: float, pump: float, detuning: float, rates: Rates) -> Row:
     """Return d(Re a)/dt, d(Im a)/dt, dN/dt and P_abs; ``shift`` is S(N)."""
     U = ar * ar + ai * ai
     D = -rates.thermal_shift * dT - shift - rates.kerr * U - detuning
     gamma = rates.loss + rates.fca * N + rates.tpa * U
     recombination = N * (1.0 + rates.b * N) / (rates.tau0 * (1.0 + rates.a * N))
     heat = absorbed_power(U, N, rates)
-    return -gamma * ar - D * ai, -gamma * ai + D * ar + drive, rates.g * U * U - recombination, heat
+    return -gamma * ar - D * ai, -gamma * ai + D * ar + pump, rates.g * U * U - recombination, heat
 
 
 @inlined
@@ -172,11 +172,11 @@ def optics_jacobian(
 
 
 @compiled
-def right_hand_side(y: Array, drive: float, detuning: float, rates: Rates, fcd: Array, thermal: Any) -> Array:
+def right_hand_side(y: Array, pump: float, detuning: float, rates: Rates, fcd: Array, thermal: Any) -> Array:
     """Return dy/dt, shape (3 + n,); ``thermal`` is one of the `kinds`."""
     out, shift = np.empty_like(y), dispersion(y[2], fcd)[0]
     dT = rise_of(read(y, thermal), thermal)[0]
-    out[0], out[1], out[2], heat = optics(y[0], y[1], y[2], dT, shift, drive, detuning, rates)
+    out[0], out[1], out[2], heat = optics(y[0], y[1], y[2], dT, shift, pump, detuning, rates)
     flow(y, heat, thermal, out)
     return out
 

@@ -28,7 +28,7 @@ def new_watch(*kernels: int) -> NDArray[np.float64]:
 
 
 def uninterrupted(kernel: Any, *arguments: Any) -> Any:
-    """Call a compiled kernel, and let Ctrl-C through when it has returned; a second one, or one that compiles, at once.
+    """Call a compiled kernel; Ctrl-C takes effect when it returns, a second Ctrl-C or one while it compiles at once.
 
     For a kernel that returns soon: nothing is cheaper.
     """
@@ -76,5 +76,5 @@ def watched(kernel: Any, *arguments: Any, progress: Callable[[float], None] | No
 
 
 def _compile(kernel: Any, arguments: tuple[Any, ...]) -> None:
-    """Compile a kernel for what it is given, where Ctrl-C still comes through; nothing where that was done before."""
+    """Compile a kernel for the types of its arguments, unless that was done before; Ctrl-C works meanwhile."""
     kernel.compile(tuple(kernel.typeof_pyval(argument) for argument in arguments))

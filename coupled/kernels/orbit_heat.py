@@ -25,7 +25,7 @@ def along(rows: Array, start: Array, tau: Array, ring: Ring, scheme: Scheme) -> 
         ar, ai, N = rows[i, 1], rows[i, 2], rows[i, 3]
         shift = equations.dispersion(N, ring.fcd)[0]
         slope[i, 0], slope[i, 1], slope[i, 2], _ = equations.optics(
-            ar, ai, N, rows[i, 4], shift, ring.drive, ring.detuning, ring.rates
+            ar, ai, N, rows[i, 4], shift, ring.pump, ring.detuning, ring.rates
         )
     for k in range(number):
         for j in range(s):

@@ -102,7 +102,7 @@ def measured(start: Array, Y: Array, tau: Array, thermal: object, scheme: Scheme
 
 @compiled
 def digest(rows: Array, duration: float) -> Array:
-    """Return what a transient's carriers do late in it, from rows (t, Re a, Im a, N, dT).
+    """Return measures of the carriers late in a transient, from rows (t, Re a, Im a, N, dT).
 
     Lowest and highest in the second half, their range in the third and in the fourth quarter, how often they rise
     through the middle after the first quarter, and the time between the last two rises.

@@ -1,4 +1,4 @@
-"""The mesh that follows an orbit, and what is read from the polynomials on it.
+"""The mesh that follows an orbit, and values of the polynomials on it.
 
 The mesh equidistributes the error of the polynomials between the stages, whose next derivative is told by the jumps of
 their highest one from interval to interval.
@@ -137,7 +137,7 @@ def look(start: Array, Y: Array, tau: Array, ring: Ring, scheme: Scheme, at: Arr
     out = np.empty((at.size, 4))
     for p in range(at.size):
         y = states[p]
-        f = equations.right_hand_side(y, ring.drive, ring.detuning, ring.rates, ring.fcd, ring.thermal)
+        f = equations.right_hand_side(y, ring.pump, ring.detuning, ring.rates, ring.fcd, ring.thermal)
         dT, slope = kinds.rise_of(read(y, ring.thermal), ring.thermal)
         out[p, 0], out[p, 1] = y[0] * y[0] + y[1] * y[1], 2.0 * (y[0] * f[0] + y[1] * f[1])
         out[p, 2], out[p, 3] = dT, slope * read(f, ring.thermal)

@@ -42,7 +42,7 @@ def integrated(
 ) -> Any:  # fmt: skip
     """Integrate over ``duration`` in ns, or until the carriers rise through ``level``; as `rosenbrock.integrate`."""
     power, detuning = np.zeros((1, 4)), np.zeros((1, 4))
-    power[0, 0], detuning[0, 0] = ring.drive * ring.drive, ring.detuning
+    power[0, 0], detuning[0, 0] = ring.pump * ring.pump, ring.detuning
     laser, event = LaserPieces(np.array([0.0, duration]), power, detuning), np.zeros(3)
     if level < np.inf:
         event[0], event[1], event[2] = 2.0, level, 1.0
@@ -95,11 +95,11 @@ def mesh_of(t: Array, number: int) -> Array:
 def chord_of(M: Array, y: Array, ring: Ring) -> Array:
     """Return C, shape (m, m), from the derivative of the return map; ``y`` is the end of a trace, where light follows.
 
-    A beginning that is not on a trace would not do: there light moves a thousand times faster than it ever does.
+    The beginning of a trial orbit need not be such a point: there the light may change a thousand times faster.
     """
     m = y.size
     matrix = np.zeros((m + 1, m + 1))
-    f = equations.right_hand_side(y, ring.drive, ring.detuning, ring.rates, ring.fcd, ring.thermal)
+    f = equations.right_hand_side(y, ring.pump, ring.detuning, ring.rates, ring.fcd, ring.thermal)
     for i in range(m):
         for j in range(m):
             matrix[i, j] = -M[i, j]

@@ -42,7 +42,7 @@ def moved(change: Array, size: Array) -> float:
 @compiled
 def phase(start: Array, ring: Ring, size: Array, count: int) -> Array:
     """Return the condition that the beginning moves at a right angle to the orbit, shape (1, count)."""
-    f = equations.right_hand_side(start, ring.drive, ring.detuning, ring.rates, ring.fcd, ring.thermal)
+    f = equations.right_hand_side(start, ring.pump, ring.detuning, ring.rates, ring.fcd, ring.thermal)
     row = np.zeros((1, count))
     for i in range(start.size):
         unit = size[min(max(i - 1, 0), 2)]
@@ -140,7 +140,7 @@ def flows(states: Array, ring: Ring) -> Array:
     """Return dy/dt at every row of ``states``."""
     out = np.empty_like(states)
     for k in range(states.shape[0]):
-        out[k] = equations.right_hand_side(states[k], ring.drive, ring.detuning, ring.rates, ring.fcd, ring.thermal)
+        out[k] = equations.right_hand_side(states[k], ring.pump, ring.detuning, ring.rates, ring.fcd, ring.thermal)
     return out
 
 

@@ -20,7 +20,7 @@ from .tableaus import Tableau
 
 @compiled
 def step(
-    y: Array, h: float, drive: Array, detuning: Array, slopes: Array, rates: Rates, fcd: Array, thermal: QuadraticHeat,
+    y: Array, h: float, pump: Array, detuning: Array, slopes: Array, rates: Rates, fcd: Array, thermal: QuadraticHeat,
     method: Tableau, out: Array, k: Array, total: Array, space: tuple[Array, NDArray[np.int64], Array],
 ) -> tuple[float, float]:  # fmt: skip
     """Take one step; as `rosenbrock.step`, with workspace of shape (n, n), (n,) and (3, 3 + n)."""
@@ -67,7 +67,7 @@ def step(
             for i in range(n):
                 x[3 + i] += p * k[j, 3 + i]
                 k[q, 3 + i] += z * k[j, 3 + i]
-        f0, f1, f2, heat = optics(ar, ai, N, dT, dispersion(N, fcd)[0], drive[q], detuning[q], rates)
+        f0, f1, f2, heat = optics(ar, ai, N, dT, dispersion(N, fcd)[0], pump[q], detuning[q], rates)
         flow(x, heat, thermal, f)
         kx = k[q, 3:]
         for i in range(n):

@@ -47,12 +47,12 @@ from .tableaus import Tableau
 
 @compiled
 def step(
-    y: Array, h: float, drive: Array, detuning: Array, slopes: Array, rates: Rates, fcd: Array, thermal: Any,
+    y: Array, h: float, pump: Array, detuning: Array, slopes: Array, rates: Rates, fcd: Array, thermal: Any,
     method: Tableau, out: Array, k: Array, total: Array, damping: Array,
 ) -> tuple[float, float]:  # fmt: skip
     """Take one step of ``h`` ns from ``y`` to ``out``; return z = sum of the x_i before and after.
 
-    ``drive`` and ``detuning``, shape (stages,), are the laser at the times of the stages, ``slopes`` the derivatives of
+    ``pump`` and ``detuning``, shape (stages,), are the laser at the times of the stages, ``slopes`` the derivatives of
     both at the first. Fills ``k``, shape (stages, 3 + n), with the stages (the last one is the error estimate) and
     ``total`` with the sum of each over the poles; ``damping``, shape (n,), is workspace for 1/(s + rate_i).
     """
@@ -77,7 +77,7 @@ def step(
             (-J[2][0], -J[2][1], s - J[2][2]),
         )
     )
-    f0, f1, f2, heat = optics(y[0], y[1], y[2], dT, shift, drive[0], detuning[0], rates)
+    f0, f1, f2, heat = optics(y[0], y[1], y[2], dT, shift, pump[0], detuning[0], rates)
     z_now = start
     for q in range(stages):
         ar, ai, N, z_now = y[0], y[1], y[2], start
@@ -92,7 +92,7 @@ def step(
                 k[q, 3 + i] += (z - x * poles[1, i]) * k[j, 3 + i]
         if q > 0:
             dT = rise_of(z_now, thermal)[0]
-            f0, f1, f2, heat = optics(ar, ai, N, dT, dispersion(N, fcd)[0], drive[q], detuning[q], rates)
+            f0, f1, f2, heat = optics(ar, ai, N, dT, dispersion(N, fcd)[0], pump[q], detuning[q], rates)
         back = 0.0
         for i in range(n):
             k[q, 3 + i] = (k[q, 3 + i] + poles[0, i] * heat) * damping[i]
@@ -152,11 +152,11 @@ def _watched(kind: int, ar: float, ai: float, N: float, dT: float) -> float:
 
 
 def _workspace(n: int, thermal: Any) -> Any:
-    """Return what a step of the model's kind needs to work in."""
+    """Return the work arrays that a step needs for the kind of the model."""
 
 
 def _take(
-    y: Array, h: float, drive: Array, detuning: Array, slopes: Array, rates: Rates, fcd: Array, thermal: Any,
+    y: Array, h: float, pump: Array, detuning: Array, slopes: Array, rates: Rates, fcd: Array, thermal: Any,
     method: Tableau, out: Array, k: Array, total: Array, space: Any,
 ) -> Any:  # fmt: skip
     """Take one step of the model's kind."""
@@ -174,12 +174,12 @@ def _workspace_of(n: Any, thermal: Any) -> Any:
 
 
 @overload(_take, strict=False)
-def _take_of(y, h, drive, detuning, slopes, rates, fcd, thermal, method, out, k, total, space):  # type: ignore[no-untyped-def]
-    def network(y, h, drive, detuning, slopes, rates, fcd, thermal, method, out, k, total, space):  # type: ignore[no-untyped-def]
-        return step(y, h, drive, detuning, slopes, rates, fcd, thermal, method, out, k, total, space)
+def _take_of(y, h, pump, detuning, slopes, rates, fcd, thermal, method, out, k, total, space):  # type: ignore[no-untyped-def]
+    def network(y, h, pump, detuning, slopes, rates, fcd, thermal, method, out, k, total, space):  # type: ignore[no-untyped-def]
+        return step(y, h, pump, detuning, slopes, rates, fcd, thermal, method, out, k, total, space)
 
-    def full(y, h, drive, detuning, slopes, rates, fcd, thermal, method, out, k, total, space):  # type: ignore[no-untyped-def]
-        return quadratic.step(y, h, drive, detuning, slopes, rates, fcd, thermal, method, out, k, total, space)
+    def full(y, h, pump, detuning, slopes, rates, fcd, thermal, method, out, k, total, space):  # type: ignore[no-untyped-def]
+        return quadratic.step(y, h, pump, detuning, slopes, rates, fcd, thermal, method, out, k, total, space)
 
     return kinds.chosen(thermal, network, full)
 
@@ -241,7 +241,7 @@ def integrate(
     y, out = y.copy(), np.empty(3 + n)
     space = _workspace(n, thermal)
     k, total = np.zeros((stages, 3 + n)), np.empty(stages)
-    drive, detuning, slopes = np.empty(stages), np.empty(stages), np.zeros(2)
+    pump, detuning, slopes = np.empty(stages), np.empty(stages), np.zeros(2)
     wanted, filled = times.size, 0
     rows = np.empty((wanted if wanted > 0 else 4096, 5))
     probe = np.empty((1, 5))
@@ -255,7 +255,7 @@ def integrate(
     while filled < wanted and times[filled] <= t:
         _record(rows, filled, times[filled], y, z_new, thermal)
         filled += 1
-    largest = max(np.abs(laser.drive[:, 0]).max(), 1e-300)
+    largest = max(np.abs(laser.power[:, 0]).max(), 1e-300)
     cautious = 1e-2 / rates.loss
     h, h_before, size_before, growth = first if first > 0.0 else cautious, 0.0, 1.0, GROWTH
     accepted, rejected = 0, 0
@@ -264,16 +264,16 @@ def integrate(
     looked, cap = 0.0, math.inf  # the step at the last look at the eigenvalues, and the bound from it
     for piece in range(laser.edges.size - 1):
         begin, stop = laser.edges[piece], laser.edges[piece + 1]
-        p, d = laser.drive[piece], laser.detuning[piece]
+        p, d = laser.power[piece], laser.detuning[piece]
         steady = p[1] == 0.0 and p[2] == 0.0 and p[3] == 0.0 and d[1] == 0.0 and d[2] == 0.0 and d[3] == 0.0
-        before_drive, before_detuning = drive[0], detuning[0]
-        light(laser, piece, 0.0, 0.0, method.at, largest, drive, detuning, slopes)
+        before_pump, before_detuning = pump[0], detuning[0]
+        light(laser, piece, 0.0, 0.0, method.at, largest, pump, detuning, slopes)
         if piece > 0:
             was = begin - laser.edges[piece - 1]
-            q, e = laser.drive[piece - 1], laser.detuning[piece - 1]
-            before_drive = math.sqrt(max(q[0] + was * (q[1] + was * (q[2] + was * q[3])), 0.0))
+            q, e = laser.power[piece - 1], laser.detuning[piece - 1]
+            before_pump = math.sqrt(max(q[0] + was * (q[1] + was * (q[2] + was * q[3])), 0.0))
             before_detuning = e[0] + was * (e[1] + was * (e[2] + was * e[3]))
-            jump = abs(drive[0] - before_drive) > 1e-6 * math.sqrt(largest)
+            jump = abs(pump[0] - before_pump) > 1e-6 * math.sqrt(largest)
             if jump or abs(detuning[0] - before_detuning) > 1e-6 * rates.loss:
                 h, h_before = min(h, cautious), 0.0
             looked, cap = 0.0, math.inf
@@ -287,8 +287,8 @@ def integrate(
             if landing:
                 h = stop - t
             if not steady:
-                light(laser, piece, t - begin, h, method.at, largest, drive, detuning, slopes)
-            z, z_new = _take(y, h, drive, detuning, slopes, rates, fcd, thermal, method, out, k, total, space)
+                light(laser, piece, t - begin, h, method.at, largest, pump, detuning, slopes)
+            z, z_new = _take(y, h, pump, detuning, slopes, rates, fcd, thermal, method, out, k, total, space)
             error = step_error(y, out, z, z_new, k, rtol, floor, thermal)
             size = max(error, 1e-8) ** (1.0 / method.order)  # of the step, in units of the one the tolerance allows
             if not error <= 1.0:  # nan too

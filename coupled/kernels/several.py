@@ -2,7 +2,7 @@
 
 State: y = [Re a_0, Im a_0, N, x_1 .. x_n, Re a_1, Im a_1, ...], with U_f = |a_f|^2 and W_f = U_f + 2 sum_(m != f) U_m.
 
-    da_f/dt = (i D_f - gamma_f) a_f + i sum_l drive_l exp(i theta_l),     lasers l on resonance f
+    da_f/dt = (i D_f - gamma_f) a_f + i sum_l pump_l exp(i theta_l),     lasers l on resonance f
     D_f     = -shift_f dT - turn_f S(N) - kerr_f W_f - detuning_f,        gamma_f = loss_f + fca_f N + tpa_f W_f
     dN/dt   = -N/tau(N) + sum_f g_f U_f W_f
     P_abs   = 2 sum_f (absorbed_f + fca_f N + tpa_f W_f) U_f
@@ -38,7 +38,7 @@ class Lasers(NamedTuple):
     """Powers and detunings of the lasers, as cubics in t - edges[k] between edges[k] and edges[k + 1] (ns)."""
 
     edges: Array  # shape (m + 1,)
-    drive: Array  # 2 gamma_e P in fJ/ns^2, shape (lasers, m, 4)
+    power: Array  # 2 gamma_e P in fJ/ns^2, shape (lasers, m, 4)
     detuning: Array  # rad/ns, shape (lasers, m, 4)
     phase: Array  # rad at the edges, relative to the first laser on the resonance, shape (lasers, m)
     field: NDArray[np.int64]  # which resonance, shape (lasers,)
@@ -53,14 +53,14 @@ def _place(f: int, n: int) -> int:
 
 @inlined
 def shine(lasers: Lasers, piece: int, u: float, largest: float, s: Array, ds: Array, d: Array, dd: Array) -> None:
-    """Write drives (fields, 2), their slopes, detunings (fields,) and their slopes ``u`` after the edge of a piece."""
+    """Write pumps (fields, 2), their slopes, detunings (fields,) and their slopes ``u`` after the edge of a piece."""
     s[:], ds[:] = 0.0, 0.0
     for f in range(d.size):
         q = lasers.detuning[lasers.first[f], piece]
         d[f] = q[0] + u * (q[1] + u * (q[2] + u * q[3]))
         dd[f] = q[1] + u * (2.0 * q[2] + u * 3.0 * q[3])
     for k in range(lasers.field.size):
-        f, p, q = lasers.field[k], lasers.drive[k, piece], lasers.detuning[k, piece]
+        f, p, q = lasers.field[k], lasers.power[k, piece], lasers.detuning[k, piece]
         o = lasers.detuning[lasers.first[f], piece]
         power = max(p[0] + u * (p[1] + u * (p[2] + u * p[3])), 0.0)
         size = math.sqrt(power)
@@ -171,7 +171,7 @@ def integrate(
     s1, ds1, d1, dd1 = np.empty((fields, 2)), np.empty((fields, 2)), np.empty(fields), np.empty(fields)
     wanted, filled, wide = times.size, 0, 5 + 2 * (fields - 1)
     rows = np.empty((wanted if wanted > 0 else 4096, wide))
-    largest = max(np.abs(lasers.drive[:, :, 0]).max(), 1e-300)
+    largest = max(np.abs(lasers.power[:, :, 0]).max(), 1e-300)
     t, end, cautious = lasers.edges[0], lasers.edges[-1], 1e-2 / modes[0, LOSS]
     h, accepted, rejected = cautious, 0, 0
     if wanted == 0:

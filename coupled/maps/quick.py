@@ -74,13 +74,13 @@ def pulse(
     from ..kernels import rosenbrock
 
     rates, fcd, thermal, resistance = _prepared(ring, model)
-    drive = eq.internal_drive(ring, power)
-    laser = window.constant_laser(0.0, duration, drive, eq.internal_detuning(detuning))
+    pump = eq.internal_pump(ring, power)
+    laser = window.constant_laser(0.0, duration, pump, eq.internal_detuning(detuning))
     unit = window.units(np.size(initial.thermal))
     method = tableau(Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
     rows, y, reached, _, _, counts = rosenbrock.integrate(
         initial.as_array() / unit, laser, rates, fcd, thermal, method, rtol,
-        window.floor_of(rates, drive, resistance), np.empty(0), 1, 0.0, np.zeros(3), window.MAX_STEPS,
+        window.floor_of(rates, pump, resistance), np.empty(0), 1, 0.0, np.zeros(3), window.MAX_STEPS,
         new_watch() if watch is None else watch,
     )  # fmt: skip
     window.check_end(counts, reached, duration, rtol)

@@ -62,7 +62,7 @@ def _stable(p: CycleProblem, at: Any, detunings: list[float]) -> NDArray[np.bool
     from ..kernels import equations as eq
 
     shifts = np.array([eq.internal_detuning(nu) for nu in detunings])
-    seen = spectrum.survey(shifts, p.at.drive, at.rates, at.fcd, at.thermal.without_idle_poles(), at.static)
+    seen = spectrum.survey(shifts, p.at.pump, at.rates, at.fcd, at.thermal.without_idle_poles(), at.static)
     return np.asarray(seen[1] > 0)
 
 

@@ -113,7 +113,7 @@ def survey_grid(at: Internal, grid: Grid) -> Array:
     def part(points: list[Point]) -> Array:
         ring, power, _ = points[0]
         shifts = 2 * np.pi * eq.NS * np.array([nu for _, _, nu in points])
-        return spectrum.survey(shifts, eq.internal_drive(ring, power), *eq.internal_rates(ring), thermal, at.static)
+        return spectrum.survey(shifts, eq.internal_pump(ring, power), *eq.internal_rates(ring), thermal, at.static)
 
     def row(points: list[Point]) -> Array:
         if all(ring is points[0][0] and power == points[0][1] for ring, power, _ in points):

@@ -28,8 +28,9 @@ FCA_CONFINEMENT = 0.9996
 def vanvaerenbergh2012() -> RingResonator:
     """Return the critically coupled ring of Van Vaerenbergh et al., to be used with Newton's law, `NEWTON`.
 
-    The paper writes all loss as rates of energy, and takes the refractive index for the group index. Its cross-section
-    is one of power and carries a confinement; the field of ours holds half of their product.
+    The paper states all losses as energy rates and uses the refractive index as the group index. Its cross-section of
+    free-carrier absorption is for power, and a confinement factor multiplies it; ``fca_cross_section``, for the
+    amplitude, is half of that product.
 
     >>> round(vanvaerenbergh2012().loaded_q)
     62171

@@ -33,7 +33,7 @@ def test_the_field_is_at_rest_in_its_carriers_and_heat():
         U, N = float(run.energy[k]) / eq.FJ, float(run.carriers[k]) / eq.DENSITY
         D = -rates.thermal_shift * float(run.delta_T[k]) - eq.dispersion(N, fcd)[0] - rates.kerr * U
         gamma = rates.loss + rates.fca * N + rates.tpa * U
-        assert U * (gamma**2 + D**2) == pytest.approx(eq.internal_drive(ring, 6.31e-3) ** 2, rel=1e-12)
+        assert U * (gamma**2 + D**2) == pytest.approx(eq.internal_pump(ring, 6.31e-3) ** 2, rel=1e-12)
         # and every port is fed: at rest P = through + drop + absorbed
     total = run["through"] + run["drop"] + run["absorbed"]
     assert total.values == pytest.approx(6.31e-3, rel=1e-12, abs=0)
@@ -47,7 +47,7 @@ def test_it_agrees_with_another_integrator_under_moving_light():
     def f(t, y):
         N, x = max(y[0], 0.0), y[1:]
         D = -rates.thermal_shift * x.sum() - eq.dispersion(N, fcd)[0]
-        power = eq.internal_drive(RING, float(wave(t * 1e-9))) ** 2
+        power = eq.internal_pump(RING, float(wave(t * 1e-9))) ** 2
         low, high = 0.0, power / rates.loss**2
         for _ in range(80):
             U = (low + high) / 2

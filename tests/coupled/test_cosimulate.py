@@ -72,7 +72,7 @@ def _monolithic():
     """
     system, times = coarse_fem(8), np.linspace(0, 0.2e-6, 101)
     rates, fcd = eq.internal_rates(RING)
-    drive, n = eq.internal_drive(RING, 20e-3), system.order
+    drive, n = eq.internal_pump(RING, 20e-3), system.order
     rate, modes = eigh(-system.A.toarray(), system.E.toarray())
     decay, c = -rate * eq.NS, system.C[0] @ modes
     b = modes.T @ system.B[:, 0] * eq.UW * eq.NS

@@ -13,7 +13,7 @@ from coupled.kernels import equations as eq
 
 def right_hand_side(y, power, detuning, ring, model):
     rates, fcd = eq.internal_rates(ring)
-    drive, shift = eq.internal_drive(ring, power), eq.internal_detuning(detuning)
+    drive, shift = eq.internal_pump(ring, power), eq.internal_detuning(detuning)
     return eq.right_hand_side(y, drive, shift, rates, fcd, eq.internal_thermal(model))
 
 
@@ -77,7 +77,7 @@ def test_fixed_point_at_8_dbm_on_resonance():
     # of gamma = 330 rad/ns, so the power that belongs to U is known to 1e-6; the other residuals to the digits of U.
     y, drive = fixed_point(18.740013, 1.990834, 6.945106, 0.0)
     power = 10**0.8 * 1e-3
-    assert drive**2 == pytest.approx(eq.internal_drive(RING, power) ** 2, rel=2e-6)
+    assert drive**2 == pytest.approx(eq.internal_pump(RING, power) ** 2, rel=2e-6)
     residual = right_hand_side(y, power, 0.0, RING, SECOND_ORDER)
     rates = eq.internal_rates(RING)[0]
     assert abs(residual[:2]).max() < 2e-6 * drive
@@ -107,7 +107,7 @@ def test_three_fixed_points_at_7_dbm_minus_28_ghz(U, unstable, focus):
     N = (-b + math.sqrt(b * b - 4 * rates.b * c)) / (2 * rates.b)
     dT = SECOND_ORDER.thermal_resistance * eq.UW * eq.absorbed_power(U, N, rates)
     y, drive = fixed_point(U, N, dT, -28e9)
-    assert drive**2 == pytest.approx(eq.internal_drive(RING, 10**0.7 * 1e-3) ** 2, rel=1e-6)
+    assert drive**2 == pytest.approx(eq.internal_pump(RING, 10**0.7 * 1e-3) ** 2, rel=1e-6)
     growing = np.linalg.eigvals(jacobian(y, -28e9, RING, SECOND_ORDER))
     growing = growing[growing.real > 0]
     assert growing.size == unstable

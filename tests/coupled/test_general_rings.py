@@ -36,7 +36,7 @@ LASERS = [(2e-3, -20e9), (6.3e-3, 0.0), (5e-3, -32e9), (10e-3, 15e9)]
 def test_fixed_points_rest_and_their_eigenvalues_are_those_of_the_differentiated_right_hand_side(case, power, detuning):
     ring, model = CASES[case]
     found, at = coupled.steady_states(ring, model, power=power, detuning=detuning), internal(ring, model, power)
-    drive, shift = eq.internal_drive(ring, power), eq.internal_detuning(detuning)
+    drive, shift = eq.internal_pump(ring, power), eq.internal_detuning(detuning)
     for branch in (found.isel(branch=k) for k in range(found.sizes["branch"])):
         absorbed = float(branch.absorbed)
         heat = model.steady_state(absorbed) if model is BENT else getattr(model, "linear", model).R * absorbed
@@ -96,7 +96,7 @@ def test_kerr_alone_is_a_cubic():
     ring = replace(KERR, kerr_coefficient=5e-16, tpa_coefficient=0.0, fcd=((0.0, 1.0),), thermo_optic=0.0)
     rates, _ = eq.internal_rates(ring)
     found = coupled.steady_states(ring, EXPERIMENT, power=10e-3, detuning=-40e9)
-    delta, drive = eq.internal_detuning(-40e9), eq.internal_drive(ring, 10e-3)
+    delta, drive = eq.internal_detuning(-40e9), eq.internal_pump(ring, 10e-3)
     cubic = [rates.kerr**2, 2 * rates.kerr * delta, rates.loss**2 + delta**2, -(drive**2)]
     roots = np.roots(cubic)
     want = np.sort(roots[np.abs(roots.imag) < 1e-9].real)

@@ -52,7 +52,7 @@ def test_observed_order_under_moving_light(method):
         for m in range(n):
             stages = table.a.shape[0]
             drive, turn, slopes = np.empty(stages), np.empty(stages), np.empty(2)
-            light(laser, 0, m * h, h, table.at, laser.drive[0, 0], drive, turn, slopes)
+            light(laser, 0, m * h, h, table.at, laser.power[0, 0], drive, turn, slopes)
             out, k, total = np.empty(5), np.empty((stages, 5)), np.empty(stages)
             args = (rates, fcd, eq.internal_thermal(SECOND_ORDER), table, out, k, total, np.empty(2))
             step(y, h, drive, turn, slopes, *args)

@@ -37,7 +37,7 @@ FLOOR = np.array([1e-3, 1e-4, 1e-3])  # sqrt(fJ), 1e23/m^3, K
 
 def problem(ring, model):
     """What the compiled functions take after the state and the time: drive, detuning, rates, dispersion, poles."""
-    return eq.internal_drive(ring, POWER), 0.0, *eq.internal_rates(ring), eq.internal_thermal(model)
+    return eq.internal_pump(ring, POWER), 0.0, *eq.internal_rates(ring), eq.internal_thermal(model)
 
 
 def one_step(y, h, ring, model, method):

@@ -22,7 +22,7 @@ MAPPED = th.OutputMap(SECOND_ORDER, -4e-3)
 KINDS = {"network": SECOND_ORDER, "output map": MAPPED, "quadratic": BENT, "quadratic, linear": LINEAR}
 REAL = replace(RING, drop_rate=20e9, scattering_rate=3e9, kerr_coefficient=4.5e-18)
 RATES, FCD = eq.internal_rates(REAL)
-DRIVE, TURN = eq.internal_drive(REAL, 6.31e-3), eq.internal_detuning(-3e9)
+DRIVE, TURN = eq.internal_pump(REAL, 6.31e-3), eq.internal_detuning(-3e9)
 
 
 @pytest.mark.parametrize("kind", KINDS)

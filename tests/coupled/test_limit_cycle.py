@@ -89,7 +89,7 @@ def _after(p, y, T):
     from coupled.kernels.interrupts import new_watch
     from coupled.kernels.tableaus import Method, tableau
 
-    laser = window.constant_laser(0.0, T * 1e-9, p.at.drive, p.at.detuning)
+    laser = window.constant_laser(0.0, T * 1e-9, p.at.pump, p.at.detuning)
     return rosenbrock.integrate(
         y, laser, p.at.rates, p.at.fcd, p.at.thermal, tableau(Method.RODAS5P), 1e-10, p.floor, np.empty(0), 1, 0.0,
         np.zeros(3), 10**7, new_watch(),

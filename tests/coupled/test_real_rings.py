@@ -55,7 +55,7 @@ def test_every_loss_and_shift_is_in_the_compiled_equations(name):
     ring, y = VARIANTS[name], np.array([-2.3, 2.85, 1.7, 3.0, 4.0])
     rates, fcd = eq.internal_rates(ring)
     got = eq.right_hand_side(
-        y, eq.internal_drive(ring, 2e-3), eq.internal_detuning(-4e9), rates, fcd, eq.internal_thermal(SECOND_ORDER)
+        y, eq.internal_pump(ring, 2e-3), eq.internal_detuning(-4e9), rates, fcd, eq.internal_thermal(SECOND_ORDER)
     )
     want = free_equations(ring, 2e-3, -4e9)(0.0, y * UNIT) / UNIT * eq.NS
     assert got == pytest.approx(want, rel=1e-12)  # round-off

@@ -107,7 +107,7 @@ def test_fold_points_have_a_zero_eigenvalue(ring, model):
             shift = spectrum.fixed.balances(np.array([U]), rates, fcd, R)[3, 0]
             D = shift - eq.internal_detuning(float(curve.detuning[k]))
             gamma = spectrum.secular(U, rates, fcd, R).gamma
-            assert U * (gamma**2 + D**2) == pytest.approx(eq.internal_drive(ring, P) ** 2, rel=1e-11, abs=0)
+            assert U * (gamma**2 + D**2) == pytest.approx(eq.internal_pump(ring, P) ** 2, rel=1e-11, abs=0)
             values = spectrum.dense(U, D, rates, fcd, poles, R)
             # The determinant vanishes to round-off, 1e-16 of its terms, so the zero is one of 1e-13 of the slowest
             # pole (1e-4 per ns), raised by the condition of the eigenvalue.

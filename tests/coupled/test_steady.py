@@ -30,7 +30,7 @@ def states_of(found, model, ring=RING):
     """Each branch as a state of the compiled equations."""
     rates, fcd = eq.internal_rates(ring)
     coupling = 2 * ring.bus_rate * eq.NS
-    drive, shift = eq.internal_drive(ring, found.attrs["input_power"]), eq.internal_detuning(found.attrs["detuning"])
+    drive, shift = eq.internal_pump(ring, found.attrs["input_power"]), eq.internal_detuning(found.attrs["detuning"])
     for k in range(found.sizes["branch"]):
         branch = found.isel(branch=k)
         U, N, dT = float(branch.energy) / eq.FJ, float(branch.carriers) / eq.DENSITY, float(branch.delta_T)
@@ -125,7 +125,7 @@ def test_slopes_of_the_balance_are_derivatives(ring):
 def brute_force(ring, R, power, detuning, n=400_000):
     """Sign changes of drive^2 - U (gamma^2 + D^2) on a fine scan in U, both uniform and logarithmic."""
     rates, fcd = eq.internal_rates(ring)
-    drive, shift = eq.internal_drive(ring, power), eq.internal_detuning(detuning)
+    drive, shift = eq.internal_pump(ring, power), eq.internal_detuning(detuning)
     top = (drive / rates.loss) ** 2
     U = np.unique(np.concatenate([np.geomspace(1e-9 * top, top, n), np.linspace(1e-9 * top, top, n)]))
     _, _, _, resonance, _, gamma, _ = balance.balances(U, rates, fcd, Static(R * eq.UW))
@@ -145,7 +145,7 @@ def cubic(power, detuning, R):
     """Energies in fJ with heat as the only nonlinearity: U (gamma^2 + (c U + delta)^2) = 2 gamma_e P."""
     rates, _ = eq.internal_rates(KERR_FREE)
     c, delta = rates.thermal_shift * R * eq.UW * 2 * rates.absorbed, eq.internal_detuning(detuning)
-    drive = eq.internal_drive(KERR_FREE, power)
+    drive = eq.internal_pump(KERR_FREE, power)
     roots = np.roots([c**2, 2 * c * delta, rates.loss**2 + delta**2, -(drive**2)])
     return np.sort(roots[np.abs(roots.imag) < 1e-9 * np.abs(roots)].real)
 

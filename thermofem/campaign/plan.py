@@ -104,7 +104,7 @@ class Campaign:
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Campaign:
-        """Read a campaign file; InputError, beginning with the file, for what it cannot mean."""
+        """Read a campaign file; InputErrors begin with the name of the file."""
         return toml_file.read(path, "campaign", lambda text: cls(**schema.fields(text, Path(path).parent)))
 
     def __len__(self) -> int:

@@ -15,7 +15,7 @@ KEY = re.compile(r"[0-9a-f]{16}")
 
 
 def check_plan(tree: Any) -> dict[str, Any]:
-    """The plan itself; InputError where it is laid out in another way than `Store.write_plan` lays it out."""
+    """The plan, unchanged; InputError unless it has the layout that `Store.write_plan` writes."""
     plan = _table(tree, "the plan", {"name": str, "geometry": str, "variations": list, "drives": list, "cases": list})
     for k, item in enumerate(plan["variations"]):
         variation = _table(item, f"variations[{k}]", {"name": str, "paths": list, "unit": str})

@@ -113,7 +113,7 @@ def _cpus() -> int:
 
 @contextlib.contextmanager
 def _one_thread() -> Iterator[None]:
-    """Worker processes that start meanwhile use one BLAS thread each."""
+    """Context in which new worker processes use one BLAS thread each."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     try:
@@ -160,7 +160,7 @@ class _Workers:
         return self.pool
 
     def stop(self) -> None:
-        """Let what is under way finish, forget the rest; a given Executor is left as it is."""
+        """Wait for running tasks and cancel the others; an Executor given by the user is not shut down."""
         if self.pool and not self.given:
             self.pool.shutdown(wait=True, cancel_futures=True)
 

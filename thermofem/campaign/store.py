@@ -64,7 +64,7 @@ class ResultStore:
 
     @contextlib.contextmanager
     def opened(self) -> Iterator[None]:
-        """Make the folder, keep other runs out of it, and sweep up what a killed run left half-written.
+        """Make the folder, lock it against other runs, and delete half-written files of a killed run.
 
         Raises
         ------
@@ -88,7 +88,7 @@ class ResultStore:
         return self.directory / "results.sha256"
 
     def hashes(self) -> dict[str, str]:
-        """Hash of each result by key, as it was written; what is damaged is left out, the last line of a key counts."""
+        """Hash of each result by key, as it was written. Damaged lines are ignored; the last line of a key counts."""
         try:
             lines = self.ledger.read_text(encoding="ascii", errors="replace").splitlines()
         except OSError:
@@ -97,7 +97,7 @@ class ResultStore:
         return {pair[1]: pair[0] for pair in pairs if len(pair) == 2}
 
     def finished(self, key: str, hashes: dict[str, str]) -> bool:
-        """Whether the result of one geometry is there and is byte for byte the one written; ``hashes`` of `hashes`."""
+        """Whether the result file of a geometry exists and has its hash in ``hashes``, as `hashes` returns them."""
         try:
             return key in hashes and files.digest(self.result(key)) == hashes[key]
         except OSError:

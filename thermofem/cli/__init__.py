@@ -72,7 +72,7 @@ def main() -> None:
 
 
 def _show_ours_alone() -> None:
-    """Keep warnings of NumPy, xarray and Matplotlib from a user's screen; ours have a category of our own."""
+    """Hide warnings of NumPy, xarray and Matplotlib; those of this project have their own category."""
     show = warnings.showwarning
 
     def show_ours(message: Any, category: type[Warning], *where: Any, **more: Any) -> None:
@@ -83,7 +83,7 @@ def _show_ours_alone() -> None:
 
 
 def _wrong_usage(error: Any) -> NoReturn:
-    """Leave with one line on what the command line has wrong, or with the help where it has nothing at all."""
+    """Exit with one line about the wrong option, or with the help where no command is given."""
     context: Any = getattr(error, "ctx", None)
     if type(error).__name__ == "NoArgsIsHelpError":
         print(context.get_help())

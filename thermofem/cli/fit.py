@@ -93,7 +93,7 @@ def _channel(path: Path, data: xr.Dataset, heated: str | None, read: str | None,
 
 
 def _draw(found: Any, data: xr.Dataset, path: Path) -> None:
-    """The trace that was fitted, the model and what it misses."""
+    """Draw the trace, the model and their difference."""
     from surrogate.plot import plot_fit
 
     from ..plot import save_figure
@@ -171,7 +171,7 @@ def _training(
 
 
 def _print(found: Any, kind: str) -> None:
-    """Equations of a network, or parameters with their errors; the misfit; what the data cannot tell."""
+    """Print the equations of a network, or parameters with errors; the misfit; undetermined time constants."""
     for equation in getattr(found, "equations", ()):
         say(equation)
     if kind == "spectrum":

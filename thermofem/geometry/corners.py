@@ -101,7 +101,7 @@ class CornerMotion:
         self._drawn: list[list[tuple[str, int]]] | None = None
 
     def key(self, owner: str | None) -> Key:
-        """Material of an owner, and its name where it has a role; None for a void and for nothing."""
+        """Material of an owner, and its name if it has a role (heated, interface, probe); None for a void."""
         if owner is None:
             return None
         material = next((p.material for p in self.geometry.parts if p.name == owner), "")
@@ -197,7 +197,7 @@ class CornerMotion:
         return self._drawn
 
     def _stays(self, k: int, chosen: Line, lines: list[Line], direction: int) -> bool:
-        """Whether the two sides of edge ``k`` keep what they are where the edge moves as ``chosen``."""
+        """Whether both sides of edge ``k`` keep their material and role when the edge moves as ``chosen``."""
         offsets = sorted({0.0, *(direction * line.middle for line in lines)})
         places = [(x + y) / 2 for x, y in pairwise([offsets[0] - 1, *offsets, offsets[-1] + 1]) if y > x]
         sides = self.key(self.edges.left[k]), self.key(self.edges.right[k])

@@ -152,7 +152,7 @@ class CrossSection:
 
     @property
     def region_names(self) -> tuple[str, ...]:
-        """Names of the layers and parts that are there to be meshed, bottom to top and parts last."""
+        """Names of the layers and parts that are meshed: layers from bottom to top, then parts."""
         return tuple(self.volumes())
 
     def volumes(self) -> dict[str, float]:

@@ -33,7 +33,7 @@ def change_values(table: dict[str, Any], values: Mapping[str, Any]) -> None:
 
 
 def _measure(item: dict[str, Any], key: str) -> None:
-    """Write the radii of a part by its centre or by its edges, whichever ``key`` belongs to."""
+    """Convert the radii of a part to the form that ``key`` belongs to: centre and width, or inner and outer edge."""
     wanted, other = (_CENTRE, _EDGES) if key in _CENTRE else (_EDGES, _CENTRE)
     if key in item:
         return
@@ -83,7 +83,7 @@ def place(table: dict[str, Any], path: str, text: Any) -> None:
 
 
 def write_table(table: dict[str, Any]) -> str:
-    """TOML text of a table, one line for each key and the tables in it inline."""
+    """TOML text of a table: one line for each key; a table inside it is written inline."""
     return "".join(f"{_key(key)} = {_inline(value)}\n" for key, value in table.items())
 
 

@@ -163,7 +163,7 @@ def _visible_edges(geometry: CrossSection, shapes: dict[str, Any]) -> list[Any]:
 
 
 def _owner(geometry: CrossSection, shapes: dict[str, Any], polygon: Any, *, void: bool = False) -> str | None:
-    """The last part, or else the layer, that contains the polygon; None for what is not meshed (but void if asked)."""
+    """The last part, or else the layer, that contains the polygon; None for a void unless asked."""
     inside = polygon.representative_point()
     name = next((name for name in reversed(shapes) if shapes[name].contains(inside)), None)
     hole = any(part.name == name and part.material == VOID for part in geometry.parts)

@@ -160,7 +160,7 @@ def _boundary(table: dict[str, Any], side: str, default: Boundary) -> Boundary:
 
 
 def _material(name: str, table: Any) -> Material:
-    """A material of the file; for one of the library, what is left out keeps its value and its law."""
+    """A material of the file; a key left out keeps the value and the law of the library's material of that name."""
     where = f"[material.{name}]"
     values = _read(table, _MATERIAL, where, required=() if name in LIBRARY else PROPERTIES)
     for key, unit in (("conductivity", "W/m/K"), ("specific_heat", "J/kg/K")):

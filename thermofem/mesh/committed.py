@@ -63,7 +63,7 @@ def write_references(folder: str | Path) -> str:
 
 
 def content_hash(geometry: CrossSection, accuracy: float) -> str:
-    """Twelve hexadecimal digits of what determines the mesh: outlines, names, what is heated, copies, sizes, mesher.
+    """Hash (12 hex digits) of all that determines the mesh: outlines, names, heated parts, copies, sizes, mesher.
 
     Materials, boundary conditions and the geometry's name do not enter.
     """

@@ -1,4 +1,4 @@
-"""Whether gmsh can be loaded, and what brings it where it cannot."""
+"""Whether gmsh can be loaded, and which packages are missing if not."""
 
 from __future__ import annotations
 

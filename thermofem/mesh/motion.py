@@ -119,12 +119,12 @@ class Motion:
         return weights
 
     def corners_of(self, geometry: CrossSection) -> Array:
-        """Where the corners are in another geometry, in the order of ``corners``; m.
+        """Coordinates in m of the same corners in another geometry, in the order of ``corners``.
 
         Raises
         ------
         InputError
-            its faces are not the same ones: another owner, or another number of corners.
+            the other geometry has other faces, or a face with another number of corners.
         """
         faces = geometry.subdivision.faces
         if [face.owner for face in faces] != [face.owner for face in self._faces]:
@@ -201,7 +201,7 @@ def _rings(faces: tuple[Face, ...]) -> list[Array]:
 
 
 def _aligned(ring: Array, old: Array) -> Array:
-    """The ring, begun at the corner that is the first one of ``old``: the turn that moves the corners least."""
+    """The corners of a closed polygon, renumbered cyclically so that they move least from those of ``old``."""
     shape, before = ring - ring.mean(axis=0), old - old.mean(axis=0)
     shape, before = shape / np.ptp(shape, axis=0), before / np.ptp(before, axis=0)
     costs = [float(np.sum((np.roll(shape, -k, axis=0) - before) ** 2)) for k in range(len(ring))]

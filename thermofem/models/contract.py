@@ -65,41 +65,54 @@ class ThermalModel(Protocol):
         """The model as a Foster network, an OutputMap or a Quadratic system."""
 
 
-class AtSmallPower:
+class Delegates:
+    """Points 1 to 4 of the contract, and the order, as those of another model."""
+
+    @property
+    def _other(self) -> Any:
+        """The other model."""
+        raise NotImplementedError
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the heated parts."""
+        return tuple(self._other.inputs)
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the read parts."""
+        return tuple(self._other.outputs)
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return int(self._other.order)
+
+    @property
+    def thermal_resistance(self) -> float:
+        """Static gain R_th in K/W (at small power)."""
+        return float(self._other.thermal_resistance)
+
+    def step_response(self, times: ArrayLike) -> Array:
+        """Rise in K/W after a step (of small power)."""
+        return np.asarray(self._other.step_response(times))
+
+    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+        """Z(f) in K/W (at small power)."""
+        return np.asarray(self._other.impedance(frequency))
+
+
+class AtSmallPower(Delegates):
     """Properties that a nonlinear model takes from ``linear``, its limit at small power."""
 
     linear: Any
 
     @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of the heated parts."""
-        return self.linear.inputs
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names of the read parts."""
-        return self.linear.outputs
-
-    @property
-    def order(self) -> int:
-        """Number of states."""
-        return self.linear.order
-
-    @property
-    def thermal_resistance(self) -> float:
-        """Static gain at small power in K/W."""
-        return self.linear.thermal_resistance
-
-    def step_response(self, times: ArrayLike) -> Array:
-        """Rise in K/W after a step of small power."""
-        return self.linear.step_response(times)
-
-    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
-        """Z(f) at small power in K/W."""
-        return self.linear.impedance(frequency)
+    def _other(self) -> Any:
+        return self.linear
 
 
-class HasModel:
+class HasModel(Delegates):
     """Makes a result that holds a thermal model, such as a fit or a reduction, a thermal model itself.
 
     Every point of the contract is that of ``self.model``.
@@ -108,37 +121,13 @@ class HasModel:
     model: Any
 
     @property
+    def _other(self) -> Any:
+        return self.model
+
+    @property
     def provenance(self) -> Mapping[str, Any]:
-        """Where the model comes from; what a model file keeps beside it."""
+        """Origin of the model; a model file keeps it."""
         return getattr(self, "origin", None) or {}
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of the heated parts."""
-        return tuple(self.model.inputs)
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names of the read parts."""
-        return tuple(self.model.outputs)
-
-    @property
-    def order(self) -> int:
-        """Number of states."""
-        return int(self.model.order)
-
-    @property
-    def thermal_resistance(self) -> float:
-        """Static gain R_th in K/W (at small power)."""
-        return float(self.model.thermal_resistance)
-
-    def step_response(self, times: ArrayLike) -> Array:
-        """Rise in K/W after a step (of small power)."""
-        return np.asarray(self.model.step_response(times))
-
-    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
-        """Z(f) in K/W (at small power)."""
-        return np.asarray(self.model.impedance(frequency))
 
     def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
         """Rise in K from rest."""
@@ -172,7 +161,7 @@ class OutsideTrainingWarning(UserWarning):
 
 
 def warn_beyond(rise: Array, trained: float | None) -> Array:
-    """``rise`` itself; OutsideTrainingWarning where it goes far above what the training reached (None: not known)."""
+    """``rise``, unchanged; OutsideTrainingWarning where it far exceeds that of the training (None: not known)."""
     if trained is not None and np.max(rise, initial=0.0) > BEYOND * trained:
         text = f"the model is asked for a rise of {rise.max():.3g} K; its training reached {trained:.3g} K"
         warnings.warn(text, OutsideTrainingWarning, stacklevel=3)

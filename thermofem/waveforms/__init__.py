@@ -14,6 +14,7 @@ Contract of a `Waveform` (anything that satisfies it can drive every model):
    between times that are found by sampling (`adaptive.fitted`), and no step is longer than two of them; features
    narrower than 1e-4 of a stretch without breakpoints need a time scale or breakpoints to be found.
 8. ``wave.cubics(start, stop)``, optional, returns those cubics where the waveform knows them exactly.
+9. ``wave.words``, optional, is a short description: "pulse 2 mW, 20 us".
 
 To add a waveform, write one file in this folder: a frozen dataclass that keeps the contract, with the decorator
 `contract.stored` where its fields are numbers and arrays. It is found by itself: as ``th.Name``, in files and in the
@@ -28,7 +29,7 @@ from typing import Any
 
 from .chirp import Chirp
 from .constant import Constant
-from .contract import KINDS, Waveform
+from .contract import KINDS, Waveform, words
 from .cubic import Cubic
 from .files import from_json, storable, to_json
 from .function import Function
@@ -63,6 +64,7 @@ __all__ = [
     "period_times",
     "storable",
     "to_json",
+    "words",
 ]
 
 for _found in pkgutil.iter_modules(__path__):  # a new file in this folder joins by itself

@@ -10,7 +10,7 @@ import numpy as np
 from .. import checks
 from ..display import shown
 from .contract import POWER_HINT, TIME_HINT, Array, stored
-from .switched import Switched
+from .steps import Switched
 
 
 @stored
@@ -46,6 +46,11 @@ class Chirp(Switched):
         checks.between("duty", self.duty, 1e-3, 0.999, hint="the duty cycle is the fraction of the period that is on")
         if self.first == self.last:
             raise checks.InputError("first and last period are equal; take a SquareWave")
+
+    @property
+    def words(self) -> str:
+        """A short description."""
+        return f"chirp {self.power * 1e3:g} mW, {self.first * 1e6:.3g} to {self.last * 1e6:.3g} us"
 
     @cached_property
     def edges(self) -> Array:  # type: ignore[override]

@@ -31,6 +31,11 @@ class Constant:
     def __post_init__(self) -> None:
         checks.between("power", self.power, 0, 10, unit="W", hint=POWER_HINT)
 
+    @property
+    def words(self) -> str:
+        """A short description."""
+        return f"step {self.power * 1e3:g} mW"
+
     def __call__(self, t: ArrayLike) -> Array:
         """Power in W."""
         return np.full(seconds(t).shape, float(self.power))

@@ -23,6 +23,11 @@ def stored(kind: Kind) -> Kind:
     return kind
 
 
+def words(wave: Waveform) -> str:
+    """A short description of a waveform for labels and tables: its own ``words``, or its kind."""
+    return str(getattr(wave, "words", type(wave).__name__.lower()))
+
+
 class Waveform(Protocol):
     """Absorbed power against time; the numbered contract stands in the module's docstring."""
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .. import checks
-
-Array = NDArray[np.float64]
+from .contract import Array, inside
+from .pieces import Pieces
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,35 +47,28 @@ class Cubic:
         if np.any(np.diff(self.times) <= 0):
             raise checks.InputError("times must increase from sample to sample")
 
+    @cached_property
+    def whole(self) -> Pieces:
+        """All pieces; between two samples the cubic with their values and slopes."""
+        h, d0, d1 = np.diff(self.times), self.slope[:-1], self.slope[1:]
+        rise = np.diff(self.power)
+        square, cube = 3 * rise / h**2 - (2 * d0 + d1) / h, -2 * rise / h**3 + (d0 + d1) / h**2
+        return Pieces(np.asarray(self.times, dtype=float), np.stack([self.power[:-1], d0, square, cube], axis=1))
+
     def __call__(self, t: ArrayLike) -> Array:
         """Power in W; outside the samples that of the nearest end."""
-        times, t = self.times, np.asarray(t, dtype=float)
-        k = np.clip(np.searchsorted(times, t, side="right") - 1, 0, times.size - 2)
-        h = times[k + 1] - times[k]
-        u = np.clip((t - times[k]) / h, 0.0, 1.0)
-        rise, d0, d1 = self.power[k + 1] - self.power[k], h * self.slope[k], h * self.slope[k + 1]
-        return np.asarray(self.power[k] + u * (d0 + u * (3 * rise - 2 * d0 - d1 + u * (d0 + d1 - 2 * rise))))
+        return self.whole(np.clip(t, self.times[0], self.times[-1]))
 
     before = __call__
 
     def breakpoints(self, start: float, stop: float) -> Array:
         """Every sample strictly inside: P is one cubic between two of them."""
-        times = np.asarray(self.times)
-        return times[(times > start) & (times < stop)]
+        return inside(np.asarray(self.times), start, stop)
 
-    def cubics(self, start: float, stop: float) -> tuple[Array, Array]:
-        """Edges and coefficients over [start, stop], see `waveforms.cubic_pieces`."""
-        from .pieces import Pieces
-
-        times, h = np.asarray(self.times, dtype=float), np.diff(self.times)
-        rise, d0, d1 = np.diff(self.power), self.slope[:-1], self.slope[1:]
-        square, cube = 3 * rise / h**2 - (2 * d0 + d1) / h, -2 * rise / h**3 + (d0 + d1) / h**2
-        whole = Pieces(times, np.stack([np.asarray(self.power)[:-1], d0, square, cube], axis=1))
-        return whole.on(np.concatenate([[start], self.breakpoints(start, stop), [stop]]))
+    def cubics(self, start: float, stop: float) -> Pieces:
+        """The pieces over [start, stop]."""
+        return self.whole.on(np.concatenate([[start], self.breakpoints(start, stop), [stop]]))
 
     def mean(self, start: float, stop: float) -> float:
-        """Exact mean: Gauss points between the samples."""
-        edges = np.concatenate([[start], self.breakpoints(start, stop), [stop]])
-        h = np.diff(edges)
-        ends = edges[:-1, None] + h[:, None] * (0.5 + np.array([-0.5, 0.5]) / np.sqrt(3))
-        return float(h @ self(ends).mean(axis=1)) / (stop - start)
+        """Exact mean."""
+        return self.cubics(start, stop).integral() / (stop - start)

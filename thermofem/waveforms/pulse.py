@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from .. import checks
 from ..display import shown
-from .contract import POWER_HINT, TIME_HINT, Array, inside, seconds, stored
+from .contract import POWER_HINT, TIME_HINT, Array, stored
+from .steps import Steps
 
 
 @stored
 @shown
 @dataclass(frozen=True)
-class Pulse:
+class Pulse(Steps):
     """P(t) = power for start <= t < start + width, else 0.
 
     Parameters
@@ -31,8 +31,6 @@ class Pulse:
     power: float
     width: float
     start: float = 0.0
-    piecewise_linear: ClassVar[bool] = True
-    period: ClassVar[None] = None
 
     def __post_init__(self) -> None:
         checks.between("power", self.power, 0, 10, unit="W", hint=POWER_HINT)
@@ -44,21 +42,17 @@ class Pulse:
         """End of the pulse in s."""
         return self.start + self.width
 
-    def __call__(self, t: ArrayLike) -> Array:
-        """Power in W at ``t``, continuous from the right."""
-        t = seconds(t)
-        return np.where((t >= self.start) & (t < self.stop), float(self.power), 0.0)
+    @property
+    def words(self) -> str:
+        """A short description."""
+        return f"pulse {self.power * 1e3:g} mW, {self.width * 1e6:g} us"
 
-    def before(self, t: ArrayLike) -> Array:
-        """Power in W just before ``t``."""
-        t = seconds(t)
-        return np.where((t > self.start) & (t <= self.stop), float(self.power), 0.0)
+    @cached_property
+    def edges(self) -> Array:  # type: ignore[override]
+        """Start and end in s."""
+        return np.array([self.start, self.stop])
 
-    def breakpoints(self, start: float, stop: float) -> Array:
-        """Both edges, where they lie inside."""
-        return inside(np.array([self.start, self.stop]), start, stop)
-
-    def mean(self, start: float, stop: float) -> float:
-        """power x overlap / length."""
-        overlap = max(0.0, min(stop, self.stop) - max(start, self.start))
-        return self.power * overlap / (stop - start)
+    @cached_property
+    def levels(self) -> Array:  # type: ignore[override]
+        """Zero, the power in W, and zero."""
+        return np.array([0.0, self.power, 0.0])

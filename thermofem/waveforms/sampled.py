@@ -10,14 +10,14 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from ..display import shown
-from .contract import POWER_HINT, TIME_HINT, Array, inside, seconds, stored
-from .pieces import linear_pieces
+from .contract import POWER_HINT, TIME_HINT, stored
+from .lines import Lines
 
 
 @stored
 @shown
 @dataclass(frozen=True, eq=False)
-class Sampled:
+class Sampled(Lines):
     """P(t) through given samples, straight between them; two samples at one time make a jump.
 
     Parameters
@@ -34,72 +34,17 @@ class Sampled:
     times: ArrayLike
     power: ArrayLike
     repeat: bool = False
-    piecewise_linear: ClassVar[bool] = True
+    what: ClassVar[str] = "power"
 
     def __post_init__(self) -> None:
-        times = checks.array("times", self.times, increasing=True, hint=TIME_HINT)
         power = checks.array("power", self.power, hint=POWER_HINT)
-        if times.size != power.size or times.size < 2:
-            raise checks.InputError(
-                f"times has {times.size} samples, power {power.size}; both need the same, at least 2"
-            )
-        if np.any(times[2:] == times[:-2]):
-            raise checks.InputError(f"times holds {times[2:][times[2:] == times[:-2]][0]:g} s more than twice")
-        if times[0] == times[1] or times[-1] == times[-2]:
-            raise checks.InputError("times begins or ends with a jump; the first and last interval need a length")
+        self.check_samples(power, hint=TIME_HINT)
         if np.any(power < 0):
             raise checks.InputError(f"power[{np.argmin(power)}] = {power.min():g} W is negative; absorbed power heats")
         checks.between("power", power.max(), 0, 10, unit="W", hint=POWER_HINT)
-        object.__setattr__(self, "times", times)
         object.__setattr__(self, "power", power)
 
     @property
-    def period(self) -> float | None:
-        """Length of the record in s when it repeats."""
-        times = np.asarray(self.times)
-        return float(times[-1] - times[0]) if self.repeat else None
-
-    def _wrap(self, t: Array, before: bool) -> Array:
-        times = np.asarray(self.times)
-        first, last = times[0], times[-1]
-        if self.repeat:
-            u = first + np.mod(t - first, last - first)
-            return np.where(before & (u == first), last, u)
-        slack = 1e-9 * (last - first)
-        outside = (t < first - slack) | (t > last + slack)
-        if np.any(outside):
-            raise checks.InputError(
-                f"power asked at t = {np.atleast_1d(t)[np.atleast_1d(outside)][0]:g} s, sampled "
-                f"from {first:g} to {last:g} s; give samples that cover the run, or repeat=True"
-            )
-        return np.clip(t, first, last)
-
-    def _at(self, t: ArrayLike, before: bool) -> Array:
-        times, power = np.asarray(self.times), np.asarray(self.power)
-        u = self._wrap(seconds(t), before)
-        k = np.clip(np.searchsorted(times, u, side="left" if before else "right") - 1, 0, times.size - 2)
-        step = times[k + 1] - times[k]
-        share = np.where(step > 0, (u - times[k]) / np.where(step > 0, step, 1.0), 1.0 - before)
-        return power[k] + share * (power[k + 1] - power[k])
-
-    def __call__(self, t: ArrayLike) -> Array:
-        """Power in W at ``t``, continuous from the right."""
-        return self._at(t, before=False)
-
-    def before(self, t: ArrayLike) -> Array:
-        """Power in W just before ``t``."""
-        return self._at(t, before=True)
-
-    def breakpoints(self, start: float, stop: float) -> Array:
-        """Every sample inside."""
-        times = np.unique(np.asarray(self.times))
-        if not self.repeat:
-            return inside(times, start, stop)
-        length = times[-1] - times[0]
-        cycles = np.arange(np.floor((start - times[0]) / length), np.ceil((stop - times[0]) / length) + 1)
-        return inside(np.unique(times[:-1] + length * cycles[:, None]), start, stop)
-
-    def mean(self, start: float, stop: float) -> float:
-        """Trapezoids between the samples, which is exact."""
-        edges, after, before = linear_pieces(self, start, stop)
-        return float(np.sum(np.diff(edges) * (after + before)) / 2 / (stop - start))
+    def values(self) -> ArrayLike:  # type: ignore[override]
+        """The power."""
+        return self.power

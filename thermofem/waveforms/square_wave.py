@@ -42,6 +42,11 @@ class SquareWave:
             raise checks.InputError(f"duty = {self.duty:g} leaves no edge; use Constant for a steady power")
 
     @property
+    def words(self) -> str:
+        """A short description."""
+        return f"square wave {self.power * 1e3:g} mW, {self.period * 1e6:g} us, duty {self.duty:.3g}"
+
+    @property
     def on_time(self) -> float:
         """Time on in each period, s."""
         return self.duty * self.period

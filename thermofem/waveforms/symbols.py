@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import checks
 from ..display import shown
-from .contract import POWER_HINT, TIME_HINT, Array, inside, seconds, stored
+from .contract import POWER_HINT, TIME_HINT, Array, inside, stored
+from .steps import Steps
 
 MOST = 20_000_000  # symbols times nodes
 
@@ -19,7 +19,7 @@ MOST = 20_000_000  # symbols times nodes
 @stored
 @shown
 @dataclass(frozen=True, eq=False)
-class Symbols:
+class Symbols(Steps):
     """A stream of symbols, each held for 1/rate; a mask divides every symbol into virtual nodes.
 
         P(t) = max(0, bias + power (u_k m_j + noise n_kj)),    symbol k, node j of the mask,    n normal
@@ -61,8 +61,6 @@ class Symbols:
     noise: float = 0.0
     seed: int = 0
     start: float = 0.0
-    piecewise_linear: ClassVar[bool] = True
-    period: ClassVar[None] = None
 
     def __post_init__(self) -> None:
         values, mask = checks.array("values", self.values), checks.array("mask", self.mask)
@@ -92,13 +90,13 @@ class Symbols:
         return self.start + np.size(self.values) / self.rate
 
     @cached_property
-    def edges(self) -> Array:
+    def edges(self) -> Array:  # type: ignore[override]
         """Ends of all nodes in s, shape (n nodes + 1,)."""
         nodes = np.size(self.mask)
         return self.start + np.arange(np.size(self.values) * nodes + 1) / (self.rate * nodes)
 
     @cached_property
-    def levels(self) -> Array:
+    def levels(self) -> Array:  # type: ignore[override]
         """Power of every node in W, the bias before and after them."""
         nodes = np.outer(np.asarray(self.values), np.asarray(self.mask)).ravel()
         if self.noise:
@@ -111,22 +109,9 @@ class Symbols:
             self.rate * np.size(self.mask) * per_node
         )
 
-    def __call__(self, t: ArrayLike) -> Array:
-        """Power in W at ``t``, continuous from the right."""
-        return np.asarray(self.levels[np.searchsorted(self.edges, seconds(t), side="right")])
-
-    def before(self, t: ArrayLike) -> Array:
-        """Power in W just before ``t``."""
-        return np.asarray(self.levels[np.searchsorted(self.edges, seconds(t), side="left")])
-
     def breakpoints(self, start: float, stop: float) -> Array:
         """Ends of nodes inside, where the power changes."""
         return inside(self.edges[self.levels[1:] != self.levels[:-1]], start, stop)
-
-    def mean(self, start: float, stop: float) -> float:
-        """From the exact energy of every node."""
-        cuts = np.concatenate([[start], inside(self.edges, start, stop), [stop]])
-        return float(np.diff(cuts) @ self((cuts[:-1] + cuts[1:]) / 2) / (stop - start))
 
     @classmethod
     def example(cls) -> Symbols:

@@ -10,7 +10,7 @@ import numpy as np
 from .. import checks
 from ..display import shown
 from .contract import POWER_HINT, TIME_HINT, Array, stored
-from .switched import Switched
+from .steps import Switched
 
 
 @stored
@@ -41,6 +41,11 @@ class Telegraph(Switched):
         checks.positive("duration", self.duration, unit="s", at_most=1e6 * self.dwell, hint=TIME_HINT)
         if not isinstance(self.seed, int | np.integer) or self.seed < 0:
             raise checks.InputError(f"seed = {self.seed!r} must be a whole number from 0")
+
+    @property
+    def words(self) -> str:
+        """A short description."""
+        return f"telegraph {self.power * 1e3:g} mW, {self.dwell * 1e6:.3g} us"
 
     @cached_property
     def edges(self) -> Array:  # type: ignore[override]

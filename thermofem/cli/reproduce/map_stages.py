@@ -26,7 +26,7 @@ DUTIES = (0.2, 0.3)  # of the points that Fig. 7 shows
 
 
 def maps(job: Job) -> Result:
-    """Figs. 4(a, b) and 6(a, b), and what the paper could not draw: the maps of the FEM itself, SINDy and reduction."""
+    """Figs. 4(a, b) and 6(a, b), and maps that the paper does not have: of the FEM itself, SINDy and the reduction."""
     s, ring = job.settings, coupled.borghi2021()
     cases = {"FEM": (ring, job.inputs["elements"].models["elements"]), **models_of(job.inputs)}
     found: dict[str, xr.Dataset] = {}

@@ -70,7 +70,7 @@ def page(
     stages: Sequence[Stage],
     explorer: str = "",
 ) -> str:
-    """The whole report; ``words`` are what stands in boxes at its top, and the sections.
+    """The whole report as HTML; ``words`` are the boxes at its top and the sections.
 
     ``explorer`` is the text of the page that computes the reference ring, the first figure.
     """

@@ -84,7 +84,7 @@ def runs(job: Job) -> Result:
     more = _settled(own, printed(replace(p, eta=1.02 * p.eta)), CENTRE)["period_s"]
     less = _settled(own, printed(replace(p, eta=0.98 * p.eta)), CENTRE)["period_s"]
     numbers["period_to_eta"] = np.log(more / less) / np.log(1.02 / 0.98)
-    numbers["half_drive"] = _settled(own, models["Newton, fit"][1], CENTRE, drive=0.5)
+    numbers["half_drive"] = _settled(own, models["Newton, fit"][1], CENTRE, factor=0.5)
     quick = _settled(own, model, CENTRE, adiabatic=True)["period_s"]
     exact = numbers[f"second order, experiment, {label(CENTRE)}"]["period_s"]
     numbers["adiabatic"] = quick / exact - 1
@@ -96,11 +96,11 @@ def runs(job: Job) -> Result:
 
 
 def _settled(
-    own: coupled.RingResonator, model: Any, point: tuple[float, float], drive: float = 1.0, **options: Any
+    own: coupled.RingResonator, model: Any, point: tuple[float, float], factor: float = 1.0, **options: Any
 ) -> dict[str, Any]:
-    """The last cycle of 20 us from a cold start."""
+    """The last cycle of a run of 20 us from a cold start, at ``factor`` times the power of the point."""
     run = coupled.simulate(
-        own, model, power=drive * watts(point[0]), detuning=point[1] * 1e9, duration=20e-6, rtol=1e-8, **options
+        own, model, power=factor * watts(point[0]), detuning=point[1] * 1e9, duration=20e-6, rtol=1e-8, **options
     )
     late = run.isel(time=run["time"].values > 10e-6)
     return describe(coupled.pulsing(run)) | {
@@ -122,8 +122,8 @@ def readings(job: Job) -> Result:
         "newton_two_terms": (ring, newton, 1.0),
     }
     numbers: dict[str, Any] = {}
-    for name, (own, model, drive) in cases.items():
-        data = coupled.pulsing_map(own, model, s.powers[::3] * drive, s.detunings[::3], duration=10e-6)
+    for name, (own, model, factor) in cases.items():
+        data = coupled.pulsing_map(own, model, s.powers[::3] * factor, s.detunings[::3], duration=10e-6)
         numbers[name] = int((data["regime"] == "self-pulsing").sum())
     numbers["points"] = int(data["regime"].size)
     numbers["coupling_share"] = 1 - WEAK

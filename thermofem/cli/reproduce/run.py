@@ -1,4 +1,4 @@
-"""The whole reproduction: stages, figures, report, and what is printed at the end."""
+"""The whole reproduction: stages, figures, report, and the printed summary."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ class Stage:
 
 @dataclass(frozen=True)
 class Run:
-    """Results by stage, and which of them were computed now; the others were there."""
+    """Results by stage, and the stages computed in this run; the other results were read from the store."""
 
     results: Mapping[str, Result]
     computed: tuple[str, ...]

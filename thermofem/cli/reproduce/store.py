@@ -83,7 +83,7 @@ class StageStore:
         return Result(content["numbers"], data, models, float(content["cpu_seconds"]))
 
     def save(self, stage: str, key: str, result: Result, seconds: float) -> Result:
-        """Write a result, its manifest last, and give back what a later run would read."""
+        """Write a result, its manifest last, and return the result as a later run would read it."""
         import surrogate
 
         self.manifest(stage).unlink(missing_ok=True)
@@ -119,7 +119,7 @@ def key_of(stage: str, settings: Mapping[str, Any], inputs: Iterable[str]) -> st
 
 @functools.cache
 def _code() -> str:
-    """Hash of the package's sources and of the libraries' versions; pictures and words do not count."""
+    """Hash of the package's sources, without those of figures and text, and of the libraries' versions."""
     import coupled
     import surrogate
 

@@ -102,7 +102,7 @@ def drives(job: Job) -> Result:
 
 
 def _literal() -> StateSpace:
-    """Eq. 3 with the paper's FEM set as it stands in print, where m c_p does not divide dP/dt, which then does nothing.
+    """Eq. 3 as printed, with the paper's FEM parameters: dP/dt is not divided by m c_p, and so has no effect.
 
     Its two modes have opposite signs, which is no Foster network.
     """
