@@ -15,10 +15,8 @@ from __future__ import annotations
 
 import io
 import logging
-import os
 import sys
-import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,6 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import checks, netcdf, static_gain, waveforms
+from .files import write_whole
 from .quantity import VARIABLES
 from .record import Record, as_dataset, column
 from .version import __version__
@@ -39,7 +38,6 @@ Array = NDArray[np.float64]
 log = logging.getLogger("thermofem")
 
 SCHEMA = 1
-IMAGES = (".png", ".pdf", ".svg", ".jpg")
 KINDS = ("transient", "periodic")
 FEWEST = 8  # samples that a training takes
 TWICE = 1e-3  # of the swing, by which both rows of a jump of the power may differ: the temperature has none
@@ -298,63 +296,3 @@ def load(path: str | Path) -> xr.Dataset:
         return netcdf.in_si(data)
     except checks.InputError as error:
         raise checks.InputError(f"{path}: {error}") from None
-
-
-def check_target(path: str | Path) -> Path:
-    """Where a file will be written, links followed; InputError without a folder, or where no file could be."""
-    path = checks.path("path", path)
-    try:
-        if path.is_symlink():
-            path = Path(os.path.realpath(path))
-        if not path.parent.is_dir():
-            raise checks.InputError(f"{path.parent} is not a folder; make it first to write {path.name}")
-        if path.exists() and not path.is_file():
-            raise checks.InputError(f"{path} is a folder or a device; give the name of a file")
-    except OSError as error:  # a name that is too long, a loop of links
-        raise checks.InputError(f"{str(path)[:60]}... cannot be written: {error.strerror}") from None
-    return path
-
-
-def check_image(path: str | Path) -> None:
-    """InputError unless the name ends as one of `IMAGES`."""
-    if checks.path("path", path).suffix.lower() not in IMAGES:
-        raise checks.InputError(f"{path} does not say what kind of image it is; end it with {', '.join(IMAGES)}")
-
-
-def write_whole(path: str | Path, write: Callable[[Path], Any]) -> Path:
-    """Call ``write`` on a temporary file beside ``path`` and rename it: a reader sees the whole file or none."""
-    path = check_target(path)
-    try:
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem[:40]}-", suffix=path.suffix)
-    except OSError as error:
-        raise checks.InputError(f"{path} cannot be written: {error.strerror}") from None
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        write(temporary)
-        temporary.chmod(0o666 & ~_umask())
-        temporary.replace(path)
-    except OSError as error:
-        raise checks.InputError(f"{path} cannot be written: {error.strerror or error}") from None
-    finally:
-        temporary.unlink(missing_ok=True)
-    return path
-
-
-def _umask() -> int:
-    """The process's file mode mask, which only setting it tells."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
-
-
-def make_folder(path: str | Path) -> Path:
-    """Make a folder to write into where it does not exist; InputError when that or writing is not possible."""
-    path = checks.path("path", path)
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise checks.InputError(f"folder {path} cannot be made: {error.strerror}") from None
-    if not os.access(path, os.W_OK):
-        raise checks.InputError(f"folder {path} cannot be written")
-    return path

@@ -13,7 +13,7 @@ import numpy as np
 
 from . import checks
 from .checks import InputError
-from .dataset import write_whole
+from .files import write_whole
 
 if TYPE_CHECKING:
     import xarray as xr

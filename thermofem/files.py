@@ -13,12 +13,15 @@ import hashlib
 import json
 import os
 import stat
+import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from . import checks, trees
 from .checks import InputError
 
+IMAGES = (".png", ".pdf", ".svg", ".jpg")
 LARGEST_TEXT = 400_000_000  # bytes
 
 
@@ -111,3 +114,63 @@ def open_locked(path: Path, what: str) -> int:
         os.close(handle)
         raise InputError(f"{what} is in use by another run; wait for it, or take another one")
     return handle
+
+
+def check_target(path: str | Path) -> Path:
+    """Where a file will be written, links followed; InputError without a folder, or where no file could be."""
+    path = checks.path("path", path)
+    try:
+        if path.is_symlink():
+            path = Path(os.path.realpath(path))
+        if not path.parent.is_dir():
+            raise InputError(f"{path.parent} is not a folder; make it first to write {path.name}")
+        if path.exists() and not path.is_file():
+            raise InputError(f"{path} is a folder or a device; give the name of a file")
+    except OSError as error:  # a name that is too long, a loop of links
+        raise InputError(f"{str(path)[:60]}... cannot be written: {error.strerror}") from None
+    return path
+
+
+def check_image(path: str | Path) -> None:
+    """InputError unless the name ends as one of `IMAGES`."""
+    if checks.path("path", path).suffix.lower() not in IMAGES:
+        raise InputError(f"{path} does not say what kind of image it is; end it with {', '.join(IMAGES)}")
+
+
+def write_whole(path: str | Path, write: Callable[[Path], Any]) -> Path:
+    """Call ``write`` on a temporary file beside ``path`` and rename it: a reader sees the whole file or none."""
+    path = check_target(path)
+    try:
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem[:40]}-", suffix=path.suffix)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror}") from None
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        write(temporary)
+        temporary.chmod(0o666 & ~_umask())
+        temporary.replace(path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
+    finally:
+        temporary.unlink(missing_ok=True)
+    return path
+
+
+def _umask() -> int:
+    """The process's file mode mask, which only setting it tells."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def make_folder(path: str | Path) -> Path:
+    """Make a folder to write into where it does not exist; InputError when that or writing is not possible."""
+    path = checks.path("path", path)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"folder {path} cannot be made: {error.strerror}") from None
+    if not os.access(path, os.W_OK):
+        raise InputError(f"folder {path} cannot be written")
+    return path

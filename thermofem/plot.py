@@ -15,8 +15,8 @@ from matplotlib.tri import Triangulation
 
 from . import checks, renamed
 from .checks import InputError, choice, positive
-from .dataset import check_image, write_whole
 from .fields import check_field
+from .files import check_image, write_whole
 from .plot_models import plot_model as plot_model
 from .plot_models import plot_step as plot_step
 from .plot_style import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, VERMILION, takes

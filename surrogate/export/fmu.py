@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from thermofem import checks
-from thermofem.dataset import write_whole
+from thermofem.files import write_whole
 
 from .header import identifiers
 from .modes import Modes, modes

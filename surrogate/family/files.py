@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from thermofem import Campaign, Mesh, checks, waveforms
 from thermofem.campaign.vary import Schedule, Variation
-from thermofem.dataset import write_whole
-from thermofem.files import LARGEST_TEXT, read_bytes
+from thermofem.files import LARGEST_TEXT, read_bytes, write_whole
 from thermofem.heat.problem import on_mesh, resistances
 from thermofem.trees import from_json
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import CrossSection, assemble, checks
-from thermofem.dataset import write_whole
+from thermofem.files import write_whole
 
 from .affine import LineEngine
 from .basis import Member, solved

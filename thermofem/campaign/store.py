@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from .. import files, waveforms
 from ..checks import InputError
-from ..dataset import make_folder, write_whole
+from ..files import make_folder, write_whole
 from .plan_file import check_plan
 
 if TYPE_CHECKING:

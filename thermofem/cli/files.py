@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .. import checks, dataset, quantity
+from .. import checks, files, quantity
 from ..checks import InputError
 from .kinds import expect
 from .output import note
@@ -30,14 +30,14 @@ def check_outputs(
     """InputError unless every output has a folder, is no device, no input and no other output, images an ending."""
     taken = {os.path.realpath(path): "read" for path in inputs if path}
     for path in filter(None, outputs):
-        dataset.check_target(path)
+        files.check_target(path)
         if os.path.realpath(path) in taken:
             raise InputError(
                 f"{path} would be {taken[os.path.realpath(path)]} and written at once; give it another name"
             )
         taken[os.path.realpath(path)] = "written for something else"
     for path in filter(None, images):
-        dataset.check_image(path)
+        files.check_image(path)
 
 
 def ring_of(given: str) -> RingResonator:

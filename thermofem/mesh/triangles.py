@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 import threading
 from dataclasses import dataclass
 from functools import cached_property
@@ -81,15 +79,7 @@ class Mesh:
         names = {name: np.array([k + 1, 2]) for k, name in enumerate(self.region_names)}
         points = np.column_stack([self.points, np.zeros(len(self.points))])
         mesh = meshio.Mesh(points, cells, cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags}, field_data=names)
-        temporary = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}")
-        try:
-            meshio.gmsh.write(temporary, mesh, fmt_version="2.2", binary=True)
-            temporary.replace(path)
-        except OSError as error:
-            raise InputError(f"mesh file {str(path)!r} cannot be written: {error.strerror or error}") from None
-        finally:
-            with contextlib.suppress(OSError):
-                temporary.unlink(missing_ok=True)
+        files.write_whole(path, lambda p: meshio.gmsh.write(p, mesh, fmt_version="2.2", binary=True))
 
 
 def check_triangles(points: Any, triangles: Any, region: Any, names: tuple[str, ...]) -> None:

@@ -21,8 +21,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks, trees
-from ..dataset import write_whole
-from ..files import read_text
+from ..files import read_text, write_whole
 from .cauer import Cauer
 from .contract import HasModel, ThermalModel, bare
 from .foster import Foster

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
-from ... import dataset
+from ... import files
 from ..output import console as terminal
 from .claims import Claim, claims, known, plain
 from .page import page, shown
@@ -37,7 +37,7 @@ def run(out: Path, settings: Settings | None = None) -> dict[str, Any]:
         ``out`` cannot be made or written.
     """
     settings, console = settings or Settings(), terminal(err=False)
-    data, figures = (dataset.make_folder(dataset.make_folder(out) / name) for name in ("data", "figures"))
+    data, figures = (files.make_folder(files.make_folder(out) / name) for name in ("data", "figures"))
     stages = stages_of(settings)
     with _quiet():
         done = run_stages(stages, settings, StageStore(data), console)
@@ -46,7 +46,7 @@ def run(out: Path, settings: Settings | None = None) -> dict[str, Any]:
     rows = [claim for claim in claims() if claim.known(results)]
     pictures = _draw(sections, results, figures)
     text = page(results, (lead, sections), rows, pictures, stages, _explorer(out / "ring.html"))
-    report = dataset.write_whole(out / "report.html", lambda path: path.write_text(text, encoding="utf-8"))
+    report = files.write_whole(out / "report.html", lambda path: path.write_text(text, encoding="utf-8"))
     _write_table(rows, results, data / "table.json")
     console.print(_printed(rows, results))
     kept = len(stages) - len(done.computed)
@@ -94,7 +94,7 @@ def _draw(sections: Sequence[Section], results: Mapping[str, Result], folder: Pa
     for section in sections:
         for picture in shown(section, results):
             pictures[picture.name] = content = draw(picture.name, results)
-            dataset.write_whole(folder / f"{picture.name}.svg", partial(Path.write_bytes, data=content))
+            files.write_whole(folder / f"{picture.name}.svg", partial(Path.write_bytes, data=content))
     return pictures
 
 
@@ -112,7 +112,7 @@ def _write_table(claims: Sequence[Claim], results: Mapping[str, Result], path: P
         for claim in claims
     ]
     text = json.dumps(rows, indent=1, ensure_ascii=False) + "\n"
-    dataset.write_whole(path, lambda target: target.write_text(text, encoding="utf-8"))
+    files.write_whole(path, lambda target: target.write_text(text, encoding="utf-8"))
 
 
 def _printed(claims: Sequence[Claim], results: Mapping[str, Result]) -> Table:

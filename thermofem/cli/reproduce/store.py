@@ -103,7 +103,7 @@ class StageStore:
             "numbers": numbers,
         }
         text = json.dumps(content, indent=1, allow_nan=False) + "\n"
-        dataset.write_whole(self.manifest(stage), lambda path: path.write_text(text, encoding="utf-8"))
+        files.write_whole(self.manifest(stage), lambda path: path.write_text(text, encoding="utf-8"))
         return Result(numbers, result.data, result.models, seconds)
 
 
