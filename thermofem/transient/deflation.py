@@ -90,7 +90,7 @@ class Ends(NamedTuple):
     last_rate: Array
 
 
-class Passed(NamedTuple):
+class Advanced(NamedTuple):
     """A window that was advanced, for `FieldIntegrator.revised`."""
 
     begin: FieldState
@@ -151,7 +151,7 @@ class FieldIntegrator:
         self.direct = np.array(direct) if len(direct) else np.zeros(len(linear.inputs))
         self.unit = 0.0  # the first window: every step is this over a power of four, as far as the windows allow
         self._missed: dict[float, float] = {}
-        self._passed: Passed | None = None
+        self._passed: Advanced | None = None
 
     def start(self, time: float = 0.0) -> FieldState:
         """The field at ambient temperature."""
@@ -237,7 +237,7 @@ class FieldIntegrator:
             done += 1
             if error * 4**4 < 1 and done % 4 == 0 and count % 4 == 0:
                 done, count = done // 4, count // 4
-        self._passed = Passed(first, fast, taken, state, fields)
+        self._passed = Advanced(first, fast, taken, state, fields)
         return outputs, state, fields
 
     def revised(
