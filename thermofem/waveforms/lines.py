@@ -24,7 +24,7 @@ class Lines:
     repeat: bool = False
     piecewise_linear: ClassVar[bool] = True
 
-    def check_samples(self, values: Array, hint: str | None = None) -> None:
+    def check_samples(self, values: Array, hint: str = "") -> None:
         """Keep ``times`` as an array; InputError for times that do not increase or do not belong to ``values``."""
         times = checks.array("times", self.times, increasing=True, hint=hint)
         if times.size != values.size or times.size < 2:
