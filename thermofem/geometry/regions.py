@@ -186,17 +186,18 @@ def _face(owner: str, polygon: Any, exact: dict[int, float]) -> Face:
 def _check_thickness(face: Face, known: dict[str, Array]) -> None:
     """Raise InputError where a corner of the face comes too near to an edge that does not end there."""
     edges = face.edges()
-    corners = edges[:, 0]
-    for edge in edges:
-        others = corners[~(corners[:, None] == edge).all(axis=-1).any(axis=-1)]
-        gap = distance(others, edge[None])
-        if gap.min(initial=np.inf) < THINNEST:
-            r, z = others[gap.argmin()]
-            near = [name for name in known if distance(others[gap.argmin()], _closed(known[name])) < THINNEST]
-            raise checks.InputError(
-                f"{face.owner!r} has a sliver of {gap.min():.2g} m near r = {r:g} m, z = {z:g} m, thinner than an "
-                f"atom; make the outlines of {' and '.join(map(repr, near))} agree there"
-            )
+    corners, along = edges[:, 0], edges[:, 1] - edges[:, 0]
+    offset = corners[:, None] - corners
+    share = np.clip(np.einsum("cex,ex->ce", offset, along) / np.einsum("ex,ex->e", along, along), 0, 1)
+    gap = np.linalg.norm(offset - share[..., None] * along, axis=-1)
+    gap[(corners[:, None, None] == edges).all(axis=-1).any(axis=-1)] = np.inf  # its own edges
+    if gap.min() < THINNEST:
+        r, z = place = corners[gap.min(axis=1).argmin()]
+        near = [name for name in known if distance(place, _closed(known[name])) < THINNEST]
+        raise checks.InputError(
+            f"{face.owner!r} has a sliver of {gap.min():.2g} m near r = {r:g} m, z = {z:g} m, thinner than an "
+            f"atom; make the outlines of {' and '.join(map(repr, near))} agree there"
+        )
 
 
 def _sides(geometry: CrossSection, faces: list[tuple[str, Any]], exact: dict[int, float]) -> dict[str, Array]:

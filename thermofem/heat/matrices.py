@@ -130,12 +130,13 @@ def build(
 
     element = {2: skfem.ElementTriP2, 3: skfem.ElementTriP3}[degree]()
     basis = skfem.Basis(mesh.skfem, element, intorder=2 * degree + 1)
-    stiffness = conduction(basis, conductivity)
+    both = assembled(basis, element_conduction(basis, conductivity) + 1j * element_capacity(basis, heat_capacity))
+    stiffness = both.real  # places are found once for two
     if surfaces.any:
         stiffness = stiffness + surface_terms(basis, conductivity, surfaces)
     return Discretization(
         basis=basis,
-        mass=capacity(basis, heat_capacity),
+        mass=both.imag,
         stiffness=stiffness.tocsr(),
         means={name: mean(basis, mesh.region == index) for index, name in enumerate(mesh.region_names)},
         held=basis.get_dofs(surfaces.held).all() if len(surfaces.held) else np.empty(0, dtype=np.intp),

@@ -187,7 +187,7 @@ class Modal:
             slow, fast = self._rates
             low, high, span = SLOWEST * slow, FASTEST * fast, SPAN
             if short:
-                low, high, span = KNOWN_LOW * slow, max(KNOWN_HIGH * fast, KNOWN_LEAST), KNOWN_SPAN
+                low, high, span = _decade(KNOWN_LOW * slow), max(KNOWN_HIGH * fast, KNOWN_LEAST), KNOWN_SPAN
             if EARLIEST / first > (KNOWN_REACH * high if short else high):
                 # to a decade; nothing in the mesh is faster than its fastest cell
                 high = max(high, min(10 ** np.ceil(np.log10(EARLIEST / first)), self._cell))
@@ -215,6 +215,12 @@ class Modal:
     def _cell(self) -> float:
         """About the rate of the fastest cell of the mesh."""
         return float((-self.system.A.diagonal() / self.system.E.diagonal()).max())
+
+
+def _decade(shift: float) -> float:
+    """The power of ten within a factor of two, whose factors the mesh error estimate may have left; else as it is."""
+    ten = float(10.0 ** np.round(np.log10(shift)))
+    return ten if ten / 2 < shift < 2 * ten else shift
 
 
 def _pieces(waves: Sequence[Waveform], times: Array, kept: Array) -> NDArray[np.float64]:
