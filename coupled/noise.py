@@ -89,8 +89,7 @@ def _white(density: float, bandwidth: float, duration: float, seed: int) -> tupl
     """Times and samples of noise of a one-sided density below a bandwidth."""
     checks.positive("bandwidth", bandwidth, unit="Hz", at_most=1e13, hint="1e9 is 1 GHz")
     checks.positive("duration", duration, unit="s", at_most=1, hint="did you mean 20e-6 for 20 us?")
-    if not isinstance(seed, int | np.integer) or seed < 0:
-        raise checks.InputError(f"seed = {seed!r} must be a whole number from 0")
+    checks.seed(seed)
     length = LONGER * duration
     n = int(np.ceil(length * OVERSAMPLED * bandwidth))
     if n > MOST:

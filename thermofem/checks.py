@@ -177,6 +177,13 @@ def progress(value: Any) -> None:
         raise InputError(f"progress = {shown(value)} must be a function; it is called with the time in s")
 
 
+def seed(value: Any) -> int:
+    """Return a seed of random numbers, or raise InputError."""
+    if not isinstance(value, int | np.integer) or value < 0:
+        raise InputError(f"seed = {shown(value)} must be a whole number from 0")
+    return int(value)
+
+
 def choice(name: str, value: str, choices: Iterable[str], *, hint: str = "") -> str:
     """Return ``value``, or raise InputError naming the nearest of ``choices``."""
     known = sorted(choices)

@@ -142,7 +142,7 @@ class Circuit:
         seed : int
         """
         checks.between("sigma", sigma, 0, 1e13, unit="Hz", hint="1 nm of wavelength is about 125e9 Hz")
-        shift = np.random.default_rng(seed).normal(0.0, sigma, len(self.names))
+        shift = np.random.default_rng(checks.seed(seed)).normal(0.0, sigma, len(self.names))
         rings = {
             name: replace(ring, frequency=ring.frequency + float(df))
             for (name, ring), df in zip(self.rings.items(), shift, strict=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ..kernels.compiling import inlined
+from ..kernels.compiling import inlined_lean
 from ..kernels.equations import Array
 
 
@@ -17,27 +17,26 @@ class Course(NamedTuple):
     second: Array
 
 
-@inlined
+@inlined_lean
 def advance(course: Course, known: int, t: float, value: Array) -> None:
     """Add the values at ``t`` as those of ``known`` steps; fewer than three points give a line or a constant."""
-    for j in range(2):
-        course.time[2 - j] = course.time[1 - j]
-        course.value[2 - j] = course.value[1 - j]
-    course.time[0] = t
-    course.value[0] = value
+    time, values, first, second = course.time, course.value, course.first, course.second
+    time[2], time[1], time[0] = time[1], time[0], t
+    for i in range(value.size):
+        values[2, i], values[1, i], values[0, i] = values[1, i], values[0, i], value[i]
     if known > 1:
-        now, then = course.time[0] - course.time[1], course.time[1] - course.time[2]
+        now, then, both = time[0] - time[1], time[1] - time[2], time[0] - time[2]
         for i in range(value.size):
-            course.first[i] = (course.value[0, i] - course.value[1, i]) / now
+            first[i] = (values[0, i] - values[1, i]) / now
             if known > 2:
-                early = (course.value[1, i] - course.value[2, i]) / then
-                course.second[i] = (course.first[i] - early) / (course.time[0] - course.time[2])
+                second[i] = (first[i] - (values[1, i] - values[2, i]) / then) / both
 
 
-@inlined
+@inlined_lean
 def extrapolate(course: Course, t: float, value: Array) -> None:
     """Write the parabola at ``t``."""
+    newest, first, second = course.value, course.first, course.second
     u = t - course.time[0]
     v = u * (t - course.time[1])
     for i in range(value.size):
-        value[i] = course.value[0, i] + course.first[i] * u + course.second[i] * v
+        value[i] = newest[0, i] + first[i] * u + second[i] * v

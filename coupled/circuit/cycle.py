@@ -127,10 +127,11 @@ def _flown(system: System, y: Array, period: float) -> Array:
     from ..kernels.control import DONE
     from ..kernels.interrupts import new_watch
     from .integrate import integrate
+    from .poles import series
 
-    drive = system.drive._replace(edges=np.array([0.0, period]))
+    drive, method = system.drive._replace(edges=np.array([0.0, period])), tableau(Method.RODAS5P)
     _, end, _, counts = integrate(
-        y, drive, system.rings, system.states, system.net, tableau(Method.RODAS5P), RTOL, np.array([period]), False,
+        y, drive, system.rings, system.states, system.net, method, series(method), RTOL, np.array([period]), False,
         np.empty(0), MAX_STEPS, new_watch(),
     )  # fmt: skip
     return np.asarray(end) if counts[2] == DONE else np.full(y.size, np.nan)

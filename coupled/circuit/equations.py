@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..kernels import control, equations, kinds
-from ..kernels.compiling import compiled, forget_if_older, inlined
+from ..kernels.compiling import compiled, forget_if_older, inlined, inlined_lean
 from ..kernels.control import fastest_growth
-from ..kernels.equations import Array, absorbed_power, dispersion, optics, optics_jacobian
+from ..kernels.equations import Array, Rates, absorbed_power, dispersion, optics, optics_jacobian
 from ..kernels.kinds import Poles
 from . import layout, waves
 from .layout import Complex, Heat, LightNetwork, Rings, rates_of
@@ -16,16 +16,26 @@ from .waves import inputs_of
 LARGEST_SPECTRUM = 90  # rows of the Jacobian of the whole circuit whose eigenvalues are computed
 
 
-@inlined
+@inlined_lean
 def neighbours(y: Array, heat: Heat, out: Array) -> None:
     """Write what the other rings add to the temperature of each, in K."""
-    n = heat.gain.shape[0]
-    states = y[3 * n :]
+    n, cross = heat.gain.shape[0], heat.cross
     for i in range(n):
-        total, cross = 0.0, heat.cross[i]
-        for k in range(cross.size):
-            total += cross[k] * states[k]
+        total = 0.0
+        for k in range(cross.shape[1]):
+            total += cross[i, k] * y[3 * n + k]
         out[i] = total
+
+
+@inlined
+def _at(y: Array, rings: Rings, heat: Heat, i: int) -> tuple[Rates, float, float, float, float]:
+    """Return the rates of ring ``i``, S(N) and dS/dN, and the rise by its own heat and its slope by the states' sum."""
+    n, K = heat.gain.shape
+    z = 0.0
+    for k in range(K):
+        z += heat.read[i, i, k] * y[3 * n + i * K + k]
+    shift, slope = dispersion(y[3 * i + 2], rings.fcd[i])
+    return rates_of(rings, i), shift, slope, z + heat.curvature * z * z, 1.0 + 2.0 * heat.curvature * z
 
 
 @compiled
@@ -38,13 +48,8 @@ def right_hand_side(
     neighbours(y, heat, other)
     inputs_of(net, laser, delayed, b)
     for i in range(n):
-        z = 0.0
-        for k in range(K):
-            z += heat.read[i, i, k] * y[3 * n + i * K + k]
-        rates = rates_of(rings, i)
+        rates, shift, _, dT, _ = _at(y, rings, heat, i)
         turned = detuning[i] + rates.thermal_shift * other[i]
-        shift = dispersion(y[3 * i + 2], rings.fcd[i])[0]
-        dT = z + heat.curvature * z * z
         f0, f1, f2, power = optics(y[3 * i], y[3 * i + 1], y[3 * i + 2], dT, shift, 0.0, turned, rates)
         light = 1j * b[i] + net.own[i] * complex(y[3 * i], y[3 * i + 1])
         for j in range(n):
@@ -63,13 +68,8 @@ def jacobian(y: Array, detuning: Array, rings: Rings, heat: Heat, net: LightNetw
     out, other = np.zeros((y.size, y.size)), np.empty(n)
     neighbours(y, heat, other)
     for i in range(n):
-        z = 0.0
-        for k in range(K):
-            z += heat.read[i, i, k] * y[3 * n + i * K + k]
-        rates = rates_of(rings, i)
+        rates, shift, slope, dT, bend = _at(y, rings, heat, i)
         turned = detuning[i] + rates.thermal_shift * other[i]
-        dT, bend = z + heat.curvature * z * z, 1.0 + 2.0 * heat.curvature * z
-        shift, slope = dispersion(y[3 * i + 2], rings.fcd[i])
         J = optics_jacobian(y[3 * i], y[3 * i + 1], y[3 * i + 2], dT, shift, slope, turned, rates)
         for p in range(3):
             for q in range(3):

@@ -21,6 +21,7 @@ from ..thermal import compact
 Array = NDArray[np.float64]
 
 MOST = 20_000  # thermal states of all rings
+FEW = 8  # states of a ring from which on their number is a multiple of 4, the numbers that a processor adds at once
 NOTHING = 1e-15  # of a ring's R_th, what a state adds to any ring
 PER_DECADE, FIRST = (
     30,
@@ -116,7 +117,8 @@ def _of_array(model: StateSpace, rings: int) -> RingHeat:
         raise checks.InputError(
             f"thermal makes {most * rings} states of {rings} rings, more than {MOST}; reduce it first"
         )
-    gain, rates, read = np.zeros((rings, most)), np.ones((rings, most)), np.zeros((rings, rings, most))
+    most = most if most < FEW else -(-most // 4) * 4
+    gain, rates, read = np.zeros((rings, most)), np.full((rings, most), rate.max()), np.zeros((rings, rings, most))
     for j, (own_rate, own_gain, own_read) in enumerate(parts[:rings]):
         k = len(own_rate)
         gain[j, :k], rates[j, :k], read[:, j, :k] = own_gain, own_rate, own_read

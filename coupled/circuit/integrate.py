@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..kernels.compiling import compiled, forget_if_older, inlined
+from ..kernels.compiling import compiled, forget_if_older, inlined_lean
 from ..kernels.control import (
     DONE,
     GROWTH,
@@ -27,17 +27,17 @@ from .course import Course, advance, extrapolate
 from .equations import growing, neighbours
 from .kernel import Workspace, moved, step, step_error, workspace
 from .layout import Complex, Heat, Integers, LaserTable, LightNetwork, Rings
+from .poles import Series
 from .waves import cubic_through, delayed_at, detected_at, detunings_at, energy_to, inputs_of, lasers_at, observe
 
-LOOKS, PAUSE = 10.0, 250.0  # looks at the eigenvalues in a row, and the steps that earn one more: they cost as much
+LOOKS, PAUSE = 10.0, 1000.0  # looks at the eigenvalues in a row, and the steps that earn one more: they cost as much
 ROW_LIMIT = 40_000_000  # numbers kept at the accepted steps, 320 MB
 
 
 class Now(NamedTuple):
     """Where a step stands, for what is read between its ends."""
 
-    state: Array  # (3, N), Re a, Im a, N
-    own: Array  # (N,), own temperature
+    state: Array  # (4 N,), Re a, Im a, N and own temperature of the rings
     laser: Complex
     laser_slope: Complex
     delayed: Complex
@@ -56,31 +56,34 @@ class Stages(NamedTuple):
     base: Array  # (N,), detuning without heat of the neighbours
 
 
-@inlined
+@inlined_lean
 def steady(drive: LaserTable, piece: int) -> tuple[bool, bool]:
     """Return whether the lasers, and whether the detunings, stay as they are in a piece."""
     light, turn = True, True
+    power, detuning, turns = drive.power, drive.detuning, drive.turn
     p, d = drive.power_piece[piece], drive.detuning_piece[piece]
-    for m in range(drive.turn.size):
+    for m in range(turns.size):
         for c in range(1, 4):
-            light = light and drive.power[p, m, c] == 0.0
-        light = light and (drive.turn[m] == 0.0 or drive.power[p, m, 0] == 0.0)
-    for i in range(drive.detuning.shape[1]):
+            light = light and power[p, m, c] == 0.0
+        light = light and (turns[m] == 0.0 or power[p, m, 0] == 0.0)
+    for i in range(detuning.shape[1]):
         for c in range(1, 4):
-            turn = turn and drive.detuning[d, i, c] == 0.0
+            turn = turn and detuning[d, i, c] == 0.0
     return light, turn
 
 
-@inlined
+@inlined_lean
 def drive_stages(
     t: float, h: float, piece: int, light: bool, turn: bool, drive: LaserTable, rings: Rings, heat: Heat,
     net: LightNetwork, method: Tableau, past: Array, cubics: Complex, filled: int, course: Course, now: Now,
     stages: Stages,
 ) -> None:  # fmt: skip
     """Fill ``stages`` for a step of ``h`` ns; what the piece keeps, ``light`` or ``turn``, only at its start."""
-    D, n = net.delay.size, stages.base.size
-    for q in range(method.at.size):
-        at = t + method.at[q] * h
+    D, n, places, rates, crossed = net.delay.size, stages.base.size, method.at, rings.rates, heat.crossed
+    base, detuning, slopes, value = stages.base, stages.detuning, stages.detuning_slopes, now.value
+    first, second = course.first, course.second
+    for q in range(places.size):
+        at = t + places[q] * h
         if not light or D > 0:
             lasers_at(drive, piece, at, now.laser, now.laser_slope)
             if D > 0:
@@ -89,66 +92,63 @@ def drive_stages(
             if q == 0:
                 inputs_of(net, now.laser_slope, now.delayed_slope, stages.input_slopes)
         if not turn:
-            detunings_at(drive, piece, at, stages.base, now.value)
-            if q == 0:
-                stages.detuning_slopes[:] = now.value
-        stages.detuning[q] = stages.base
-        if heat.crossed:
-            extrapolate(course, at, now.value)
+            detunings_at(drive, piece, at, base, value)
+        if q == 0:
             for i in range(n):
-                stages.detuning[q, i] += rings.rates[i, 8] * now.value[i]
-    if heat.crossed:
-        if turn:
-            stages.detuning_slopes[:] = 0.0
+                slopes[i] = 0.0 if turn else value[i]
+        for i in range(n):
+            detuning[q, i] = base[i]
+        if crossed:
+            extrapolate(course, at, value)
+            for i in range(n):
+                detuning[q, i] += rates[i, 8] * value[i]
+    if crossed:
         ahead = t - course.time[1]  # t is the time of the newest value
         for i in range(n):
-            stages.detuning_slopes[i] += rings.rates[i, 8] * (course.first[i] + course.second[i] * ahead)
+            slopes[i] += rates[i, 8] * (first[i] + second[i] * ahead)
 
 
-@inlined
+@inlined_lean
 def between(
-    f: float, t: float, h: float, piece: int, y: Array, out: Array, k: Array, total: Array, d: Array, w: Workspace,
-    drive: LaserTable, net: LightNetwork, past: Array, cubics: Complex, filled: int, now: Now,
+    f: float, t: float, h: float, piece: int, out: Array, k: Array, d: Array, w: Workspace, drive: LaserTable,
+    net: LightNetwork, past: Array, cubics: Complex, filled: int, now: Now,
 ) -> None:  # fmt: skip
     """Write the state and the observed waves at the fraction ``f`` of a step to ``now``."""
-    n = now.own.size
+    state, start, after, n = now.state, w.start, w.after, w.own.size
     for i in range(n):
         for p in range(3):
-            now.state[p, i] = out[3 * i + p] if f == 1.0 else (1.0 - f) * y[3 * i + p] + f * out[3 * i + p]
-        now.own[i] = (1.0 - f) * w.before[i] + f * w.after[i]
+            state[p * n + i] = out[3 * i + p] if f == 1.0 else (1.0 - f) * start[p * n + i] + f * out[3 * i + p]
+        state[3 * n + i] = (1.0 - f) * start[3 * n + i] + f * after[i]
     if f < 1.0:
         for j in range(k.shape[0]):
             part = f * (1.0 - f) * (d[0, j] + f * (d[1, j] + f * d[2, j]))
-            if part != 0.0:
-                for p in range(3):
-                    for i in range(n):
-                        now.state[p, i] += part * k[j, p, i]
-                for i in range(n):
-                    now.own[i] += part * total[j, i]
+            for m in range(4 * n):
+                state[m] += part * k[j, m]
     lasers_at(drive, piece, t + f * h, now.laser, now.laser_slope)
-    delayed_at(t + f * h, net.delay, past, cubics, filled, now.delayed, now.delayed_slope)
-    observe(net, now.state, now.laser, now.delayed, now.waves)
+    if net.delay.size > 0:
+        delayed_at(t + f * h, net.delay, past, cubics, filled, now.delayed, now.delayed_slope)
+    observe(net, state, now.laser, now.delayed, now.waves)
 
 
-@inlined
+@inlined_lean
 def keep_row(
     rows: Array, at: int, f: float, time: float, other: Array, other_new: Array, heat: Heat, now: Now, gathered: Array
 ) -> None:
     """Write t, then Re a, Im a, N, dT of each ring, the observed waves, and what was gathered of them, into one row."""
-    n = heat.gain.shape[0]
+    n, state, waves, curvature = other.size, now.state, now.waves, heat.curvature
     rows[at, 0] = time
     for i in range(n):
         for p in range(3):
-            rows[at, 1 + 4 * i + p] = now.state[p, i]
-        z = now.own[i]
-        rows[at, 4 + 4 * i] = z + heat.curvature * z * z + (1.0 - f) * other[i] + f * other_new[i]
-    for q in range(now.waves.size):
-        rows[at, 1 + 4 * n + 2 * q], rows[at, 2 + 4 * n + 2 * q] = now.waves[q].real, now.waves[q].imag
+            rows[at, 1 + 4 * i + p] = state[p * n + i]
+        z = state[3 * n + i]
+        rows[at, 4 + 4 * i] = z + curvature * z * z + (1.0 - f) * other[i] + f * other_new[i]
+    for q in range(waves.size):
+        rows[at, 1 + 4 * n + 2 * q], rows[at, 2 + 4 * n + 2 * q] = waves[q].real, waves[q].imag
     for q in range(gathered.size):
-        rows[at, 1 + 4 * n + 2 * now.waves.size + q] = gathered[q]
+        rows[at, 1 + 4 * n + 2 * waves.size + q] = gathered[q]
 
 
-@inlined
+@inlined_lean
 def gather(nodes: Complex, f: float, h: float, corner: Array, before: Array, out: Array) -> None:
     """Write the energies of the observed waves so far, if wanted, then the signals of the detectors, if there are any.
 
@@ -164,8 +164,8 @@ def gather(nodes: Complex, f: float, h: float, corner: Array, before: Array, out
 
 @compiled
 def integrate(
-    y: Array, drive: LaserTable, rings: Rings, heat: Heat, net: LightNetwork, method: Tableau, rtol: float,
-    times: Array, average: bool, corner: Array, max_steps: int, watch: Array,
+    y: Array, drive: LaserTable, rings: Rings, heat: Heat, net: LightNetwork, method: Tableau, series: Series,
+    rtol: float, times: Array, average: bool, corner: Array, max_steps: int, watch: Array,
 ) -> tuple[Array, Array, float, Integers]:  # fmt: skip
     """Integrate a circuit from ``y`` through every piece of ``drive``, whose edges it lands on.
 
@@ -191,8 +191,9 @@ def integrate(
     """
     n, K = heat.gain.shape
     stages, D, Q, L = method.a.shape[0], net.delay.size, net.seen_ring.shape[0], drive.power.shape[1]
-    y, out, w = y.copy(), np.empty_like(y), workspace(rings, heat, net.order.size == 0, stages)
-    k, total = np.zeros((stages, 3, n)), np.zeros((stages, n))
+    y, out = y.copy(), np.empty_like(y)
+    w = workspace(rings, heat, net.order.size == 0, stages, series.stages.shape[0])
+    k = np.zeros((stages, 4 * n))
     lit = Stages(
         np.zeros((stages, n), np.complex128),
         np.zeros(n, np.complex128),
@@ -201,7 +202,7 @@ def integrate(
         np.zeros(n),
     )
     now = Now(
-        np.zeros((3, n)), np.zeros(n), np.zeros(L, np.complex128), np.zeros(L, np.complex128),
+        np.zeros(4 * n), np.zeros(L, np.complex128), np.zeros(L, np.complex128),
         np.zeros(D, np.complex128), np.zeros(D, np.complex128), np.zeros(Q, np.complex128), np.zeros(n),
     )  # fmt: skip
     was, plain = np.zeros(L, np.complex128), np.zeros(n)
@@ -232,7 +233,7 @@ def integrate(
         z = 0.0
         for p in range(K):
             z += heat.read[i, i, p] * y[3 * n + i * K + p]
-        w.before[i], w.after[i] = z, z
+        w.start[3 * n + i], w.after[i] = z, z
     for piece in range(drive.edges.size - 1):
         begin, stop = drive.edges[piece], drive.edges[piece + 1]
         was[:] = now.laser
@@ -267,8 +268,8 @@ def integrate(
                 t, h, piece, light, turn, drive, rings, heat, net, method, past, cubics, filled, course, now, lit
             )
             step(
-                y, h, lit.inputs, lit.input_slopes, lit.detuning, lit.detuning_slopes, rings, heat, net, method, out,
-                k, total, w,
+                y, h, lit.inputs, lit.input_slopes, lit.detuning, lit.detuning_slopes, rings, heat, net, method,
+                series, out, k, w,
             )  # fmt: skip
             if heat.crossed:
                 neighbours(out, heat, other_new)
@@ -290,9 +291,7 @@ def integrate(
                 restart, fresh = min(h * max(0.2, min(GROWTH, 0.8 / size)), 0.5 / loss), False
             if D > 0 or gathered.size > 0:
                 for j in range(4):
-                    between(
-                        j / 3.0, t, h, piece, y, out, k, total, method.dense, w, drive, net, past, cubics, filled, now
-                    )
+                    between(j / 3.0, t, h, piece, out, k, method.dense, w, drive, net, past, cubics, filled, now)
                     for q in range(Q):
                         nodes[j, q] = now.waves[q]
             last = landing and stop == end
@@ -303,7 +302,7 @@ def integrate(
                 rows = np.concatenate((rows, np.empty_like(rows)))
             while whole or (row < wanted and (last or times[row] <= t + h)):
                 f = 1.0 if whole else (times[row] - t) / h
-                between(f, t, h, piece, y, out, k, total, method.dense, w, drive, net, past, cubics, filled, now)
+                between(f, t, h, piece, out, k, method.dense, w, drive, net, past, cubics, filled, now)
                 gather(nodes, f, h, corner, gathered, partial)
                 keep_row(rows, row, f, t + f * h, other, other_new, heat, now, partial)
                 row += 1

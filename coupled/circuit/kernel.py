@@ -24,77 +24,132 @@ import numpy as np
 
 from ..kernels import algebra, control, equations
 from ..kernels.algebra import factorize, inverse, solve
-from ..kernels.compiling import compiled, forget_if_older, inlined
+from ..kernels.compiling import compiled, forget_if_older, inlined_lean, lean
 from ..kernels.control import relative_change, squared_error
-from ..kernels.equations import Array, Rates, dispersion, optics, optics_jacobian
+from ..kernels.equations import EPSILON, Array, Rates, optics, optics_jacobian
 from ..kernels.tableaus import Tableau
 from . import layout, poles
 from .layout import Complex, Heat, Integers, LightNetwork, Rings
-from .poles import Tables
+from .poles import Series, Tables
+
+NEAR = 0.1  # (r - 1)/(r + 1) up to which series of 8 and 11 terms have r^p to round-off, p from -1 to 1
 
 
 class Workspace(NamedTuple):
     """Arrays that a step works in; the rings are the last axis."""
 
-    inverses: Array  # (9, N), of the blocks; where light runs in loops, what eliminates the carriers
+    blocks: Array  # (19, N): what solves for a ring, see `_prepare`
     matrix: Array  # (2 N, 2 N), of the fields where light runs in loops
     pivots: Integers
-    right: Array  # (3, N)
+    start: Array  # (4 N,), Re a, Im a, N and own temperature at the start of the step
+    now: Array  # (4 N,), in a stage
+    right: Array  # (4 N,), right-hand sides, then solutions
     push: Array  # (2, N), u of each ring
     gather: Array  # (3, N), w of each ring
     own: Array  # (N,), G of each ring
-    start: Array  # (3, N), Re a, Im a, N at the start of the step
-    fields: Array  # (3, N), in a stage
+    bent: Array  # (terms, 3, N), of the terms of S(N): N^2 + eps^2 and S/N at the start, and the exponent of the first
     shift: Array  # (N,), S(N) in a stage
-    before: Array  # (N,), own temperature at the start of the step
-    after: Array  # (N,), at its end
-    stage: Array  # (N,), in a stage
-    back: Array  # (N,), what a stage adds to it before the light of the stage is known
-    faded: Array  # (stages, N), what the poles add to it by themselves
+    near: Array  # (N,), how far N^2 + eps^2 is from that of the start
+    faded: Array  # (stages, N), what the poles add to the own temperature by themselves
     powers: Array  # (stages, N), absorbed in the stages, uW
-    weight: Array  # (N,), error of the own temperature, K
+    after: Array  # (N,), own temperature at the end of the step
+    weight: Array  # (N,), its error, K
     rates: Array  # (10, N)
     tables: Tables
 
 
 @compiled
-def workspace(rings: Rings, heat: Heat, looped: bool, stages: int) -> Workspace:
-    """Return a new workspace; ``looped`` tells whether light runs in loops."""
+def workspace(rings: Rings, heat: Heat, looped: bool, stages: int, terms: int) -> Workspace:
+    """Return a new workspace; ``looped`` tells whether light runs in loops, ``terms`` are those of `poles.Series`."""
     n, K = heat.gain.shape
     e, m = np.empty, 2 * n if looped else 0
     return Workspace(
-        e((9, n)), e((m, m)), np.empty(m, np.int64), e((3, n)), e((2, n)), e((3, n)), e(n), e((3, n)),
-        e((3, n)), e(n), e(n), e(n), e(n), e(n), e((stages, n)), e((stages, n)), e(n), rings.rates.T.copy(),
-        poles.new_tables(heat.kind_rate.shape[0], stages, K),
+        e((19, n)), e((m, m)), np.empty(m, np.int64), e(4 * n), e(4 * n), e(4 * n), e((2, n)), e((3, n)), e(n),
+        e((rings.fcd.shape[1], 3, n)), e(n), e(n), e((stages, n)), e((stages, n)), e(n), e(n), rings.rates.T.copy(),
+        poles.new_tables(heat.kind_rate.shape[0], terms, stages, K),
     )  # fmt: skip
 
 
-@inlined
-def _rates(w: Workspace, i: int) -> Rates:
-    """Return the rates of one ring from the workspace."""
-    r = w.rates
+@inlined_lean
+def _rates(r: Array, i: int) -> Rates:
+    """Return the rates of one ring of (10, N)."""
     return Rates(r[0, i], r[1, i], r[2, i], r[3, i], r[4, i], r[5, i], r[6, i], r[7, i], r[8, i], r[9, i])
 
 
-@inlined
+@inlined_lean
+def _bend(N: float, fcd: Array, i: int, bent: Array) -> tuple[float, float]:
+    """Return S(N) and dS/dN of ring ``i`` and keep what `_shifts` needs."""
+    shift, slope = 0.0, 0.0
+    for k in range(bent.shape[0]):
+        p = fcd[i, k, 1]
+        square = N * N + EPSILON * EPSILON
+        bent[k, 0, i], bent[k, 2, i], factor = square, 0.5 * (p - 1.0), fcd[i, k, 0]
+        if p != 1.0:
+            factor *= math.exp(0.5 * (p - 1.0) * math.log(square))
+        bent[k, 1, i] = factor
+        shift += factor * N
+        slope += factor * (1.0 + (p - 1.0) * N * N / square)
+    return shift, slope
+
+
+@inlined_lean
+def _shifts(density: Array, bent: Array, near: Array, shift: Array) -> None:
+    """Write S(N) of all rings: near the start of the step by the series of log and exp, a tenth of their work."""
+    for i in range(shift.size):
+        shift[i] = 0.0
+    for k in range(bent.shape[0]):
+        curved, total = 0.0, 0.0
+        for i in range(shift.size):
+            curved += abs(bent[k, 2, i])
+        if curved == 0.0:
+            for i in range(shift.size):
+                shift[i] += bent[k, 1, i] * density[i]
+            continue
+        for i in range(shift.size):
+            square = density[i] * density[i] + EPSILON * EPSILON
+            s = (square - bent[k, 0, i]) / (square + bent[k, 0, i])
+            near[i] = s
+            total += s * s
+        if total < NEAR * NEAR:
+            for i in range(shift.size):  # log(r) = 2 artanh(s), and r to the power
+                s = near[i]
+                b = s * s
+                x = 1.0 + b * (1 / 3 + b * (1 / 5 + b * (1 / 7 + b * (1 / 9 + b * (1 / 11 + b * (1 / 13 + b / 15))))))
+                x *= 2.0 * s * bent[k, 2, i]
+                y = x * (1 / 5040 + x * (1 / 40320 + x * (1 / 362880 + x / 3628800)))
+                y = 1.0 + x * (1.0 + x * (0.5 + x * (1 / 6 + x * (1 / 24 + x * (1 / 120 + x * (1 / 720 + y))))))
+                shift[i] += bent[k, 1, i] * y * density[i]
+        else:
+            for i in range(shift.size):
+                ratio = (density[i] * density[i] + EPSILON * EPSILON) / bent[k, 0, i]
+                shift[i] += bent[k, 1, i] * density[i] * math.exp(bent[k, 2, i] * math.log(ratio))
+
+
+@inlined_lean
 def _prepare(
     y: Array, h: float, detuning: Array, rings: Rings, heat: Heat, net: LightNetwork, s: float, w: Workspace
 ) -> None:
-    """Fill the workspace with the matrices of a step of ``h`` ns from ``y``, factorized."""
-    n = heat.gain.shape[0]
-    looped = net.order.size == 0
-    poles.own_temperatures(y, heat, w.tables, w.before, w.faded)
+    """Fill the workspace with the matrices of a step of ``h`` ns from ``y``, factorized.
+
+    Rows of ``blocks``, where light runs one way: 0 to 8 the inverse of a ring's block; 9 to 14 what the wave on its
+    bus does to its solution, and 15 to 18 to the wave behind it. Where light runs in loops: 0 to 4 what eliminates
+    the carriers.
+    """
+    n, looped, chain = heat.gain.shape[0], net.order.size == 0, net.taken.size > 0
+    start, blocks, rates, bent, matrix = w.start, w.blocks, w.rates, w.bent, w.matrix
+    push, gather, response, kind, within = w.push, w.gather, w.own, heat.kind, w.tables.within
+    real, imaginary, itself, taken, sent, fcd = net.real, net.imaginary, net.own, net.taken, net.sent, rings.fcd
     for i in range(n):
-        ar, ai, N, z = y[3 * i], y[3 * i + 1], y[3 * i + 2], w.before[i]
-        w.start[0, i], w.start[1, i], w.start[2, i] = ar, ai, N
-        G = w.tables.within[heat.kind[i], 0, 0]
+        ar, ai, N, z = y[3 * i], y[3 * i + 1], y[3 * i + 2], start[3 * n + i]
+        start[i], start[n + i], start[2 * n + i] = ar, ai, N
+        G = within[kind[i], 0, 0]
         dT, bend = z + heat.curvature * z * z, 1.0 + 2.0 * heat.curvature * z
-        shift, slope = dispersion(N, rings.fcd[i])
-        J = optics_jacobian(ar, ai, N, dT, shift, slope, detuning[i], _rates(w, i))
+        shift, slope = _bend(N, fcd, i, bent)
+        J = optics_jacobian(ar, ai, N, dT, shift, slope, detuning[i], _rates(rates, i))
         u0, u1, v = J[0][3] * bend, J[1][3] * bend, J[3]
-        w.own[i], w.shift[i], w.push[0, i], w.push[1, i] = G, shift, u0, u1
-        w.gather[0, i], w.gather[1, i], w.gather[2, i] = v[0], v[1], v[2]
-        own = net.own[i]
+        response[i], push[0, i], push[1, i] = G, u0, u1
+        gather[0, i], gather[1, i], gather[2, i] = v[0], v[1], v[2]
+        own = itself[i]
         block = (
             (s - J[0][0] - G * u0 * v[0] - own.real, -J[0][1] - G * u0 * v[1] + own.imag, -J[0][2] - G * u0 * v[2]),
             (-J[1][0] - G * u1 * v[0] - own.imag, s - J[1][1] - G * u1 * v[1] - own.real, -J[1][2] - G * u1 * v[2]),
@@ -103,153 +158,148 @@ def _prepare(
         if looped:  # carriers eliminated, two rows are left
             d = 1.0 / block[2][2]
             l0, l1 = block[0][2] * d, block[1][2] * d
-            w.inverses[0, i], w.inverses[1, i], w.inverses[2, i] = l0, l1, d
-            w.inverses[3, i], w.inverses[4, i] = block[2][0], block[2][1]
+            blocks[0, i], blocks[1, i], blocks[2, i], blocks[3, i], blocks[4, i] = l0, l1, d, block[2][0], block[2][1]
             for j in range(n):
-                w.matrix[i, j], w.matrix[i, n + j] = -net.real[j, i], net.imaginary[j, i]
-                w.matrix[n + i, j], w.matrix[n + i, n + j] = -net.imaginary[j, i], -net.real[j, i]
-            w.matrix[i, i], w.matrix[i, n + i] = block[0][0] - l0 * block[2][0], block[0][1] - l0 * block[2][1]
-            w.matrix[n + i, i], w.matrix[n + i, n + i] = block[1][0] - l1 * block[2][0], block[1][1] - l1 * block[2][1]
-        else:
-            m3 = inverse(block)
+                matrix[i, j], matrix[i, n + j] = -real[j, i], imaginary[j, i]
+                matrix[n + i, j], matrix[n + i, n + j] = -imaginary[j, i], -real[j, i]
+            matrix[i, i], matrix[i, n + i] = block[0][0] - l0 * block[2][0], block[0][1] - l0 * block[2][1]
+            matrix[n + i, i], matrix[n + i, n + i] = block[1][0] - l1 * block[2][0], block[1][1] - l1 * block[2][1]
+            continue
+        m = inverse(block)
+        for p in range(3):
+            blocks[3 * p, i], blocks[3 * p + 1, i], blocks[3 * p + 2, i] = m[p][0], m[p][1], m[p][2]
+        if chain:
+            u, v = taken[i], sent[i]
             for p in range(3):
-                for q in range(3):
-                    w.inverses[3 * p + q, i] = m3[p][q]
+                blocks[9 + 2 * p, i] = m[p][0] * u.real + m[p][1] * u.imag
+                blocks[10 + 2 * p, i] = m[p][1] * u.real - m[p][0] * u.imag
+            blocks[15, i] = 1.0 + v.real * blocks[9, i] - v.imag * blocks[11, i]
+            blocks[16, i] = v.real * blocks[10, i] - v.imag * blocks[12, i]
+            blocks[17, i] = v.imag * blocks[9, i] + v.real * blocks[11, i]
+            blocks[18, i] = 1.0 + v.imag * blocks[10, i] + v.real * blocks[12, i]
     if looped:
-        factorize(w.matrix, w.pivots)
+        factorize(matrix, w.pivots)
 
 
-@inlined
-def _send(net: LightNetwork, j: int, real: float, imaginary: float, one: Array, other: Array) -> None:
+@inlined_lean
+def _send(net: LightNetwork, j: int, re: float, im: float, out: Array) -> None:
     """Add what ring ``j`` with a field sends into the others."""
-    re, im = net.real[j], net.imaginary[j]
-    for i in range(net.fed[j, 0], net.fed[j, 1]):
-        one[i] += re[i] * real - im[i] * imaginary
-        other[i] += im[i] * real + re[i] * imaginary
+    real, imaginary, fed, n = net.real, net.imaginary, net.fed, net.own.size
+    for i in range(fed[j, 0], fed[j, 1]):
+        out[i] += real[j, i] * re - imaginary[j, i] * im
+        out[n + i] += imaginary[j, i] * re + real[j, i] * im
 
 
-@inlined
-def _exchange(net: LightNetwork, fields: Array, right: Array) -> None:
-    """Add what all rings send into the others."""
-    if net.taken.size == 0:
-        for j in range(fields.shape[1]):
-            _send(net, j, fields[0, j], fields[1, j], right[0], right[1])
-        return
-    c0, c1 = 0.0, 0.0
-    for at in range(net.order.size):
-        i = net.order[at]
-        u, v = net.taken[i], net.sent[i]
-        right[0, i] += u.real * c0 - u.imag * c1
-        right[1, i] += u.imag * c0 + u.real * c1
-        c0 += v.real * fields[0, i] - v.imag * fields[1, i]
-        c1 += v.imag * fields[0, i] + v.real * fields[1, i]
+@inlined_lean
+def _along_the_bus(net: LightNetwork, blocks: Array, now: Array, right: Array) -> None:
+    """Overwrite the right-hand sides by the solution, where the light of all rings before goes along one waveguide."""
+    order, sent, n = net.order, net.sent, net.order.size
+    c0, c1 = 0.0, 0.0  # the wave of the fields and of their changes
+    for at in range(n):
+        i = order[at]
+        r0, r1, r2, v = right[i], right[n + i], right[2 * n + i], sent[i]
+        x0 = blocks[0, i] * r0 + blocks[1, i] * r1 + blocks[2, i] * r2
+        x1 = blocks[3, i] * r0 + blocks[4, i] * r1 + blocks[5, i] * r2
+        x2 = blocks[6, i] * r0 + blocks[7, i] * r1 + blocks[8, i] * r2
+        e0, e1 = now[i] + x0, now[n + i] + x1
+        right[i] = x0 + blocks[9, i] * c0 + blocks[10, i] * c1
+        right[n + i] = x1 + blocks[11, i] * c0 + blocks[12, i] * c1
+        right[2 * n + i] = x2 + blocks[13, i] * c0 + blocks[14, i] * c1
+        c0, c1 = (
+            v.real * e0 - v.imag * e1 + (blocks[15, i] * c0 + blocks[16, i] * c1),
+            v.imag * e0 + v.real * e1 + (blocks[17, i] * c0 + blocks[18, i] * c1),
+        )
 
 
-@inlined
+@inlined_lean
 def _solve(net: LightNetwork, w: Workspace) -> None:
-    """Overwrite the right-hand sides by the solution of the step's linear system."""
-    x, m = w.right, w.inverses
-    if net.order.size == 0:
-        n = x.shape[1]
-        for i in range(n):
-            x[0, i] -= m[0, i] * x[2, i]
-            x[1, i] -= m[1, i] * x[2, i]
-        solve(w.matrix, w.pivots, x.reshape(x.size)[: 2 * n])
-        for i in range(n):
-            x[2, i] = m[2, i] * (x[2, i] - m[3, i] * x[0, i] - m[4, i] * x[1, i])
+    """Add what the rings send to each other to the right-hand sides, and overwrite them by the solution."""
+    x, now, m, order, n = w.right, w.now, w.blocks, net.order, net.own.size
+    if net.taken.size > 0:
+        _along_the_bus(net, m, now, x)
         return
-    chain, c0, c1 = net.taken.size > 0, 0.0, 0.0
-    for at in range(net.order.size):
-        i = net.order[at]
-        r0, r1, r2 = x[0, i], x[1, i], x[2, i]
-        if chain:
-            u = net.taken[i]
-            r0, r1 = r0 + u.real * c0 - u.imag * c1, r1 + u.imag * c0 + u.real * c1
-        x[0, i] = m[0, i] * r0 + m[1, i] * r1 + m[2, i] * r2
-        x[1, i] = m[3, i] * r0 + m[4, i] * r1 + m[5, i] * r2
-        x[2, i] = m[6, i] * r0 + m[7, i] * r1 + m[8, i] * r2
-        if chain:
-            v = net.sent[i]
-            c0, c1 = c0 + v.real * x[0, i] - v.imag * x[1, i], c1 + v.imag * x[0, i] + v.real * x[1, i]
-        else:
-            _send(net, i, x[0, i], x[1, i], x[0], x[1])
+    for j in range(n):
+        _send(net, j, now[j], now[n + j], x)
+    if order.size == 0:
+        for i in range(n):
+            x[i] -= m[0, i] * x[2 * n + i]
+            x[n + i] -= m[1, i] * x[2 * n + i]
+        solve(w.matrix, w.pivots, x[: 2 * n])
+        for i in range(n):
+            x[2 * n + i] = m[2, i] * (x[2 * n + i] - m[3, i] * x[i] - m[4, i] * x[n + i])
+        return
+    for at in range(n):
+        i = order[at]
+        r0, r1, r2 = x[i], x[n + i], x[2 * n + i]
+        x[i] = m[0, i] * r0 + m[1, i] * r1 + m[2, i] * r2
+        x[n + i] = m[3, i] * r0 + m[4, i] * r1 + m[5, i] * r2
+        x[2 * n + i] = m[6, i] * r0 + m[7, i] * r1 + m[8, i] * r2
+        _send(net, i, x[i], x[n + i], x)
 
 
-@inlined
-def _add(out: Array, factor: float, terms: Array) -> None:
-    for i in range(out.size):
-        out[i] += factor * terms[i]
-
-
-@compiled
+@lean
 def step(
     y: Array, h: float, inputs: Complex, input_slopes: Complex, detuning: Array, detuning_slopes: Array, rings: Rings,
-    heat: Heat, net: LightNetwork, method: Tableau, out: Array, k: Array, total: Array, w: Workspace,
+    heat: Heat, net: LightNetwork, method: Tableau, series: Series, out: Array, k: Array, w: Workspace,
 ) -> None:  # fmt: skip
     """Take one step of ``h`` ns from ``y`` to ``out``.
 
     ``inputs`` and ``detuning``, shape (stages, N), belong to the times of the stages, their slopes to the first one.
-    Fills ``k``, shape (stages, 3, N), with the stages, the last of which is the error estimate, and ``total``, shape
-    (stages, N), with what the thermal stages add to each ring's own temperature.
+    Fills ``k``, shape (stages, 4 N), with the stages of fields, carriers and own temperatures; the last stage is the
+    error estimate.
     """
-    n = heat.gain.shape[0]
-    stages, a, c = method.a.shape[0], method.a, method.c
-    s, per_h, last = 1.0 / (method.gamma * h), 1.0 / h, method.a.shape[0] - 1
-    poles.fill(w.tables, h, heat, method)
+    n, stages = heat.gain.shape[0], method.a.shape[0]
+    a, c, slopes, curvature, itself, kind = method.a, method.c, method.slope, heat.curvature, net.own, heat.kind
+    start, now, right, push, gather, own = w.start, w.now, w.right, w.push, w.gather, w.own
+    faded, powers, within, rates, bent, after, shift = (
+        w.faded, w.powers, w.tables.within, w.rates, w.bent, w.after, w.shift,
+    )  # fmt: skip
+    s, per_h, last = 1.0 / (method.gamma * h), 1.0 / h, stages - 1
+    poles.fill(w.tables, h, heat, method.gamma, series)
+    poles.own_temperatures(y, heat, series, w.tables, start[3 * n :], faded)
     _prepare(y, h, detuning[0], rings, heat, net, s, w)
-    start, fields, right = w.start.reshape(3 * n), w.fields.reshape(3 * n), w.right.reshape(3 * n)
-    flat = k.reshape((stages, 3 * n))
-    within = w.tables.within
     for q in range(stages):
-        g = method.slope[q]
-        for i in range(3 * n):
-            fields[i] = start[i]
-            right[i] = 0.0
-        for i in range(n):
-            w.stage[i] = w.before[i]
-            w.back[i] = w.faded[q, i]
+        g = slopes[q] * h
+        for m in range(4 * n):
+            now[m] = start[m]
+            right[m] = 0.0
         for j in range(q):
-            _add(fields, a[q, j], flat[j])
-            _add(right, c[q, j] * per_h, flat[j])
-            _add(w.stage, a[q, j], total[j])
+            x, z = a[q, j], c[q, j] * per_h
+            for m in range(4 * n):
+                now[m] += x * k[j, m]
+                right[m] += z * k[j, m]
+        _shifts(now[2 * n : 3 * n], bent, w.near, shift)
         for i in range(n):
-            ar, ai, N, z = w.fields[0, i], w.fields[1, i], w.fields[2, i], w.stage[i]
-            shift = w.shift[i] if q == 0 else dispersion(N, rings.fcd[i])[0]
-            dT = z + heat.curvature * z * z
-            f0, f1, f2, power = optics(ar, ai, N, dT, shift, 0.0, detuning[q, i], _rates(w, i))
-            w.right[0, i], w.right[1, i], w.right[2, i] = w.right[0, i] + f0, w.right[1, i] + f1, w.right[2, i] + f2
-            w.powers[q, i] = power
-        if within.shape[0] == 1:
-            for j in range(q):
-                _add(w.back, within[0, q, j], w.powers[j])
-            _add(w.back, within[0, q, q], w.powers[q])
-        else:
+            z = now[3 * n + i]
+            dT = z + curvature * z * z
+            f0, f1, f2, power = optics(
+                now[i], now[n + i], now[2 * n + i], dT, shift[i], 0.0, detuning[q, i], _rates(rates, i)
+            )
+            right[i], right[n + i], right[2 * n + i] = right[i] + f0, right[n + i] + f1, right[2 * n + i] + f2
+            right[3 * n + i], powers[q, i] = faded[q, i], power
+        for j in range(q + 1):
             for i in range(n):
-                for j in range(q + 1):
-                    w.back[i] += within[heat.kind[i], q, j] * w.powers[j, i]
+                right[3 * n + i] += within[kind[i], q, j] * powers[j, i]
         for i in range(n):
-            b, own, rise = inputs[q, i], net.own[i], g * h * input_slopes[i]
-            ar, ai, back, turn = w.fields[0, i], w.fields[1, i], w.back[i], g * h * detuning_slopes[i]
-            light, push = own.real * ar - own.imag * ai - b.imag - rise.imag, w.push[0, i] * back
-            w.right[0, i] += light + push + turn * w.start[1, i]
-            light, push = own.imag * ar + own.real * ai + b.real + rise.real, w.push[1, i] * back
-            w.right[1, i] += light + push - turn * w.start[0, i]
-        _exchange(net, w.fields, w.right)
+            ar, ai, back = now[i], now[n + i], right[3 * n + i]
+            light, m0, turn = inputs[q, i] + g * input_slopes[i], itself[i], g * detuning_slopes[i]
+            right[i] += m0.real * ar - m0.imag * ai - light.imag + push[0, i] * back + turn * start[n + i]
+            right[n + i] += m0.imag * ar + m0.real * ai + light.real + push[1, i] * back - turn * start[i]
         _solve(net, w)
-        for i in range(3 * n):
-            flat[q, i] = right[i]
         for i in range(n):
-            feedback = w.gather[0, i] * w.right[0, i] + w.gather[1, i] * w.right[1, i] + w.gather[2, i] * w.right[2, i]
-            w.powers[q, i] += feedback
-            total[q, i] = w.back[i] + feedback * w.own[i]
+            feedback = gather[0, i] * right[i] + gather[1, i] * right[n + i] + gather[2, i] * right[2 * n + i]
+            powers[q, i] += feedback
+            right[3 * n + i] += feedback * own[i]
+        for m in range(4 * n):
+            k[q, m] = right[m]
     for i in range(n):
         for p in range(3):
-            out[3 * i + p] = w.fields[p, i] + k[last, p, i]
-        w.after[i] = w.stage[i] + total[last, i]
-    poles.end(y, heat, w.tables, w.powers, out, w.weight)
+            out[3 * i + p] = now[p * n + i] + k[last, p * n + i]
+        after[i] = now[3 * n + i] + k[last, 3 * n + i]
+    poles.end(y, heat, series, w.tables, powers, out, w.weight)
 
 
-@inlined
+@inlined_lean
 def step_error(
     y: Array, out: Array, k: Array, rings: Rings, rtol: float, missed: Array, other: Array, w: Workspace
 ) -> float:
@@ -257,25 +307,28 @@ def step_error(
 
     ``missed`` is the error of the extrapolated heat of the neighbours, ``other`` that heat itself, in K.
     """
-    last, worst = k.shape[0] - 1, 0.0
-    for i in range(w.own.size):
-        weight = w.weight[i] + abs(missed[i])
-        now, then = y[3 * i : 3 * i + 3], out[3 * i : 3 * i + 3]
-        light = (k[last, 0, i], k[last, 1, i], k[last, 2, i])
-        square = squared_error(now, then, light, weight, w.before[i] + other[i], w.after[i] + other[i], rings.floor[i])
+    n, last, worst = w.own.size, k.shape[0] - 1, 0.0
+    start, after, weight, floor = w.start, w.after, w.weight, rings.floor
+    for i in range(n):
+        square = squared_error(
+            (y[3 * i], y[3 * i + 1], y[3 * i + 2]), (out[3 * i], out[3 * i + 1], out[3 * i + 2]),
+            (k[last, i], k[last, n + i], k[last, 2 * n + i]), weight[i] + abs(missed[i]),
+            start[3 * n + i] + other[i], after[i] + other[i], (floor[i, 0], floor[i, 1], floor[i, 2]),
+        )  # fmt: skip
         if not square >= 0.0:  # nan
             return math.nan
         worst = max(worst, square)
     return math.sqrt(worst / 3.0) / rtol
 
 
-@inlined
+@inlined_lean
 def moved(y: Array, out: Array, rings: Rings, w: Workspace) -> float:
     """Return the largest relative change of the state of any ring in a step."""
-    most = 0.0
-    for i in range(rings.rates.shape[0]):
-        now, then = y[3 * i : 3 * i + 3], out[3 * i : 3 * i + 3]
-        most = max(most, relative_change(now, then, w.before[i], w.after[i], rings.floor[i]))
+    n, most, start, after, floor = w.own.size, 0.0, w.start, w.after, rings.floor
+    for i in range(n):
+        now, then = (y[3 * i], y[3 * i + 1], y[3 * i + 2]), (out[3 * i], out[3 * i + 1], out[3 * i + 2])
+        size = (floor[i, 0], floor[i, 1], floor[i, 2])
+        most = max(most, relative_change(now, then, start[3 * n + i], after[i], size))
     return most
 
 

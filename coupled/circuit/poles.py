@@ -1,12 +1,15 @@
 """Thermal poles in a Rosenbrock step, in closed form of the powers of its stages; compiled.
 
-A pole obeys dx/dt = gain P - rate x. Its stages are linear in where it starts and in the powers F_j of the stages,
+A pole obeys dx/dt = gain P - rate x. With z = rate h, the matrices of the method (`kernels.tableaus`) and
+Gamma = (1/gamma - c)^-1, its stages k under the powers F of the stages are
 
-    x_q = fade_q x + gain sum_(j <= q) drive_qj F_j,    d = 1/(s + rate),    s = 1/(gamma h)
-    fade_q  = d [-rate + sum_(m < q) (c_qm/h - rate a_qm) fade_m]
-    drive_qj = d sum_(j <= m < q) (c_qm/h - rate a_qm) drive_mj,    drive_qq = d
+    k = h Gamma (1 + z beta)^-1 (gain F - rate x),    beta = a Gamma + Gamma = gamma + nu
+      = sum_n t_n Gamma nu^n (gain F - rate x),       t_n = h (-z)^n / (1 + gamma z)^(n + 1)
 
-so rings of the same poles share one table for each step, and a stage needs no pole, only their sums.
+where nu has nothing on its diagonal, so that the sum ends. Rings of the same poles share the t_n of a step, and a stage
+needs no pole, only the sums of t_n over them.
+
+Source: Hairer and Wanner, Solving Ordinary Differential Equations II (1996), Section IV.7, Eq. 7.25 (Gamma, beta).
 """
 
 from __future__ import annotations
@@ -15,109 +18,132 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..kernels.compiling import compiled, inlined
+from ..kernels.compiling import compiled, inlined_lean
 from ..kernels.equations import Array
 from ..kernels.tableaus import Tableau
 from .layout import Heat
+
+ROUND_OFF = 1e-14  # entries of Gamma nu^n, which are of order 1, below which the sum ends
+
+
+class Series(NamedTuple):
+    """Gamma nu^n of a method with s stages, n below M."""
+
+    stages: Array  # (M, s, s)
+    rows: Array  # (2, M, s): what the powers do to the end of the step, and to the error estimate
+    faded: Array  # (M, s), row sums of each: what a state does to the stages by itself
+    ends: Array  # (2, M), of rows
 
 
 class Tables(NamedTuple):
     """What a step of one length does to the poles of each of G kinds of rings."""
 
-    fade: Array  # (G, stages, K)
-    drive: Array  # (G, stages, stages, K)
-    stay: Array  # (G, K), x after the step per x before
-    gained: Array  # (G, stages, K), and per gain F_j
-    within: Array  # (G, stages, stages), own temperature of stage q per F_j: sum of read gain drive_qj over the poles
-    damping: Array  # (K,), d of one kind
-    new: Array  # (K,), of one ring
-    missed: Array
+    t: Array  # (G, M, K)
+    within: Array  # (G, s, s), own temperature of a stage per F_j
+    stay: Array  # (G, 2, K): x after the step, and the error estimate, per x before
+    part: Array  # (2, M), of one ring
+    new: Array  # (2, K), of one ring
+    decay: Array  # (K,), of one ring
+
+
+def series(method: Tableau) -> Series:
+    """Return the sum's matrices of a method."""
+    size = len(method.c)
+    gamma = np.linalg.inv(np.eye(size) / method.gamma - method.c)
+    nu = np.tril(method.a @ gamma + gamma, -1)
+    found = [gamma]
+    while len(found) < size and np.abs(found[-1] @ nu).max() > ROUND_OFF:
+        found.append(found[-1] @ nu)
+    stages, end = np.array(found), method.a[-1].copy()
+    end[-1] = 1.0
+    rows = np.stack([end @ stages, stages[:, -1]])
+    return Series(stages, rows, stages.sum(axis=2), rows.sum(axis=2))
 
 
 @compiled
-def new_tables(kinds: int, stages: int, poles: int) -> Tables:
+def new_tables(kinds: int, terms: int, stages: int, poles: int) -> Tables:
     """Return empty tables."""
+    e = np.empty
     return Tables(
-        np.zeros((kinds, stages, poles)), np.zeros((kinds, stages, stages, poles)), np.zeros((kinds, poles)),
-        np.zeros((kinds, stages, poles)), np.zeros((kinds, stages, stages)),
-        np.zeros(poles), np.zeros(poles), np.zeros(poles),
+        e((kinds, terms, poles)), e((kinds, stages, stages)), e((kinds, 2, poles)), e((2, terms)), e((2, poles)),
+        e(poles),
     )  # fmt: skip
 
 
-@inlined
-def fill(tables: Tables, h: float, heat: Heat, method: Tableau) -> None:
+@inlined_lean
+def fill(tables: Tables, h: float, heat: Heat, gamma: float, series: Series) -> None:
     """Fill the tables for a step of ``h`` ns."""
-    stages, a, c = method.a.shape[0], method.a, method.c
-    s, per_h, last = 1.0 / (method.gamma * h), 1.0 / h, method.a.shape[0] - 1
-    for g in range(heat.kind_rate.shape[0]):
-        rate, share = heat.kind_rate[g], heat.kind_share[g]
-        K = rate.size
-        stay, damping = tables.stay[g], tables.damping
-        stay[:] = 1.0
-        tables.gained[g] = 0.0
-        for p in range(K):
-            damping[p] = 1.0 / (s + rate[p])
+    t, within, stay, rates, share = tables.t, tables.within, tables.stay, heat.kind_rate, heat.kind_share
+    matrices, ends = series.stages, series.ends
+    terms, stages = matrices.shape[0], matrices.shape[1]
+    for g in range(rates.shape[0]):
+        for p in range(rates.shape[1]):
+            stay[g, 0, p], stay[g, 1, p] = 1.0, 0.0
         for q in range(stages):
-            fade, weight = tables.fade[g, q], a[last, q] if q < last else 1.0
-            for p in range(K):
-                fade[p] = -rate[p]
-            for m in range(q):
-                f, z, early = a[q, m], c[q, m] * per_h, tables.fade[g, m]
-                for p in range(K):
-                    fade[p] += (z - f * rate[p]) * early[p]
-            for p in range(K):
-                fade[p] *= damping[p]
-                stay[p] += weight * fade[p]
             for j in range(q + 1):
-                drive, gained, total = tables.drive[g, q, j], tables.gained[g, j], 0.0
-                start = 1.0 if j == q else 0.0
-                for p in range(K):
-                    drive[p] = start
-                for m in range(j, q):
-                    f, z, early = a[q, m], c[q, m] * per_h, tables.drive[g, m, j]
-                    for p in range(K):
-                        drive[p] += (z - f * rate[p]) * early[p]
-                for p in range(K):
-                    drive[p] *= damping[p]
-                    gained[p] += weight * drive[p]
-                    total += share[p] * drive[p]
-                tables.within[g, q, j] = total
+                within[g, q, j] = 0.0
+        for n in range(terms):
+            total, now, error = 0.0, ends[0, n], ends[1, n]
+            for p in range(rates.shape[1]):
+                z = rates[g, p] * h
+                d = 1.0 / (1.0 + gamma * z)
+                t[g, n, p] = h * d if n == 0 else -z * d * t[g, n - 1, p]
+            for p in range(rates.shape[1]):
+                total += share[g, p] * t[g, n, p]
+            for p in range(rates.shape[1]):
+                stay[g, 0, p] -= now * rates[g, p] * t[g, n, p]
+                stay[g, 1, p] -= error * rates[g, p] * t[g, n, p]
+            for q in range(stages):
+                for j in range(q + 1):
+                    within[g, q, j] += matrices[n, q, j] * total
 
 
-@inlined
-def own_temperatures(y: Array, heat: Heat, tables: Tables, before: Array, faded: Array) -> None:
+@inlined_lean
+def own_temperatures(y: Array, heat: Heat, series: Series, tables: Tables, before: Array, faded: Array) -> None:
     """Write each ring's own temperature at the start, and what its poles alone do to that of each stage."""
-    n, K = heat.gain.shape
-    stages = faded.shape[0]
-    for i in range(n):
-        at, g, read, z = 3 * n + i * K, heat.kind[i], heat.read[i, i], 0.0
+    t, decay, read, rate, kind, sums = tables.t, tables.decay, heat.read, heat.rate, heat.kind, series.faded
+    rings, K = rate.shape
+    for i in range(rings):
+        at, g, z = 3 * rings + i * K, kind[i], 0.0
         for p in range(K):
-            z += read[p] * y[at + p]
+            x = read[i, i, p] * y[at + p]
+            z += x
+            decay[p] = rate[i, p] * x
         before[i] = z
-        for q in range(stages):
-            fade, z = tables.fade[g, q], 0.0
+        for q in range(sums.shape[1]):
+            faded[q, i] = 0.0
+        for n in range(sums.shape[0]):
+            z = 0.0
             for p in range(K):
-                z += fade[p] * read[p] * y[at + p]
-            faded[q, i] = z
+                z += t[g, n, p] * decay[p]
+            for q in range(sums.shape[1]):
+                faded[q, i] -= sums[n, q] * z
 
 
-@inlined
-def end(y: Array, heat: Heat, tables: Tables, powers: Array, out: Array, weight: Array) -> None:
+@inlined_lean
+def end(y: Array, heat: Heat, series: Series, tables: Tables, powers: Array, out: Array, weight: Array) -> None:
     """Write the poles at the end of a step whose stages had the ``powers``, and the errors of the own temperatures."""
-    n, K = heat.gain.shape
-    last = powers.shape[0] - 1
-    for i in range(n):
-        at, g, gain, read = 3 * n + i * K, heat.kind[i], heat.gain[i], heat.read[i, i]
-        total, stay, fade = 0.0, tables.stay[g], tables.fade[g, last]
-        new, missed = tables.new, tables.missed
+    t, stay, part, new, rows = tables.t, tables.stay, tables.part, tables.new, series.rows
+    gain, read, kind = heat.gain, heat.read, heat.kind
+    rings, K = gain.shape
+    terms, stages = rows.shape[1], rows.shape[2]
+    for i in range(rings):
+        at, g, total = 3 * rings + i * K, kind[i], 0.0
+        for n in range(terms):
+            a, b = 0.0, 0.0
+            for j in range(stages):
+                a += rows[0, n, j] * powers[j, i]
+                b += rows[1, n, j] * powers[j, i]
+            part[0, n], part[1, n] = a, b
         for p in range(K):
-            new[p], missed[p] = 0.0, 0.0
-        for j in range(last + 1):
-            power, gained, drive = powers[j, i], tables.gained[g, j], tables.drive[g, last, j]
+            new[0, p], new[1, p] = 0.0, 0.0
+        for n in range(terms):
+            a, b = part[0, n], part[1, n]
             for p in range(K):
-                new[p] += power * gained[p]
-                missed[p] += power * drive[p]
+                new[0, p] += a * t[g, n, p]
+                new[1, p] += b * t[g, n, p]
         for p in range(K):
-            out[at + p] = stay[p] * y[at + p] + gain[p] * new[p]
-            total += abs(read[p] * (fade[p] * y[at + p] + gain[p] * missed[p]))
+            x = y[at + p]
+            out[at + p] = stay[g, 0, p] * x + gain[i, p] * new[0, p]
+            total += abs(read[i, i, p] * (stay[g, 1, p] * x + gain[i, p] * new[1, p]))
         weight[i] = total

@@ -107,6 +107,7 @@ def simulate_circuit(
     from ..kernels.control import DONE
     from ..kernels.interrupts import new_watch, uninterrupted, watched
     from .integrate import integrate
+    from .poles import series
 
     if not isinstance(circuit, Circuit):
         raise checks.InputError(
@@ -142,7 +143,7 @@ def simulate_circuit(
     else:
         call = partial(watched, progress=(lambda t: progress(t * eq.NS)) if progress else None)
         rows, y, reached, counts = (call if duration > LONG or len(circuit.names) > 4 else uninterrupted)(
-            integrate, begin, drive, rings, system.states, system.net, tableau(chosen), rtol,
+            integrate, begin, drive, rings, system.states, system.net, tableau(chosen), series(tableau(chosen)), rtol,
             wanted[wanted > 0] / eq.NS, bool(average), corner, MAX_STEPS, new_watch(),
         )  # fmt: skip
         if counts[2] != DONE:

@@ -12,40 +12,39 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ..kernels.compiling import compiled, inlined
+from ..kernels.compiling import inlined_lean, lean
 from ..kernels.equations import Array
 from .layout import Complex, LaserTable, LightNetwork
 
 
-@inlined
+@inlined_lean
 def lasers_at(drive: LaserTable, piece: int, t: float, wave: Complex, slope: Complex) -> None:
     """Write the waves of the lasers in sqrt(uW) at ``t``, and their slopes, bounded where a power leaves 0."""
-    p = drive.power_piece[piece]
+    p, power, turns, largest = drive.power_piece[piece], drive.power, drive.turn, drive.largest
     u = t - drive.power_edges[p]
-    for m in range(drive.power.shape[1]):
-        c = drive.power[p, m]
-        size = math.sqrt(max(c[0] + u * (c[1] + u * (c[2] + u * c[3])), 0.0))
-        rise = c[1] + u * (2.0 * c[2] + u * 3.0 * c[3])
-        steep = 0.5 * rise * size / max(size * size + 1e-12 * drive.largest[m], 1e-300)
-        if drive.turn[m] == 0.0:
+    for m in range(turns.size):
+        c0, c1, c2, c3 = power[p, m, 0], power[p, m, 1], power[p, m, 2], power[p, m, 3]
+        size = math.sqrt(max(c0 + u * (c1 + u * (c2 + u * c3)), 0.0))
+        rise = c1 + u * (2.0 * c2 + u * 3.0 * c3)
+        steep = 0.5 * rise * size / max(size * size + 1e-12 * largest[m], 1e-300)
+        if turns[m] == 0.0:
             wave[m], slope[m] = size, steep
         else:
-            phase = complex(math.cos(drive.turn[m] * t), math.sin(drive.turn[m] * t))
-            wave[m], slope[m] = size * phase, (steep + 1j * drive.turn[m] * size) * phase
+            phase = complex(math.cos(turns[m] * t), math.sin(turns[m] * t))
+            wave[m], slope[m] = size * phase, (steep + 1j * turns[m] * size) * phase
 
 
-@inlined
+@inlined_lean
 def detunings_at(drive: LaserTable, piece: int, t: float, values: Array, slopes: Array) -> None:
     """Write the detunings of all rings at ``t`` in rad/ns, and their slopes."""
-    p = drive.detuning_piece[piece]
+    p, d = drive.detuning_piece[piece], drive.detuning
     u = t - drive.detuning_edges[p]
     for i in range(values.size):
-        d = drive.detuning[p, i]
-        values[i] = d[0] + u * (d[1] + u * (d[2] + u * d[3]))
-        slopes[i] = d[1] + u * (2.0 * d[2] + u * 3.0 * d[3])
+        values[i] = d[p, i, 0] + u * (d[p, i, 1] + u * (d[p, i, 2] + u * d[p, i, 3]))
+        slopes[i] = d[p, i, 1] + u * (2.0 * d[p, i, 2] + u * 3.0 * d[p, i, 3])
 
 
-@compiled
+@lean
 def delayed_at(
     t: float, delay: Array, past: Array, cubics: Complex, filled: int, wave: Complex, slope: Complex
 ) -> None:
@@ -71,33 +70,35 @@ def delayed_at(
         slope[d] = (c[1] + x * (2.0 * c[2] + x * 3.0 * c[3])) / past[low, 1]
 
 
-@inlined
-def inputs_of(net: LightNetwork, laser: Complex, delayed: Complex, out: Complex) -> None:
-    """Write what lasers and delayed waveguides send into each ring, in sqrt(fJ)/ns."""
+@inlined_lean
+def arriving(by_laser: Complex, by_delay: Complex, laser: Complex, delayed: Complex, out: Complex) -> None:
+    """Write the sums of the waves of lasers and delayed waveguides with their weights, shape (size of out, waves)."""
     for i in range(out.size):
         total = 0.0 + 0.0j
         for m in range(laser.size):
-            total += net.from_laser[i, m] * laser[m]
+            total += by_laser[i, m] * laser[m]
         for d in range(delayed.size):
-            total += net.from_delay[i, d] * delayed[d]
+            total += by_delay[i, d] * delayed[d]
         out[i] = total
 
 
-@inlined
+@inlined_lean
+def inputs_of(net: LightNetwork, laser: Complex, delayed: Complex, out: Complex) -> None:
+    """Write what lasers and delayed waveguides send into each ring, in sqrt(fJ)/ns."""
+    arriving(net.from_laser, net.from_delay, laser, delayed, out)
+
+
+@inlined_lean
 def observe(net: LightNetwork, state: Array, laser: Complex, delayed: Complex, out: Complex) -> None:
-    """Write the observed waves in sqrt(uW); ``state``, shape (3, N), holds Re a and Im a."""
+    """Write the observed waves in sqrt(uW); ``state``, shape (2 N or more,), begins with Re a and Im a of the rings."""
+    ring, fed, n = net.seen_ring, net.seen_from, net.own.size
+    arriving(net.seen_laser, net.seen_delay, laser, delayed, out)
     for q in range(out.size):
-        total = 0.0 + 0.0j
-        for i in range(net.seen_from[q, 0], net.seen_from[q, 1]):
-            total += net.seen_ring[q, i] * complex(state[0, i], state[1, i])
-        for m in range(laser.size):
-            total += net.seen_laser[q, m] * laser[m]
-        for d in range(delayed.size):
-            total += net.seen_delay[q, d] * delayed[d]
-        out[q] = total
+        for i in range(fed[q, 0], fed[q, 1]):
+            out[q] += ring[q, i] * complex(state[i], state[n + i])
 
 
-@compiled
+@lean
 def cubic_through(p0: Any, p1: Any, p2: Any, p3: Any) -> tuple[Any, Any, Any, Any]:
     """Return the cubic through values at 0, 1/3, 2/3 and 1, constant term first."""
     c1 = -5.5 * p0 + 9.0 * p1 - 4.5 * p2 + p3
@@ -106,7 +107,7 @@ def cubic_through(p0: Any, p1: Any, p2: Any, p3: Any) -> tuple[Any, Any, Any, An
     return p0, c1, c2, c3
 
 
-@inlined
+@inlined_lean
 def _power_cubic(nodes: Complex) -> Any:
     """Return the cubic of |wave|^2 in the fraction of a step from its nodes at 0, 1/3, 2/3 and 1."""
     return cubic_through(
@@ -115,14 +116,14 @@ def _power_cubic(nodes: Complex) -> Any:
     )  # fmt: skip
 
 
-@compiled
+@lean
 def energy_to(nodes: Complex, f: float) -> float:
     """Return the integral of |wave|^2 from 0 to ``f`` of a step of length 1."""
     c0, c1, c2, c3 = _power_cubic(nodes)
     return f * (c0 + f * (c1 / 2.0 + f * (c2 / 3.0 + f * c3 / 4.0)))
 
 
-@compiled
+@lean
 def detected_at(nodes: Complex, f: float, before: float, x: float) -> float:
     """Return the signal of a detector at the fraction ``f`` of a step that begins with ``before``; ``x`` = 2 pi B h.
 

@@ -13,6 +13,8 @@ _FAST = {"contract", "reassoc", "nsz", "arcp"}
 
 _compile = njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
 _inline = njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST, forceinline=True)
+_lean = njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST, _nrt=False)
+_inline_lean = njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST, forceinline=True, _nrt=False)
 _seen: set[str] = set()  # files whose own outdated caches are gone
 
 
@@ -24,6 +26,19 @@ def compiled(function: Callable[..., Any]) -> Any:
 def inlined(function: Callable[..., Any]) -> Any:
     """Compile into the caller."""
     return _fresh(_inline(function))
+
+
+def lean(function: Callable[..., Any]) -> Any:
+    """Compile when first called, without counting references: for a function that makes no array.
+
+    Counting is atomic: for each of the many small arrays of a step it takes as long as a short loop.
+    """
+    return _fresh(_lean(function))
+
+
+def inlined_lean(function: Callable[..., Any]) -> Any:
+    """Compile into the caller, without counting references: for a function that makes no array."""
+    return _fresh(_inline_lean(function))
 
 
 def _fresh(kernel: Any) -> Any:

@@ -76,17 +76,24 @@ def shine(lasers: Lasers, piece: int, u: float, largest: float, s: Array, ds: Ar
         ds[f, 1] += grows * si + rate * size * c
 
 
+@inlined
+def _shared(y: Array, n: int, fields: int, fcd: Array, thermal: Any) -> tuple[float, float, float, float]:
+    """Return what all resonances share: the sum of U, S(N), dS/dN and dT."""
+    total = 0.0
+    for f in range(fields):
+        i = _place(f, n)
+        total += y[i] * y[i] + y[i + 1] * y[i + 1]
+    shift, slope = dispersion(y[2], fcd)
+    return total, shift, slope, rise_of(read(y[: 3 + n], thermal), thermal)[0]
+
+
 @compiled
 def slopes(
     y: Array, n: int, s: Array, d: Array, modes: Array, rates: Rates, fcd: Array, thermal: Any, out: Array
 ) -> None:
     """Write dy/dt; ``modes`` has a row for each resonance, columns as named at the top of the module."""
-    total, fields, N = 0.0, d.size, y[2]
-    for f in range(fields):
-        i = _place(f, n)
-        total += y[i] * y[i] + y[i + 1] * y[i + 1]
-    shift = dispersion(N, fcd)[0]
-    dT = rise_of(read(y[: 3 + n], thermal), thermal)[0]
+    fields, N = d.size, y[2]
+    total, shift, _, dT = _shared(y, n, fields, fcd, thermal)
     heat, made = 0.0, 0.0
     for f in range(fields):
         i, m = _place(f, n), modes[f]
@@ -106,13 +113,9 @@ def slopes(
 @compiled
 def jacobian(y: Array, n: int, d: Array, modes: Array, rates: Rates, fcd: Array, thermal: Any, out: Array) -> None:
     """Write d(dy/dt)/dy."""
-    size, fields, N, total, heat = y.size, d.size, y[2], 0.0, 0.0
+    size, fields, N, heat = y.size, d.size, y[2], 0.0
     out[:] = 0.0
-    for f in range(fields):
-        i = _place(f, n)
-        total += y[i] * y[i] + y[i + 1] * y[i + 1]
-    shift, slope = dispersion(N, fcd)
-    dT = rise_of(read(y[: 3 + n], thermal), thermal)[0]
+    total, shift, slope, dT = _shared(y, n, fields, fcd, thermal)
     by_heat, by_dT = np.zeros(size), np.zeros(size)
     for f in range(fields):
         i, m = _place(f, n), modes[f]

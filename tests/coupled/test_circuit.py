@@ -348,6 +348,21 @@ CASES = [
         lambda: coupled.Circuit([RING], (), [coupled.LaserPort(n, "ring 1.in") for n in "ab"]),
         "'ring 1.in' is used twice",
     ),
+    (lambda: wired([coupled.Waveguide("ring 1.through", "ring 3.in")]), "enters by = 'ring 3.in' is unknown"),
+    (lambda: wired([coupled.Waveguide("ring 1.thru", "ring 2.in")]), "leaves by = 'ring 1.thru' .*'ring 1.through'"),
+    (lambda: wired([coupled.Waveguide("ring 1.through", "ring 1.in")]), "enters by 'ring 1.in' is used twice"),
+    (
+        lambda: wired([coupled.Waveguide("ring 1.drop", "ring 2.in")], [coupled.Detector("d", "ring 1.drop")]),
+        "leaves by 'ring 1.drop' is used twice",
+    ),
+    (
+        lambda: wired((), [coupled.Detector("d", f"ring {k}.through") for k in (1, 2)]),
+        "detector name 'd' is used twice",
+    ),
+    (lambda: coupled.delay_loop(RING, 1e-9, loss=-1), "loss = -1 must lie.*no gain"),
+    (lambda: coupled.LaserPort("in", "ring 1.in", loss=-1), "laser 'in': loss = -1 must lie"),
+    (lambda: coupled.bus(RING).scattered(1e9, seed=-1), "seed = -1 must be a whole number from 0"),
+    (lambda: coupled.bus(RING).scattered(1e9, seed=0.5), "seed = 0.5 must be a whole number from 0"),
     (lambda: coupled.Circuit([3], (), [coupled.LaserPort("in", "ring 1.in")]), "is a int; it must be a RingResonator"),
     (lambda: coupled.Waveguide("ring 1.through", "ring 2.in", loss=-1), "loss = -1 must lie.*no gain"),
     (lambda: coupled.Waveguide("a", "b", delay=1), "did you mean 1e-9"),
@@ -361,6 +376,10 @@ CASES = [
     (lambda: run(RING), "circuit is a RingResonator"),
     (lambda: run(coupled.delay_loop(RING, 1e-9), detuning=coupled.Sweep([0, 1e-8], [0, 1e9])), "detuning varies"),
 ]
+
+
+def wired(waveguides, detectors=()) -> coupled.Circuit:
+    return coupled.Circuit([RING, RING], waveguides, [coupled.LaserPort("in", "ring 1.in")], detectors)
 
 
 def looped() -> coupled.Circuit:

@@ -96,11 +96,11 @@ def test_a_step_that_ends_in_no_number_in_any_ring_is_refused():
     from coupled.circuit.system import system_of
 
     parts = system_of(three(), SECOND_ORDER, inputs={"one": 1e-3}, duration=1e-9)
-    w = workspace(parts.rings, parts.states, False, 6)
-    for values in (w.before, w.after, w.weight):
+    w = workspace(parts.rings, parts.states, False, 6, 6)
+    for values in (w.start, w.after, w.weight):
         values[:] = 1.0
-    y, k, zero = np.ones(20), np.zeros((6, 3, 4)), np.zeros(4)
+    y, k, zero = np.ones(20), np.zeros((6, 16)), np.zeros(4)
     error = lambda: step_error(y, y, k, parts.rings, 1e-6, zero, zero, w)  # noqa: E731
     assert np.isfinite(error())
-    k[-1, 0, 1] = np.nan
+    k[-1, 1] = np.nan
     assert np.isnan(error())

@@ -79,8 +79,7 @@ class Symbols(Steps):
         checks.between("bias", self.bias, 0, 10, unit="W", hint=POWER_HINT)
         checks.between("noise", self.noise, 0, 10, hint="it is relative to power")
         checks.between("start", self.start, 0, 1e3, unit="s", hint=TIME_HINT)
-        if not isinstance(self.seed, int | np.integer) or self.seed < 0:
-            raise checks.InputError(f"seed = {self.seed!r} must be a whole number from 0")
+        checks.seed(self.seed)
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "mask", mask)
 

@@ -39,8 +39,7 @@ class Telegraph(Switched):
         checks.between("power", self.power, 0, 10, unit="W", hint=POWER_HINT)
         checks.positive("dwell", self.dwell, unit="s", at_most=10, hint=TIME_HINT)
         checks.positive("duration", self.duration, unit="s", at_most=1e6 * self.dwell, hint=TIME_HINT)
-        if not isinstance(self.seed, int | np.integer) or self.seed < 0:
-            raise checks.InputError(f"seed = {self.seed!r} must be a whole number from 0")
+        checks.seed(self.seed)
 
     @property
     def words(self) -> str:
