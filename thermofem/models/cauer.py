@@ -24,8 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from .. import checks
 from ..display import shown
 from ..names import check_one
-from ..waveforms import Waveform
-from .contract import ThermalModel
+from .contract import Delegates, ThermalModel
 from .foster import Foster, linear_poles
 from .json_fields import parts
 
@@ -42,7 +41,7 @@ DIGITS_PER_POLE = 12  # more for each pole: the continued fraction loses up to t
 
 @shown
 @dataclass(frozen=True, eq=False)
-class Cauer:
+class Cauer(Delegates):
     """Ladder of resistances to the next node and capacities to the ambient, from the heated part outwards.
 
     Parameters
@@ -76,11 +75,6 @@ class Cauer:
         object.__setattr__(self, "C", C)
 
     @property
-    def order(self) -> int:
-        """Number of nodes."""
-        return int(np.size(self.R))
-
-    @property
     def thermal_resistance(self) -> float:
         """R_th = sum of R in K/W."""
         return float(np.sum(self.R))
@@ -90,21 +84,9 @@ class Cauer:
         """The Foster network of the ladder."""
         return foster_of(self)
 
-    def step_response(self, times: ArrayLike) -> Array:
-        """Rise in K/W after a unit step."""
-        return self.dynamics.step_response(times)
-
-    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
-        """Z(f) in K/W."""
-        return self.dynamics.impedance(frequency)
-
-    def response(self, wave: Waveform, times: ArrayLike) -> Array:
-        """Rise in K from rest, in closed form."""
-        return self.dynamics.response(wave, times)
-
-    def periodic_response(self, wave: Waveform, samples: int) -> Array:
-        """One period of the periodic state in K, in closed form."""
-        return self.dynamics.periodic_response(wave, samples)
+    @property
+    def _other(self) -> Foster:
+        return self.dynamics
 
     def to_json(self) -> dict[str, Any]:
         """Fields of the model file, from the heated part outwards."""

@@ -66,7 +66,7 @@ class ThermalModel(Protocol):
 
 
 class Delegates:
-    """Points 1 to 4 of the contract, and the order, as those of another model."""
+    """Points 1 to 6 of the contract, and the order, as those of another model."""
 
     @property
     def _other(self) -> Any:
@@ -101,9 +101,17 @@ class Delegates:
         """Z(f) in K/W (at small power)."""
         return np.asarray(self._other.impedance(frequency))
 
+    def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
+        """Rise in K from rest."""
+        return np.asarray(self._other.response(wave, times))
+
+    def periodic_response(self, wave: waveforms.Waveform, samples: int) -> Array:
+        """One period of the periodic state in K."""
+        return np.asarray(self._other.periodic_response(wave, samples))
+
 
 class AtSmallPower(Delegates):
-    """Properties that a nonlinear model takes from ``linear``, its limit at small power."""
+    """A nonlinear model; its properties at small power are those of ``linear``, and it defines its own responses."""
 
     linear: Any
 
@@ -128,14 +136,6 @@ class HasModel(Delegates):
     def provenance(self) -> Mapping[str, Any]:
         """Origin of the model; a model file keeps it."""
         return getattr(self, "origin", None) or {}
-
-    def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
-        """Rise in K from rest."""
-        return np.asarray(self.model.response(wave, times))
-
-    def periodic_response(self, wave: waveforms.Waveform, samples: int) -> Array:
-        """One period of the periodic state in K."""
-        return np.asarray(self.model.periodic_response(wave, samples))
 
     @property
     def dynamics(self) -> Any:

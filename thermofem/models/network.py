@@ -13,7 +13,7 @@ from .. import checks
 from ..display import shown
 from ..names import check_names
 from ..waveforms import Waveform
-from .contract import warn_beyond
+from .contract import Delegates, warn_beyond
 from .foster import Foster
 from .json_fields import names, table
 
@@ -24,7 +24,7 @@ STATIC = 1e-3  # largest error of the static gain that passes
 
 @shown
 @dataclass(frozen=True, eq=False)
-class Network:
+class Network(Delegates):
     """An identified linear network with the largest temperature rise of its training.
 
     Attributes
@@ -52,32 +52,8 @@ class Network:
         check_names("states", self.names)
 
     @property
-    def inputs(self) -> tuple[str, ...]:
-        """The heated part."""
-        return self.poles.inputs
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """The read part."""
-        return self.poles.outputs
-
-    @property
-    def order(self) -> int:
-        """Number of states."""
-        return self.poles.order
-
-    @property
-    def thermal_resistance(self) -> float:
-        """R_th in K/W."""
-        return self.poles.thermal_resistance
-
-    def step_response(self, times: ArrayLike) -> Array:
-        """Rise in K/W after a unit step."""
-        return self.poles.step_response(times)
-
-    def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
-        """Z(f) in K/W."""
-        return self.poles.impedance(frequency)
+    def _other(self) -> Foster:
+        return self.poles
 
     @property
     def dynamics(self) -> Foster:
