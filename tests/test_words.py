@@ -47,6 +47,18 @@ def test_progress_is_called_with_a_time():
     assert wrong == []
 
 
+def test_a_drive_is_a_power_over_time():
+    """No amplitude and no array of a right-hand side: these are a pump and a forcing."""
+    wrong = [
+        where
+        for where, node in functions()
+        for argument in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
+        if argument.arg == "drive" and argument.annotation is not None
+        if ast.unparse(argument.annotation).split("[")[0] in ("float", "int", "str", "Array", "NDArray", "ArrayLike")
+    ]
+    assert wrong == []
+
+
 def test_only_reductions_lift():
     homes = {where.split(":")[0] for where, node in functions() if node.name == "lift"}
     assert homes == {"surrogate/reduce.py", "surrogate/truncate.py"}

@@ -138,14 +138,14 @@ class FieldIntegrator:
         self.stepper = s = self.newton or Stepper(linear, quiet, factors)
         V = basis.vectors
         KV, self.EV = -(s.A @ V), s.E @ V
-        self.drive = np.column_stack([s.B - self.EV @ basis.heating, self.EV * basis.rate - KV])
+        self.forcing = np.column_stack([s.B - self.EV @ basis.heating, self.EV * basis.rate - KV])
         self.curved = Curvature(*np.zeros((3, *(V.shape[1],) * 3)))
         if isinstance(system, NonlinearEquations):
             self.curved = curvature(system, V)
-            self.loads = np.column_stack([KV, self.drive, self.EV])
+            self.loads = np.column_stack([KV, self.forcing, self.EV])
             self.readers = np.stack([s.solve(0.0, row) for row in np.asarray(linear.C)])
         else:
-            self.jump = np.column_stack([s.solve(0.0, column) for column in self.drive.T])
+            self.jump = np.column_stack([s.solve(0.0, column) for column in self.forcing.T])
         fields = np.column_stack([s.factors.solve(0.0, 1.0, b) for b in linear.B.T])
         self.per_kelvin = max(map(s.norm, fields.T)) / np.abs(linear.C @ fields).max()
         self.direct = np.array(direct) if len(direct) else np.zeros(len(linear.inputs))
@@ -155,8 +155,8 @@ class FieldIntegrator:
 
     def start(self, time: float = 0.0) -> FieldState:
         """The field at ambient temperature."""
-        n, inputs = self.drive.shape[0], len(self.linear.inputs)
-        k = self.drive.shape[1] - inputs
+        n, inputs = self.forcing.shape[0], len(self.linear.inputs)
+        k = self.forcing.shape[1] - inputs
         return FieldState(time, np.zeros(k), np.zeros(n), np.zeros(n), np.zeros(inputs + k))
 
     def begin(self, x: Array, time: float = 0.0) -> FieldState:
@@ -165,7 +165,7 @@ class FieldIntegrator:
         z = V.T @ (s.E @ x)
         r, source = x - V @ z, np.concatenate([np.zeros(len(self.linear.inputs)), z])
         if self.newton is None:
-            return FieldState(time, z, r, s.solve(0.0, self.drive @ source + s.A @ r), source)
+            return FieldState(time, z, r, s.solve(0.0, self.forcing @ source + s.A @ r), source)
         flow, _ = self.curved(z[None], z[None])
         slope = self.loads @ np.concatenate([z, source, flow[0]]) - self.newton.system.flow(x)
         return FieldState(time, z, r, slope, source)
@@ -311,7 +311,7 @@ class FieldIntegrator:
             rates = [slopes[0], slopes[-1]]
             read, estimate = [C @ rate for rate in rates], h * ((WEIGHTS - EMBEDDED) @ slopes)
         else:
-            slopes[0] = state.slope + self.drive @ jump
+            slopes[0] = state.slope + self.forcing @ jump
             if not self._nonlinear(self.newton, piece, z, h, slopes, rests):
                 return None
             rates = [self._load(self.newton, piece, z[k], rests[k], slopes[k], k) for k in (0, -1)]
@@ -341,11 +341,11 @@ class FieldIntegrator:
         return new, error, ends, whole
 
     def _linear(self, piece: Piece, h: float, slopes: Array, rests: Array) -> None:
-        """Stages E s = drive [P, z] - K r."""
+        """Stages E s = forcing [P, z] - K r."""
         s = self.stepper
         for i in range(1, 6):
             known = rests[0] + h * (STAGES[i, :i] @ slopes[:i])
-            slopes[i] = s.solve(GAMMA * h, s.A @ known + self.drive @ piece.stages[i])
+            slopes[i] = s.solve(GAMMA * h, s.A @ known + self.forcing @ piece.stages[i])
             rests[i] = known + GAMMA * h * slopes[i]
 
     def _nonlinear(self, s: NewtonStepper, piece: Piece, z: Array, h: float, slopes: Array, rests: Array) -> bool:

@@ -98,18 +98,18 @@ class FastPart:
         nodes = self.powers(self.grid[:-1, None] + h[:, None] * NODES)
         powers = nodes.transpose(0, 2, 1) @ _POWERS  # coefficients, (intervals, inputs, 4)
         gains = h[:, None] * phi(h[:, None] * self.rate)
-        drive = np.einsum("tim,mtk,ki->tk", powers, gains, basis.heating)
+        forcing = np.einsum("tim,mtk,ki->tk", powers, gains, basis.heating)
         decay = np.exp(-h[:, None] * self.rate)
         ends = np.stack([powers[..., 0], powers.sum(axis=-1)])  # not from the waves: round-off may hit their edges
         heat = ends @ basis.heating.T
-        self.values = _followed(z, decay, drive)
+        self.values = _followed(z, decay, forcing)
         self.slopes = heat - self.rate * _ends(self.values)
         if curved is not None:
-            self._bend(curved, (h, gains, decay, drive, heat), allowed)
+            self._bend(curved, (h, gains, decay, forcing, heat), allowed)
 
     def _bend(self, curved: Curvature, linear: tuple[Array, ...], allowed: Array | float) -> None:
         """Values and slopes with k(T) and c_p(T), from those without and what these were made of."""
-        h, gains, decay, drive, heat = linear
+        h, gains, decay, forcing, heat = linear
         w0 = self.values[0] + curved(self.values[:1], self.values[:1])[1][0]
         for _ in range(SWEEPS):
             z = self.values
@@ -120,7 +120,7 @@ class FastPart:
             d0, d1 = (2 * h[:, None] * (self.rate * turn[1] - turn[0]) for turn in turns)
             rise = np.diff(g, axis=0)
             cubics = np.stack([g[:-1], d0, 3 * rise - 2 * d0 - d1, d0 + d1 - 2 * rise])
-            w = _followed(w0, decay, drive + (cubics * gains).sum(axis=0))
+            w = _followed(w0, decay, forcing + (cubics * gains).sum(axis=0))
             self.values = w - held
             self.values[0] = z[0]
             self.slopes = heat + _ends(g) - self.rate * _ends(w) - 2 * along
@@ -173,12 +173,12 @@ class FastPart:
         return Piece(_AT_STAGES @ moments, np.abs(left).max(axis=0), h * (weight @ power))
 
 
-def _followed(z: Array, decay: Array, drive: Array) -> Array:
+def _followed(z: Array, decay: Array, forcing: Array) -> Array:
     """z_0 = z, z_(k+1) = decay_k z_k + drive_k."""
     values = np.empty((len(decay) + 1, z.size))
     values[0] = z
     for k in range(len(decay)):
-        values[k + 1] = decay[k] * values[k] + drive[k]
+        values[k + 1] = decay[k] * values[k] + forcing[k]
     return values
 
 
