@@ -30,7 +30,6 @@ class Interpolant:
         of `smooth`.
     error, worst : float
         rms and largest error over held-out members, relative to their mean.
-    tested : int
     """
 
     low: Array
@@ -38,7 +37,6 @@ class Interpolant:
     curve: Callable[[Array], Array]
     error: float
     worst: float
-    tested: int
 
     def __call__(self, x: Array) -> Array:
         """The property at parameters of shape (p, n)."""
@@ -90,7 +88,7 @@ def interpolate_members(
     curve = smooth(u[~test], found[~test])
     off = (curve(u[test]) - found[test]) / scale
     rms, worst = float(np.sqrt(np.mean(off**2))), float(np.abs(off).max())
-    return Interpolant(span[:, 0], span[:, 1], curve, rms, worst, int(test.sum()))
+    return Interpolant(span[:, 0], span[:, 1], curve, rms, worst)
 
 
 def smooth(u: Array, y: Array) -> Callable[[Array], Array]:

@@ -12,7 +12,6 @@ from .kinds import read, rise_of
 
 BETWEEN = 4  # points for every stage
 BISECTIONS = 30
-MOST_CROSSINGS = 64
 
 
 @compiled
