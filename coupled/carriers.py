@@ -11,7 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from thermofem import checks
 from thermofem.display import shown
 
+from .lifetime import SHORTEST
+
 _TIME_HINT = checks.Hint("lifetimes are in s (did you mean 35e-9 for 35 ns?)")
+MOST_TURN = 200.0  # of trap_energy/thermal_energy: its exponential is a factor of the densities
 _DENSITY_HINT = "densities are in 1/m^3 (1e15 cm^-3 is 1e21)"
 
 
@@ -56,10 +59,12 @@ class ShockleyReadHall:
     def __post_init__(self) -> None:
         for name in ("tau_n", "tau_p"):
             checks.positive(name, getattr(self, name), unit="s", at_most=0.1, hint=_TIME_HINT)
+            checks.between(name, getattr(self, name), SHORTEST, 0.1, unit="s", hint=_TIME_HINT)
         for name in ("intrinsic_density", "hole_density"):
             checks.between(name, getattr(self, name), 1e10, 1e28, unit="1/m^3", hint=_DENSITY_HINT)
         checks.between("trap_energy", self.trap_energy, -2, 2, unit="eV", hint="counted from the intrinsic Fermi level")
         checks.between("thermal_energy", self.thermal_energy, 1e-4, 0.2, unit="eV", hint="k_B T is 0.0253 eV at 293 K")
+        checks.between("trap_energy/thermal_energy", self.trap_energy / self.thermal_energy, -MOST_TURN, MOST_TURN)
 
     @property
     def _weighted(self) -> tuple[float, float]:

@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from thermofem import checks
 from thermofem.display import shown
 
+SHORTEST = 1e-15  # s: faster than any recombination, and its inverse is far from overflow
+
 
 @shown
 @dataclass(frozen=True)
@@ -32,6 +34,7 @@ class ConstantLifetime:
     def __post_init__(self) -> None:
         hint = "lifetimes are in s (did you mean 10e-9 for 10 ns?)"
         checks.positive("tau", self.tau, unit="s", at_most=0.1, hint=hint)
+        checks.between("tau", self.tau, SHORTEST, 0.1, unit="s", hint=hint)
 
     @property
     def tau0(self) -> float:

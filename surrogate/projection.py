@@ -78,6 +78,12 @@ class FitProblem:
             target = np.append(target, STATIC_WEIGHT * np.sqrt(target.size))
         object.__setattr__(self, "weight", weight)
         object.__setattr__(self, "target", target)
+        slowest = np.array([-np.log(self.span[1])])
+        for drive in self.drives:
+            if not np.any(pole_responses(np.exp(slowest), drive.wave, drive.times, periodic=drive.periodic)):
+                raise checks.InputError(
+                    f"the power of the {drive.name} heats nothing that the samples can show; is a time in another unit?"
+                )
 
     def columns(self, log_rate: Array) -> Array:
         """Response of every pole at every sample, in swings per unit gain; last the static-gain row."""

@@ -14,6 +14,8 @@ from fuzz import hostile
 import coupled
 import surrogate
 import thermofem as th
+from coupled import ring_toml
+from coupled.circuit import file as circuit_file
 from coupled.maps.journal import Journal
 from coupled.maps.pulsing_map import _Cell, _possible
 from thermofem.campaign import Campaign
@@ -143,7 +145,8 @@ def test_names_are_refused_wherever_a_model_is_made_or_loaded(tmp_path):
         ({"units": {"R": "K/mW", "tau": "us"}}, "R is in 'K/mW'; a model file holds it in K/W"),
         ({"units": 5}, "units must be an object"),
         ({"poles": [{"R": 5e3, "tau": True}]}, "not a number"),
-        ({"poles": [{"R": 5e3, "tau": 1e-320}]}, "must lie in 1e-20"),
+        ({"poles": [{"R": 5e3, "tau": 1e-25}]}, "must lie in 1e-20"),
+        ({"poles": [{"R": 5e3, "tau": 1e-320}]}, "numbers of a model lie in"),
     ],
 )
 def test_a_model_file_that_means_something_else_is_refused(change, words, tmp_path):
@@ -252,3 +255,107 @@ def test_a_map_refuses_values_that_no_run_has():
         (0.0, 0.5, 1.0),
     ):
         assert not _possible(_Cell("self-pulsing", period, duty, swing, ""))
+
+
+def described(module):
+    """The file that the docstring of its reader shows."""
+    return (module.__doc__ or "").split("```toml\n")[1].split("```")[0]
+
+
+PLAN = """geometry = "strip.toml"
+name = "x"
+samples = 5
+[[vary]]
+path = "part.core.radius"
+from = "3 um"
+to = "15 um"
+spacing = "log"
+[[drive]]
+power = "1 mW"
+square = "1 us"
+duty = 0.3
+periodic = true
+[[drive]]
+power = "1 mW"
+duration = "40 us"
+first = "1 ns"
+[probes]
+heated = "core"
+read = ["core"]
+"""
+TOML_FILES = {
+    "campaign": (PLAN, lambda text, folder: Campaign(**fields(text, folder))),
+    "ring": (
+        described(ring_toml).replace('drop_rate = "40e9 1/s"', ""),
+        lambda text, folder: coupled.RingResonator.from_text(text),
+    ),
+    "circuit": (described(circuit_file), lambda text, folder: coupled.Circuit(**circuit_file.fields(text, folder))),
+    "geometry": (th.heated_ring().to_toml(), lambda text, folder: th.CrossSection.from_toml_text(text)),
+}
+
+
+@pytest.mark.parametrize("kind", TOML_FILES)
+def test_every_line_of_a_file_replaced(kind, tmp_path):
+    """Each value by values of every other type and size, each line left out and there twice."""
+    text, read = TOML_FILES[kind]
+    (tmp_path / "strip.toml").write_text(th.strip_ring().to_toml())
+    (tmp_path / "ring.toml").write_text('base = "borghi2021"\n')
+    read(text, tmp_path)
+    for other in hostile.replaced_lines(text):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            says_one_line(lambda: read(other, tmp_path))  # noqa: B023 - called at once
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ('periodic = "no"', "must be true or false"),
+        ("periodic = 0", "must be true or false"),
+        ('pulse = ""', "is not a quantity|does not begin with a number|exclude each other"),
+        ('duration = "1 us"', "not of a periodic state"),
+        ("name = true", "must be text"),
+    ],
+)
+def test_a_drive_of_the_wrong_type_is_refused(line, words, tmp_path):
+    """`periodic = "no"` was true, and an empty pulse a step."""
+    (tmp_path / "strip.toml").write_text(th.strip_ring().to_toml())
+    old = next(known for known in PLAN.splitlines() if known.startswith(("power", line.split(" = ")[0])))
+    text = PLAN.replace("periodic = true\n", "", 1) if line.startswith("periodic") else PLAN
+    with pytest.raises(th.InputError, match=words):
+        Campaign(**fields(text.replace('power = "1 mW"\n', f'power = "1 mW"\n{line}\n', 1), tmp_path))
+    assert old
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6]),
+        th.OutputMap(th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6]), -4e-4, 20.0),
+        th.StateSpace(1e-10 * np.eye(2), -1e-4 * np.array([[2.0, -1], [-1, 2]]), np.eye(2)[:, :1], np.eye(2)[:1]),
+        th.Quadratic(-1e6 * np.eye(2), np.zeros((2, 2, 2)), np.zeros((2, 2)), np.ones(2), np.ones(2)),
+        surrogate.cauer(th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])),
+    ],
+    ids=lambda model: type(model).__name__,
+)
+def test_every_field_of_a_model_replaced(model, tmp_path):
+    path = surrogate.save_model(model, tmp_path / "m.json", provenance={"a": 1})
+    tree = json.loads(path.read_text())
+    for other in hostile.replaced_leaves(tree):
+        path.write_text(json.dumps(other))
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            loaded = says_one_line(lambda: surrogate.load_model(path))
+            if loaded is not None and not isinstance(loaded, th.StateSpace):
+                says_one_line(lambda: loaded.step_response([0.0, 1e-9, 1e-6]))  # noqa: B023
+
+
+@pytest.mark.parametrize("kind", th.waveforms.KINDS)
+def test_every_field_of_a_waveform_replaced(kind):
+    made = th.waveforms.KINDS[kind]
+    if not hasattr(made, "example"):
+        pytest.skip("it has no example")
+    for other in hostile.replaced_leaves(json.loads(th.waveforms.to_json(made.example()))):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            says_one_line(lambda: from_json(json.dumps(other))(np.linspace(0, 2e-6, 9)))  # noqa: B023

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 SYMMETRY = 1e-9  # of the largest entry, in which round-off may leave a matrix asymmetric
+SMALLEST = 1e-150  # of a positive number: its square and the inverse of it are floats
 MESSAGE = 1200  # characters of an error message
 VALUE = 80  # characters of a value in an error message
+_LONG = re.compile(r"\S{300,}")  # no word, name or path of a person
 
 
 def one_line(text: str, *, most: int = MESSAGE) -> str:
@@ -38,6 +41,10 @@ def shown(value: Any, *, most: int = VALUE) -> str:
         name = type(value).__name__
         return f"a{'n' if name[0] in 'aeio' else ''} {name} that is too long to print"
     return one_line(text, most=most)
+
+
+def _shortened(match: re.Match[str]) -> str:
+    return f"{match[0][:VALUE]}..."
 
 
 class Hint(str):
@@ -68,7 +75,7 @@ class InputError(ValueError):
     """
 
     def __init__(self, rule: str, hint: str = "") -> None:
-        self.rule, self.hint = one_line(str(rule)), one_line(str(hint))
+        self.rule, self.hint = _LONG.sub(_shortened, one_line(str(rule))), one_line(str(hint))
         self._text = hint.text if isinstance(hint, Hint) else self.hint
         super().__init__(f"{self.rule}; {self.hint}" if hint else self.rule)
 
@@ -101,10 +108,12 @@ def finite(name: str, value: Any, *, unit: str = "", hint: str = "") -> float:
 
 
 def positive(name: str, value: Any, *, unit: str = "", at_most: float = math.inf, hint: str = "") -> float:
-    """Return ``value`` as a float, or raise InputError unless 0 < value <= at_most."""
+    """Return ``value`` as a float, or raise InputError unless 0 < value <= at_most; below `SMALLEST` it is nothing."""
     number = finite(name, value, unit=unit, hint=hint)
     if number <= 0:
         raise InputError(_rule(f"{name} = {number:g} must be positive", unit), hint)
+    if number < SMALLEST:
+        raise InputError(_rule(f"{name} = {number:g} is below {SMALLEST:g}, which is no quantity", unit), hint)
     if number > at_most:
         raise InputError(_rule(f"{name} = {number:g} is larger than {at_most:g}", unit), hint)
     return number

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from . import units
-from .checks import InputError, shown
+from .checks import SMALLEST, InputError, shown
 
 # digits of ASCII only, none grouped by "_": Python's float() takes more
 _DIGITS = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
@@ -143,7 +143,7 @@ def parse(text: Any, unit: str, *, name: str = "value") -> float:
 def positive(text: Any, unit: str, *, name: str = "value") -> float:
     """`parse`, and InputError unless the quantity is larger than zero."""
     value = parse(text, unit, name=name)
-    if value <= 0:
+    if value < SMALLEST:
         raise InputError(f"{name} = {shown(text)} must be larger than zero", _wanted(unit))
     return value
 

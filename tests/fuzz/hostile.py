@@ -127,3 +127,42 @@ def damaged(content: bytes, seed: int, count: int) -> Iterator[bytes]:
             continue
         wrong[start : start + length] = pick.randbytes(min(length, len(wrong) - start))
         yield bytes(wrong)
+
+
+TOML_VALUES = [
+    "true", "0", "-1", "1.5", "1e308", "-1e-320", "9223372036854775807", '""', '" "', '"x"', '"1"', '"0 m"',
+    '"-1 um"', '"nan m"', '"1e400 W"', '"1e-320 s"', '"3 K"', '"no"', "[]", "[[]]", "[1, 2]", '["core", 3]', "{}",
+    "{ a = 1 }", '"a\\nb"', '"../x"', '"/dev/zero"', f'"{"x" * 10_000}"', "1979-05-27", '"1 mW*9**9**9"',
+]  # fmt: skip
+JSON_VALUES: list[Any] = [
+    None, True, 0, -1, 1.5, 1e308, -1e-320, 5e-324, 10**18, 10**30, "", " ", "x", "1", "a\nb", "x" * 10_000, "../x",
+    "/dev/zero", [], [[]], [1, 2], [[1.0, 2.0], [3.0]], ["core", 3], {}, {"a": 1}, [None], [True], [10**18],
+]  # fmt: skip
+
+
+def replaced_lines(text: str) -> Iterator[str]:
+    """TOML with the value of one line replaced, the line left out, or there twice."""
+    lines = text.splitlines()
+    for k, line in enumerate(lines):
+        key, equals, _ = line.partition(" = ")
+        if equals:
+            for value in TOML_VALUES:
+                yield "\n".join([*lines[:k], f"{key} = {value}", *lines[k + 1 :]])
+        if line.strip():
+            yield "\n".join(lines[:k] + lines[k + 1 :])
+            yield "\n".join(lines[: k + 1] + lines[k:])
+
+
+def replaced_leaves(tree: Any) -> Iterator[Any]:
+    """Trees with one node of a tree replaced, left out or there twice; an object also with one key more."""
+    yield from JSON_VALUES
+    if isinstance(tree, dict):
+        yield {**tree, "another": 1}
+        for key, value in tree.items():
+            yield {k: v for k, v in tree.items() if k != key}
+            yield from ({**tree, key: other} for other in replaced_leaves(value))
+    if isinstance(tree, list):
+        for k in sorted({0, len(tree) - 1} if tree else ()):
+            yield tree[:k] + tree[k + 1 :]
+            yield [*tree[: k + 1], *tree[k:]]
+            yield from ([*tree[:k], other, *tree[k + 1 :]] for other in replaced_leaves(tree[k]))

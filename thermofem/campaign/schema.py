@@ -23,6 +23,7 @@ from .vary import LARGEST, Schedule, Value, Variation
 _TOP = ("name", "geometry", "samples", "seed", "accuracy", "rtol", "vary", "drive", "probes")
 _VARY = ("path", "name", "values", "from", "to", "count", "spacing")
 _DRIVE = ("name", "power", "pulse", "square", "duty", "periodic", "duration", "first", "samples", "spacing")
+_TRANSIENT = ("duration", "first", "spacing")
 _UNITS = ("m", "K", "rad", "W/m/K", "kg/m^3", "J/kg/K", "W/m^2/K", "m^2*K/W", "")
 
 
@@ -42,7 +43,7 @@ def fields(text: str, folder: Path) -> dict[str, Any]:
         "geometry": _geometry(top["geometry"], folder),
         "variations": tuple(_variation(item, k) for k, item in enumerate(_tables(top, "vary"), 1)),
         "schedules": tuple(_schedule(item, k) for k, item in enumerate(_tables(top, "drive"), 1)),
-        "name": str(top.get("name", "campaign")),
+        "name": _text("name", top.get("name", "campaign")),
         "heated": heated if heated is None else check_name("[probes]: heated", heated),
         "read": read,
         "accuracy": checks.finite("accuracy", top.get("accuracy", 1e-3)),
@@ -86,6 +87,12 @@ def _integer(name: str, value: Any, least: int) -> int:
     return value
 
 
+def _text(name: str, value: Any) -> str:
+    if not isinstance(value, str):
+        raise InputError(f"{name} = {shown(value)} must be text")
+    return value
+
+
 def _variation(table: dict[str, Any], k: int) -> Variation:
     given = table.get("path")
     paths = tuple(given) if isinstance(given, list) else (given,)
@@ -93,7 +100,7 @@ def _variation(table: dict[str, Any], k: int) -> Variation:
     _known(table, _VARY, where)
     if not paths or not all(isinstance(path, str) for path in paths):
         raise InputError(f'{where}: path = {shown(given)} is missing or no text; e.g. path = "part.core.width"')
-    name = str(table.get("name", paths[0]))
+    name = _text(f"{where}: name", table.get("name", paths[0]))
     logarithmic = checks.choice(f"{where}: spacing", table.get("spacing", "linear"), ("linear", "log")) == "log"
     if "values" in table:
         if {"from", "to", "count"} & set(table) or not isinstance(table["values"], list) or not table["values"]:
@@ -127,19 +134,30 @@ def _schedule(table: dict[str, Any], k: int) -> Schedule:
     where = f"drive {table.get('name', k)}"
     _known(table, _DRIVE, where)
     watts = quantity.parse(table.get("power", "1 mW"), "W", name=f"{where}: power")
-    pulse, square = table.get("pulse"), table.get("square")
-    if pulse and square:
-        raise InputError(f"{where}: pulse and square exclude each other; give one")
+    periodic = table.get("periodic", False)
+    if not isinstance(periodic, bool):
+        raise InputError(f"{where}: periodic = {shown(periodic)} must be true or false")
+    for key, needed, other in (
+        ("pulse", "square" not in table, "pulse and square exclude each other; give one"),
+        ("duty", "square" in table, "duty goes with square: a pulse or a step has none"),
+        *(
+            (key, not (periodic and "square" in table), f"{key} is that of a transient, not of a periodic state")
+            for key in _TRANSIENT
+        ),
+    ):
+        if key in table and not needed:
+            raise InputError(f"{where}: {other}")
     wave: Any = waveforms.Constant(watts)
-    if pulse:
-        wave = waveforms.Pulse(watts, quantity.parse(pulse, "s", name=f"{where}: pulse"))
-    elif square:
-        period = quantity.parse(square, "s", name=f"{where}: square")
+    if "pulse" in table:
+        wave = waveforms.Pulse(watts, quantity.parse(table["pulse"], "s", name=f"{where}: pulse"))
+    elif "square" in table:
+        period = quantity.parse(table["square"], "s", name=f"{where}: square")
         wave = waveforms.SquareWave(watts, period, checks.finite(f"{where}: duty", table.get("duty", 1 / 3)))
-    name = str(table.get("name", "pulse" if pulse else "square" if square else "step"))
-    if table.get("periodic", False):
+    kind = next((kind for kind in ("pulse", "square") if kind in table), "step")
+    name = _text(f"{where}: name", table.get("name", kind))
+    if periodic:
         return Schedule(name, wave, samples=_integer(f"{where}: samples", table.get("samples", 301), 3))
-    return Schedule(name, wave, _times(table, where, logarithmic=not pulse and not square))
+    return Schedule(name, wave, _times(table, where, logarithmic=kind == "step"))
 
 
 def _times(table: dict[str, Any], where: str, *, logarithmic: bool) -> tuple[float, ...]:
@@ -150,6 +168,8 @@ def _times(table: dict[str, Any], where: str, *, logarithmic: bool) -> tuple[flo
     samples = _integer(f"{where}: samples", table.get("samples", 81 if spacing == "log" else 401), 2)
     checks.positive(f"{where}: duration", duration, unit="s")
     if spacing == "linear":
+        if "first" in table:
+            raise InputError(f'{where}: first goes with spacing = "log"; even times begin at 0')
         return tuple(map(float, np.linspace(0, duration, samples)))
     first = quantity.parse(table.get("first", "1 ns"), "s", name=f"{where}: first")
     if not 0 < first < duration:

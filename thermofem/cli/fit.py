@@ -19,12 +19,13 @@ if TYPE_CHECKING:
 
 KINDS = ("newton", "second-order", "foster", "spectrum", "sindy")
 TABLE = "a table of numbers"
+POLES = 5  # of a Foster network
 
 
 def fit(
     data: Annotated[list[Path], typer.Argument(help="Training data (netCDF), or a table (.csv, .txt, .dat).")],
     kind: Annotated[str, typer.Option(help="newton, second-order, foster, spectrum or sindy.")] = "second-order",
-    order: Annotated[int, typer.Option(help="Number of poles of a Foster network.")] = 5,
+    order: Annotated[int | None, typer.Option(help="Number of poles of a Foster network; default 5.")] = None,
     power: Annotated[str | None, typer.Option(help="Absorbed power while a table was measured.")] = None,
     pulse: Annotated[str | None, typer.Option(help="It heated for this long, e.g. '4 us'; default: a step.")] = None,
     square: Annotated[str | None, typer.Option(help="It was a square wave of this period, from rest.")] = None,
@@ -47,6 +48,8 @@ def fit(
     import surrogate
 
     checks.choice("--kind", kind, KINDS)
+    if order is not None and kind != "foster":
+        raise InputError(f"--order = {order} goes with --kind foster; {kind} has its own number of poles")
     check_outputs([output, figure], inputs=data, images=[figure])
     if figure is not None and len(data) > 1:
         raise InputError(f"--figure shows one file; {len(data)} are given")
@@ -108,7 +111,7 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and value != value else value
 
 
-def _trained(kind: str, training: list[xr.Dataset], order: int, transfer: bool | None) -> Any:
+def _trained(kind: str, training: list[xr.Dataset], order: int | None, transfer: bool | None) -> Any:
     import surrogate
 
     if kind == "newton":
@@ -117,7 +120,7 @@ def _trained(kind: str, training: list[xr.Dataset], order: int, transfer: bool |
         return surrogate.fit_second_order(training, transfer=transfer)
     if kind == "spectrum":
         return surrogate.fit_spectrum(training)
-    return surrogate.fit_foster(training, order=order, transfer=transfer)
+    return surrogate.fit_foster(training, order=POLES if order is None else order, transfer=transfer)
 
 
 def _sindy(training: list[xr.Dataset]) -> Any:

@@ -33,6 +33,7 @@ from .state_space import StateSpace
 FORMAT = "thermofem thermal model"
 SCHEMA = 1
 COMMON = ("format", "schema", "kind", "inputs", "outputs", "provenance")  # fields of every kind
+SMALLEST, LARGEST = 1e-75, 1e75  # of a number: the product of four is a float
 AGREEMENT = 1e-9  # of R_th with what is stated: 17 digits are written, a person may keep 10
 OF_NETWORK = 1e-3  # the same of a `Network`, see `gate`
 
@@ -80,7 +81,7 @@ def save_model(model: ThermalModel, path: str | Path, *, provenance: Mapping[str
     }
     try:
         text = json.dumps(content, indent=2, allow_nan=False, default=_plain)
-        trees.from_json(text)  # raises where the file could not be read back
+        _check_sizes(trees.from_json(text))  # raises where the file could not be read back
     except (TypeError, ValueError, RecursionError) as error:
         raise checks.InputError(f"provenance cannot be written as JSON: {error}") from None
     return write_whole(path, lambda p: p.write_text(text + "\n", encoding="utf-8"))
@@ -96,6 +97,7 @@ def load_model(path: str | Path) -> Any:
     """
     content = _content(path)
     try:
+        _check_sizes(content)
         kind = checks.choice("kind", str(content.get("kind")), KINDS)
         model = KINDS[kind].from_json(content)
         written = model.to_json()
@@ -120,6 +122,19 @@ def _check_units(stated: Any, units: Mapping[str, str]) -> None:
     for name, unit in units.items():
         if stated.get(name, unit) != unit:
             raise checks.InputError(f"{name} is in {checks.shown(stated[name])}; a model file holds it in {unit}")
+
+
+def _check_sizes(tree: Any) -> None:
+    """InputError for a number, outside the provenance, whose products would leave the floats."""
+    level = [value for key, value in tree.items() if key != "provenance"]
+    while level:
+        below: list[Any] = []
+        for node in level:
+            if isinstance(node, dict | list):
+                below.extend(node.values() if isinstance(node, dict) else node)
+            elif isinstance(node, int | float) and node and not SMALLEST <= abs(node) <= LARGEST:
+                raise checks.InputError(f"it holds {node:g}; numbers of a model lie in {SMALLEST:g}..{LARGEST:g}")
+        level = below
 
 
 def _check_fields(found: Any, written: Any, at: str = "") -> None:
