@@ -63,7 +63,7 @@ def settled(
     """
     from ..kernels import orbit_measure
 
-    passed, duration, h, said = 0.0, FIRST, 0.0, "no pulse"
+    passed, duration, h, said, unstable = 0.0, FIRST, 0.0, "no pulse", False
     rest = points
     while passed < max(longest, SLOWEST * _slowest(p)):
         rows, y, _, h = run(p, y, duration, first=min(h, AGAIN))
@@ -73,7 +73,8 @@ def settled(
             rest = stable_points(p) if rest is None else rest
         falls = rest is not None and rest.size > 0 and fourth < FALLING * third  # to rest, or to where it is soon
         if ups >= 3 and high - low > FLAT * high and not falls:
-            found, said = _close(p, y, turn, (low + high) / 2, rough)
+            found, said, met = _close(p, y, turn, (low + high) / 2, rough, rough and unstable)
+            unstable = unstable or met
             if found is not None:
                 if abs(_range(found.orbit) - (high - low)) <= AGREE * (high - low):
                     return found
@@ -98,45 +99,53 @@ def settled(
     )
 
 
-def _close(p: CycleProblem, y: Array, T: float, level: float, rough: bool) -> tuple[Settled | None, str]:
-    """The stable cycle near a trace that pulses every ``T`` ns through ``level``, of one pulse or a few; or why not."""
+def _close(
+    p: CycleProblem, y: Array, T: float, level: float, rough: bool, wary: bool
+) -> tuple[Settled | None, str, bool]:
+    """The stable cycle near a trace that pulses every ``T`` ns through ``level``, of one pulse or a few; or why not.
+
+    The last value says whether an unstable one is there. Where that is known, only a trace that repeats itself is tried
+    (``wary``).
+    """
     _, y, met, _ = run(p, y, 4 * T, level)
     if not met:
-        return None, "the pulses end"
-    pulses, said = 1, ""
+        return None, "the pulses end", False
+    pulses, said = _repeats(p, y, T, 1) if wary else 1, ""
+    if pulses == 0:
+        return None, "the pulses do not repeat", True
     while pulses <= MOST_PULSES:
         orbit = shoot(p, y, T, pulses, rough)
         if orbit is None and pulses == 1 and (pulses := _repeats(p, y, T)) > 1:
             orbit = shoot(p, y, T, pulses, rough)
         if orbit is None:
-            return None, said or "the pulses do not repeat"
+            return None, said or "the pulses do not repeat", bool(said)
         if _range(orbit) <= FLAT * orbit.Y[:, :, 2].max():
-            return None, "the pulses die away"
+            return None, "the pulses die away", False
         others = nontrivial(orbit)
         size = float(np.abs(others).max())
         if size < 1:
-            return Settled(orbit, pulses, size), ""
+            return Settled(orbit, pulses, size), "", False
         worst = others[np.argmax(np.abs(others))]
         if worst.real > -1 or abs(worst.imag) > 0:
-            return None, "the cycle there is unstable"
+            return None, "the cycle there is unstable", True
         said = f"a cycle of {pulses} has doubled, with a multiplier of {worst.real:.3g}"
         found = around(p, y, T, DIFFER)
         if found is None:
-            return None, said
+            return None, said, True
         y = found[1]
         pulses *= 2
-    return None, said
+    return None, said, True
 
 
-def _repeats(p: CycleProblem, y: Array, T: float) -> int:
-    """After how many pulses, two or more, a trace is nearly back; 0 where it is not within `MOST_PULSES`."""
+def _repeats(p: CycleProblem, y: Array, T: float, fewest: int = 2) -> int:
+    """After how many pulses, ``fewest`` or more, a trace is nearly back; 0 where it is not within `MOST_PULSES`."""
     first = y[3:]
     for pulses in range(1, MOST_PULSES + 1):
         found = around(p, y, T, 1)
         if found is None:
             return 0
         y = found[1]
-        if pulses > 1 and np.abs(y[3:] - first).max() <= BACK * np.abs(first).max():
+        if pulses >= fewest and np.abs(y[3:] - first).max() <= BACK * np.abs(first).max():
             return pulses
     return 0
 
@@ -156,13 +165,13 @@ def _slowest(p: CycleProblem) -> float:
     return float(1 / p.at.thermal.slowest)
 
 
-def stable_points(p: CycleProblem, at: Any = None) -> Array:
-    """The stable fixed points, rows (U, N, dT) in internal units; ``at`` as `equilibria.steady.internal` returns it."""
+def stable_points(p: CycleProblem, at: Any = None, pieces: Array | None = None) -> Array:
+    """The stable fixed points, rows (U, N, dT) in internal units; ``at`` and ``pieces`` as `steady.fixed_points`."""
     from ..equilibria import balance, spectrum
     from ..equilibria.steady import absorbable, fixed_points, internal, kind_of
 
     at = at or internal(p.ring, p.model, absorbable(p.ring, p.power))
-    U, D = fixed_points(p.ring, at, p.power, p.detuning + turned_by(p.rise, p.ring))
+    U, D = fixed_points(p.ring, at, p.power, p.detuning + turned_by(p.rise, p.ring), pieces)
     N, _, dT, *_ = balance.balances(U, at.rates, at.fcd, at.static)
     stable = [kind_of(spectrum.dense(u, d, *at[1:]))[2] == "stable" for u, d in zip(U, D, strict=True)]
     return np.stack([U, N, dT], axis=1)[stable]

@@ -134,13 +134,20 @@ def absorbable(ring: RingResonator, power: float) -> float:
     return power * ring.bus_rate / (ring.linear_rate - ring.loss_rate)
 
 
-def fixed_points(ring: RingResonator, at: Internal, power: float, detuning: float) -> tuple[Array, Array]:
-    """U and D, internal units, of every fixed point at a power in W and a detuning in Hz, by increasing energy."""
+def fixed_points(
+    ring: RingResonator, at: Internal, power: float, detuning: float, pieces: Array | None = None
+) -> tuple[Array, Array]:
+    """U and D, internal units, of every fixed point at a power in W and a detuning in Hz, by increasing energy.
+
+    ``pieces`` are those of `balance.turning_points` for the power and a detuning at least as large, where known.
+    """
     from ..kernels import equations as eq
     from . import balance
 
     shift, rest = eq.internal_detuning(detuning), (eq.internal_pump(ring, power), at.rates, at.fcd, at.static)
-    U, D = balance.fixed_points(shift, *rest, balance.turning_points(balance.reach(shift, *rest), *rest))
+    if pieces is None:
+        pieces = balance.turning_points(balance.reach(shift, *rest), *rest)
+    U, D = balance.fixed_points(shift, *rest, pieces)
     order = np.argsort(U)
     return U[order], D[order]
 

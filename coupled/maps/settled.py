@@ -6,95 +6,138 @@ Where one is, the ring may rest there or pulse beside it; a transient from a col
 from __future__ import annotations
 
 from itertools import groupby
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermofem import checks
 
-from ..cycles.orbit import CycleProblem, closer, problem, shoot
+from ..cycles.orbit import FEW_SHOTS, ROUGH, TRACE_RTOL, CycleProblem, Orbit, closer, problem
 from ..cycles.parameters import under_laser
 from ..cycles.scheme import scheme
-from ..cycles.start import FLAT, RestError, Settled, nontrivial, settled, stable_points
+from ..cycles.start import RestError, Settled, settled, stable_points
 from ..equilibria.steady import absorbable, internal
+from ..kernels.interrupts import uninterrupted
+from ..kernels.tableaus import Method, tableau
 from ..pulsing import DUTY_LEVEL, Regime
 from .grid import Point
 
-LONGEST = 3e5  # ns, a transient from a cold ring
-SURE = 0.98  # a multiplier above which the rest of an error is magnified too much
+Array = NDArray[np.float64]
 
-AHEAD = {1: (1.0,), 2: (2.0, -1.0), 3: (3.0, -3.0, 1.0)}  # the next of a few equidistant values, by a polynomial
+LONGEST = 3e5  # ns, a transient from a cold ring
 
 Found = tuple[str, float, float, float, str]
+Beside = tuple[Array, Array, Array]  # starts, periods and the last return map of up to three neighbours
 
 
-def settled_row(model: Any, points: list[Point], watch: NDArray[np.float64]) -> list[Found]:
+def settled_row(model: Any, points: list[Point], watch: Array) -> list[Found]:
     """Return regime, period (s), duty, swing (K) and the reason at every point of a row."""
     out: list[Found] = []
-    before: list[Settled] = []  # cycles of the points just before, the last one first
+    beside: Beside | None = None
     for (ring, power), group in groupby(points, key=lambda point: point[:2]):
         part = [detuning for _, _, detuning in group]
         try:
-            p = problem(ring, model, power, part[0])
-            at = internal(ring, model, absorbable(ring, power))
-            still = _stable(p, at, part)
-        except (checks.InputError, RuntimeError, np.linalg.LinAlgError) as error:
-            out += [("failed", np.nan, np.nan, np.nan, str(error))] * len(part)
-            before = []
+            row = _Row.of(ring, model, power, part)
+        except _FAILURES as error:
+            out += [_failed(error)] * len(part)
+            beside = None
             continue
-        for detuning, rest in zip(part, still, strict=True):
+        done = 0
+        while done < len(part):
             if watch[0] > 0:
                 raise KeyboardInterrupt
             try:
-                p = under_laser(p, power, detuning)
-                cell, found = _point(p, stable_points(p, at) if rest else np.empty((0, 3)), before)
-            except (checks.InputError, RuntimeError, np.linalg.LinAlgError) as error:
-                cell, found = ("failed", np.nan, np.nan, np.nan, str(error)), None
-            before = [] if found is None or found.pulses > 1 else [found, *before[:2]]
+                if beside is not None:
+                    cells, beside = row.along(done, beside, watch)
+                    out += cells
+                    done += len(cells)
+                    if done == len(part):
+                        break
+                cell, found = row.point(done)
+            except _FAILURES as error:
+                cell, found = _failed(error), None
             out.append(cell)
+            beside = None if found is None or found.pulses > 1 else _after(beside, found.orbit)
+            done += 1
     return out
 
 
-def _stable(p: CycleProblem, at: Any, detunings: list[float]) -> NDArray[np.bool_]:
-    """Whether a fixed point is stable at every detuning."""
-    from ..equilibria import spectrum
-    from ..kernels import equations as eq
+class _Row(NamedTuple):
+    """Detunings under one power."""
 
-    shifts = np.array([eq.internal_detuning(nu) for nu in detunings])
-    seen = spectrum.survey(shifts, p.at.pump, at.rates, at.fcd, at.thermal.without_idle_poles(), at.static)
-    return np.asarray(seen[1] > 0)
+    p: CycleProblem
+    at: Any  # as `equilibria.steady.internal` returns it
+    detunings: list[float]
+    shifts: Array  # the same in rad/ns
+    still: NDArray[np.bool_]  # where a fixed point is stable
+    pieces: Array  # turning points of the fixed points
 
+    @classmethod
+    def of(cls, ring: Any, model: Any, power: float, detunings: list[float]) -> _Row:
+        """Prepare the row."""
+        from ..equilibria import balance, spectrum
+        from ..kernels import equations as eq
 
-def _point(p: CycleProblem, still: NDArray[np.float64], before: list[Settled]) -> tuple[Found, Settled | None]:
-    """One point; ``before`` are the cycles of up to three neighbours."""
-    from ..kernels import orbit_measure
+        p = problem(ring, model, power, detunings[0])
+        at = internal(ring, model, absorbable(ring, power))
+        shifts = np.array([eq.internal_detuning(nu) for nu in detunings])
+        seen = spectrum.survey(shifts, p.at.pump, at.rates, at.fcd, at.thermal.without_idle_poles(), at.static)
+        rest = (p.at.pump, at.rates, at.fcd, at.static)
+        pieces = balance.turning_points(balance.reach(float(np.abs(shifts).max()), *rest), *rest)
+        return cls(p, at, detunings, shifts, np.asarray(seen[1] > 0), pieces)
 
-    found = _beside(p, before) if before and still.size == 0 else None
-    if found is None:
+    def along(self, first: int, beside: Beside, watch: Array) -> tuple[list[Found], Beside]:
+        """The points from ``first`` on, as far as no fixed point is stable and a cycle lies beside the last one's."""
+        from ..kernels import orbit_row
+
+        ends = np.flatnonzero(self.still[first:])
+        shifts = self.shifts[first : first + int(ends[0]) if ends.size else None]
+        if shifts.size == 0:
+            return [], beside
+        rows, *beside_ = uninterrupted(
+            orbit_row.along, shifts, *beside, self.p.at, self.p.floor, scheme(), tableau(Method.RODAS4), TRACE_RTOL,
+            *ROUGH, FEW_SHOTS, DUTY_LEVEL, watch,
+        )  # fmt: skip
+        return [_pulsing(*row) for row in rows.tolist()], (beside_[0], beside_[1], beside_[2])
+
+    def point(self, k: int) -> tuple[Found, Settled | None]:
+        """One point by a transient from a cold ring."""
+        from ..kernels import orbit_measure, orbit_row
+
+        p = under_laser(self.p, self.p.power, self.detunings[k])
+        still = stable_points(p, self.at, self.pieces) if self.still[k] else np.empty((0, 3))
         try:
             found = settled(p, np.zeros(p.units.size), points=still, rough=True, longest=LONGEST)
         except RestError as rest:
             return (str(Regime.STABLE), np.nan, np.nan, 0.0, str(rest)), None
         except checks.InputError as error:
             return (str(Regime.SLOW_TRANSIENT), np.nan, np.nan, np.nan, str(error)), None
-    if found.size > SURE:
-        found = found._replace(orbit=closer(p, found.orbit))
-    orbit, size = found.orbit, found.size
-    duty, swing, _, _ = orbit_measure.measured(orbit.start, orbit.Y, orbit.tau, p.at.thermal, scheme(), DUTY_LEVEL)
+        if found.size > orbit_row.SURE:
+            found = found._replace(orbit=closer(p, found.orbit))
+        orbit = found.orbit
+        duty, swing, _, _ = orbit_measure.measured(orbit.start, orbit.Y, orbit.tau, p.at.thermal, scheme(), DUTY_LEVEL)
+        return _pulsing(orbit.T, float(duty), float(swing), found.size, found.pulses), found
+
+
+_FAILURES = (checks.InputError, RuntimeError, np.linalg.LinAlgError)
+
+
+def _failed(error: Exception) -> Found:
+    return ("failed", np.nan, np.nan, np.nan, str(error))
+
+
+def _pulsing(T: float, duty: float, swing: float, size: float, pulses: int = 1) -> Found:
+    """A settled cycle of the period T in ns."""
     words = f"settled cycle; a deviation shrinks to {size:.3g} of itself in a period"
-    if found.pulses > 1:
-        words += f"; {found.pulses} pulses in a period"
-    return (str(Regime.SELF_PULSING), orbit.T * 1e-9, float(duty), float(swing), words), found
+    if pulses > 1:
+        words += f"; {pulses} pulses in a period"
+    return (str(Regime.SELF_PULSING), T * 1e-9, duty, swing, words)
 
 
-def _beside(p: CycleProblem, before: list[Settled]) -> Settled | None:
-    """The stable cycle of one pulse next to those of neighbours; None where there is none."""
-    ahead = np.array(AHEAD[len(before)])
-    y = ahead @ np.stack([found.orbit.start for found in before])
-    T = float(ahead @ np.array([found.orbit.T for found in before]))
-    orbit = shoot(p, y, T, 1, True, before[0].orbit.M)
-    if orbit is None or np.ptp(orbit.Y[:, :, 2]) <= FLAT * orbit.Y[:, :, 2].max():
-        return None
-    size = float(np.abs(nontrivial(orbit)).max())
-    return Settled(orbit, 1, size) if size < 1 else None
+def _after(beside: Beside | None, orbit: Orbit) -> Beside:
+    """The neighbours of the next point."""
+    starts, periods = orbit.start[None], np.array([orbit.T])
+    if beside is not None:
+        starts, periods = np.concatenate([starts, beside[0][:2]]), np.append(periods, beside[1][:2])
+    return starts, periods, np.ascontiguousarray(orbit.M)
