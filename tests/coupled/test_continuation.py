@@ -36,6 +36,11 @@ def test_a_fold_is_where_long_runs_stop_pulsing(loop, validated):
     source = "independent program, XPPAUT 6.11 with CVODE"
     validated("Coupled dynamics", "fold of cycles, Newton's law, 7 dBm", fold * 1e-9, 4.60172, within=1e-5,
               unit="GHz", source=source)  # fmt: skip
+    # benchmarks/check_continuation.py; 200 and 400 intervals agree to 1e-10 GHz
+    for kind, theirs in (("fold", 4.6017208389), ("Hopf", 0.0332798341)):
+        what = f"{kind} point by continuation, Newton's law, 7 dBm"
+        source, ours = "independent program, AUTO-07p", at(loop, kind).item() * 1e-9
+        validated("Coupled dynamics", what, ours, theirs, within=1e-7, unit="GHz", source=source)
     cycle = coupled.limit_cycle(LUMPED, NEWTON, power=POWER, detuning=fold - 2e6)
     begin = coupled.State.from_array(cycle["states"].values[0])
     regimes = []
