@@ -105,7 +105,8 @@ def _settled(wave: Waveform, times: Array, rise: Array, R: float, tolerance: flo
     power = wave(times[times >= half][:-1])
     period = wave.period or 0.0
     if power.size > 1 and np.ptp(power) == 0 and power[0] > 0:
-        due, (late, early) = R * float(power[0]), np.interp([end, half], times, rise)
+        due = R * float(power[0])
+        late, early = (float(np.interp(t, times, rise)) for t in (end, half))
     elif 0 < 4 * period <= end - times[0] and times.size > 8 * (end - times[0]) / period:
         energy = np.append(0.0, np.cumsum(np.diff(times) * (rise[1:] + rise[:-1]) / 2))
         due = R * wave.mean(end - period, end)

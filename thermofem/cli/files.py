@@ -103,10 +103,10 @@ def one_channel(path: Path, heated: str | None, read: str | None) -> ThermalMode
 
     model: Any = load_model(path)
     if len(model.inputs) == len(model.outputs) == 1:
-        return model  # type: ignore[no-any-return]
+        return model
     if heated is None:
         parts = f"inputs {', '.join(model.inputs)}; outputs {', '.join(model.outputs)}"
         raise InputError(f"{path} has several parts ({parts}): pick two with --heated and --read")
     checks.choice("--heated", heated, model.inputs)
     read = checks.choice("--read", read or heated, model.outputs)
-    return model.channel(heated, read)  # type: ignore[no-any-return]
+    return model.channel(heated, read)

@@ -102,7 +102,7 @@ def validate(
         if len(inputs) > 1 or reference:
             raise checks.InputError("validate takes one geometry alone; models with --reference, without a geometry")
         figures = [path for path in (figure, output) if path] or [Path("period_error.png")]
-        settings = {"periods": periods, "power": watts, "duty": duty, "heated": heated, "read": read}
+        settings: dict[str, Any] = {"periods": periods, "power": watts, "duty": duty, "heated": heated, "read": read}
         return _validate_geometry(inputs[0], figures, accuracy=accuracy, **settings)
     if reference is None:
         raise checks.InputError("models are judged by a --reference, e.g. from `reduce`; or give one geometry (.toml)")
