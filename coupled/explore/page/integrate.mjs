@@ -78,7 +78,7 @@ function stateWithin(x, y, out, { u, method, poles }) {
   for (let i = 0; i < 3; i++) at[i] = dense(x, y[i], out[i], u, i, 4, method);
   const stages = new Float64Array(method.stages);
   for (let i = 3; i < y.length; i++) {
-    stagesOf(poles, i - 3, stages);
+    stagesOf(poles, i - 3, y, stages);
     at[i] = dense(x, y[i], out[i], stages, 0, 1, method);
   }
   return at;
@@ -125,7 +125,7 @@ export function integrate(system, drive, detuning, start, stop, options) {
   const { curvature } = system;
   const { order } = method;
   const last = 4 * (method.stages - 1);
-  const rows = rowsOf(times ? times.length : 1024);
+  const rows = rowsOf(times ? times.length : event ? 512 : 8192);
   const crossings = [];
   let y = Float64Array.from(start);
   let out = new Float64Array(machine.m);

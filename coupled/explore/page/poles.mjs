@@ -1,123 +1,166 @@
 // The poles of heat within one Rosenbrock step: all that is done for each of them.
 //
 // They are linear, so that with kappa_q = h k_q the matrices a and c of the method act as one, beta = alpha + gamma:
-//   kappa_q = -h rate/(1 + gamma h rate) (x + sum_j beta_qj kappa_j) + h gain/(1 + gamma h rate) push_q
-// push_q = absorbed power at the stage + w.u_q is one number for all poles. The new state x + sum_q beta_lq kappa_q is
-// the argument of the last stage plus gamma kappa_l; the error estimate is sum_q gamma_lq kappa_q.
+//   kappa_q = o (x + sum_{j<q} beta_qj kappa_j) + s push_q,   o = -h rate/(1 + gamma h rate),   s = h gain/(1 + gamma h rate)
+// push_q = absorbed power at the stage + w.u_q is one number for all poles. So kappa_q = x A_q(o) + s sum_j push_j B_qj(o)
+// with polynomials that belong to the method alone, and sums over the poles follow from the moments sum x o^k, sum s o^k.
+// Their terms are at most 121 times their values (-1/gamma < o <= 0). The new state is x + sum_q beta_lq kappa_q with the
+// last stage l, the error estimate sum_q gamma_lq kappa_q.
 
-/** Room for the poles of one system under one method. */
-export function polesOf({ gain, rate }, method) {
-  const n = rate.length;
-  const room = () => new Float64Array(n);
-  return { n, gain, rate, stages: method.stages, beta: method.beta, gamma: method.gamma, sums: method.sums, own: room(), share: room(), sum: new Float64Array(1), kappa: new Float64Array(method.stages * n) };
+const FEWEST = 6; // stages, whose moments have a variable each
+
+/** The polynomials of a method as rows of coefficients of o^0, o^1, ..: A_q; B_qj; and those of new state and error. */
+export function polynomialsOf({ stages: n, beta, sums }) {
+  const width = n + 1;
+  const own = new Float64Array(n * width);
+  const pushed = new Float64Array(n * n * width); // row q n + j
+  for (let q = 0; q < n; q++) {
+    own[q * width + 1] = 1;
+    pushed[(q * n + q) * width] = 1;
+    for (let j = 0; j < q; j++) {
+      for (let k = 1; k < width; k++) own[q * width + k] += beta[q * n + j] * own[j * width + k - 1];
+      for (let m = j; m < q; m++) {
+        for (let k = 1; k < width; k++) pushed[(q * n + j) * width + k] += beta[q * n + m] * pushed[(m * n + j) * width + k - 1];
+      }
+    }
+  }
+  const mixed = (weights, constant) => {
+    const by = (q) => weights[(n - 1) * n + q];
+    const x = new Float64Array(width);
+    const s = new Float64Array(n * width); // row j
+    x[0] = constant;
+    for (let q = 0; q < n; q++) {
+      for (let k = 0; k < width; k++) x[k] += by(q) * own[q * width + k];
+      for (let j = 0; j <= q; j++) for (let k = 0; k < width; k++) s[j * width + k] += by(q) * pushed[(q * n + j) * width + k];
+    }
+    return { x, s };
+  };
+  return { own, pushed, after: mixed(beta, 1), error: mixed(sums, 0) };
 }
 
-/** Prepare a step of h ns from y: stage 0 without its push; sets sum[0] to its sum, returns sum_i h gain_i/(1 + gamma h rate_i). */
-export function prepare({ n, gain, rate, gamma, own, share, kappa, sum }, y, h) {
+/** Room for the poles of one system under one method. */
+export function polesOf({ gain, rate }, { stages, gamma, beta, sums, polynomials }) {
+  const n = rate.length;
+  const room = (size) => new Float64Array(size);
+  return {
+    n, gain, rate, stages, gamma, beta, sums, polynomials, factor: room(n), share: room(n), push: room(stages),
+    byState: room(stages + 1), byShare: room(stages + 1), q: room(stages + 1), f: room(stages + 1),
+  }; // prettier-ignore
+}
+
+/** Prepare a step of h ns from y; returns sum_i s_i. */
+export function prepare({ n, gain, rate, stages, gamma, factor, share, byState, byShare }, y, h) {
   const gh = gamma * h;
-  let G = 0;
-  let all = 0;
+  let x1 = 0, x2 = 0, x3 = 0, x4 = 0, x5 = 0, x6 = 0; // prettier-ignore
+  let s0 = 0, s1 = 0, s2 = 0, s3 = 0, s4 = 0, s5 = 0; // prettier-ignore
+  for (let k = FEWEST; k <= stages; k++) byState[k] = byShare[k] = 0;
   for (let i = 0; i < n; i++) {
     const r = rate[i];
     const d = h / (1 + gh * r);
-    const f = -r * d;
-    const g = gain[i] * d;
-    const v = f * y[3 + i];
-    own[i] = f;
-    share[i] = g;
-    kappa[i] = v;
-    G += g;
-    all += v;
+    const o = -r * d;
+    let s = gain[i] * d;
+    factor[i] = o;
+    share[i] = s;
+    let x = o * y[3 + i];
+    x1 += x;
+    x2 += x *= o;
+    x3 += x *= o;
+    x4 += x *= o;
+    x5 += x *= o;
+    x6 += x *= o;
+    s0 += s;
+    s1 += s *= o;
+    s2 += s *= o;
+    s3 += s *= o;
+    s4 += s *= o;
+    s5 += s *= o;
+    for (let k = FEWEST; k < stages; k++) {
+      byState[k + 1] += x *= o;
+      byShare[k] += s *= o;
+    }
   }
-  sum[0] = all;
-  return G;
+  byState[1] = x1;
+  byState[2] = x2;
+  byState[3] = x3;
+  byState[4] = x4;
+  byState[5] = x5;
+  byState[6] = x6;
+  byShare[0] = s0;
+  byShare[1] = s1;
+  byShare[2] = s2;
+  byShare[3] = s3;
+  byShare[4] = s4;
+  byShare[5] = s5;
+  return s0;
 }
 
-/**
- * Stage q > 0 without its own push: the sum of kappa_q over the poles. It first adds `push`, of the stage before, to
- * that stage. Each stage has a loop of its own, with what it needs in registers: this is most of the work of a step.
- */
-export function stageOf({ n, beta, stages, own, share, kappa }, q, y, push, out) {
-  const row = q * stages;
-  const e = q * n;
-  const before = e - n;
+/** The sum of kappa_q over the poles, without its own push; `push` holds those of the stages before. */
+export function stageOf({ stages, polynomials, push, byState, byShare }, q) {
+  const { own, pushed } = polynomials;
+  const width = stages + 1;
   let sum = 0;
-  if (q === 1) {
-    const b0 = beta[row];
-    for (let i = 0; i < n; i++) {
-      const k0 = kappa[i] + push * share[i];
-      const v = own[i] * (y[3 + i] + b0 * k0);
-      kappa[i] = k0;
-      kappa[e + i] = v;
-      sum += v;
-    }
-  } else if (q === 2) {
-    const b0 = beta[row], b1 = beta[row + 1]; // prettier-ignore
-    for (let i = 0; i < n; i++) {
-      const k1 = kappa[before + i] + push * share[i];
-      const v = own[i] * (y[3 + i] + b0 * kappa[i] + b1 * k1);
-      kappa[before + i] = k1;
-      kappa[e + i] = v;
-      sum += v;
-    }
-  } else if (q === 3) {
-    const b0 = beta[row], b1 = beta[row + 1], b2 = beta[row + 2]; // prettier-ignore
-    for (let i = 0; i < n; i++) {
-      const k2 = kappa[before + i] + push * share[i];
-      const v = own[i] * (y[3 + i] + b0 * kappa[i] + b1 * kappa[n + i] + b2 * k2);
-      kappa[before + i] = k2;
-      kappa[e + i] = v;
-      sum += v;
-    }
-  } else if (q === 4) {
-    const b0 = beta[row], b1 = beta[row + 1], b2 = beta[row + 2], b3 = beta[row + 3]; // prettier-ignore
-    const o2 = 2 * n;
-    for (let i = 0; i < n; i++) {
-      const k3 = kappa[before + i] + push * share[i];
-      const v = own[i] * (y[3 + i] + b0 * kappa[i] + b1 * kappa[n + i] + b2 * kappa[o2 + i] + b3 * k3);
-      kappa[before + i] = k3;
-      kappa[e + i] = v;
-      sum += v;
-    }
-  } else {
-    const b0 = beta[row], b1 = beta[row + 1], b2 = beta[row + 2], b3 = beta[row + 3], b4 = beta[row + 4]; // prettier-ignore
-    const o2 = 2 * n, o3 = 3 * n, o4 = 4 * n; // prettier-ignore
-    for (let i = 0; i < n; i++) {
-      kappa[before + i] += push * share[i];
-      let x = y[3 + i] + b0 * kappa[i] + b1 * kappa[n + i] + b2 * kappa[o2 + i] + b3 * kappa[o3 + i] + b4 * kappa[o4 + i];
-      for (let j = 5; j < q; j++) x += beta[row + j] * kappa[j * n + i];
-      const v = own[i] * x;
-      out[3 + i] = x;
-      kappa[e + i] = v;
-      sum += v;
-    }
+  for (let k = 1, at = q * width + 1; k <= q + 1; k++, at++) sum += own[at] * byState[k];
+  for (let j = 0; j < q; j++) {
+    let part = 0;
+    for (let k = 1, at = (q * stages + j) * width + 1; k <= q - j; k++, at++) part += pushed[at] * byShare[k];
+    sum += push[j] * part;
   }
   return sum;
 }
 
 /** The new states after the last stage; returns the sum of the sizes of their errors. */
-export function finish({ n, stages, gamma, sums, share, kappa }, push, out) {
-  const last = (stages - 1) * n;
-  const row = (stages - 1) * stages;
-  const g0 = sums[row], g1 = sums[row + 1], g2 = sums[row + 2], g3 = sums[row + 3], g4 = sums[row + 4]; // prettier-ignore
-  const o2 = 2 * n, o3 = 3 * n, o4 = 4 * n; // prettier-ignore
+export function finish({ n, stages, polynomials, factor, share, push, q, f }, y, out) {
+  const { after, error } = polynomials;
+  const width = stages + 1;
+  for (let k = 0; k < stages; k++) {
+    let a = 0;
+    let b = 0;
+    for (let j = 0; j < stages - k; j++) {
+      a += push[j] * after.s[j * width + k];
+      b += push[j] * error.s[j * width + k];
+    }
+    q[k] = a;
+    f[k] = b;
+  }
+  const x = after.x, e = error.x; // prettier-ignore
+  const p1 = x[1], p2 = x[2], p3 = x[3], p4 = x[4], p5 = x[5], p6 = x[6]; // prettier-ignore
+  const e4 = e[4], e5 = e[5], e6 = e[6]; // those below the order vanish // prettier-ignore
+  const q0 = q[0], q1 = q[1], q2 = q[2], q3 = q[3], q4 = q[4], q5 = q[5]; // prettier-ignore
+  const f0 = f[0], f1 = f[1], f2 = f[2], f3 = f[3], f4 = f[4], f5 = f[5]; // prettier-ignore
   let size = 0;
   for (let i = 0; i < n; i++) {
-    const whole = kappa[last + i] + push * share[i];
-    kappa[last + i] = whole;
-    const k = gamma * whole;
-    out[3 + i] += k;
-    let error = k + g0 * kappa[i] + g1 * kappa[n + i] + g2 * kappa[o2 + i] + g3 * kappa[o3 + i] + g4 * kappa[o4 + i];
-    for (let j = 5; j < stages - 1; j++) error += sums[row + j] * kappa[j * n + i];
-    size += Math.abs(error);
+    const o = factor[i];
+    let px = 0;
+    let ex = 0;
+    let ps = 0;
+    let es = 0;
+    for (let k = stages; k > FEWEST; k--) {
+      px = (px + x[k]) * o;
+      ex = (ex + e[k]) * o;
+      ps = (ps + q[k - 1]) * o;
+      es = (es + f[k - 1]) * o;
+    }
+    px = ((((((px + p6) * o + p5) * o + p4) * o + p3) * o + p2) * o + p1) * o + 1;
+    ps = (((((ps + q5) * o + q4) * o + q3) * o + q2) * o + q1) * o + q0;
+    const square = o * o;
+    ex = (((ex + e6) * o + e5) * o + e4) * (square * square);
+    es = (((((es + f5) * o + f4) * o + f3) * o + f2) * o + f1) * o + f0;
+    const value = y[3 + i];
+    const s = share[i];
+    out[3 + i] = value * px + s * ps;
+    size += Math.abs(value * ex + s * es);
   }
   return size;
 }
 
 /** One pole of the stages as the dense output takes them, u_q = sum_j gamma_qj kappa_j, after `finish`. */
-export function stagesOf({ n, stages, sums, kappa }, i, out) {
+export function stagesOf({ stages, beta, sums, factor, share, push }, i, y, out) {
+  const kappa = new Float64Array(stages);
   for (let q = 0; q < stages; q++) {
+    let x = y[3 + i];
+    for (let j = 0; j < q; j++) x += beta[q * stages + j] * kappa[j];
+    kappa[q] = factor[i] * x + share[i] * push[q];
     out[q] = 0;
-    for (let j = 0; j <= q; j++) out[q] += sums[q * stages + j] * kappa[j * n + i];
+    for (let j = 0; j <= q; j++) out[q] += sums[q * stages + j] * kappa[j];
   }
 }

@@ -121,6 +121,16 @@ export function dispersion(N, fcd, out) {
   out[1] = slope;
 }
 
+/** S(N) alone. */
+export function dispersionShift(N, fcd) {
+  let shift = 0;
+  for (let k = 0; k < fcd.length; k += 2) {
+    const p = fcd[k + 1];
+    shift += fcd[k] * N * (p === 1 ? 1 : Math.exp(0.5 * (p - 1) * Math.log(N * N + EPSILON * EPSILON)));
+  }
+  return shift;
+}
+
 export function absorbedPower(U, N, system) {
   return 2 * (system.absorbed + system.fca * N + system.tpa * U) * U;
 }

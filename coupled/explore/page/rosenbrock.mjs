@@ -4,8 +4,9 @@
 //   (s - J_o - gamma G c w^T) u_o = r_o + c (sum of the poles' own stages),   G = sum_i h gain_i/(1 + gamma h rate_i)
 // c is the derivative of light and carriers by z = sum_i x_i, w that of the absorbed power by light and carriers.
 
-import { dispersion } from "./ring.mjs";
-import { finish, polesOf, prepare, stageOf } from "./poles.mjs";
+import { linearise } from "./equations.mjs";
+import { dispersionShift } from "./ring.mjs";
+import { finish, polesOf, polynomialsOf, prepare, stageOf } from "./poles.mjs";
 
 /** A tableau of coupled/kernels/tableaus.json as flat arrays, with gamma_qj (sums) and beta = alpha + gamma of its poles. */
 export function methodOf(table) {
@@ -26,7 +27,8 @@ export function methodOf(table) {
       for (let i = j; i < q; i++) beta[q * n + j] += a[q * n + i] * sums[i * n + j];
     }
   }
-  return { order: table.order, gamma: table.gamma, stages: n, a, c, d: flat(table.dense), sums, beta };
+  const method = { order: table.order, gamma: table.gamma, stages: n, a, c, d: flat(table.dense), sums, beta };
+  return { ...method, polynomials: polynomialsOf(method) };
 }
 
 /**
@@ -37,16 +39,17 @@ export function machineOf(system, drive, detuning, method) {
   const s = system;
   return {
     p: Float64Array.of(s.loss, s.absorbed, s.fca, s.tpa, s.g, s.tau0, s.a, s.b, s.shift, s.kerr, s.curvature, drive, detuning, method.gamma),
-    m: s.gain.length + 3, method, fcd: s.fcd, poles: polesOf(s, method),
+    m: s.gain.length + 3, method, system, detuning, poles: polesOf(s, method),
     u: new Float64Array(4 * method.stages),
     ends: new Float64Array(3),
-    S: new Float64Array(2),
+    L: new Float64Array(17),
   }; // prettier-ignore
 }
 
 /** Take one step of h ns from y to out. */
 export function step(machine, y, h, out) {
-  const { p, method, fcd, poles, u, ends, S } = machine;
+  const { p, method, system, poles, u, ends, L } = machine;
+  const { fcd } = system;
   const { stages, a, c } = method;
   const loss = p[0], absorbed = p[1], fca = p[2], tpa = p[3], g = p[4], tau0 = p[5], sa = p[6], sb = p[7]; // prettier-ignore
   const ts = p[8], kerr = p[9], curvature = p[10], drive = p[11], detuning = p[12], gamma = p[13]; // prettier-ignore
@@ -55,35 +58,25 @@ export function step(machine, y, h, out) {
   const perH = 1 / h;
   const gammaH = gamma * h;
   const G = gamma * prepare(poles, y, h);
-  let start = 0;
-  for (let i = 3; i < y.length; i++) start += y[i];
+  linearise(system, machine.detuning, y, L);
   const y0 = y[0];
   const y1 = y[1];
   const y2 = y[2];
-  dispersion(y2, fcd, S);
-  let dT = start + curvature * start * start;
-  const lift = 1 + 2 * curvature * start;
-  let U = y0 * y0 + y1 * y1;
-  let D = -ts * dT - S[0] - kerr * U - detuning;
-  let damping = loss + fca * y2 + tpa * U;
-  const saturation = 1 + sa * y2;
-  const cross = 2 * tpa * y0 * y1;
-  const turn = 2 * kerr * y0 * y1;
-  const byU = 2 * (absorbed + fca * y2 + 2 * tpa * U);
-  const u0 = ts * y1 * lift;
-  const u1 = -ts * y0 * lift;
-  const w0 = 2 * byU * y0;
-  const w1 = 2 * byU * y1;
-  const w2 = 2 * fca * U;
-  const m00 = s + damping + 2 * tpa * y0 * y0 - turn - G * u0 * w0;
-  const m01 = D + cross - 2 * kerr * y1 * y1 - G * u0 * w1;
-  const m02 = fca * y0 - S[1] * y1 - G * u0 * w2;
-  const m10 = -D + cross + 2 * kerr * y0 * y0 - G * u1 * w0;
-  const m11 = s + damping + 2 * tpa * y1 * y1 + turn - G * u1 * w1;
-  const m12 = fca * y1 + S[1] * y0 - G * u1 * w2;
-  const m20 = -4 * g * U * y0;
-  const m21 = -4 * g * U * y1;
-  const m22 = s + (1 + sb * y2 * (2 + sa * y2)) / (tau0 * saturation * saturation);
+  const start = L[14];
+  const u0 = L[9];
+  const u1 = L[10];
+  const w0 = L[11];
+  const w1 = L[12];
+  const w2 = L[13];
+  const m00 = s - L[0] - G * u0 * w0;
+  const m01 = -L[1] - G * u0 * w1;
+  const m02 = -L[2] - G * u0 * w2;
+  const m10 = -L[3] - G * u1 * w0;
+  const m11 = s - L[4] - G * u1 * w1;
+  const m12 = -L[5] - G * u1 * w2;
+  const m20 = -L[6];
+  const m21 = -L[7];
+  const m22 = s - L[8];
   const c0 = m11 * m22 - m12 * m21;
   const c1 = m12 * m20 - m10 * m22;
   const c2 = m10 * m21 - m11 * m20;
@@ -101,7 +94,9 @@ export function step(machine, y, h, out) {
   let ai = y1;
   let N = y2;
   let z = start;
-  let push = 0;
+  let U = y0 * y0 + y1 * y1;
+  let D = L[15];
+  let damping = L[16];
   for (let q = 0; q < stages; q++) {
     let r0 = 0;
     let r1 = 0;
@@ -115,7 +110,7 @@ export function step(machine, y, h, out) {
       const row = q * stages;
       for (let j = 0, at = 0; j < q; j++, at += 4) {
         const x = a[row + j];
-        const f = c[row + j] * perH;
+        const f = c[row + j];
         const v0 = u[at];
         const v1 = u[at + 1];
         const v2 = u[at + 2];
@@ -129,15 +124,16 @@ export function step(machine, y, h, out) {
         r2 += f * v2;
         left += f * v3;
       }
-      dT = z + curvature * z * z;
-      dispersion(N, fcd, S);
+      r0 *= perH;
+      r1 *= perH;
+      r2 *= perH;
+      left *= perH;
       U = ar * ar + ai * ai;
-      D = -ts * dT - S[0] - kerr * U - detuning;
+      D = -ts * (z + curvature * z * z) - dispersionShift(N, fcd) - kerr * U - detuning;
       damping = loss + fca * N + tpa * U;
     }
     const heat = 2 * (absorbed + fca * N + tpa * U) * U;
-    const sum = q > 0 ? stageOf(poles, q, y, push, out) : poles.sum[0];
-    const back = gammaH * left + gamma * sum + heat * G;
+    const back = gammaH * left + gamma * stageOf(poles, q) + heat * G;
     r0 += -damping * ar - D * ai + u0 * back;
     r1 += -damping * ai + D * ar + drive + u1 * back;
     r2 += g * U * U - (N * (1 + sb * N)) / (tau0 * (1 + sa * N));
@@ -145,7 +141,7 @@ export function step(machine, y, h, out) {
     const k1 = i10 * r0 + i11 * r1 + i12 * r2;
     const k2 = i20 * r0 + i21 * r1 + i22 * r2;
     const feedback = w0 * k0 + w1 * k1 + w2 * k2;
-    push = heat + feedback;
+    poles.push[q] = heat + feedback;
     const at = 4 * q;
     u[at] = k0;
     u[at + 1] = k1;
@@ -157,5 +153,5 @@ export function step(machine, y, h, out) {
   out[2] = N + u[end + 2];
   ends[0] = start;
   ends[1] = z + u[end + 3];
-  ends[2] = finish(poles, push, out);
+  ends[2] = finish(poles, y, out);
 }
