@@ -196,17 +196,16 @@ def test_hopf_and_fold_curves_lie_on_the_borders(js):
 
 
 def settled(js, ring, model, power, detuning):
-    """The settled cycle that the page finds, or None."""
+    """The settled cycle that the page shows, with exact multipliers, or None."""
     return js(
         f"""r => {{ {READY}
-        const run = p.integrate(system, drive, turn, p.cold(system), 20000, {{ method: rodas4, rtol: 1e-6 }});
-        const found = p.classify(p.columns(run.rows, 0, run.count));
-        if (found.regime !== "self-pulsing") return null;
+        const c = p.engineOf(tables).trace({{ ...r, duration: 20e-6, rtol: 1e-6, settled: true }}).cycle;
+        if (!c) return null;
         const rough = {{ method: rodas4, rtol: 1e-5 }}, fine = {{ method: rodas5p, rtol: 1e-9 }};
-        const c = p.limitCycle(system, drive, turn, run.y, found.level,
-            {{ rough, fine, period: found.period, pattern: found.pattern, exact: true }});
-        return c && {{ period: c.period, pattern: found.pattern, y: Array.from(c.y), duty: c.duty, swing: c.swing,
-            multipliers: Array.from(c.multipliers.re, (re, k) => [re, c.multipliers.im[k]]) }}; }}""",
+        const {{ multipliers }} = p.limitCycle(system, drive, turn, c.y, c.level,
+            {{ rough, fine, period: c.period, pattern: c.pattern, exact: true }});
+        return {{ period: c.period, duty: c.duty, swing: c.swing,
+            multipliers: Array.from(multipliers.re, (re, k) => [re, multipliers.im[k]]) }}; }}""",
         argument(ring, model, power, detuning),
     )
 
@@ -220,25 +219,36 @@ def test_settled_cycle_of_slow_heat(js):
     assert sizes[:4] == pytest.approx([1, 0.93309, 0.58708, 0.02523], abs=1e-5)
 
 
-def test_settled_cycles(js):
-    """Shooting in the page against collocation in Python, for the random rings that pulse within 20 us.
+def pulsing_case(seed):
+    """A random ring and model where no fixed point is stable, so that it must move; None where there is no such place."""
+    ring, model, power, _ = ring_and_model(seed)
+    width = ring.linear_rate / np.pi
+    powers, detunings = np.geomspace(power / 2, 16 * power, 10), np.linspace(-2 * width, width, 16)
+    cells = np.argwhere(coupled.stability_map(ring, model, powers, detunings).stable_points.values == 0)
+    if len(cells) == 0:
+        return None
+    i, j = cells[np.random.default_rng(seed).integers(len(cells))]
+    return ring, model, float(powers[i]), float(detunings[j])
 
-    Measured: periods within 3e-7, mostly 1e-10; swings 4e-6 and duties 3e-5, which the page reads off its steps;
-    multipliers, which it finds by differences, 6e-4, mostly 1e-6. Where the pulses do not repeat, Python refuses.
+
+@pytest.mark.parametrize("count", [6, pytest.param(CASES, marks=pytest.mark.slow)])
+def test_settled_cycles(js, count):
+    """Shooting in the page against collocation in Python, for random rings without a stable fixed point.
+
+    Some of them do not settle within 20 us, or never: their pulses do not repeat. Then the page says so.
     """
-    compared = refused = 0
-    for seed in range(CASES):
-        ring, model, power, detuning = ring_and_model(seed)
-        if compared == 5:
-            break
-        page = settled(js, ring, model, power, detuning)
+    compared = without = seed = 0
+    while compared < count:
+        seed += 1
+        case = pulsing_case(seed)
+        if case is None:
+            continue
+        ring, model, power, detuning = case
+        page = settled(js, *case)
         if page is None:
+            without += 1
             continue
-        try:
-            cycle = coupled.limit_cycle(ring, model, power=power, detuning=detuning)
-        except th.InputError:
-            refused += 1
-            continue
+        cycle = coupled.limit_cycle(ring, model, power=power, detuning=detuning)
         compared += 1
         assert page["period"] * 1e-9 == pytest.approx(cycle.attrs["period"], rel=SAME), seed
         assert page["swing"] == pytest.approx(cycle.attrs["swing"], rel=2e-5), seed
@@ -246,8 +256,7 @@ def test_settled_cycles(js):
         mine = np.sort(np.abs(cycle["multipliers"].values))[::-1][:4]
         theirs = np.sort([np.hypot(*pair) for pair in page["multipliers"]])[::-1][:4]
         assert theirs == pytest.approx(mine, abs=2e-3), seed
-    assert compared == 5
-    assert refused <= 3
+    assert without <= 2 + count // 5
 
 
 def under_a_heater(seed):

@@ -203,8 +203,8 @@ function around(system, drive, detuning, start, level, pattern, longest, options
 }
 
 /**
- * The derivative of the flow along the given steps, column by column, row-major. One-sided differences are off by some
- * 1e-5, which Newton's method does not mind; `central` ones by some 1e-7, for multipliers.
+ * The derivative of the flow along the given steps, column by column, row-major, by differences: one-sided ones for
+ * Newton's method, `central` ones for multipliers. Their error grows with the curvature of the flow, for short pulses most.
  */
 function monodromy(system, drive, detuning, start, steps, method, central = false) {
   const m = start.length;
@@ -214,7 +214,7 @@ function monodromy(system, drive, detuning, start, steps, method, central = fals
   let heat = 0;
   for (let i = 3; i < m; i++) heat += Math.abs(start[i]);
   for (let j = 0; j < m; j++) {
-    const delta = (central ? 1e-5 : 1e-6) * (j < 2 ? field : j === 2 ? start[2] : heat);
+    const delta = (central ? 3e-7 : 1e-7) * (j < 2 ? field : j === 2 ? start[2] : heat);
     const shifted = (by) => {
       const moved = Float64Array.from(start);
       moved[j] += by;

@@ -38,13 +38,16 @@ function trace(request, rodas4, rodas5p) {
 function settle(system, drive, turn, y, found, quick, rodas4, rodas5p) {
   const rough = { method: rodas4, rtol: 1e-5 };
   const fine = quick ? { method: rodas4, rtol: 1e-6 } : { method: rodas5p, rtol: 1e-8 };
-  const options = { rough, fine, period: found.period, pattern: found.pattern };
+  let { period, pattern } = found;
   let near = y;
   for (let tries = 0; tries < 3; tries++) {
-    const cycle = limitCycle(system, drive, turn, near, found.level, options);
+    const cycle = limitCycle(system, drive, turn, near, found.level, { rough, fine, period, pattern });
     if (cycle) {
       const slowest = settling(cycle.multipliers);
-      return slowest < 1 ? { ...cycle, slowest } : null; // an unstable one is not where the ring settles
+      if (slowest < 1) return { ...cycle, slowest, pattern };
+      const { re, im } = cycle.multipliers;
+      if (!re.some((x, k) => x < -1 && im[k] === 0)) return null; // an unstable one is not where the ring settles
+      [period, pattern] = [2 * period, 2 * pattern]; // pulses that alternate by less than classify sees
     }
     near = integrate(system, drive, turn, near, 20 * found.period, rough).y;
   }
