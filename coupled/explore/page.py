@@ -98,8 +98,7 @@ def explore(
     heat : HeatProblem, optional
         draws the FEM's own step response, and with a `surrogate.Reduction` among the models the cross-section.
     reference : str, optional
-        name of the model that judges the others' period errors; by default the first reduction.
-
+        name of the model that judges the others' period errors; by default the first reduction, or the family's member.
     family : surrogate.Family, optional
         sliders for its first three parameters; its member is the first thermal model. Between the points of a grid the
         step response is linear; the page states the error.
@@ -162,7 +161,7 @@ def explore(
         "title": ring.name,
         "rings": rings,
         "models": everything,
-        "judge": names.index(judge) if judge else None,
+        "judge": names.index(judge) if judge else len(own) - 1 if grid else None,
         "heaters": sliders,
         "start": start,
         "presets": contents.presets(rings, everything, start),

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -34,8 +37,6 @@ def test_a_page_is_no_other_kind_of_file(tmp_path):
 
 
 def test_a_quadratic_model_is_refused_with_a_way_out(tmp_path):
-    import numpy as np
-
     two = np.eye(2)
     model = th.Quadratic(-1e6 * two, np.zeros((2, 2, 2)), np.zeros((2, 2)), 1e9 * np.ones(2), np.ones(2))
     surrogate.save_model(model, tmp_path / "model.json")
@@ -49,4 +50,58 @@ def test_a_power_out_of_range_is_refused(tmp_path, power):
     surrogate.save_model(th.Foster(R=[7e3], tau=[1e-6]), tmp_path / "model.json")
     done = run(tmp_path / "model.json", "--power", power, "-o", tmp_path / "ring.html")
     assert isinstance(done.exception, th.InputError)
+    assert not (tmp_path / "ring.html").exists()
+
+
+@pytest.fixture
+def heated(tmp_path):
+    """A model with two inputs; 1 mW in the heater warms the ring by 1 K."""
+    B = np.array([[1998.1, 100.0], [5786.2, 900.0]])
+    parts = {"inputs": ("core", "heater"), "outputs": ("core",)}
+    model = th.StateSpace(np.diag([55.8e-9, 1.2e-6]), -np.eye(2), B, np.ones((1, 2)), **parts)
+    surrogate.save_model(model, tmp_path / "heated.json")
+    return tmp_path / "heated.json"
+
+
+def data_of(page):
+    """What the page holds."""
+    text = page.read_text(encoding="utf-8")
+    return json.loads(text.split('id="data">')[1].split("</script>")[0])
+
+
+def test_heaters_get_sliders_and_their_powers(heated, tmp_path):
+    page = tmp_path / "ring.html"
+    done = run(heated, "--heater", "heater=2.5 mW", "--heated", "core", "--read", "core", "-o", page)
+    assert done.exit_code == 0, done.output
+    data = data_of(page)
+    assert data["start"]["h0"] == 2.5
+    assert [slider["name"] for slider in data["heaters"]] == ["heater"]
+    assert sum(data["models"][0]["heaters"]["heater"]) == pytest.approx(1000)
+    assert sum(data["models"][0]["R"]) == pytest.approx(1998.1 + 5786.2)
+
+
+def test_the_light_heats_the_part_that_is_named(heated, tmp_path):
+    """What was the core is then a heater."""
+    page = tmp_path / "ring.html"
+    done = run(heated, "--heated", "heater", "--read", "core", "-o", page)
+    assert done.exit_code == 0, done.output
+    data = data_of(page)
+    assert sum(data["models"][0]["R"]) == pytest.approx(1000)
+    assert [slider["name"] for slider in data["heaters"]] == ["core"]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--heater", "oven=1 mW"], "heater"),
+        (["--heater", "heater=-1 mW"], "heater"),
+        (["--heater", "heater"], "heater"),
+        (["--heated", "oven"], "oven"),
+        (["--read", "oven"], "oven"),
+    ],
+)
+def test_heaters_that_are_not_there_are_refused(heated, tmp_path, options, message):
+    done = run(heated, *options, "-o", tmp_path / "ring.html")
+    assert isinstance(done.exception, th.InputError)
+    assert message in str(done.exception)
     assert not (tmp_path / "ring.html").exists()

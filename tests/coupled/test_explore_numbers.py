@@ -220,7 +220,7 @@ def test_settled_cycle_of_slow_heat(js):
 
 
 def pulsing_case(seed):
-    """A random ring and model where no fixed point is stable, so that it must move; None where there is no such place."""
+    """A random ring and model where no fixed point is stable, so that it must move; None without such a place."""
     ring, model, power, _ = ring_and_model(seed)
     width = ring.linear_rate / np.pi
     powers, detunings = np.geomspace(power / 2, 16 * power, 10), np.linspace(-2 * width, width, 16)
@@ -231,25 +231,43 @@ def pulsing_case(seed):
     return ring, model, float(powers[i]), float(detunings[j])
 
 
+def reference_cycle(case):
+    """The cycle by collocation; None where its trivial multiplier shows that it does not resolve the pulse."""
+    ring, model, power, detuning = case
+    try:
+        cycle = coupled.limit_cycle(ring, model, power=power, detuning=detuning)
+    except th.InputError:
+        return None
+    return cycle if np.abs(cycle["multipliers"].values - 1).min() < 1e-5 else None
+
+
 @pytest.mark.parametrize("count", [6, pytest.param(CASES, marks=pytest.mark.slow)])
 def test_settled_cycles(js, count):
     """Shooting in the page against collocation in Python, for random rings without a stable fixed point.
 
-    Some of them do not settle within 20 us, or never: their pulses do not repeat. Then the page says so.
+    Some of them do not settle within 20 us, or never: their pulses do not repeat. Then the page says so. Where pulses
+    are shorter than some 1/400 of the period collocation may fail, and the last cycle of a long trace is compared.
+    Measured on a hundred: periods within 1e-7, swings 5e-6 and duties 5e-5, which the page reads off its steps,
+    multipliers 5e-4, which it finds by differences.
     """
-    compared = without = seed = 0
+    compared = without = traced = seed = 0
     while compared < count:
         seed += 1
         case = pulsing_case(seed)
         if case is None:
             continue
-        ring, model, power, detuning = case
         page = settled(js, *case)
         if page is None:
             without += 1
             continue
-        cycle = coupled.limit_cycle(ring, model, power=power, detuning=detuning)
         compared += 1
+        cycle = reference_cycle(case)
+        if cycle is None:
+            ring, model, power, detuning = case
+            run = coupled.simulate(ring, model, power=power, detuning=detuning, duration=200e-6, rtol=1e-8)
+            assert page["period"] * 1e-9 == pytest.approx(coupled.pulsing(run).period, rel=SAME), seed
+            traced += 1
+            continue
         assert page["period"] * 1e-9 == pytest.approx(cycle.attrs["period"], rel=SAME), seed
         assert page["swing"] == pytest.approx(cycle.attrs["swing"], rel=2e-5), seed
         assert page["duty"] == pytest.approx(cycle.attrs["duty"], abs=1e-4), seed
@@ -257,6 +275,7 @@ def test_settled_cycles(js, count):
         theirs = np.sort([np.hypot(*pair) for pair in page["multipliers"]])[::-1][:4]
         assert theirs == pytest.approx(mine, abs=2e-3), seed
     assert without <= 2 + count // 5
+    assert traced <= 1 + count // 20
 
 
 def under_a_heater(seed):

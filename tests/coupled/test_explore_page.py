@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import shlex
-import subprocess
-import sys
 
 import numpy as np
 import pytest
-from browser import chromium
+from browser import chromium, opened, run_in_a_shell, settled
 
 import coupled
 import thermofem as th
@@ -43,23 +39,8 @@ def file(tmp_path_factory):
 
 @pytest.fixture
 def page(browser, file):
-    """The page at a wide window, settled; fails on console errors and on any request that leaves the file."""
-    context = browser.new_context(viewport={"width": 1300, "height": 900}, bypass_csp=True)
-    page = context.new_page()
-    problems = []
-    page.on("console", lambda message: problems.append(message.text) if message.type in ("error", "warning") else None)
-    page.on("pageerror", lambda error: problems.append(str(error)))
-    page.on("request", lambda request: problems.append(request.url) if not request.url.startswith(("file:", "blob:", "data:")) else None)  # fmt: skip  # noqa: E501
-    page.goto(file.as_uri())
-    settled(page)
-    yield page
-    assert problems == []
-    context.close()
-
-
-def settled(page):
-    """Wait until the exact answer stands."""
-    page.wait_for_function("ringPage.shown.trace && ringPage.shown.trace.request.quick === false", timeout=60_000)
+    with opened(browser, file, viewport={"width": 1300, "height": 900}) as page:
+        yield page
 
 
 def test_it_starts_with_the_settled_cycle(page):
@@ -106,6 +87,16 @@ def test_the_laser_is_moved_with_the_keyboard(page):
     assert (state["detuning"], state["power"]) == pytest.approx((0.6, 8.07))
 
 
+def restored(browser, link, page):
+    """A link opens what the page shows."""
+    other = browser.new_page(bypass_csp=True)
+    other.goto(link)
+    settled(other)
+    assert other.evaluate("ringPage.state()") == page.evaluate("ringPage.state()")
+    assert other.inner_text("#summary") == page.inner_text("#summary")
+    other.close()
+
+
 def test_a_link_restores_the_view(page, browser, file):
     page.fill("#power", "6.125")
     page.fill("#lifetime", "21.5")
@@ -113,12 +104,7 @@ def test_a_link_restores_the_view(page, browser, file):
     settled(page)
     page.click("#link")
     link = page.input_value("#copied-text")
-    other = browser.new_page(bypass_csp=True)
-    other.goto(link)
-    settled(other)
-    assert other.evaluate("ringPage.state()") == page.evaluate("ringPage.state()")
-    assert other.inner_text("#summary") == page.inner_text("#summary")
-    other.close()
+    restored(browser, link, page)
 
 
 def test_the_copied_script_gives_the_same_numbers(page, capsys):
@@ -133,20 +119,6 @@ def test_the_copied_script_gives_the_same_numbers(page, capsys):
     printed = capsys.readouterr().out
     period = float(re.search(r"period ([\d.]+) ns", printed)[1])
     assert period == pytest.approx(page.evaluate("ringPage.shown.trace.pulsing.period"), rel=1e-6)
-
-
-def run_in_a_shell(block, tmp_path):
-    """Run lines that call `thermofem`, in a folder of their own."""
-    program = [sys.executable, "-m", "thermofem"]
-    folder = tmp_path / "bin"
-    folder.mkdir()
-    command = folder / "thermofem"
-    command.write_text(f'#!/bin/sh\nexec {shlex.join(program)} "$@"\n')
-    command.chmod(0o755)
-    path = f"{folder}{os.pathsep}{os.environ['PATH']}"
-    subprocess.run(
-        ["sh", "-ec", block], cwd=tmp_path, check=True, env={**os.environ, "PATH": path}, capture_output=True
-    )
 
 
 def test_the_copied_command_gives_the_same_numbers(page, tmp_path):
@@ -320,11 +292,7 @@ def test_a_heater_moves_the_resonance(browser, heater_file, capsys):
     period = float(re.search(r"settled: period ([\d.]+) ns", capsys.readouterr().out)[1])
     assert period == pytest.approx(page.evaluate("ringPage.shown.trace.cycle.period"), rel=1e-6)
     page.click("#link")
-    other = browser.new_page(bypass_csp=True)
-    other.goto(page.input_value("#copied-text"))
-    settled(other)
-    assert other.evaluate("ringPage.state()") == page.evaluate("ringPage.state()")
-    other.close()
+    restored(browser, page.input_value("#copied-text"), page)
     page.select_option("#model", "1")  # Newton's law, without a heater
     assert page.is_disabled("#h0")
     assert "no such heater" in page.inner_text("#h0-problem")

@@ -63,7 +63,7 @@ def explore(
     resonator = ring_of(ring)
     at_detuning = detuning_of(detuning, resonator)
     say_ring(resonator, ring)
-    models, heat = _models(given, accuracy, light) if family is None else (None, None)
+    models, heat = _models(given, accuracy, light) if family is None else (_beside(family), None)
     with working("writing the page"):
         page = coupled.explore(
             resonator, models, output, power=at_power, detuning=at_detuning, heat=heat, family=family, heaters=powers,
@@ -99,16 +99,42 @@ def _models(
     return models_of_geometry(given[0] if given else None, accuracy, heated)
 
 
+def _beside(family: Any) -> dict[str, Any]:
+    """The paper's two laws for a family, trained on the member in the middle of its box."""
+    middle = dict(zip(family.names, (family.box.low + family.box.high) / 2, strict=True))
+    found = trained(family.model(**middle))
+    return {f"{name}, of the middle": found[name] for name in ("second order", "Newton's law")}
+
+
+def trained(exact: Any) -> dict[str, Any]:
+    """The usual models, trained on the answers of a precise one."""
+    import numpy as np
+
+    import surrogate
+
+    from .. import dataset, waveforms
+
+    square, step = waveforms.SquareWave(2e-3, TRAINED, DUTY), waveforms.Constant(2e-3)
+    periodic: Any = dataset.build.record(  # the fits need no xarray, whose import takes longer than they do
+        waveforms.period_times(square, SAMPLES), exact.periodic_response(square, SAMPLES), square, periodic=True
+    )
+    times = np.geomspace(1e-9, 50 * float(np.max(exact.tau)), 121)
+    known = {"thermal_resistance": exact.thermal_resistance}
+    rise: Any = dataset.build.record(times, exact.response(step, times), step, attributes=known)
+    return {
+        f"Foster, {POLES} poles": surrogate.fit_foster(rise, POLES).model,
+        "second order": surrogate.fit_second_order(periodic).model,
+        "Newton's law": surrogate.fit_newton(periodic).model,
+    }
+
+
 def models_of_geometry(
     path: Path | None, accuracy: float = 1e-3, heated: str | None = None
 ) -> tuple[dict[str, Any], HeatProblem]:
     """The certified reduction of a geometry, and the usual models trained on it; all from one reduction."""
-    import numpy as np
-
     import surrogate
     from coupled.explore.contents import HEATERS
 
-    from .. import dataset, waveforms
     from ..geometry import CrossSection, strip_ring
     from ..heat import assemble
 
@@ -122,17 +148,5 @@ def models_of_geometry(
         rom = surrogate.reduce(heat.channels((ring, *others[:HEATERS]), ring), tolerance=1e-4)
         whole: Any = rom.model
         exact: Any = whole.channel(ring, ring).dynamics if others else whole
-        square, step = waveforms.SquareWave(2e-3, TRAINED, DUTY), waveforms.Constant(2e-3)
-        periodic: Any = dataset.build.record(  # the fits need no xarray, whose import takes longer than they do
-            waveforms.period_times(square, SAMPLES), exact.periodic_response(square, SAMPLES), square, periodic=True
-        )
-        times = np.geomspace(1e-9, 50 * float(np.max(exact.tau)), 121)
-        known = {"thermal_resistance": exact.thermal_resistance}
-        rise: Any = dataset.build.record(times, exact.response(step, times), step, attributes=known)
-        models = {
-            f"certified reduction, {rom.order} poles": rom,
-            f"Foster, {POLES} poles": surrogate.fit_foster(rise, POLES).model,
-            "second order": surrogate.fit_second_order(periodic).model,
-            "Newton's law": surrogate.fit_newton(periodic).model,
-        }
+        models = {f"certified reduction, {rom.order} poles": rom, **trained(exact)}
     return models, heat

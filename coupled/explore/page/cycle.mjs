@@ -60,6 +60,19 @@ function extent(x, first = 0, stop = x.length) {
   return [low, high];
 }
 
+/** Largest minus smallest value of a smooth function within its samples, by the parabolas through the outermost three. */
+function swingOf(t, x) {
+  const outermost = (sign) => {
+    let k = 1;
+    for (let i = 2; i + 1 < x.length; i++) if (sign * x[i] > sign * x[k]) k = i;
+    const [h, g] = [t[k] - t[k - 1], t[k + 1] - t[k]];
+    const [a, b] = [(x[k] - x[k - 1]) / h, (x[k + 1] - x[k]) / g];
+    const slope = (a * g + b * h) / (h + g);
+    return b === a ? x[k] : x[k] - (slope * slope * (h + g)) / (4 * (b - a));
+  };
+  return outermost(1) - outermost(-1);
+}
+
 function firstAt(t, time) {
   let low = 0;
   let high = t.length;
@@ -299,7 +312,6 @@ export function limitCycle(system, drive, detuning, near, level, options) {
   }
   const run = integrate(system, drive, detuning, y, at.t, { ...fine, first: 0.1 / system.loss });
   const c = columns(run.rows, 0, run.count);
-  const [low, high] = extent(c.dT);
   return {
     period: at.t,
     y,
@@ -308,7 +320,7 @@ export function limitCycle(system, drive, detuning, near, level, options) {
     count: run.count,
     multipliers: eigenvalues(jet.M, y.length),
     duty: dutyOf(c.t, c.U, 0, at.t),
-    swing: high - low,
+    swing: swingOf(c.t, c.dT),
     residual: size,
   };
 }

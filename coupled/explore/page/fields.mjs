@@ -31,13 +31,12 @@ function field(name) {
   const { log, step, unit } = FIELDS[name];
   const [number, slider] = [$(name), $(`${name}-slider`)];
   slider.min = 0;
-  slider.max = 1000;
   slider.step = 1;
   number.addEventListener("input", () => take(name, number.value.trim() === "" ? NaN : Number(number.value), false));
   number.addEventListener("change", () => number.getAttribute("aria-invalid") !== "true" && fill());
   slider.addEventListener("input", () => {
     const [low, high] = span(name);
-    const share = Number(slider.value) / 1000;
+    const share = Number(slider.value) / ticksOf(name);
     let value = log ? low * (high / low) ** share : low + share * (high - low);
     value = step ? Math.round(value / step) * step : value;
     take(name, Number(value.toPrecision(log ? 4 : 6)), true);
@@ -56,6 +55,12 @@ function span(name) {
   const own = valueOf(name, { ...page.state, [name]: null }, page.data);
   if (name === "lifetime") return [own / 30, own * 10];
   return [own / 5, own * 5];
+}
+
+/** Places of a slider: one for every step, so that an arrow key moves it by one. */
+function ticksOf(name) {
+  const [low, high] = span(name);
+  return FIELDS[name].step ? Math.round((high - low) / FIELDS[name].step) : 1000;
 }
 
 /** Why a value of a field cannot be taken; the field then says so. */
@@ -86,7 +91,8 @@ export function fill(typing = null) {
     const value = valueOf(name, page.state, page.data);
     const [low, high] = span(name);
     const share = FIELDS[name].log ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);
-    $(`${name}-slider`).value = String(Math.round(1000 * Math.min(Math.max(share, 0), 1)));
+    $(`${name}-slider`).max = ticksOf(name);
+    $(`${name}-slider`).value = String(Math.round(ticksOf(name) * Math.min(Math.max(share, 0), 1)));
     $(`${name}-slider`).setAttribute("aria-valuetext", `${Number(value.toPrecision(5))} ${FIELDS[name].unit}`);
     if (typing === name) continue;
     $(name).value = String(Number(value.toPrecision(10)));

@@ -26,6 +26,7 @@ let ask = {};
 let timer = 0;
 
 function start() {
+  if (!Array.prototype.at || !globalThis.structuredClone || !globalThis.ResizeObserver) return; // older than 2022: the notice stays
   const data = JSON.parse($("data").textContent);
   data.section = data.section && decoded(data.section);
   if (data.family) addFamilyFields(data.family);

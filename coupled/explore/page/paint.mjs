@@ -73,13 +73,15 @@ function present() {
 }
 
 function paintHeat(colours) {
-  const models = page.data.models.map((model, k) => (k === page.state.model ? modelOf(page.state, page.data) : model)).filter((model, k) => k === page.state.model || !(model.hidden || model.family));
+  const { data, state } = page;
+  const drawn = data.models.map((_, k) => k).filter((k) => k === state.model || k === data.judge || !(data.models[k].hidden || data.models[k].family));
+  const models = drawn.map((k) => (data.models[k].family || k === state.model ? modelOf(state, data, k) : data.models[k]));
+  const [chosen, judge] = [state.model, data.judge].map((k) => drawn.indexOf(k));
   const { period, duty } = present();
-  const chosen = models.findIndex((model) => model.name === page.data.models[page.state.model].name);
   put("step", stepFigure(widthOf("step"), 380, { models, chosen, reference: page.data.reference }, colours));
   put("spectrum", spectrumFigure(widthOf("spectrum"), 380, { models, chosen, period }, colours));
   if (!$("error-figure").hidden) {
-    const { svg, now } = errorFigure(widthOf("error"), 380, { models, judge: page.data.judge, chosen, period, duty }, colours);
+    const { svg, now } = errorFigure(widthOf("error"), 380, { models, judge, chosen, period, duty }, colours);
     put("error", svg);
     const percent = (x) => (Number.isFinite(x) ? `${x >= 0 ? "+" : "−"}${Math.abs(100 * x).toFixed(Math.abs(x) < 0.1 ? 1 : 0)} %` : "no such period");
     $("error-now").textContent = now.length ? `At the present period, ${(period * 1e9).toFixed(0)} ns: ${now.map((m) => `${m.name} ${percent(m.error)}`).join("; ")}.` : "The ring does not pulse at this setting.";

@@ -65,15 +65,15 @@ export function addHeaterFields(heaters) {
   heaters.forEach(({ name }, k) => (FIELDS[`h${k}`] = { label: `Power in ${name}`, unit: "mW", low: 0, high: 10000 }));
 }
 
-/** The thermal model of a state, under its heaters. */
-export function modelOf(state, data) {
+/** The thermal model of a state, or another one, under the state's heaters. */
+export function modelOf(state, data, index = state.model) {
   const powers = Object.fromEntries(data.heaters.map(({ name }, k) => [name, (state[`h${k}`] || 0) * 1e-3]));
-  return heatedBy(bareModelOf(state, data), powers);
+  return heatedBy(bareModelOf(state, data, index), powers);
 }
 
 /** The same without heaters: one that was given, or the member of the family at its parameters. */
-function bareModelOf(state, data) {
-  const given = data.models[state.model];
+function bareModelOf(state, data, index) {
+  const given = data.models[index];
   if (!given.family) return given;
   const { parameters, points, R, scale } = data.family;
   const moved = parameters.filter((p) => p.moved);
