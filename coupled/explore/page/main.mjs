@@ -20,7 +20,7 @@ import { decoded, drawSection, play } from "./section.mjs";
 import { addFamilyFields, addHeaterFields, hashOf, modelOf, ringOf, stateOf, watts } from "./state.mjs";
 import { say, summary } from "./summary.mjs";
 import { watchButtons } from "./take.mjs";
-import { $, page, shown } from "./view.mjs";
+import { $, page, resized, shown } from "./view.mjs";
 
 let ask = {};
 let timer = 0;
@@ -75,7 +75,10 @@ function watchView() {
     recolour();
   });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => recolour());
-  new ResizeObserver(() => draw()).observe($("page"));
+  new ResizeObserver(() => {
+    resized();
+    draw();
+  }).observe($("page"));
 }
 
 /** Ask for everything that depends on what has changed: rough at once, exact when the slider rests. */

@@ -9,8 +9,16 @@ export const page = { data: null, state: null, changed: () => {} };
 export const shown = { trace: null, states: [], ring: null, map: null, curves: { folds: [], hopf: [] }, points: [], plane: null, phase: 0, section: null };
 
 
-/** The width that a figure has, in pixels. */
-export const widthOf = (id) => Math.max(280, Math.min(760, $(id).clientWidth || 400));
+const widths = new Map();
+
+/** The width that a figure has, in pixels; read once, because a figure just put has to be laid out for it. */
+export function widthOf(id) {
+  if (!widths.has(id)) widths.set(id, Math.max(280, Math.min(760, $(id).clientWidth || 400)));
+  return widths.get(id);
+}
+
+/** Read the widths anew. */
+export const resized = () => widths.clear();
 
 export function put(id, svg) {
   $(id).innerHTML = svg;
