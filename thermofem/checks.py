@@ -17,6 +17,8 @@ SMALLEST = 1e-150  # of a positive number: its square and the inverse of it are 
 MESSAGE = 1200  # characters of an error message
 VALUE = 80  # characters of a value in an error message
 _LONG = re.compile(r"\S{300,}")  # no word, name or path of a person
+MOST = 1_000_000_000  # numbers of an array that is counted before it is made, 8 GB
+_NO_NUMBERS = (str, bytes, bool, np.bool_, complex, np.complexfloating, np.ma.core.MaskedConstant)
 
 
 def one_line(text: str, *, most: int = MESSAGE) -> str:
@@ -95,7 +97,7 @@ class MissingLibraryError(ImportError):
 def finite(name: str, value: Any, *, unit: str = "", hint: str = "") -> float:
     """Return ``value`` as a float, or raise InputError unless it is one finite number."""
     try:
-        if isinstance(value, str | bytes | bool):  # "1e-3" would be checked as a number and kept as text
+        if isinstance(value, _NO_NUMBERS):  # "1e-3" would be checked as a number and kept as text
             raise TypeError
         number = float(value)
     except OverflowError:
@@ -130,8 +132,10 @@ def between(name: str, value: Any, low: float, high: float, *, unit: str = "", h
 def array(name: str, value: ArrayLike, *, increasing: bool = False, hint: str = "") -> NDArray[np.float64]:
     """Return ``value`` as a 1-D float array, or raise InputError if it is empty, not finite or not increasing."""
     try:
-        result = np.atleast_1d(_floats(value))
-    except (TypeError, ValueError, OverflowError):
+        result = np.atleast_1d(_floats(name, value, hint))
+    except InputError:
+        raise
+    except (TypeError, ValueError, OverflowError, RecursionError):
         raise InputError(f"{name} is not an array of numbers", hint) from None
     if result.ndim != 1 or result.size == 0:
         raise InputError(f"{name} has shape {result.shape}; one non-empty dimension is needed", hint)
@@ -147,20 +151,32 @@ def array(name: str, value: ArrayLike, *, increasing: bool = False, hint: str = 
 def numbers(name: str, value: ArrayLike, *, hint: str = "") -> NDArray[np.float64]:
     """Return ``value`` as a float array of its own shape, or raise InputError where one of them is not finite."""
     try:
-        result = _floats(value)
-    except (TypeError, ValueError, OverflowError):
+        result = _floats(name, value, hint)
+    except InputError:
+        raise
+    except (TypeError, ValueError, OverflowError, RecursionError):
         raise InputError(f"{name} is not an array of numbers", hint) from None
     if not np.all(np.isfinite(result)):
         raise InputError(f"{name} holds {result[~np.isfinite(result)][0]}, which is not finite", hint)
     return result
 
 
-def _floats(value: ArrayLike) -> NDArray[np.float64]:
-    """A float array; TypeError for text, which NumPy would read as numbers."""
-    found = np.asarray(value)
-    if found.dtype.kind in "USmM":
-        raise TypeError
-    return np.asarray(found, dtype=float)
+def _floats(name: str, value: ArrayLike, hint: str) -> NDArray[np.float64]:
+    """A float array; TypeError for text, which NumPy would read as numbers; InputError for what is no real number."""
+    if isinstance(value, range) and len(value) > MOST:
+        raise InputError(f"{name} holds {len(value)} numbers; at most {MOST:g} fit into memory", hint)
+    if np.ma.is_masked(value):
+        raise InputError(f"{name} holds masked values; leave them out", hint)
+    try:
+        found = np.asarray(value)
+        if found.dtype.kind in "USmM":
+            raise TypeError
+        if found.dtype.kind in "bc":
+            kind = "complex" if found.dtype.kind == "c" else "true or false"
+            raise InputError(f"{name} holds values that are {kind}; real numbers are needed", hint)
+        return np.asarray(found, dtype=float)
+    except MemoryError:
+        raise InputError(f"{name} holds more numbers than fit into memory", hint) from None
 
 
 def has(name: str, value: Any, *attributes: str, hint: str) -> None:

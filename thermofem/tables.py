@@ -1,18 +1,14 @@
 """Import of tables (a COMSOL probe table, an oscilloscope trace) as a Dataset with the layout of `thermofem.dataset`.
 
-What is read: columns divided by commas, semicolons, tabs or spaces, after any header. The last header line with as many
-cells as the table names its columns; a line of bare units below it counts too. Lines that begin with % or # are header.
-A unit stands in the header, "Time (s)" or "CH1 [mV]", or is given in ``units``.
+`thermofem.columns` says what is read.
 """
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import logging
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,6 +17,7 @@ from numpy.typing import NDArray
 
 from . import checks, dataset, files, quantity
 from .checks import InputError
+from .columns import Columns, header_unit, measured, parse, text_of
 from .waveforms import Constant, Sampled, Waveform
 
 if TYPE_CHECKING:
@@ -30,13 +27,7 @@ Array = NDArray[np.float64]
 
 log = logging.getLogger("thermofem")
 
-SPELLED = {
-    "volt": "V", "volts": "V", "second": "s", "seconds": "s", "sec": "s", "kelvin": "K", "millivolt": "mV",
-    "microsecond": "us", "microseconds": "us", "nanosecond": "ns", "nanoseconds": "ns", "millisecond": "ms",
-    "celsius": "degC", "watt": "W", "watts": "W",
-}  # fmt: skip
 _ROLES = {"time": "s", "power": "W", "temperature": "K"}
-_UNIT = re.compile(r"\s*[(\[]([^()\[\]]*)[)\]]")
 _EXAMPLES = {"time": "us", "power": "mW", "temperature": "K"}
 LARGEST = 1_000_000_000  # bytes of a table
 STEEP = 0.5  # of the range of the power: a change by more within `EDGE_ROWS` intervals is an edge
@@ -44,39 +35,6 @@ FLANK = 0.1  # of the range, in one interval: less is noise beside an edge
 EDGE_ROWS = 3
 EDGES = ("row", "middle")
 _ABSOLUTE = 100.0  # K; a record that begins further from rest is a temperature, or its ambient is in another unit
-
-
-@dataclass(frozen=True, eq=False)
-class Columns:
-    """Columns of numbers with the names and units that their header gives.
-
-    Attributes
-    ----------
-    names, units : tuple of str
-        unit "" where the header states none.
-    values : array, shape (rows, columns)
-        nan where a cell is empty.
-    lines : int array, shape (rows,)
-        line of the file that each row stands on, from 1.
-    """
-
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    values: Array
-    lines: NDArray[np.int64]
-
-    def column(self, argument: str, name: str) -> int:
-        """Index of a column by its header, with or without what follows the unit."""
-        short = [_UNIT.split(known)[0].strip() for known in self.names]
-        if name in self.names:
-            return self.names.index(name)
-        if short.count(name) == 1:
-            return short.index(name)
-        if name in short:
-            several = [full for full, known in zip(self.names, short, strict=True) if known == name]
-            raise InputError(f"{argument} = {name!r} names {len(several)} columns; give one of {', '.join(several)}")
-        checks.choice(f"{argument}: column", name, [*self.names, *short])
-        return -1  # not reached: `choice` raises
 
 
 def read_csv(
@@ -130,7 +88,7 @@ def read_csv(
     path, given = checks.path("path", path), _given(units)
     content = files.read_bytes(path, "table", most=LARGEST)
     try:
-        table = parse(content.decode("utf-8-sig", errors="replace"))
+        table = parse(text_of(content))
         t = _numbers(table, "time", time, given)
         rise = _numbers(table, "temperature", temperature, given) - (_scalar("ambient", ambient, "K") or 0.0)
         watts = _numbers(table, "power", power, given) if isinstance(power, str) else None
@@ -149,33 +107,6 @@ def read_csv(
     return dataset.build(t, rise[first:], wave, read=(temperature,), attributes=origin)
 
 
-def parse(text: str) -> Columns:
-    """Find the table in a text; InputError when there are no numbers or a row breaks off.
-
-    >>> parse("% Time (us)   T (K)\\n0   293.15\\n1   294.5").units
-    ('us', 'K')
-    """
-    lines = text.splitlines()
-    divider = _divider(lines)
-    rows: list[list[float]] = []
-    at: list[int] = []
-    header: list[list[str]] = []
-    for number, line in enumerate(lines, 1):
-        cells = _cells(line, divider)
-        values = _floats(cells, divider)
-        if values is None and not rows:
-            header.append(_cells(line.lstrip("%# "), divider))
-        elif values is not None and (not rows or len(values) == len(rows[0])):
-            rows.append(values)
-            at.append(number)
-        elif line.strip() and not line.lstrip().startswith(("%", "#")):
-            raise InputError(f"line {number} = {line.strip()[:40]!r} is no row of {len(rows[0])} numbers")
-    if not rows:
-        raise InputError("no line of at least two numbers; a table of time and temperature is needed")
-    names, units = _header(header, len(rows[0]))
-    return Columns(names, units, np.array(rows), np.array(at))
-
-
 def _given(units: Mapping[str, str] | None) -> dict[str, str]:
     """The units that the caller states, by role."""
     checks.has("units", units or {}, "items", hint='a mapping is needed, such as {"time": "us"}')
@@ -184,68 +115,6 @@ def _given(units: Mapping[str, str] | None) -> dict[str, str]:
         if not isinstance(unit, str):
             raise InputError(f'units["{role}"] = {checks.shown(unit)} must be text, such as "{_EXAMPLES[role]}"')
     return dict(units or {})
-
-
-def _divider(lines: list[str]) -> str:
-    """Separator of the columns: tab, semicolon or comma if the last line then holds numbers; otherwise spaces."""
-    last = [line for line in lines if line.strip()][-3:]
-    for divider in ("\t", ";", ","):
-        if any(_floats(_cells(line, divider), divider) is not None for line in last):
-            return divider
-    return " "
-
-
-def _cells(line: str, divider: str) -> list[str]:
-    """Cells of a line, unquoted; in a header with spaces, two of them or a closing bracket end a cell."""
-    if divider != " ":
-        try:
-            return [cell.strip() for cell in next(csv.reader([line], delimiter=divider, skipinitialspace=True), [])]
-        except csv.Error as error:  # a cell of more than 131072 characters
-            raise InputError(f"a line of {len(line)} characters is no row of a table ({error})") from None
-    line = line.strip()
-    cells = line.split()
-    return cells if _floats(cells, divider) is not None else re.split(r"\s{2,}|\t", line)
-
-
-def _floats(cells: list[str], divider: str) -> list[float] | None:
-    """The cells as numbers, nan where empty; None unless there are two cells or more, and a number among them."""
-    if divider in (";", "\t"):
-        cells = [cell.replace(",", ".") for cell in cells]
-    try:
-        values = [quantity.number(cell) if cell and cell != "--" else np.nan for cell in cells]
-    except ValueError:
-        return None
-    return values if len(values) > 1 and any(cells) else None
-
-
-def _header(header: list[list[str]], columns: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names and units of the columns from the lines above them."""
-    fitting = [cells for cells in header if len(cells) == columns]
-    if not fitting:
-        return tuple(str(k + 1) for k in range(columns)), ("",) * columns
-    names, below = fitting[-1], None
-    if len(fitting) > 1 and all(_is_unit(cell) for cell in names):
-        names, below = fitting[-2], names
-    brackets = [_UNIT.search(name) for name in names]
-    units = [match[1].strip() if match else "" for match in brackets]
-    if below:
-        units = [unit or cell.strip("()[] ") for unit, cell in zip(units, below, strict=True)]
-    return tuple(names), tuple(units)
-
-
-def _is_unit(cell: str) -> bool:
-    """Whether a cell is a bare unit such as "(us)", "mV" or "Volt"."""
-    bare = cell.strip("()[] ")
-    if not bare:
-        return False
-    for text in (header_unit(bare), bare.lower()):  # scopes write "Volt"
-        try:
-            quantity.parse(f"1 {text}", "s")
-        except InputError as error:
-            if "wrong dimension" not in str(error):
-                continue
-        return True
-    return False
 
 
 def _numbers(table: Columns, role: str, name: str, given: Mapping[str, str]) -> Array:
@@ -257,7 +126,7 @@ def _numbers(table: Columns, role: str, name: str, given: Mapping[str, str]) -> 
         more = f" ({bad.size} rows in all)" if bad.size > 1 else ""
         raise InputError(f"line {table.lines[bad[0]]}: {name!r} is empty or not finite{more}; take such rows out")
     offset, factor = _line(role, name, given.get(role, table.units[k]))
-    return offset + factor * values
+    return offset + factor * values if role != "temperature" else measured(table, k, offset + factor * values)
 
 
 def _line(role: str, name: str, unit: str) -> tuple[float, float]:
@@ -271,12 +140,6 @@ def _line(role: str, name: str, unit: str) -> tuple[float, float]:
     checks.positive(f"{role}: factor of the unit {unit!r}", scale)
     offset, factor = quantity.line(bare, si, name=f"{role}: unit of {name!r}")
     return offset, scale * factor
-
-
-def header_unit(text: str) -> str:
-    """A unit as instruments write it in a header, as the unit layer reads it: "Volt" becomes "V"."""
-    unit = text.strip().replace("°C", "degC").replace("µ", "u").replace("μ", "u")
-    return SPELLED.get(unit.lower(), unit)
 
 
 def _scalar(name: str, value: str | float | None, unit: str) -> float | None:

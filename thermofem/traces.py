@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 from . import checks, dataset, files, quantity
 from .algebra.poles import pole_responses
 from .checks import InputError
-from .tables import LARGEST, Columns, header_unit, parse
+from .columns import Columns, header_unit, measured, parse, text_of
+from .tables import LARGEST
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -79,7 +80,7 @@ def read_trace(
     Parameters
     ----------
     path : str or Path
-        text with one row for each time, after any header; see `thermofem.tables`.
+        text with one row for each time, after any header; see `thermofem.columns`.
     wave : Waveform
         the absorbed power, from its start on; straight between its breakpoints.
     time, temperature : str, optional
@@ -100,7 +101,7 @@ def read_trace(
     path = checks.path("path", path)
     content = files.read_bytes(path, "table", most=LARGEST)
     try:
-        table = parse(content.decode("utf-8-sig", errors="replace"))
+        table = parse(text_of(content))
         columns = _columns(table, time, temperature)
         said: list[str] = []
         warned: list[str] = []
@@ -180,7 +181,7 @@ def _rise(table: Columns, place: int, given: str | None, said: list[str], warned
     name = table.names[place]
     if not unit:
         said.append(f"column {name!r} states no unit: kelvin")
-        return values
+        return measured(table, place, values)
     try:
         offset, factor = quantity.line(unit, "K", name=f"unit of {name!r}")
     except InputError:
@@ -191,7 +192,7 @@ def _rise(table: Columns, place: int, given: str | None, said: list[str], warned
         warned.append(
             f"column {name!r} is in {unit}: 1 V counts as 1 K, so R and R_th are in V/W; time constants are as measured"
         )
-    return offset + factor * values
+    return measured(table, place, offset + factor * values)
 
 
 def _start(t: Array, y: Array, wave: Waveform, given: float | None, said: list[str]) -> float:

@@ -1,0 +1,230 @@
+"""Columns of numbers in a text, with the names and units of the header above them.
+
+What is read: columns divided by commas, semicolons, tabs or spaces, after any header. The last line above the table
+with text in all columns names them; a line of bare units below it counts too. Lines that begin with % or # are header.
+Any other line between the header and the table is a damaged row, and refused.
+A unit stands in the header, "Time (s)" or "CH1 [mV]", or is given in ``units``.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import checks, quantity
+from .checks import InputError
+
+Array = NDArray[np.float64]
+
+SPELLED = {
+    "volt": "V", "volts": "V", "second": "s", "seconds": "s", "sec": "s", "kelvin": "K", "millivolt": "mV",
+    "microsecond": "us", "microseconds": "us", "nanosecond": "ns", "nanoseconds": "ns", "millisecond": "ms",
+    "celsius": "degC", "watt": "W", "watts": "W",
+}  # fmt: skip
+_UNIT = re.compile(r"\s*[(\[]([^()\[\]]*)[)\]]")
+HOTTEST = 1e5  # K; beyond any temperature: the code of an instrument whose input is overloaded, such as 9.9E+37
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Columns of numbers with the names and units that their header gives.
+
+    Attributes
+    ----------
+    names, units : tuple of str
+        unit "" where the header states none.
+    values : array, shape (rows, columns)
+        nan where a cell is empty.
+    lines : int array, shape (rows,)
+        line of the file that each row stands on, from 1.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Array
+    lines: NDArray[np.int64]
+
+    def column(self, argument: str, name: str) -> int:
+        """Index of a column by its header, with or without what follows the unit."""
+        short = [_UNIT.split(known)[0].strip() for known in self.names]
+        if name in self.names:
+            return self.names.index(name)
+        if short.count(name) == 1:
+            return short.index(name)
+        if name in short:
+            several = [full for full, known in zip(self.names, short, strict=True) if known == name]
+            raise InputError(f"{argument} = {name!r} names {len(several)} columns; give one of {', '.join(several)}")
+        checks.choice(f"{argument}: column", name, [*self.names, *short])
+        return -1  # not reached: `choice` raises
+
+
+def parse(text: str) -> Columns:
+    """Find the table in a text; InputError when there are no numbers or a row breaks off.
+
+    >>> parse("% Time (us)   T (K)\\n0   293.15\\n1   294.5").units
+    ('us', 'K')
+    """
+    lines = text.splitlines()
+    divider = _divider(lines)
+    rows: list[list[float]] = []
+    at: list[int] = []
+    for number, line in enumerate(lines, 1):
+        values = _floats(_cells(line, divider), divider)
+        if values is not None and (not rows or len(values) == len(rows[0])):
+            rows.append(values)
+            at.append(number)
+        elif rows and not _is_remark(line):
+            raise _damaged(number, line, len(rows[0]))
+    if not rows:
+        raise InputError("no line of at least two numbers; a table of time and temperature is needed")
+    table = np.array(rows)
+    names, units = _header(lines[: at[0] - 1], divider, np.isfinite(table).any(axis=0))
+    return Columns(names, units, table, np.array(at))
+
+
+def text_of(content: bytes) -> str:
+    """Text of a table in UTF-8; InputError for other encodings, and for a NUL character, which is damage."""
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        raise InputError("it is UTF-16 text; save it as UTF-8")
+    if b"\0" in content:
+        line = content[: content.index(b"\0")].count(b"\n") + 1
+        raise InputError(f"line {line} holds a NUL character; the file is damaged, or UTF-16 text: save it as UTF-8")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line, byte = content[: error.start].count(b"\n") + 1, content[error.start]
+        raise InputError(
+            f"line {line} holds the byte 0x{byte:02x}, which is no UTF-8 text but may be Latin-1; save it as UTF-8"
+        ) from None
+
+
+def _is_remark(line: str) -> bool:
+    return not line.strip() or line.lstrip().startswith(("%", "#"))
+
+
+def _damaged(number: int, line: str, columns: int) -> InputError:
+    return InputError(f"line {number} = {line.strip()[:40]!r} is no row of {columns} numbers")
+
+
+def _divider(lines: list[str]) -> str:
+    """Separator of the columns: tab, semicolon or comma if the last line then holds numbers; otherwise spaces."""
+    last = [line for line in lines if line.strip()][-3:]
+    for divider in ("\t", ";", ","):
+        if any(_floats(_cells(line, divider), divider) is not None for line in last):
+            return divider
+    return " "
+
+
+def _cells(line: str, divider: str) -> list[str]:
+    """Cells of a line, unquoted; in a header with spaces, two of them end a cell."""
+    if divider != " ":
+        try:
+            return [cell.strip() for cell in next(csv.reader([line], delimiter=divider, skipinitialspace=True), [])]
+        except csv.Error as error:  # a cell of more than 131072 characters
+            raise InputError(f"a line of {len(line)} characters is no row of a table ({error})") from None
+    line = line.strip()
+    cells = line.split()
+    return cells if _floats(cells, divider) is not None else re.split(r"\s{2,}|\t", line)
+
+
+def _floats(cells: list[str], divider: str) -> list[float] | None:
+    """The cells as numbers, nan where empty; None unless there are two cells or more, and a number among them."""
+    if divider in (";", "\t"):
+        cells = [cell.replace(",", ".") for cell in cells]
+    try:
+        values = [quantity.number(cell) if cell and cell != "--" else np.nan for cell in cells]
+    except ValueError:
+        return None
+    return values if len(values) > 1 and any(cells) else None
+
+
+def _header(lines: list[str], divider: str, used: NDArray[np.bool_]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names and units of the columns from the lines above them; ``used`` marks the columns with numbers.
+
+    Raises
+    ------
+    InputError
+        a line below the names holds a number, or is neither names nor units: a damaged row.
+    """
+    columns = used.size
+    split = [_names(line.lstrip("%# "), divider, columns) for line in lines]
+    fitting = [k for k, cells in enumerate(split) if len(cells) == columns and not _is_number(cells[0])]
+    full = [k for k in fitting if all(split[k][c] and not _is_number(split[k][c]) for c in np.flatnonzero(used))]
+    last = full[-1] if full else fitting[-1] if fitting else -1
+    place, below = last, None
+    above = [k for k in fitting if k < last]
+    if above and all(_is_unit(cell) for cell in split[last] if cell):
+        place, below = above[-1], split[last]
+    for k, line in enumerate(lines):
+        words = line.split() if divider == " " else split[k]
+        broken = any(map(_is_number, words)) if k > last >= 0 else _is_number(words[0]) if words else False
+        if not _is_remark(line) and (broken or (k > last and k in fitting and any(split[k]))):
+            raise _damaged(k + 1, line, columns)
+    if last < 0:
+        return tuple(str(k + 1) for k in range(columns)), ("",) * columns
+    units = [_bracket(name) for name in split[place]]
+    if below:
+        units = [unit or cell.strip("()[] ") for unit, cell in zip(units, below, strict=True)]
+    for k in fitting:
+        if not any(units) and any(_is_unit(_bracket(cell)) for cell in split[k]):
+            raise InputError(f"line {k + 1} states units, but line {place + 1} is the header; take the wrong one out")
+    return tuple(split[place]), tuple(units)
+
+
+def _names(line: str, divider: str, columns: int) -> list[str]:
+    """Cells of a line of the header; with spaces two of them end a cell, else a closing bracket, else one space."""
+    cells = _cells(line, divider)
+    if divider == " ":
+        ways = (cells, re.split(r"(?<=[)\]])\s+", line.strip()), line.split())
+        cells = next((way for way in ways if len(way) == columns), cells)
+    return cells
+
+
+def _bracket(name: str) -> str:
+    match = _UNIT.search(name)
+    return match[1].strip() if match else ""
+
+
+def _is_number(cell: str) -> bool:
+    """Whether a cell of a header is a number."""
+    try:
+        quantity.number(cell.replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
+def _is_unit(cell: str) -> bool:
+    """Whether a cell is a bare unit such as "(us)", "mV" or "Volt"."""
+    bare = cell.strip("()[] ")
+    if not bare:
+        return False
+    for text in (header_unit(bare), bare.lower()):  # scopes write "Volt"
+        try:
+            quantity.parse(f"1 {text}", "s")
+        except InputError as error:
+            if "wrong dimension" not in str(error):
+                continue
+        return True
+    return False
+
+
+def measured(table: Columns, place: int, temperatures: Array) -> Array:
+    """The temperatures in K of a column; InputError for one that is none but an overload of the instrument."""
+    bad = np.flatnonzero(~(np.abs(temperatures) <= HOTTEST))
+    if bad.size:
+        raise InputError(
+            f"line {table.lines[bad[0]]}: {table.names[place]!r} = {table.values[bad[0], place]:g} is beyond "
+            f"{HOTTEST:g} K, such as an overload of the instrument; take such rows out"
+        )
+    return temperatures
+
+
+def header_unit(text: str) -> str:
+    """A unit as instruments write it in a header, as the unit layer reads it: "Volt" becomes "V"."""
+    unit = text.strip().replace("°C", "degC").replace("µ", "u").replace("μ", "u")
+    return SPELLED.get(unit.lower(), unit)
