@@ -275,10 +275,14 @@ def test_a_loop_of_links_is_one_line(tmp_path):
         (["solve", "--read", "core", "--read", " "], "--read is empty"),
         (["simulate", "m.json", "--power", "1 mW", "--power=2 mW"], "--power is given 2 times"),
         (["fit", "d.nc", "-o", "a.json", "--output", "b.json"], "--output is given 2 times"),
+        (["fit", "d.nc", "--order", "3"], "--order = 3 goes with --kind foster"),
+        (["explore", "m.json", "--channel", "nope"], "--heated = 'nope' is unknown"),
     ],
 )
-def test_an_option_that_is_empty_or_given_twice_is_refused(arguments, words, monkeypatch, capsys):
-    """An empty --pulse made a step of it, and of two powers the last one won, both in silence."""
+def test_an_option_that_is_empty_or_given_twice_is_refused(arguments, words, monkeypatch, capsys, tmp_path):
+    """An empty --pulse made a step, of two powers the last one won, and unknown parts were ignored, in silence."""
+    monkeypatch.chdir(tmp_path)
+    surrogate.save_model(POLES, "m.json")
     monkeypatch.setattr(sys, "argv", ["thermofem", *arguments])
     with pytest.raises(SystemExit) as left:
         cli.main()

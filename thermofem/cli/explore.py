@@ -64,6 +64,10 @@ def explore(
     at_detuning = detuning_of(detuning, resonator)
     say_ring(resonator, ring)
     models, heat = _models(given, accuracy, light) if family is None else (_beside(family), None)
+    for model in (models or {}).values() if family is None and heat is None else ():
+        for option, name, names in (("--heated", light, model.inputs), ("--read", seen, model.outputs)):
+            if name is not None:
+                checks.choice(option, name, names)
     with working("writing the page"):
         page = coupled.explore(
             resonator, models, output, power=at_power, detuning=at_detuning, heat=heat, family=family, heaters=powers,
