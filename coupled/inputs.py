@@ -23,6 +23,7 @@ from thermofem.waveforms.lines import Lines
 Array = NDArray[np.float64]
 Input: TypeAlias = "float | Waveform | Pieces | Sequence[Any]"
 DEGREE = 3
+DEEPEST = 10  # lists in lists
 
 
 @shown
@@ -68,6 +69,8 @@ def pieces(name: str, value: Any, start: float, stop: float) -> Pieces:
         another type, or a function that does not cover the whole window.
     """
     if isinstance(value, list | tuple) and not isinstance(value, Pieces):
+        if name.count("[") >= DEEPEST:  # such as a list that holds itself
+            raise checks.InputError(f"{name} is a list in lists; at most {DEEPEST} deep are added")
         if not value:
             raise checks.InputError(f"{name} is an empty list; give a number, a waveform, or a list of them, which add")
         return add([pieces(f"{name}[{k}]", item, start, stop) for k, item in enumerate(value)])

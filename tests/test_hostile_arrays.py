@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import coupled
 import thermofem as th
 from thermofem.columns import parse
 from thermofem.traces import read_trace
@@ -109,5 +110,34 @@ MODEL = th.Foster(R=[1e3, 2e3], tau=[1e-7, 1e-6])
 )
 def test_what_is_no_array_of_real_numbers_is_refused(call, words):
     """The mask and the imaginary part were dropped: a masked 9 W heated."""
+    with pytest.raises(th.InputError, match=words):
+        call()
+
+
+RING = coupled.borghi2021()
+LOOP: list = [1e-3]
+LOOP.append(LOOP)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: MODEL.response(lambda t: 1e-3, [1e-7]), r"thermofem\.Function\(f\)"),
+        (lambda: coupled.simulate(RING, MODEL, power=LOOP, duration=1e-6), "list in lists"),
+        (
+            lambda: coupled.simulate(RING, MODEL, power=1e-3, duration=1e-6, times=range(10**12)),
+            "times holds 1000000000000 numbers",
+        ),
+        (
+            lambda: coupled.stability_map(RING, MODEL, np.linspace(1e-3, 2e-3, 2000), np.linspace(-1e9, 1e9, 2000)),
+            "2000 x 2000 points",
+        ),
+        (
+            lambda: coupled.pulsing_map(RING, MODEL, np.linspace(1e-3, 2e-3, 2000), np.linspace(-1e9, 1e9, 2000)),
+            "2000 x 2000 points",
+        ),
+    ],
+)
+def test_what_python_would_stumble_over_is_refused_first(call, words):
     with pytest.raises(th.InputError, match=words):
         call()

@@ -18,6 +18,8 @@ from ..ring_toml import UNITS
 from ..unknowns import optical_names, varied
 
 Array = NDArray[np.float64]
+
+MOST = 1_000_000  # points of a map
 Point = tuple[RingResonator, float, float]  # ring, power in W, detuning in Hz
 
 
@@ -82,6 +84,8 @@ def grid_of(
         )
     fixed = {name: float(axis[0]) for name, axis in laser.items() if name not in axes}
     (first, one), (second, other) = axes.items()
+    if one.size * other.size > MOST:
+        raise checks.InputError(f"the map has {one.size} x {other.size} points; at most {MOST} are computed at one go")
     rows = []
     for a in one.tolist():
         row = []
