@@ -30,8 +30,8 @@ from .layout import Complex, Heat, Integers, LaserTable, LightNetwork, Rings
 from .poles import Series
 from .waves import cubic_through, delayed_at, detected_at, detunings_at, energy_to, inputs_of, lasers_at, observe
 
-LOOKS, PAUSE = 10.0, 1000.0  # looks at the eigenvalues in a row, and the steps that earn one more: they cost as much
-ROW_LIMIT = 40_000_000  # numbers kept at the accepted steps, 320 MB
+LOOKS, PAUSE = 10.0, 4000.0  # looks at the eigenvalues in a row, and the steps that earn one more, which costs hundreds
+ROW_LIMIT = 40_000_000  # numbers kept at the accepted steps (320 MB)
 
 
 class Now(NamedTuple):

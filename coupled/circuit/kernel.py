@@ -278,8 +278,13 @@ def step(
             right[i], right[n + i], right[2 * n + i] = right[i] + f0, right[n + i] + f1, right[2 * n + i] + f2
             right[3 * n + i], powers[q, i] = faded[q, i], power
         for j in range(q + 1):
-            for i in range(n):
-                right[3 * n + i] += within[kind[i], q, j] * powers[j, i]
+            if within.shape[0] == 1:
+                x = within[0, q, j]
+                for i in range(n):
+                    right[3 * n + i] += x * powers[j, i]
+            else:
+                for i in range(n):
+                    right[3 * n + i] += within[kind[i], q, j] * powers[j, i]
         for i in range(n):
             ar, ai, back = now[i], now[n + i], right[3 * n + i]
             light, m0, turn = inputs[q, i] + g * input_slopes[i], itself[i], g * detuning_slopes[i]
