@@ -15,6 +15,7 @@ from thermofem.waveforms import bounds
 from .inputs import pieces
 from .resonator import RingResonator
 
+LONGEST = 1.0  # s, of a run
 SHORTEST = 1e-15  # s; the equations hold for the envelope of the field, so not within an optical cycle
 
 ROUND_OFF = 1e-7  # of the largest power: how far a cubic fit of a function may undershoot zero
@@ -124,7 +125,7 @@ def check_run(ring: RingResonator, duration: float, rtol: float) -> None:
 def check_duration(duration: float) -> None:
     """Raise InputError unless a duration lies between a cycle of the light and a second."""
     hint = "times are in s (did you mean 20e-6 for 20 us?)"
-    if checks.positive("duration", duration, unit="s", at_most=1, hint=hint) < SHORTEST:
+    if checks.positive("duration", duration, unit="s", at_most=LONGEST, hint=hint) < SHORTEST:
         raise checks.InputError(
             f"duration = {duration:g} s is shorter than a cycle of the light, {SHORTEST:g} s; {hint}"
         )

@@ -14,6 +14,7 @@ from thermofem import checks
 from thermofem.display import shown
 from thermofem.record import Record
 
+from .arguments import LONGEST
 from .resting import Rest, rest_of_run
 
 if TYPE_CHECKING:
@@ -98,12 +99,12 @@ def pulsing(run: xr.Dataset | Record) -> Pulsing:
     cycle. The trace is self-pulsing if it has two complete cycles, oscillates until its end, and its amplitude does not
     fall. It is a slow transient if the oscillation still decays, if the last movement of the carriers grows, if a cycle
     differs from the last in length by more than a tenth, or if the trace is shorter than two periods.
-    It is stable if it rests, or its oscillation dies away, next to a stable fixed point of the ring, the heat and the
-    light that its attributes name; next to an unstable one it is a slow transient. Traces without these attributes
-    (measured ones, co-simulations, several lasers) do not tell whether slow heat starts pulses later: the reason says
-    so, and `steady_states` or a longer run tells.
+    It is stable if it rests, or its oscillation dies away, within 2 % of a stable fixed point of the ring, the heat and
+    the light that its attributes name; farther away, or next to an unstable one, it is a slow transient. Traces without
+    these attributes (measured ones, co-simulations, several lasers) do not tell whether slow heat starts pulses later:
+    the reason says so, and `steady_states` or a longer run tells.
     A run whose light or heaters vary in its second half is driven. The period is that of the last cycle of a transient;
-    ``drift`` says by how much it still moves.
+    ``drift`` says by how much it still moves, and the reason where the mean rise is more than 2 % from its final value.
 
     Parameters
     ----------
@@ -137,6 +138,8 @@ def pulsing(run: xr.Dataset | Record) -> Pulsing:
     found = classify(t, N, drop, dT, rtol=rtol, every_step=steps == t.size - 1)
     moving = _varying(run, t)
     if not moving:
+        if found.regime == Regime.SELF_PULSING:
+            return warming(found, run, t, dT)
         if found.regime != Regime.STABLE:
             return found
         energy = _values(run, "energy") if "energy" in run.variables else drop
@@ -148,17 +151,41 @@ def pulsing(run: xr.Dataset | Record) -> Pulsing:
 
 
 def lasting(found: Pulsing, t: Array, energy: Array, dT: Array, rest: Rest | None) -> Pulsing:
-    """A stable trace, unless the fixed point at its end is unstable; ``rest`` holds all, or is None if unknown."""
+    """A stable trace, unless the fixed point at its end is unstable or still far; ``rest`` is None if unknown."""
     if rest is None:
         return replace(found, reason=f"{found.reason}, as far as the trace alone tells: slow heat may start pulses yet")
     passed = float(t[-1] - t[0])
     last = np.linspace(t[-1] - passed / 8, t[-1], 64)
-    growth = rest.growth_near(*(float(np.interp(last, t, values).mean()) for values in (energy, dT)))
-    if growth < 0:
+    here = [float(np.interp(last, t, values).mean()) for values in (energy, dT)]
+    k, off = rest.nearest(*here)
+    growth = float(rest.growth[k])
+    if growth < 0 and off <= SETTLED:
         return found
+    if growth < 0:
+        wanted = passed + max(passed, np.log(off / (0.1 * SETTLED)) / -growth)
+        words = f"{found.reason}, but slow heat still moves the ring: {here[1]:.3g} K of {rest.delta_T[k]:.3g} K"
+        return _slow(words, wanted, found.swing, found.cycles)
     which = "the fixed point there is not" if np.any(rest.growth < 0) else "no fixed point is"
     wanted = max(LONGER * passed, passed + LEAVES / max(growth, 1e-300))
     return _slow(f"{found.reason}, but {which} stable", wanted, found.swing, found.cycles)
+
+
+def warming(found: Pulsing, run: xr.Dataset | Record, t: Array, dT: Array) -> Pulsing:
+    """A self-pulsing trace, with a note where the mean rise of its last cycle is not yet that of the absorbed power.
+
+    A linear model settles to <dT> = R_th <P> over a cycle, whatever its time constants.
+    """
+    attrs = run.attrs
+    known = "absorbed" in run.variables and "model_R" in attrs and "model_coefficient" not in attrs
+    if not known or "heater_rise" in attrs or "lasers" in attrs:
+        return found
+    last = np.append(t[-1] - found.period, t[t > t[-1] - found.period])
+    absorbed, rise = (np.trapezoid(np.interp(last, t, v), last) for v in (_values(run, "absorbed"), dT))
+    final = float(np.sum(attrs["model_R"])) * absorbed
+    if not abs(rise - final) > SETTLED * final:
+        return found
+    note = f"the mean rise is {rise / final:.0%} of what the absorbed power leads to, so slow heat will move the period"
+    return replace(found, reason=f"{found.reason}; {note}: limit_cycle has the settled one")
 
 
 def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, every_step: bool = False) -> Pulsing:
@@ -358,7 +385,8 @@ def _rests(reason: str, swing: float, cycles: int = 0) -> Pulsing:
 
 
 def _slow(reason: str, wanted: float, swing: float, cycles: int) -> Pulsing:
-    """A slow transient, and how long a run is ``wanted``, s."""
+    """A slow transient, and how long a run is ``wanted``, s; none is longer than `arguments.LONGEST`."""
+    wanted = min(wanted, LONGEST)
     found = replace(_rests(f"{reason}: simulate {wanted:.2g} s", swing, cycles), suggested_duration=wanted)
     return replace(found, regime=Regime.SLOW_TRANSIENT)
 

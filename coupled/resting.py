@@ -44,13 +44,14 @@ class Rest(NamedTuple):
     growth: Array
     """1/s, the largest real part of the eigenvalues."""
 
-    def growth_near(self, energy: float, delta_T: float) -> float:
-        """Growth rate, 1/s, of the fixed point that is nearest to a state."""
+    def nearest(self, energy: float, delta_T: float) -> tuple[int, float]:
+        """Index of the fixed point that is nearest to a state, and how far it is, relative to the larger values."""
         off = [
             np.abs(at - here) / np.maximum(np.abs(at), abs(here) + TINY)
             for at, here in ((self.energy, energy), (self.delta_T, delta_T))
         ]
-        return float(self.growth[np.argmin(np.maximum(*off))])
+        k = int(np.argmin(np.maximum(*off)))
+        return k, float(max(off[0][k], off[1][k]))
 
     def attributes(self) -> dict[str, Array]:
         """The values as attributes of a Dataset."""

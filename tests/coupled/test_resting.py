@@ -63,7 +63,9 @@ def test_the_nearest_fixed_point_decides():
     assert isinstance(rest, Rest)
     for k in range(states.branch.size):
         U, dT = float(states.energy[k]), float(states.delta_T[k])
-        assert rest.growth_near(1.02 * U, 0.97 * dT) == pytest.approx(float(states.growth_rate[k]), rel=1e-9)
+        near, off = rest.nearest(1.02 * U, 0.97 * dT)
+        assert rest.growth[near] == pytest.approx(float(states.growth_rate[k]), rel=1e-9)
+        assert off == pytest.approx(0.03)
 
 
 def test_light_that_ends_where_it_stays_and_heaters_count():
@@ -113,3 +115,39 @@ def test_a_dark_ring_rests():
 def test_a_ring_comes_back_from_its_attribute(ring):
     run = coupled.simulate(ring, NETWORK, duration=1e-9, **LIGHT)
     assert ring_in(run.attrs["ring_parameters"]) == ring
+
+
+@pytest.mark.parametrize(
+    ("R", "tau", "power", "detuning", "duration"),
+    [
+        ((7000, 8000), (3e-7, 1e-2), 1e-3, -15e9, 20e-6),  # 0.46 K of 2.89 K
+        ((7000, 1500), (3e-7, 1e-4), 1e-3, -15e9, 20e-6),  # a substrate: 0.48 K of 0.61 K
+        ((15000,), (1e-3,), 2e-3, -40e9, 20e-6),  # three fixed points, far from the stable ones
+    ],
+)
+def test_carriers_at_rest_far_from_the_fixed_point_are_a_slow_transient(R, tau, power, detuning, duration):
+    """Heat of milliseconds does not move the carriers in microseconds, but it moves the ring in the end."""
+    run = coupled.simulate(RING, th.Foster(R=R, tau=tau), power=power, detuning=detuning, duration=duration)
+    found = coupled.pulsing(run)
+    assert found.regime == "slow transient"
+    assert "slow heat" in found.reason
+    assert found.suggested_duration > 3 * max(tau)  # to 2 % of 1.3 to 6 times
+    if max(tau) < 1e-3:
+        longer = coupled.simulate(
+            RING, th.Foster(R=R, tau=tau), power=power, detuning=detuning, duration=found.suggested_duration
+        )
+        assert coupled.pulsing(longer).regime == "stable"
+        states = coupled.steady_states(RING, th.Foster(R=R, tau=tau), power=power, detuning=detuning)
+        assert float(longer.delta_T[-1]) == pytest.approx(float(states.delta_T[0]), rel=0.02)  # SETTLED
+
+
+def test_pulses_under_heat_that_still_rises_say_so():
+    """31 equal cycles of 617 ns in 20 us, of which slow heat makes 1094 ns: the mean rise is half of R_th <P>."""
+    slow, quick = th.Foster(R=[7000, 8000], tau=[3e-7, 1.0]), th.Foster(R=[7000, 8000], tau=[3e-7, 1e-6])
+    light = {"power": 6.31e-3, "detuning": 0.0, "duration": 20e-6}
+    found = coupled.pulsing(coupled.simulate(RING, slow, **light))
+    assert found.regime == "self-pulsing"
+    assert 7000 / 15000 == pytest.approx(0.47, abs=5e-3)  # the fast pole has all of its rise, the slow one none
+    assert "the mean rise is 47% of what the absorbed power leads to" in found.reason
+    assert "limit_cycle" in found.reason
+    assert "mean rise" not in coupled.pulsing(coupled.simulate(RING, quick, **light)).reason

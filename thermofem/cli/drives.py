@@ -20,7 +20,6 @@ from .detuning import detuning_of
 if TYPE_CHECKING:
     from coupled import Laser, RingResonator
 
-    from ..models import ThermalModel
 
 HEATER = "Power of another part: 'heater=5 mW', 'heater=5 mW square 1 us duty 0.3' or 'heater=5 mW pulse 1 us at 2 us'."
 STEADY_HEATER = "Constant power of another part of the model: 'heater=5 mW'."
@@ -177,10 +176,3 @@ def _share(option: str, text: str, given: str) -> float:
 def _between(value: float, start: float, stop: float) -> Callable[[Any], Any]:
     """``value`` from ``start`` to ``stop``, else 0."""
     return lambda t: value * ((t >= start) & (t < stop))
-
-
-def small(model: ThermalModel, powers: dict[str, Any], heated: str | None, read: str | None) -> Any:
-    """The channel of the light, as the integration takes it."""
-    from coupled.heaters import channels
-
-    return channels(model, powers, heated, read).model

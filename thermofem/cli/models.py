@@ -11,7 +11,7 @@ import typer
 from .. import checks
 from . import drives
 from .bar import Bar
-from .files import DEFAULT_RING, HEATED, READ, RING, check_outputs, longer, model_of, one_channel, ring_of, say_ring
+from .files import DEFAULT_RING, HEATED, READ, RING, check_outputs, model_of, one_channel, ring_of, say_ring
 from .kinds import expect
 from .output import say, show, working
 
@@ -215,7 +215,6 @@ def simulate(
 ) -> dict[str, Any]:
     """Drive a ring with a thermal model: traces, and whether and how it pulses."""
     import coupled
-    from coupled.thermal import long_enough
 
     from .. import dataset, quantity
 
@@ -223,7 +222,6 @@ def simulate(
     expect(model, "model")
     powers = drives.heaters(heater or [])
     thermal, parts = model_of(model, *drives.channel(channel, heated, read), powers)
-    small = drives.small(thermal, powers, **parts)
     resonator = ring_of(ring)
     length = quantity.positive(duration, "s", name="--duration")
     light, swept = drives.light(resonator, power, detuning, sweep, modulate or [], length)
@@ -245,8 +243,6 @@ def simulate(
     say(f"{found.regime}: {found.reason}")
     if found.regime == "self-pulsing":
         say(f"period {found.period * 1e9:.1f} ns, duty {found.duty:.3f}, swing {found.swing:.2f} K")
-    elif found.regime == "slow transient" and long_enough(small) > settings["duration"]:
-        say(longer(long_enough(small)))
     probes = _probes(run)
     for one in probes:
         low, high = (f"{one[name] * 1e3:.4g}" for name in ("drop_low", "drop_high"))
