@@ -182,10 +182,13 @@ def test_a_slow_ring_asks_for_longer_runs_and_then_shows_what_it_does(tmp_path):
     assert "suggested_duration" not in again.attrs
     surrogate.save_model(slow, tmp_path / "slow.json")
     given = [str(tmp_path / "slow.json"), "-o", str(tmp_path / "out.nc")]
-    for command in (["map", "--points", "2, 3", "--duration", "20 us"], ["simulate", "--duration", "2 us"]):
+    for command, words in (
+        (["map", "--points", "2, 3", "--duration", "20 us"], 'try --duration "360 us": ten times'),
+        (["simulate", "--duration", "2 us"], "yet still moving: simulate 2e-05 s"),
+    ):
         done = CliRunner().invoke(app, [command[0], *given, *command[1:]])
         assert done.exit_code == 0, done.output
-        assert 'try --duration "360 us": ten times' in done.output
+        assert words in done.output
 
 
 def test_commands(tmp_path):
@@ -215,8 +218,9 @@ def test_commands(tmp_path):
         (["--resume", str(tmp_path / "one"), "-o", str(tmp_path / "one")], "give it another name"),
         (["--resume", str(model)], "give it another name"),
     ):
+        kept = [word for k, word in enumerate(start) if wrong[0] not in (word, start[k - 1])]
         with pytest.raises(th.InputError, match=message):
-            CliRunner().invoke(app, ["map", *start, *wrong], catch_exceptions=False)
+            CliRunner().invoke(app, ["map", *kept, *wrong], catch_exceptions=False)
 
 
 @pytest.mark.parametrize("ring", [coupled.borghi2021(), coupled.vanvaerenbergh2012()], ids=lambda ring: ring.name)
