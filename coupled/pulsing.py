@@ -15,7 +15,7 @@ from thermofem.display import shown
 from thermofem.record import Record
 
 from .arguments import LONGEST
-from .resting import Rest, rest_of_run
+from .resting import Rest, resistance_of_run, rest_of_run
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -159,12 +159,10 @@ def lasting(found: Pulsing, t: Array, energy: Array, dT: Array, rest: Rest | Non
     here = [float(np.interp(last, t, values).mean()) for values in (energy, dT)]
     k, off = rest.nearest(*here)
     growth = float(rest.growth[k])
-    if growth < 0 and off <= SETTLED:
-        return found
     if growth < 0:
-        wanted = passed + max(passed, np.log(off / (0.1 * SETTLED)) / -growth)
+        wanted = passed + max(passed, np.log(max(off, SETTLED) / (0.1 * SETTLED)) / -growth)
         words = f"{found.reason}, but slow heat still moves the ring: {here[1]:.3g} K of {rest.delta_T[k]:.3g} K"
-        return _slow(words, wanted, found.swing, found.cycles)
+        return found if off <= SETTLED else _slow(words, wanted, found.swing, found.cycles)
     which = "the fixed point there is not" if np.any(rest.growth < 0) else "no fixed point is"
     wanted = max(LONGER * passed, passed + LEAVES / max(growth, 1e-300))
     return _slow(f"{found.reason}, but {which} stable", wanted, found.swing, found.cycles)
@@ -175,13 +173,12 @@ def warming(found: Pulsing, run: xr.Dataset | Record, t: Array, dT: Array) -> Pu
 
     A linear model settles to <dT> = R_th <P> over a cycle, whatever its time constants.
     """
-    attrs = run.attrs
-    known = "absorbed" in run.variables and "model_R" in attrs and "model_coefficient" not in attrs
-    if not known or "heater_rise" in attrs or "lasers" in attrs:
+    resistance = resistance_of_run(run)
+    if resistance is None or "absorbed" not in run.variables:
         return found
     last = np.append(t[-1] - found.period, t[t > t[-1] - found.period])
     absorbed, rise = (np.trapezoid(np.interp(last, t, v), last) for v in (_values(run, "absorbed"), dT))
-    final = float(np.sum(attrs["model_R"])) * absorbed
+    final = resistance * absorbed
     if not abs(rise - final) > SETTLED * final:
         return found
     note = f"the mean rise is {rise / final:.0%} of what the absorbed power leads to, so slow heat will move the period"

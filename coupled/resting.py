@@ -123,6 +123,16 @@ def rest_of_run(run: xr.Dataset | Record) -> Rest | None:
         return None
 
 
+def resistance_of_run(run: xr.Dataset | Record) -> float | None:
+    """Return R_th in K/W of the linear model of a run with one laser and no heater; None for all others."""
+    if {"model_coefficient", "heater_rise", "lasers"} & {*run.attrs}:
+        return None
+    try:
+        return float(np.sum(np.asarray(run.attrs["model_R"], dtype=float)))
+    except (KeyError, ValueError, TypeError):  # attributes that another program wrote
+        return None
+
+
 def ring_in(text: str) -> RingResonator:
     """The ring that `record.origin` wrote."""
     fields = json.loads(text)
