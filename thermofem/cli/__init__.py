@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 import typer
-import typer.core
 
 from ..checks import InputError, MissingLibraryError, one_line
 from . import maps, models, output
@@ -113,20 +112,6 @@ def _options(
     ] = False,
 ) -> None:
     """Options of the whole program."""
-
-
-class _Once(typer.core.TyperCommand):
-    """A command that refuses an option given twice: the last one would win in silence."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Count the options before click reads them."""
-        given = [arg.partition("=")[0] for arg in args[: args.index("--") if "--" in args else None]]
-        for option in self.params:
-            names = [*option.opts, *option.secondary_opts]
-            count = sum(given.count(name) for name in names if name.startswith("-"))
-            if count > 1 and not getattr(option, "multiple", False) and not getattr(option, "is_flag", False):
-                raise InputError(f"{option.opts[0]} is given {count} times; give it once")
-        return super().parse_args(ctx, args)
 
 
 @app.command(rich_help_panel=HEAT)
@@ -230,4 +215,3 @@ def doctor() -> dict[str, Any]:
 for registered in app.registered_commands:  # every command takes --json, --quiet, --verbose and --threads
     if registered.callback is not None:
         registered.callback = output.speaking(registered.callback)
-        registered.cls = _Once
