@@ -105,6 +105,7 @@ MODEL = th.Foster(R=[1e3, 2e3], tau=[1e-7, 1e-6])
         (lambda: th.Sampled([0, 1e-6], [True, False]), "true or false"),
         (lambda: th.Constant(np.ma.masked), "is not a number"),
         (lambda: th.Constant(np.complex128(1j)), "is not a number"),
+        (lambda: th.strip_ring().with_({"part.core.radius": np.ma.masked}), "masked is neither"),
         (lambda: MODEL.step_response(range(10**10)), "10000000000 numbers"),
     ],
 )
