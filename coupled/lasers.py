@@ -127,7 +127,7 @@ def run_several(
     thermal, n = eq.internal_thermal(model), np.size(state.thermal)
     unit = np.concatenate([units(n), np.full(2 * len(resonances) - 2, eq.FJ**0.5)])
     extra = fields if fields.size == 2 * len(resonances) - 2 else np.zeros(2 * len(resonances) - 2)
-    floor = floor_of(rates, math.sqrt(light.power[:, :, 0].max()), model.thermal_resistance * eq.UW)
+    floor = floor_of(rates, math.sqrt(several.brightest(light)), model.thermal_resistance * eq.UW)
     longest = min(QUIET * rates.tau0, BEAT * 2 * math.pi / beat if beat else math.inf)
     call = uninterrupted
     if duration > LONG:

@@ -118,11 +118,12 @@ def advance(
     from .kernels import equations as eq
     from .kernels import rosenbrock
     from .kernels.interrupts import new_watch, uninterrupted, watched
+    from .kernels.laser import largest_power
 
     laser = laser_of(ring, start, stop, power, detuning, offset)
     rates, fcd = eq.internal_rates(ring)
     thermal = eq.internal_thermal(model)
-    floor = floor_of(rates, float(np.sqrt(laser.power[:, 0].max())), model.thermal_resistance * eq.UW)
+    floor = floor_of(rates, float(np.sqrt(largest_power(laser.edges, laser.power))), model.thermal_resistance * eq.UW)
     unit = units(np.size(state.thermal))
     at, begin = np.asarray(times, dtype=float) / eq.NS, state.as_array() / unit
     call = uninterrupted

@@ -41,7 +41,7 @@ from .control import (
 )
 from .equations import Array, Rates, dispersion, optics, optics_jacobian
 from .kinds import read, rise_of, weigh
-from .laser import LaserPieces, light
+from .laser import LaserPieces, largest_power, light
 from .tableaus import Tableau
 
 
@@ -255,7 +255,7 @@ def integrate(
     while filled < wanted and times[filled] <= t:
         _record(rows, filled, times[filled], y, z_new, thermal)
         filled += 1
-    largest = max(np.abs(laser.power[:, 0]).max(), 1e-300)
+    largest = largest_power(laser.edges, laser.power)
     cautious = 1e-2 / rates.loss
     h, h_before, size_before, growth = first if first > 0.0 else cautious, 0.0, 1.0, GROWTH
     accepted, rejected = 0, 0

@@ -28,6 +28,7 @@ from .algebra import factorize, solve
 from .compiling import compiled, forget_if_older, inlined
 from .equations import Array, Rates, dispersion
 from .kinds import flow, read, rise_of, spread, weigh
+from .laser import largest_power
 from .rosenbrock import DONE, STEP_TOO_SMALL, STOPPED, TOO_MANY_STEPS, dense_output
 from .tableaus import Tableau
 
@@ -43,6 +44,15 @@ class Lasers(NamedTuple):
     phase: Array  # rad at the edges, relative to the first laser on the resonance, shape (lasers, m)
     field: NDArray[np.int64]  # which resonance, shape (lasers,)
     first: NDArray[np.int64]  # the first laser of every resonance, shape (fields,)
+
+
+@inlined
+def brightest(lasers: Lasers) -> float:
+    """Return the largest squared pump of any laser at the ends of all pieces; 1e-300 in the dark."""
+    largest = 1e-300
+    for k in range(lasers.power.shape[0]):
+        largest = max(largest, largest_power(lasers.edges, lasers.power[k]))
+    return largest
 
 
 @inlined
@@ -174,7 +184,7 @@ def integrate(
     s1, ds1, d1, dd1 = np.empty((fields, 2)), np.empty((fields, 2)), np.empty(fields), np.empty(fields)
     wanted, filled, wide = times.size, 0, 5 + 2 * (fields - 1)
     rows = np.empty((wanted if wanted > 0 else 4096, wide))
-    largest = max(np.abs(lasers.power[:, :, 0]).max(), 1e-300)
+    largest = brightest(lasers)
     t, end, cautious = lasers.edges[0], lasers.edges[-1], 1e-2 / modes[0, LOSS]
     h, accepted, rejected = cautious, 0, 0
     if wanted == 0:

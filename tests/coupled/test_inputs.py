@@ -240,3 +240,16 @@ def test_two_lasers_are_not_added_up_to_one():
         coupled.simulate(
             coupled.borghi2021(), th.Foster([7800.0], [1e-6]), power=[1e-3, 1e-3], detuning=[0.0, 20e9], duration=1e-8
         )
+
+
+@pytest.mark.parametrize("further", [(), [coupled.Laser(power=th.Sampled([0, 4e-6], [0, 1e-6]), detuning=1e9)]])
+def test_a_ramp_of_one_piece_may_begin_in_the_dark(further):
+    """The ring follows a slow ramp through its fixed points; the largest power is that at the end of the piece."""
+    model = th.Foster(R=[1e-3], tau=[1e-8])  # no heat to wait for
+    run = coupled.simulate(
+        RING, model, power=th.Sampled([0, 4e-6], [0, 1e-5]), detuning=5e9, duration=4e-6, lasers=further
+    )
+    states = coupled.steady_states(RING, model, power=1e-5, detuning=5e9)
+    if not further:  # a change of 1e-5 W in 4 us against 100 ps of the photons and 40 ns of the carriers: 1 %
+        assert float(run.energy[-1]) == pytest.approx(float(states.energy[0]), rel=1e-2)
+    assert run.energy.values[-1] > 1e3 * run.energy.values[1]
