@@ -3,8 +3,9 @@ PYTHON ?= python3
 # the vectors are short: more threads only get in each other's way
 export OMP_NUM_THREADS ?= 1
 BIN := .venv/bin
-# without compiling every library's files ahead, which takes as long as unpacking them; Python compiles what it imports
-INSTALL := -m pip install --quiet --disable-pip-version-check --no-compile
+INSTALL := -m pip install --quiet --disable-pip-version-check
+# some machines set it; every process would then compile the sources again
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test test-slow check lint types validation docs wheel gdsfactory bench fuzz audit clean
 
