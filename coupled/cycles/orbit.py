@@ -23,6 +23,7 @@ FEWEST, MOST_INTERVALS = 20, 3000
 POLYNOMIAL = 3e-7  # error of the polynomials between the stages; periods are far better (order 9, not 6)
 GROWTH = 1.5  # of a mesh at most
 SLACK = 8.0  # by how much the worst interval may exceed it
+RESOLVED = 1e-5  # of the multiplier along the orbit, which is 1: a pulse much shorter than the period may be missed
 CLOSE_ENOUGH = 1e-7  # a step of Newton's method that small leaves less than its square times a hundred
 TRACE_RTOL = 1e-5
 SHOTS, FEW_SHOTS, STEPS = 12, 8, 12  # of Newton's method along traces, the same for a rough orbit, and on a mesh
@@ -57,6 +58,11 @@ class Orbit(NamedTuple):
         """Floquet multipliers, the largest modulus first."""
         found = np.linalg.eigvals(self.M).astype(complex)
         return np.asarray(found[np.argsort(-np.abs(found))])
+
+    @property
+    def off(self) -> float:
+        """Distance from 1 of the multiplier that belongs to the direction along the orbit."""
+        return float(np.abs(self.multipliers - 1).min())
 
 
 def problem(ring: RingResonator, model: Compact, power: float, detuning: float, rise: float = 0.0) -> CycleProblem:
@@ -130,20 +136,28 @@ def closer(p: CycleProblem, trial: Orbit, tolerance: float = CLOSE_ENOUGH, most:
 
 
 def settle(p: CycleProblem, trial: Orbit, error: float = POLYNOMIAL) -> Orbit | None:
-    """Close a trial orbit on its mesh, and on finer ones until the polynomials between the stages err by ``error``."""
+    """Close a trial orbit on its mesh, and on finer ones until the polynomials between the stages err by ``error``.
+
+    Where the multiplier along the orbit still differs from 1, the mesh becomes finer twice more.
+    """
     tolerance, root = FIRST[1], 1 / (scheme().c.size + 1)  # the first mesh is the trace's, and good for a rough answer
+    spare, found = 2, None
     for _ in range(8):
         if trial.move > tolerance:
             trial = closer(p, trial, tolerance)
             if trial.move == np.inf:
-                return None
+                return found
         finer, worst, _ = remeshed(trial, p.at.thermal, error)
         if tolerance == CLOSE_ENOUGH and worst <= (SLACK * error) ** root:
-            return trial
+            found = trial
+            if not spare or found.off < RESOLVED:
+                return found
+            spare, error = spare - 1, 1e-2 * error
+            finer, _, _ = remeshed(trial, p.at.thermal, error)
         if finer.tau.size - 1 > MOST_INTERVALS:
-            return None
+            return found
         tolerance, trial = CLOSE_ENOUGH, finer._replace(move=np.inf)
-    return None
+    return found
 
 
 def remeshed(orbit: Orbit, thermal: Any, error: float) -> tuple[Orbit, float, int]:

@@ -278,6 +278,16 @@ def test_settled_cycles(js, count):
     assert traced <= 1 + count // 20
 
 
+def test_a_pulse_much_shorter_than_its_period():
+    """A duty of .0024: on the first mesh the multiplier along the orbit is 1e-4 off, and the period 6.5e-6."""
+    ring, model, power, detuning = pulsing_case(182)
+    cycle = coupled.limit_cycle(ring, model, power=power, detuning=detuning)
+    run = coupled.simulate(ring, model, power=power, detuning=detuning, duration=60e-6, rtol=1e-8)
+    # the last crossings lie between steps whose cubics err by some 1e-7 of the short pulse
+    assert cycle.attrs["period"] == pytest.approx(coupled.pulsing(run).period, rel=2e-7)
+    assert np.abs(cycle["multipliers"].values - 1).min() < 1e-6
+
+
 def under_a_heater(seed):
     """A random ring, whose network gets a second input: residues of either sign, and a power that moves a width."""
     ring, model, power, detuning = ring_and_model(seed)
