@@ -151,18 +151,18 @@ def plot_sweep(run: xr.Dataset, show: str = "drop", ax: Axes | None = None) -> A
         xlabel=f"{'detuning' if swept[0] == 'detuning' else 'power'} ({x_unit})", ylabel=f"{OUTPUTS[show]} ({y_unit})"
     )
     ax.set_xlim(x.min(), x.max())
-    ax.set_ylim(bottom=0)
+    ax.set_ylim(0, 1.15 * y.max() or None)  # room for the arrows
     ax.legend(frameon=False, fontsize="small")
     ax.spines[["top", "right"]].set_visible(False)
     return ax
 
 
 def _arrow(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str) -> None:
-    """An arrow at the top of the figure along a stretch of a sweep, above the curves."""
+    """An arrow along a stretch of a sweep, between the curves and the top of the axes."""
     if x.size < 2 or abs(x[-1] - x[0]) == 0:
         return
     span, up = x[-1] - x[0], x[-1] > x[0]
-    height = 1.03 if up else 1.08
+    height = 0.93 if up else 0.97
     ends = [(x[0] + share * span, height) for share in (0.35, 0.65)]
     arrow = {"arrowstyle": "->", "color": colour, "lw": 1.3}
     where = ax.get_xaxis_transform()
