@@ -119,7 +119,7 @@ def test_bad_input_is_one_line_and_exit_code_2(arguments, words, tmp_path):
 
 
 def test_doctor_names_the_missing_library(tmp_path):
-    """gmsh that cannot load its shared library: doctor says which, and the reference strip still solves."""
+    """gmsh that cannot load its shared library: doctor says which, and strips still solve on the committed mesh."""
     (tmp_path / "gmsh.py").write_text(
         "raise OSError('libGLU.so.1: cannot open shared object file: No such file or directory')"
     )
@@ -128,7 +128,7 @@ def test_doctor_names_the_missing_library(tmp_path):
     assert "libGLU.so.1" in done.stdout
     assert "libglu1-mesa" in done.stdout
     new = tmp_path / "new.toml"
-    new.write_text(GEOMETRY.replace("220 nm", "250 nm"))
+    new.write_text(th.rib_ring().to_toml())
     done = thermofem("solve", str(new), cwd=tmp_path, PYTHONPATH=str(tmp_path))
     assert done.returncode == 2
     assert "libglu1-mesa" in done.stderr

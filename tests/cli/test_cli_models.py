@@ -34,7 +34,8 @@ def folder(tmp_path_factory):
 )
 def test_fit_prints_units(folder, kind, units):
     """Of all but the ratios eta and heat_capacity_ratio."""
-    done = thermofem("fit", "square.nc", "--kind", kind, "--order", "1", "-o", f"{kind}.json", cwd=folder)
+    order = ["--order", "1"] if kind == "foster" else []
+    done = thermofem("fit", "square.nc", "--kind", kind, *order, "-o", f"{kind}.json", cwd=folder)
     words = [line.split() for line in done.stdout.splitlines() if "±" in line]
     assert {word[0]: word[5] for word in words if len(word) == 6} == units
 

@@ -145,7 +145,7 @@ def test_any_overlap_gives_the_volumes_of_painting(parts):
     ("change", "words"),
     [
         ({"width": 0.45}, ["width = 0.45 m is larger than radius = 7.955e-06 m", "did you mean 450e-9?"]),
-        ({"width": 1e-300}, ["width = 1e-300 m is less than an atom"]),
+        ({"width": 1e-100}, ["width = 1e-100 m is less than an atom"]),
         ({"box": 5e-11}, ["box = 5e-11 m is less than an atom"]),
         ({"width": 450.0}, ["width = 450 m is larger than radius", "did you mean 450e-9?"]),
         ({"radius": 7.955}, ["radius = 7.955", "did you mean 7.955e-6?"]),
