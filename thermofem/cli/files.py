@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,12 +44,15 @@ def ring_of(given: str) -> RingResonator:
     """The ring of a file, or one that comes with the package."""
     import coupled
 
-    paper, other = coupled.borghi2021(), coupled.vanvaerenbergh2012()
-    named = {"borghi2021": paper, "borghi2021-lumped": paper.with_lumped_fcd(), "vanvaerenbergh2012": other}
+    named: dict[str, Callable[[], RingResonator]] = {
+        "borghi2021": coupled.borghi2021,
+        "borghi2021-lumped": lambda: coupled.borghi2021().with_lumped_fcd(),
+        "vanvaerenbergh2012": coupled.vanvaerenbergh2012,
+    }
     if given not in named and not Path(given).is_file():
         raise InputError(f"--ring = {given!r} is neither a file nor one of {', '.join(named)}")
     if given in named:
-        return named[given]
+        return named[given]()
     expect(Path(given), "ring")
     return coupled.RingResonator.from_toml(given)
 
