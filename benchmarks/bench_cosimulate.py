@@ -101,7 +101,7 @@ def main() -> None:
         ),
     )
     hot = th.assemble(warm, accuracy)
-    seconds, run = timed(lambda: coupled.cosimulate(RING, hot, power=POWER, duration=LONG, tolerance=1e-3))
+    seconds, run = timed(lambda: coupled.cosimulate(RING, hot, power=POWER, duration=LONG, max_discrepancy=1e-3))
     print(
         f"k(T), c_p(T): {seconds / LONG * 1e-6:.3f} s of CPU a simulated us; {run.attrs['passes']} passes of "
         f"{run.attrs['windows']} windows, {run.attrs['fem_solves']} solves"
