@@ -149,7 +149,7 @@ def at_probe(data: xr.Dataset, read: str | None = None) -> xr.Dataset:
     Raises
     ------
     InputError
-        a name that is none of the probes'.
+        a name that is none of the probes', thermal resistances that are no numbers.
     """
     if read is not None:
         several = "probe" in getattr(data, "dims", ())
@@ -164,7 +164,8 @@ def at_probe(data: xr.Dataset, read: str | None = None) -> xr.Dataset:
     gains = np.ravel(data.attrs.get("thermal_resistances", ()))
     attrs = {key: value for key, value in data.attrs.items() if not key.startswith("thermal_resistance")}
     if gains.size == len(names):
-        attrs["thermal_resistance"] = float(gains[names.index(name)])
+        gain = gains[names.index(name)].item()
+        attrs["thermal_resistance"] = checks.finite("data.attrs['thermal_resistances']", gain)
     picked = data.copy()
     picked.attrs = {**attrs, "read": name}
     return picked

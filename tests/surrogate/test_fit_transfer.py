@@ -79,3 +79,5 @@ def test_one_of_several_probes_keeps_its_own_channel():
     assert th.dataset.at_probe(both, "heater").attrs["read"] == "heater"
     with pytest.raises(th.InputError, match="read = 'near' is unknown"):
         th.dataset.at_probe(both, "near")
+    with pytest.raises(th.InputError, match="thermal_resistances"):
+        surrogate.fit_newton(both.assign_attrs(thermal_resistances=["a", "b"]).sel(probe="heater"))
