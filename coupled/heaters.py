@@ -44,19 +44,11 @@ def channels(
 ) -> Channels:
     """Pick the channel of the light and those of the heaters.
 
-    Parameters
-    ----------
-    model : ThermalModel
-        a StateSpace (or a reduction that holds one) may have several inputs and outputs, any other model has one.
-    heaters : mapping of an input's name to its power, optional
-    heated, read : str, optional
-        the input of the light and the output that detunes it; by default the first input that is no heater, where
-        heaters are given, and the output of the same name.
-
-    Raises
-    ------
-    InputError
-        several inputs or outputs and no choice, an unknown name, heaters of a model with one input.
+    model: a StateSpace (or a reduction that holds one) may have several inputs and outputs, any other model has one.
+    heaters [mapping of an input's name to its power]
+    heated, read: the input of the light and the output that detunes it; by default the first input that is no heater,
+        where heaters are given, and the output of the same name.
+    Raises InputError: several inputs or outputs and no choice, an unknown name, heaters of a model with one input.
     """
     if not isinstance(heaters or {}, Mapping):
         raise checks.InputError(f"heaters = {heaters!r} must map names to powers: {{'heater': 5e-3}}")
@@ -211,10 +203,7 @@ def constant(
 
         dT = dT_model + sum_h R_h P_h
 
-    Raises
-    ------
-    InputError
-        as `channels`, and a power that is no number or out of range.
+    Raises InputError: as `channels`, and a power that is no number or out of range.
     """
     found = channels(model, heaters, heated, read)
     powers = {name: heater_power(name, value) for name, value in (heaters or {}).items()}

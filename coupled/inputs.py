@@ -57,16 +57,9 @@ class Sweep(Lines):
 def pieces(name: str, value: Any, start: float, stop: float) -> Pieces:
     """Turn an input into a piecewise cubic over [start, stop] in s.
 
-    Parameters
-    ----------
-    name : str
-        name of the input in error messages.
-    value : float, Waveform, Pieces, scipy.interpolate.PPoly of degree 3 or less, or a list of these, which add
-
-    Raises
-    ------
-    InputError
-        another type, or a function that does not cover the whole window.
+    name: name of the input in error messages.
+    value [float, Waveform, Pieces, scipy.interpolate.PPoly of degree 3 or less, or a list of these, which add]
+    Raises InputError: another type, or a function that does not cover the whole window.
     """
     if isinstance(value, list | tuple) and not isinstance(value, Pieces):
         if name.count("[") >= DEEPEST:  # such as a list that holds itself

@@ -37,12 +37,8 @@ __all__ = [
 def plot_identification(found: Identification, axes: Sequence[Axes] | None = None) -> np.ndarray:
     """Draw the measured mean cycle of every trace and the model's over it, each with its drive and the two periods.
 
-    Parameters
-    ----------
-    found : Identification
-        from `identify`.
-    axes : sequence of matplotlib Axes, optional
-        one for each trace; a new row of them by default.
+    found: from `identify`.
+    axes: one for each trace; a new row of them by default.
     """
     takes("found", found, "cycles", "residuals", what="the result of coupled.identify")
     cycles, errors = found.cycles, found.residuals
@@ -69,13 +65,8 @@ def plot_identification(found: Identification, axes: Sequence[Axes] | None = Non
 def plot_newton_traces(found: xr.Dataset, ax: Axes | None = None, *, reference: float | None = None) -> Axes:
     """Draw heat capacity against lifetime of Newton's law, a dot for each trace, coloured by its period.
 
-    Parameters
-    ----------
-    found : xarray.Dataset
-        from `fit_newton_per_trace`.
-    ax : matplotlib Axes, optional
-    reference : float, J/K, optional
-        heat capacity m c_p to divide by; without it the axis is in pJ/K.
+    found: from `fit_newton_per_trace`.
+    reference [J/K]: heat capacity m c_p to divide by; without it the axis is in pJ/K.
     """
     takes("found", found, "tau_th", "heat_capacity", what="a Dataset of coupled.fit_newton_per_trace")
     ax = new_axes(ax, (4.6, 3.4))
@@ -95,11 +86,7 @@ def plot_newton_traces(found: xr.Dataset, ax: Axes | None = None, *, reference: 
 def plot_carrier_decay(decay: xr.Dataset, axes: Sequence[Axes] | None = None) -> np.ndarray:
     """Draw a carrier decay with the exponentials of its first and last lifetime, and the lifetime against density.
 
-    Parameters
-    ----------
-    decay : xarray.Dataset
-        from `carrier_decay`.
-    axes : two matplotlib Axes, optional
+    decay: from `carrier_decay`.
     """
     takes("decay", decay, "time", "carriers", "lifetime", what="a Dataset of coupled.carrier_decay")
     if axes is None:
@@ -134,15 +121,10 @@ def plot_transmission(
 ) -> Axes:
     """Draw one output against detuning or power: stable stretches solid, unstable ones dotted, sweeps over them.
 
-    Parameters
-    ----------
-    curve : xarray.Dataset
-        from `transmission`.
-    show : str
-        "drop", "through", "absorbed", "delta_T" or "carriers".
-    ax : matplotlib Axes, optional
-    sweeps : mapping of a name to a Dataset of `sweep` or of `simulate` with a swept laser, optional
-        drawn over the curve, each in its colour.
+    curve: from `transmission`.
+    show: "drop", "through", "absorbed", "delta_T" or "carriers".
+    sweeps [mapping of a name to a Dataset of `sweep` or of `simulate` with a swept laser]: drawn over the curve, each
+        in its colour.
     """
     labels = {
         "drop": (1e3, "drop power (mW)"),

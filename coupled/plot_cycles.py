@@ -23,14 +23,9 @@ _DOTS = (0, (1, 1.5))
 def plot_branch(branch: xr.Dataset, ax: Axes | None = None, *, fixed: xr.Dataset | None = None) -> Axes:
     """Draw the lowest and highest drop power of a branch of cycles: stable stretches solid, others dotted.
 
-    Parameters
-    ----------
-    branch : xarray.Dataset
-        from `continue_cycle`.
-    ax : matplotlib Axes, optional
-        drawn into; a new figure by default.
-    fixed : xarray.Dataset, optional
-        from `transmission` over the same parameter: the fixed points, drawn below the cycles.
+    branch: from `continue_cycle`.
+    ax: drawn into; a new figure by default.
+    fixed: from `transmission` over the same parameter: the fixed points, drawn below the cycles.
     """
     takes("branch", branch, "stability", what="a Dataset of coupled.continue_cycle")
     if ax is None:

@@ -51,26 +51,14 @@ def plot_map(
 ) -> Axes:
     """Draw one variable of a map over detuning (GHz) and power (dBm), or its own axes, with curves over it.
 
-    Parameters
-    ----------
-    data : xarray.Dataset
-        from `pulsing_map` or `stability_map`; the axes evenly spaced in GHz and dBm.
-    show : str
-        "regime", "period", "duty", "swing", "growth_rate", or "frequency", which is 1/period where there is a period.
-    ax : matplotlib Axes, optional
-        drawn into; a new figure by default.
-    hopf, folds : sequence of xarray.Dataset
-        from `hopf_curves` (solid where supercritical, dashed where subcritical, thinly dotted where another mode grows
-        already), and `fold_curves` (blue, dotted) or `cycle_fold_curves` (purple, dash-dotted).
-    limits : (float, float), optional
-        ends of the colour scale, in the units that are drawn; by default those of the data.
-    key : bool
-        whether to draw the legend or the colour bar.
-
-    Raises
-    ------
-    InputError
-        an unknown name.
+    data: from `pulsing_map` or `stability_map`; the axes evenly spaced in GHz and dBm.
+    show: "regime", "period", "duty", "swing", "growth_rate", or "frequency", which is 1/period where there is a period.
+    ax: drawn into; a new figure by default.
+    hopf, folds: from `hopf_curves` (solid where supercritical, dashed where subcritical, thinly dotted where another
+        mode grows already), and `fold_curves` (blue, dotted) or `cycle_fold_curves` (purple, dash-dotted).
+    limits [(float, float)]: ends of the colour scale, in the units that are drawn; by default those of the data.
+    key: whether to draw the legend or the colour bar.
+    Raises InputError: an unknown name.
     """
     takes("data", data, "regime", what=MAP)
     choice("show", show, ["regime", *(name for name in _SCALED if name in data or name == "frequency")])
@@ -116,12 +104,9 @@ def plot_maps(
 
     The variables of a single map stand side by side.
 
-    Parameters
-    ----------
-    maps : mapping from the model's name to a Dataset of `pulsing_map`
-    show : sequence of str
-        what to draw, as in `plot_map`.
-    hopf, folds : mapping from the model's name to its curves, optional
+    maps [mapping from the model's name to a Dataset of `pulsing_map`]
+    show: what to draw, as in `plot_map`.
+    hopf, folds [mapping from the model's name to its curves]
     """
     for data in takes("maps", maps, "items", "values", what="a mapping from names to maps").values():
         takes("maps", data, "regime", what=f"a mapping from names to maps, each {MAP}")

@@ -33,17 +33,9 @@ def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     heater powers and detuning where they vary.
     In given Axes the temperature rise has the right axis.
 
-    Parameters
-    ----------
-    run : xarray.Dataset
-        from `simulate` or `cosimulate`.
-    ax : matplotlib Axes, optional
-        drawn into, without panels below; a new figure by default.
-
-    Returns
-    -------
-    matplotlib Axes
-        the one with the drop power.
+    run: from `simulate` or `cosimulate`.
+    ax: drawn into, without panels below; a new figure by default.
+    Returns: the one with the drop power.
     """
     takes("run", run, "time", "drop", "delta_T", what=RUN)
     t, time_unit = readable(run["time"].values, "s")
@@ -115,18 +107,9 @@ def _draw_drive(ax: Axes, t: np.ndarray, label: str, curves: dict[str, np.ndarra
 def plot_sweep(run: xr.Dataset, show: str = "drop", ax: Axes | None = None) -> Axes:
     """Draw one output of a run against the detuning or power that is swept, with the direction of every stretch.
 
-    Parameters
-    ----------
-    run : xarray.Dataset
-        from `simulate` with a detuning or power that varies; the detuning counts where both do.
-    show : str
-        "drop", "through", "absorbed" or "delta_T".
-    ax : matplotlib Axes, optional
-
-    Raises
-    ------
-    InputError
-        nothing is swept, or an unknown name.
+    run: from `simulate` with a detuning or power that varies; the detuning counts where both do.
+    show: "drop", "through", "absorbed" or "delta_T".
+    Raises InputError: nothing is swept, or an unknown name.
     """
     takes("run", run, "time", "drop", what=RUN)
     choice("show", show, OUTPUTS)

@@ -317,11 +317,7 @@ def _miss(heights: Array, waits: Array, together: int) -> float:
 def crossings(t: Array, x: Array, level: float) -> Array:
     """Times at which ``x`` rises through ``level``, on the cubic through the four samples around each.
 
-    Parameters
-    ----------
-    t, x : array, shape (n,), n >= 4
-        times, increasing, and values.
-    level : float
+    t, x [shape (n,), n >= 4]: times, increasing, and values.
     """
     from .kernels.levels import rises
 

@@ -63,10 +63,7 @@ def rest_of(
 ) -> Rest:
     """Return the fixed points at a power in W and a detuning in Hz; heaters add ``rise`` in K.
 
-    Raises
-    ------
-    InputError
-        as `steady_states`.
+    Raises InputError: as `steady_states`.
     """
     at = at or internal(ring, model, absorbable(ring, power))
     U, D = fixed_points(ring, at, power, detuning + ring.thermal_shift * rise / (2 * np.pi))

@@ -96,13 +96,8 @@ _NEEDED = (
 def read_text(text: str, ring: type[Ring], published: Mapping[str, Callable[[], Ring]]) -> Ring:
     """Read the text of a ring file.
 
-    Parameters
-    ----------
-    text : str
-    ring : type
-        `RingResonator`.
-    published : mapping of name to function
-        the rings that "base" may name.
+    ring [type]: `RingResonator`.
+    published: the rings that "base" may name.
     """
     table = toml_file.parse(text)
     if table.keys() & {"layer", "part", "outer_radius"}:

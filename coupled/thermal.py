@@ -23,16 +23,9 @@ LARGEST = 500  # poles; a certified reduction needs 10 to 40, and the time of a 
 def compact(model: ThermalModel) -> Compact:
     """Return ``model.dynamics``, checked: a Foster network, an output map over one, or a quadratic system.
 
-    Parameters
-    ----------
-    model : ThermalModel
-        of any kind that has such a form, or a fit or reduction that holds one.
-
-    Raises
-    ------
-    InputError
-        a model without that form (the FEM itself), one with too many states, one that is not passive, or numbers that
-        are not finite.
+    model: of any kind that has such a form, or a fit or reduction that holds one.
+    Raises InputError: a model without that form (the FEM itself), one with too many states, one that is not passive, or
+        numbers that are not finite.
     """
     checks.has("model", model, "dynamics", hint=NEEDED)
     small = model.dynamics

@@ -51,19 +51,11 @@ class ThermalFamily(Protocol):
 class Unknowns:
     """The free parameters of a ring with a thermal law.
 
-    Attributes
-    ----------
-    ring : RingResonator
-    thermal : mapping of str to float
-        the parameters of the law, free or not; empty where ``model`` is taken as it is.
-    model : Foster, OutputMap or Quadratic, optional
-        the model that is taken as it is, or the Foster network whose poles are free.
-    names : tuple of str
-        one for each number: "R" and "tau" of n poles become "R1" .. "Rn" and "tau1" .. "taun".
-    start, low, high : array
-        logarithms.
-    family : ThermalFamily or None
-        whose parameters are among the names.
+    thermal: the parameters of the law, free or not; empty where ``model`` is taken as it is.
+    model: the model that is taken as it is, or the Foster network whose poles are free.
+    names: one for each number: "R" and "tau" of n poles become "R1" .. "Rn" and "tau1" .. "taun".
+    start, low, high: logarithms.
+    family: whose parameters are among the names.
     """
 
     ring: RingResonator
@@ -93,11 +85,8 @@ def unknowns(
 ) -> Unknowns:
     """Resolve the names of the free parameters.
 
-    Raises
-    ------
-    InputError
-        a parameter of a family that is not free, or not positive;
-        an unknown, repeated or fixed name, names of two thermal laws, or bounds that are not positive and in order.
+    Raises InputError: a parameter of a family that is not free, or not positive; an unknown, repeated or fixed name,
+        names of two thermal laws, or bounds that are not positive and in order.
     """
     if isinstance(free, str) or not free:
         raise checks.InputError(f"free = {free!r} must be a list of names, such as ['kappa', 'tau_f', 'tau_s', 'eta']")

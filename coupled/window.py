@@ -85,32 +85,17 @@ def advance(
 
         dT = dT_model + offset(t)
 
-    Parameters
-    ----------
-    ring, model, state : RingResonator, Compact, State
-        the model as `thermal.compact` returns it.
-    start, stop : float, s
-    power, detuning, offset : W, Hz, K
-        a number, a Waveform, `Pieces`, a SciPy PPoly of degree 3 or less, or a list of them, which add. The integration
-        lands on every edge. The returned delta_T contains the offset.
-    rtol, method : float, Method
-        as in `simulate`.
-    times : array, s
-        wanted times; empty for the accepted steps.
-    per_step : int
-        rows for every accepted step.
-    first_step : float, s
-        0 for a cautious one.
-    event : Event, optional
-    adiabatic : bool
-        as in `simulate`; without events, and with no meaning of absorbed_slope.
-    progress : callable, optional
-        as in `simulate`.
-
-    Raises
-    ------
-    InputError
-        a power below 0, inputs that do not cover the window, or too many steps.
+    ring, model, state: the model as `thermal.compact` returns it.
+    start, stop [s]
+    power, detuning, offset [W, Hz, K]: a number, a Waveform, `Pieces`, a SciPy PPoly of degree 3 or less, or a list of
+        them, which add. The integration lands on every edge. The returned delta_T contains the offset.
+    rtol, method: as in `simulate`.
+    times [s]: wanted times; empty for the accepted steps.
+    per_step: rows for every accepted step.
+    first_step [s]: 0 for a cautious one.
+    adiabatic: as in `simulate`; without events, and with no meaning of absorbed_slope.
+    progress: as in `simulate`.
+    Raises InputError: a power below 0, inputs that do not cover the window, or too many steps.
 
     Measured on the self-pulsing ring at (8 dBm, 0 GHz) with Rodas4 at rtol 1e-6 against 1e-11: the spline through
     (absorbed, absorbed_slope) of one row a step is as near as the steps themselves.

@@ -187,12 +187,9 @@ def reduce_array(
 class Sources:
     """Reduced fields of the heated parts of one kind of ring, and the row by which each ring reads each place.
 
-    Attributes
-    ----------
-    pairs : list of Pairs
-        of the core, then of each kind of heater.
-    row : array of int, shape (N, N)
-        the row of a `Pairs` by which ring i reads the field of a ring of this kind at the place of ring j.
+    pairs: of the core, then of each kind of heater.
+    row [shape (N, N)]: the row of a `Pairs` by which ring i reads the field of a ring of this kind at the place of ring
+        j.
     """
 
     pairs: list[Pairs]

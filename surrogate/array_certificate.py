@@ -44,16 +44,10 @@ RANGE = (0.3, 100.0)  # of the frequencies, in units of the slowest rate
 class Pairs:
     """The reduced field of one heated part, read by its own ring and at some distances.
 
-    Attributes
-    ----------
-    rate : array, shape (k,), 1/s
-        increasing.
-    source : array, shape (k,)
-        what a watt drives each mode with.
-    read : array, shape (1 + distances, k)
-        the own ring's row first; zero for the fast poles that a far pair does without.
-    bound : array, shape (1 + distances,)
-        of the error, relative to the static gain plus `FLOOR` of the own one.
+    rate [shape (k,), 1/s]: increasing.
+    source [shape (k,)]: what a watt drives each mode with.
+    read [shape (1 + distances, k)]: the own ring's row first; zero for the fast poles that a far pair does without.
+    bound [shape (1 + distances,)]: of the error, relative to the static gain plus `FLOOR` of the own one.
     """
 
     rate: Array
@@ -65,10 +59,7 @@ class Pairs:
 def reduce_pairs(heat: HeatProblem, heated: str, read: Sequence[str], tolerance: float) -> Pairs:
     """Reduce the response to one heated ring: its own temperature ``read[0]`` and those of its copies, ``read[1:]``.
 
-    Raises
-    ------
-    InputError
-        the tolerance is out of reach.
+    Raises InputError: the tolerance is out of reach.
     """
     system = heat.channels(heated, tuple(read))
     own = system.channel(heated, read[0])

@@ -43,10 +43,8 @@ class RingKinds:
 def rings_of(heat: Any, count: int, heated: str | None, heaters: Sequence[str]) -> RingKinds:
     """The kinds of ``count`` rings from one heat problem for all, or one for each.
 
-    Raises
-    ------
-    InputError
-        no heat problems or another number of them, names that are not heated, or rings on different layers.
+    Raises InputError: no heat problems or another number of them, names that are not heated, or rings on different
+        layers.
     """
     every = list(heat) if isinstance(heat, list | tuple) else [heat] * count
     if len(every) != count:
@@ -106,10 +104,7 @@ def places_of(positions: ArrayLike) -> Array:
 def check_places(rings: RingKinds, places: Array) -> Array:
     """Distances of all pairs in m, shape (N, N).
 
-    Raises
-    ------
-    InputError
-        rings that overlap, voids, or a domain that ends before the most distant pair.
+    Raises InputError: rings that overlap, voids, or a domain that ends before the most distant pair.
     """
     between = np.linalg.norm(places[:, None] - places, axis=-1)
     if len(places) == 1:

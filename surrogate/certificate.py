@@ -50,22 +50,14 @@ ROUND_OFF = 1e-9  # of the ports' own gains: what solves leave at worst (measure
 class Projection:
     """A reduced system between its ports, and the part of the ports outside its basis.
 
-    Attributes
-    ----------
-    rate : array, shape (k,), 1/s
-        Ritz values theta_i, increasing.
-    ports : array, shape (k, p)
-        Z^T V^T F in modal coordinates.
-    remainder : array, shape (n, q)
-        Q, independent columns that span what the basis leaves of the ports; for one port Rhat itself.
-    shares : array, shape (q, p)
-        T, so that Rhat = Q T.
-    fields : array, shape (n, k)
-        V.
-    mass_basis : array, shape (n, k)
-        M V.
-    vectors : array, shape (k, k)
-        Z, the eigenvectors of Kr.
+    rate [shape (k,), 1/s]: Ritz values theta_i, increasing.
+    ports [shape (k, p)]: Z^T V^T F in modal coordinates.
+    remainder [shape (n, q)]: Q, independent columns that span what the basis leaves of the ports; for one port Rhat
+        itself.
+    shares [shape (q, p)]: T, so that Rhat = Q T.
+    fields [shape (n, k)]: V.
+    mass_basis [shape (n, k)]: M V.
+    vectors [shape (k, k)]: Z, the eigenvectors of Kr.
     """
 
     rate: Array
@@ -91,13 +83,9 @@ class Projection:
 class Certificate:
     """The bound of |H - H_r| for c pairs of ports.
 
-    Attributes
-    ----------
-    omega : array, shape (m,), rad/s
-    samples : array, shape (m, c), K/W
-        the bound at ``omega``.
-    top : array, shape (c,), K/W
-        not exceeded at any frequency.
+    omega [shape (m,), rad/s]
+    samples [shape (m, c), K/W]: the bound at ``omega``.
+    top [shape (c,), K/W]: not exceeded at any frequency.
     """
 
     omega: Array
@@ -115,17 +103,10 @@ def certify(
 ) -> Certificate:
     """Bound the error of a projection.
 
-    Parameters
-    ----------
-    projection : Projection
-    shifts : array, 1/s
-        any of those at which the space was built, but 0.
-    solutions : sequence of array, shape (n, q)
-        (K + s_j M)^-1 Q for each of ``shifts``; fewer shifts give a looser bound.
-    pairs : two arrays of int, shape (c,)
-        the two ports of each channel.
-    per_decade : int
-        samples; default `PER_DECADE`.
+    shifts [1/s]: any of those at which the space was built, but 0.
+    solutions [shape (n, q)]: (K + s_j M)^-1 Q for each of ``shifts``; fewer shifts give a looser bound.
+    pairs [two arrays of int, shape (c,)]: the two ports of each channel.
+    per_decade: samples; default `PER_DECADE`.
     """
     omega = _frequencies(projection, shifts, per_decade or PER_DECADE)
     grams = [symmetric_part(projection.remainder.T @ w) for w in solutions]
@@ -153,17 +134,11 @@ def certify_defect(
 
     holds for any basis; the second term, zero for an orthonormal one, is computed and added.
 
-    Parameters
-    ----------
-    projection : Projection
-    parts : array, shape (n, p + k)
-        Rhat and D = K V Z - M V Z diag(rate) side by side.
-    shifts : array, 1/s
-        0 among them or not.
-    solutions : sequence of array, shape (n, p + k)
-        (K + s_j M)^-1 times ``parts`` for each of ``shifts``; they make it dearer than `certify`, which needs none
-        beyond those of the basis.
-    pairs : two arrays of int, shape (c,)
+    parts [shape (n, p + k)]: Rhat and D = K V Z - M V Z diag(rate) side by side.
+    shifts [1/s]: 0 among them or not.
+    solutions [shape (n, p + k)]: (K + s_j M)^-1 times ``parts`` for each of ``shifts``; they make it dearer than
+        `certify`, which needs none beyond those of the basis.
+    pairs [two arrays of int, shape (c,)]
     """
     omega, p = _frequencies(projection, projection.rate[-1:], PER_DECADE), projection.ports.shape[1]
     Y = projection.ports / (projection.rate[:, None] + 1j * omega[:, None, None])

@@ -22,14 +22,9 @@ TESTED = 5  # one member of so many is held out
 class Interpolant:
     """A property as a function of the varied parameters.
 
-    Attributes
-    ----------
-    low, high : array, shape (p,)
-        span of the members that were worked out; samples beyond are held at its ends.
-    curve : callable
-        of `smooth`.
-    error, worst : float
-        rms and largest error over held-out members, relative to their mean.
+    low, high [shape (p,)]: span of the members that were worked out; samples beyond are held at its ends.
+    curve: of `smooth`.
+    error, worst: rms and largest error over held-out members, relative to their mean.
     """
 
     low: Array
@@ -52,21 +47,11 @@ def interpolate_members(
 ) -> Interpolant:
     """Compute a property for ``count`` members drawn from the distributions, and interpolate between them.
 
-    Parameters
-    ----------
-    values : callable
-        the property from parameters of shape (p, n).
-    dists : sequence of SciPy distributions
-    box : (array, array), shape (p,)
-        its ends.
-    count : int
-    reason : callable
-        says why members lack the property.
-
-    Raises
-    ------
-    InputError
-        too few members for the polynomial, or members without the property.
+    values: the property from parameters of shape (p, n).
+    dists [sequence of SciPy distributions]
+    box [(array, array), shape (p,)]: its ends.
+    reason: says why members lack the property.
+    Raises InputError: too few members for the polynomial, or members without the property.
 
     Source: Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), Section 2.7.
     """

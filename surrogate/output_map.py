@@ -90,10 +90,7 @@ def _mapped(linear: Foster, coefficient: float, largest_rise: float, method: str
 def check_nonlinear(system: NonlinearSystem, power: float) -> float:
     """The power, where the system has laws of temperature and one channel.
 
-    Raises
-    ------
-    InputError
-        a system that is linear or has several channels, a power out of range.
+    Raises InputError: a system that is linear or has several channels, a power out of range.
     """
     if not isinstance(system, NonlinearSystem):
         raise checks.InputError(

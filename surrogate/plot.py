@@ -33,13 +33,9 @@ def plot_period_error(
 ) -> Axes:
     """Period error against period (us), relative in % or absolute in us, the 10 % band shaded: the paper's Fig. 7.
 
-    Parameters
-    ----------
-    curves : mapping from the model's name to a Dataset of `surrogate.period_error`
-    within : float
-        half width of the band.
-    absolute : bool
-        T - T_model itself, as the paper's solid line.
+    curves [mapping from the model's name to a Dataset of `surrogate.period_error`]
+    within: half width of the band.
+    absolute: T - T_model itself, as the paper's solid line.
     """
     for curve in takes("curves", curves, "items", "values", what=CURVES).values():
         takes("curve", curve, "period", "relative_error", what="Datasets of surrogate.period_error")
@@ -72,16 +68,8 @@ def plot_period_error(
 def plot_period_errors(curves: Mapping[str, xr.Dataset], *, within: float = 0.1, title: str = "") -> np.ndarray:
     """Period error twice, side by side: in %, and its magnitude on a logarithmic axis, where good models differ.
 
-    Parameters
-    ----------
-    curves, within
-        as in `plot_period_error`.
-    title : str
-        of the figure.
-
-    Returns
-    -------
-    array of Axes
+    curves, within: as in `plot_period_error`.
+    title: of the figure.
     """
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 4.4), layout="constrained", sharex=True)
     plot_period_error(curves, left, within=within)
@@ -108,10 +96,7 @@ def plot_period_errors(curves: Mapping[str, xr.Dataset], *, within: float = 0.1,
 def plot_error_against_states(comparison: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Rms error over swing (%) of every model against its number of states: one dot a model, a line over the drives.
 
-    Parameters
-    ----------
-    comparison : Dataset
-        from `surrogate.compare`.
+    comparison: from `surrogate.compare`.
     """
     takes("comparison", comparison, "states", "rms_relative", what="a Dataset of surrogate.compare")
     ax = _axes(ax)

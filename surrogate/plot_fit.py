@@ -20,17 +20,9 @@ FINE = 4001  # samples of a period, between which a periodic state is a straight
 def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
     """Data and model against time (us) above, their difference (K) below.
 
-    Parameters
-    ----------
-    fit : Fit, reduction or thermal model
-    data : Dataset
-        the data of the fit, or any other of `thermofem.solve` or `thermofem.read_csv`.
-    ax : two matplotlib Axes, optional
-        for the traces and for the residual.
-
-    Returns
-    -------
-    array of Axes
+    fit [reduction or thermal model]
+    data: the data of the fit, or any other of `thermofem.solve` or `thermofem.read_csv`.
+    ax: for the traces and for the residual.
     """
     model = takes("fit", getattr(fit, "model", fit), "response", what="a fit, a reduction or a thermal model")
     takes("data", data, "time", "delta_T", what="a Dataset of th.solve or th.read_csv, with time and delta_T")

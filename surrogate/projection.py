@@ -33,16 +33,11 @@ SCANNED = 3  # up to this order all sets of grid rates are tried for the start; 
 class Optimum:
     """Best rates and gains, rates increasing.
 
-    Attributes
-    ----------
-    log_rate : array, shape (n,)
-    gain : array, shape (n,), K/J
-    covariance : array, shape (2n, 2n)
-        of (log_rate, gain), from the Jacobian and the residual's variance.
-    residual : float, K
-        rms over all samples.
-    relative_residual : float
-        rms of residual over swing.
+    log_rate [shape (n,)]
+    gain [shape (n,), K/J]
+    covariance [shape (2n, 2n)]: of (log_rate, gain), from the Jacobian and the residual's variance.
+    residual [K]: rms over all samples.
+    relative_residual: rms of residual over swing.
     """
 
     log_rate: Array
@@ -56,13 +51,8 @@ class Optimum:
 class FitProblem:
     """Samples of one or several drives, each divided by its swing, and prior knowledge.
 
-    Attributes
-    ----------
-    drives : sequence of Drive
-    thermal_resistance : float, K/W, or None
-        imposed on sum_i g_i/lambda_i.
-    positive : bool
-        every gain >= 0.
+    thermal_resistance [float, K/W, or None]: imposed on sum_i g_i/lambda_i.
+    positive: every gain >= 0.
     """
 
     drives: Sequence[Drive]
@@ -118,10 +108,7 @@ class FitProblem:
 def optimum(problem: FitProblem, order: int) -> Optimum:
     """Best ``order`` poles, from several starts.
 
-    Raises
-    ------
-    InputError
-        fewer samples than unknowns.
+    Raises InputError: fewer samples than unknowns.
     """
     samples = problem.weight.size
     if samples < 2 * order:

@@ -110,10 +110,7 @@ def word(quantity: Quantity) -> str:
 class Property:
     """A property as a function of a member's parameters; nan where its computation raises InputError.
 
-    Attributes
-    ----------
-    reason : str
-        of the last member without it.
+    reason: of the last member without it.
     """
 
     def __init__(self, family: Family, quantity: Quantity, optics: Optics | None = None) -> None:

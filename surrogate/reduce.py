@@ -150,15 +150,9 @@ def reduce(system: StateSpace, tolerance: float = 1e-4) -> Reduction:
 class Projected:
     """A system in the modes of a certified basis, between its ports.
 
-    Attributes
-    ----------
-    projection, certificate
-    basis : array, shape (n, k)
-        M-orthonormal modes of ``projection.rate``.
-    heated, read : array of int
-        which port each input and output is.
-    shifts : array, 1/s
-    solves : int
+    basis [shape (n, k)]: M-orthonormal modes of ``projection.rate``.
+    heated, read: which port each input and output is.
+    shifts [1/s]
     """
 
     projection: Projection

@@ -27,13 +27,8 @@ PENALTY = 10.0  # relative misfit of a member that has no such property, such as
 class Search:
     """Members of a family over a unit cube of the free parameters, and how far each is from the targets.
 
-    Attributes
-    ----------
-    family : Family
-    low, high, held : array, shape (p,)
-        ends of the ranges, equal where a parameter is fixed, and the values of those.
-    properties : dict from name to Property
-    wanted : dict from name to float, "smallest" or "largest"
+    low, high, held [shape (p,)]: ends of the ranges, equal where a parameter is fixed, and the values of those.
+    wanted ["smallest" or "largest"]
     """
 
     family: Family

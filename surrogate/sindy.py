@@ -162,20 +162,11 @@ def regress(
 ) -> Array:
     """Weak-form regression by pysindy on one or several trajectories, coefficients held to ``rows @ c = 0``.
 
-    Parameters
-    ----------
-    states, controls : sequence of array, shapes (m, n) and (m,)
-        of order one, all at ``times``.
-    half : float
-        half width of the test functions, in the unit of ``times``.
-    rows : sequence of array, shape (n * terms,)
-        terms of one equation after the other.
-    degree : int
-        of the polynomials in (states, control), without the constant.
-
-    Returns
-    -------
-    array, shape (n, terms)
+    states, controls [shapes (m, n) and (m,)]: of order one, all at ``times``.
+    half: half width of the test functions, in the unit of ``times``.
+    rows [shape (n * terms,)]: terms of one equation after the other.
+    degree: of the polynomials in (states, control), without the constant.
+    Returns [shape (n, terms)]
     """
     try:
         import pysindy

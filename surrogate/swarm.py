@@ -21,12 +21,8 @@ SEED = 1
 def swarm(problem: FitProblem, order: int) -> tuple[Array, float]:
     """Run the swarm.
 
-    Returns
-    -------
-    log_rate : array, shape (order,)
-        of the best particle.
-    residual : float, K
-        rms of the best particle itself, before any polishing.
+    Returns log_rate [shape (order,)]: of the best particle.
+    Returns residual [K]: rms of the best particle itself, before any polishing.
     """
     from pymoo.algorithms.soo.nonconvex.pso import PSO
     from pymoo.optimize import minimize

@@ -29,10 +29,7 @@ def swings(reference: ThermalModel, periods: Array, power: float, duty: float) -
     The full order is solved at `CHECKED` periods. Between them its ratio to the quadratic reduction is interpolated in
     the logarithm of the period.
 
-    Raises
-    ------
-    InputError
-        as `surrogate.period_error`; a power without a steady state.
+    Raises InputError: as `surrogate.period_error`; a power without a steady state.
     """
     checks.positive("periods[0]", periods[0], unit="s")
     checks.positive("periods[-1]", periods[-1], unit="s", at_most=0.1, hint="periods are in s (did you mean 1e-6?)")

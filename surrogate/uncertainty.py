@@ -114,12 +114,8 @@ def _checked(
 class _Sampled:
     """The property of samples; values are kept as they are computed.
 
-    Parameters
-    ----------
-    values : callable
-        from parameters of shape (p, n), inside the box, to shape (n,) or (n, *shape of a map).
-    clip, reason : callable
-        holds samples inside the box; says why members lack the property.
+    values: from parameters of shape (p, n), inside the box, to shape (n,) or (n, *shape of a map).
+    clip, reason: holds samples inside the box; says why members lack the property.
     """
 
     def __init__(

@@ -33,14 +33,9 @@ HOTTEST = 1e5  # K; beyond any temperature: the code of an instrument whose inpu
 class Columns:
     """Columns of numbers with the names and units that their header gives.
 
-    Attributes
-    ----------
-    names, units : tuple of str
-        unit "" where the header states none.
-    values : array, shape (rows, columns)
-        nan where a cell is empty.
-    lines : int array, shape (rows,)
-        line of the file that each row stands on, from 1.
+    names, units: unit "" where the header states none.
+    values [shape (rows, columns)]: nan where a cell is empty.
+    lines [shape (rows,)]: line of the file that each row stands on, from 1.
     """
 
     names: tuple[str, ...]
@@ -145,10 +140,7 @@ def _floats(cells: list[str], divider: str) -> list[float] | None:
 def _header(lines: list[str], divider: str, used: NDArray[np.bool_]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names and units of the columns from the lines above them; ``used`` marks the columns with numbers.
 
-    Raises
-    ------
-    InputError
-        a line below the names holds a number, or is neither names nor units: a damaged row.
+    Raises InputError: a line below the names holds a number, or is neither names nor units: a damaged row.
     """
     columns = used.size
     split = [_names(line.lstrip("%# "), divider, columns) for line in lines]

@@ -47,18 +47,11 @@ TWICE = 1e-3  # of the swing, by which both rows of a jump of the power may diff
 class Drive:
     """One drive and the answer to it, as the fits take them.
 
-    Attributes
-    ----------
-    wave : Waveform
-    times, rise : array, s and K
-    periodic : bool
-        one period of the periodic state, not a transient from rest.
-    name : str
-        the drive in words.
-    thermal_resistance : float or None, K/W
-        that the Dataset states.
-    doubts : tuple of str
-        what makes the data doubtful, see `static_gain.contradictions`.
+    times, rise [s and K]
+    periodic: one period of the periodic state, not a transient from rest.
+    name: the drive in words.
+    thermal_resistance [K/W]: that the Dataset states.
+    doubts: what makes the data doubtful, see `static_gain.contradictions`.
     """
 
     wave: waveforms.Waveform
@@ -87,21 +80,11 @@ def build(
 ) -> Record:
     """Dataset in the schema of this module.
 
-    Parameters
-    ----------
-    times : array, shape (n,), s
-    delta_T : array, shape (n,) or (n, probes), K
-    wave : Waveform
-    periodic : bool
-    read : tuple of str
-        names of the probes.
-    attributes : dict
-        provenance.
-
-    Raises
-    ------
-    InputError
-        times that do not increase, numbers that are not finite, a rise of another length, no waveform.
+    times [shape (n,), s]
+    delta_T [shape (n,) or (n, probes), K]
+    read: names of the probes.
+    attributes: provenance.
+    Raises InputError: times that do not increase, numbers that are not finite, a rise of another length, no waveform.
     """
     checks.has("wave", wave, "breakpoints", hint="a waveform is needed; e.g. th.Pulse(power=2e-3, width=20e-6)")
     times, rise = checks.array("times", times, increasing=True), checks.numbers("delta_T", delta_T)
@@ -140,16 +123,8 @@ def describe(name: str) -> dict[str, str]:
 def at_probe(data: xr.Dataset, read: str | None = None) -> xr.Dataset:
     """One probe of a Dataset, whose attributes ``read`` and ``thermal_resistance`` become those of that probe.
 
-    Parameters
-    ----------
-    data : Dataset
-    read : str, optional
-        name of the probe; default the one that ``data.sel(probe=...)`` has picked, if any.
-
-    Raises
-    ------
-    InputError
-        a name that is none of the probes', thermal resistances that are no numbers.
+    read: name of the probe; default the one that ``data.sel(probe=...)`` has picked, if any.
+    Raises InputError: a name that is none of the probes', thermal resistances that are no numbers.
     """
     if read is not None:
         several = "probe" in getattr(data, "dims", ())
@@ -174,11 +149,9 @@ def at_probe(data: xr.Dataset, read: str | None = None) -> xr.Dataset:
 def drive_of(data: xr.Dataset) -> Drive:
     """Read the drive and the response from a Dataset.
 
-    Raises
-    ------
-    InputError
-        not a Dataset with time, power and delta_T; several probes; numbers that are not finite; no heating at all; a
-        time that stands twice with two temperatures; a temperature that contradicts the ``thermal_resistance``.
+    Raises InputError: not a Dataset with time, power and delta_T; several probes; numbers that are not finite; no
+        heating at all; a time that stands twice with two temperatures; a temperature that contradicts the
+        ``thermal_resistance``.
     """
     for name in ("time", "delta_T"):
         if name not in getattr(data, "variables", {}):

@@ -101,10 +101,7 @@ def lock(handle: int) -> bool:
 def open_locked(path: Path, what: str) -> int:
     """Open a file for this process alone, making it where it does not exist; returns the handle.
 
-    Raises
-    ------
-    InputError
-        it cannot be opened, or another run uses it.
+    Raises InputError: it cannot be opened, or another run uses it.
     """
     try:
         handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)

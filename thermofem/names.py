@@ -22,10 +22,7 @@ __all__ = ["LONGEST", "RULE", "ascii_lines", "check_name", "check_names", "check
 def check_name(what: str, name: Any) -> str:
     """Return a name that is valid in every file format; ``what`` names its owner in the error.
 
-    Raises
-    ------
-    InputError
-        no text, empty, too long, or with characters other than letters, digits, spaces and ``_ . + -``.
+    Raises InputError: no text, empty, too long, or with characters other than letters, digits, spaces and ``_ . + -``.
 
     >>> check_name("part", "ring 1")
     'ring 1'

@@ -29,10 +29,7 @@ _PREFIXES = ("time_", "power_", "delta_T_")  # of a campaign: DRIVE follows
 def check(path: Path) -> None:
     """InputError unless every value of the file lies in it, and they are no more than it can hold.
 
-    Raises
-    ------
-    InputError
-        external or virtual storage, links to other files, too many variables or values; no HDF5 file.
+    Raises InputError: external or virtual storage, links to other files, too many variables or values; no HDF5 file.
     """
     import h5py
 
@@ -90,10 +87,7 @@ def _values(name: str, item: Any) -> int:
 def in_si(data: xr.Dataset) -> xr.Dataset:
     """The Dataset with every known variable in the unit of `quantity.VARIABLES`; no unit counts as that unit.
 
-    Raises
-    ------
-    InputError
-        a unit that is no text, unknown, or of another dimension.
+    Raises InputError: a unit that is no text, unknown, or of another dimension.
     """
     changed = {}
     for name, variable in data.variables.items():

@@ -65,14 +65,9 @@ def plot_response(data: xr.Dataset, ax: Axes | None = None, *, label: str | None
 def plot_field(data: xr.Dataset, ax: Axes | None = None, *, at: int = 0, half_width: float = 4e-6) -> Axes:
     """Temperature field on the cross-section around the hottest place.
 
-    Parameters
-    ----------
-    data : Dataset
-        from `solve` with ``field_times``.
-    at : int
-        which of the kept times.
-    half_width : float, m
-        of the window drawn.
+    data: from `solve` with ``field_times``.
+    at: which of the kept times.
+    half_width [m]: of the window drawn.
     """
     check_field(takes("data", data, "data_vars", what=FIELDS))
     ax = _axes(ax, size=(4.2, 3.4))
@@ -104,22 +99,11 @@ def animate_field(
 ) -> FilePath:
     """Write the temperature field as a film, one frame for each kept time, all with one colour scale and window.
 
-    Parameters
-    ----------
-    data : Dataset
-        from `solve` with ``field_times``.
-    path : str or Path
-        ".gif", or ".mp4" where ffmpeg is installed.
-    frames_per_second : int
-    half_width : float, m
-        of the window drawn.
-    on_frame : callable, optional
-        called with the number of the frame, from 0, and how many there are.
-
-    Raises
-    ------
-    InputError
-        no field in the data, another ending, no ffmpeg for .mp4, or a folder that cannot be written.
+    data: from `solve` with ``field_times``.
+    path: ".gif", or ".mp4" where ffmpeg is installed.
+    half_width [m]: of the window drawn.
+    on_frame: called with the number of the frame, from 0, and how many there are.
+    Raises InputError: no field in the data, another ending, no ffmpeg for .mp4, or a folder that cannot be written.
     """
     from matplotlib import animation
 

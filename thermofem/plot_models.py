@@ -22,14 +22,9 @@ SHARES = (0.01, 0.99)  # of the steady rise, between which a step response is dr
 def plot_step(model: ThermalModel, ax: Axes | None = None, *, power: float = 1e-3, label: str | None = None) -> Axes:
     """Temperature rise (K) after a step of ``power`` (W), against time on a logarithmic axis.
 
-    Parameters
-    ----------
-    model : ThermalModel
-        with one input and one output (``model.channel(heated, read)`` picks them), or a fit or a reduction.
-    ax : matplotlib Axes, optional
-    power : float, W
-    label : str, optional
-        name in the legend.
+    model: with one input and one output (``model.channel(heated, read)`` picks them), or a fit or a reduction.
+    power [W]
+    label: name in the legend.
     """
     model = _single(model)
     ax = axes(ax)
@@ -47,15 +42,7 @@ def plot_step(model: ThermalModel, ax: Axes | None = None, *, power: float = 1e-
 def plot_model(model: ThermalModel, ax: Any = None) -> np.ndarray:
     """Step response for 1 mW on the left, magnitude and phase of the thermal impedance on the right.
 
-    Parameters
-    ----------
-    model : ThermalModel
-        as for `plot_step`.
-    ax : two matplotlib Axes, optional
-
-    Returns
-    -------
-    array of Axes
+    model: as for `plot_step`.
     """
     model = _single(model)
     if ax is None:

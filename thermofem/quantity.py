@@ -102,19 +102,10 @@ def parse(text: Any, unit: str, *, name: str = "value") -> float:
     A prefix leaves no round-off: with at most 15 digits the result is the float one would have typed,
     ``parse("450 nm", "m") == 450e-9``. Angles are no pure numbers here: "5 rad/s" is not a frequency in Hz.
 
-    Parameters
-    ----------
-    text : str
-        a number and a unit, such as "8 dBm"; the unit may be left out only where ``unit`` is "".
-    unit : str
-        the SI unit of the result; it sets the expected dimension ("m", "W", "m^2*K/W", ...).
-    name : str
-        what the value is called in the error message.
-
-    Raises
-    ------
-    InputError
-        no text, no number, missing or unknown unit, wrong dimension, a number that is not finite.
+    text: a number and a unit, such as "8 dBm"; the unit may be left out only where ``unit`` is "".
+    unit: the SI unit of the result; it sets the expected dimension ("m", "W", "m^2*K/W", ...).
+    name: what the value is called in the error message.
+    Raises InputError: no text, no number, missing or unknown unit, wrong dimension, a number that is not finite.
 
     >>> parse("450 nm", "m"), round(parse("8 dBm", "W"), 7), parse("-10 GHz", "Hz")
     (4.5e-07, 0.0063096, -10000000000.0)

@@ -38,13 +38,7 @@ class Column(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Variables, coordinates and attributes of a Dataset; read as one: ``record["time"].values``, ``record.attrs``.
-
-    Attributes
-    ----------
-    data, coordinates : dict of Column
-    attrs : dict
-    """
+    """Variables, coordinates and attributes of a Dataset; read as one: ``record["time"].values``, ``record.attrs``."""
 
     data: Mapping[str, Column]
     coordinates: Mapping[str, Column]

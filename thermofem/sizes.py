@@ -54,10 +54,7 @@ def sizes(accuracy: float) -> Sizes:
     oxide, thermal contact, nitride): 1.0e-2, 7.5e-4, 8.2e-5 for 1e-2, 1e-3, 1e-4. Against an independent high-order
     solution R_th of the reference strip is off 3.1e-4 at 1e-3.
 
-    Raises
-    ------
-    InputError
-        accuracy outside 1e-5 .. 0.05.
+    Raises InputError: accuracy outside 1e-5 .. 0.05.
     """
     hint = "it is the wanted relative error of the thermal resistance and the step response"
     decades = -3 - math.log10(checks.between("accuracy", accuracy, 1e-5, 0.05, hint=hint))

@@ -38,10 +38,7 @@ WRONG = "is a unit, a scale or an offset of delta_T, power or thermal_resistance
 def static_gain(data: xr.Dataset) -> float | None:
     """The thermal resistance in K/W that belongs to ``delta_T``; None where the Dataset states none.
 
-    Raises
-    ------
-    InputError
-        a thermal resistance that is not a positive number.
+    Raises InputError: a thermal resistance that is not a positive number.
     """
     stated = data.attrs.get("thermal_resistance")
     if stated is None:
@@ -52,16 +49,9 @@ def static_gain(data: xr.Dataset) -> float | None:
 def contradictions(data: xr.Dataset, wave: Waveform, times: Array, rise: Array, *, periodic: bool) -> tuple[str, ...]:
     """Doubts about a Dataset in words; InputError where it contradicts the thermal resistance that it states.
 
-    Parameters
-    ----------
-    wave, times, rise, periodic
-        the drive and the response, as `dataset.Drive` has them.
-
-    Raises
-    ------
-    InputError
-        a rise above R_th max P, or whose mean over a period is not R_th mean P, beyond the error of the solver, of the
-        sampling and of the noise. Not where conductivity or specific heat depend on temperature.
+    wave, times, rise, periodic: the drive and the response, as `dataset.Drive` has them.
+    Raises InputError: a rise above R_th max P, or whose mean over a period is not R_th mean P, beyond the error of the
+        solver, of the sampling and of the noise. Not where conductivity or specific heat depend on temperature.
     """
     swing = float(np.ptp(rise))
     noise = SIGMAS * float(np.median(np.abs(np.diff(rise, 2)))) / (0.6745 * np.sqrt(6)) if rise.size > 4 else 0.0

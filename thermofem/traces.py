@@ -46,16 +46,10 @@ NOTHING = 0.005  # of the swing: an offset below it is none
 class Trace:
     """Training data of a measured trace, and what was assumed to make it.
 
-    Attributes
-    ----------
-    data : Dataset
-        schema of `thermofem.dataset`; t = 0 at the start of the heating.
-    start : float, s
-        of the heating, on the file's clock.
-    baseline : float, K
-        that was subtracted.
-    notes, warnings : tuple of str
-        what was assumed, in words; what makes the numbers doubtful.
+    data: schema of `thermofem.dataset`; t = 0 at the start of the heating.
+    start [s]: of the heating, on the file's clock.
+    baseline [K]: that was subtracted.
+    notes, warnings: what was assumed, in words; what makes the numbers doubtful.
     """
 
     data: xr.Dataset
@@ -77,26 +71,15 @@ def read_trace(
 ) -> Trace:
     """Read a table of time and temperature, measured under a known drive.
 
-    Parameters
-    ----------
-    path : str or Path
-        text with one row for each time, after any header; see `thermofem.columns`.
-    wave : Waveform
-        the absorbed power, from its start on; straight between its breakpoints.
-    time, temperature : str, optional
-        headers of the columns, with or without the unit; a table of two columns needs none.
-    units : mapping, optional
-        {"time": "us", "temperature": "mV"}; goes before the header's. Without either, time is in s and temperature in
-        K; a column in V counts as K.
-    start : float, s, optional
-        of the heating on the file's clock; default: found from the trace.
-    baseline : float, K, optional
-        to subtract; default: the mean before the start.
-
-    Raises
-    ------
-    InputError
-        no table, columns that are not named, a wrong unit, no rise, or a trace that ends before its drive begins.
+    path: text with one row for each time, after any header; see `thermofem.columns`.
+    wave: the absorbed power, from its start on; straight between its breakpoints.
+    time, temperature: headers of the columns, with or without the unit; a table of two columns needs none.
+    units: {"time": "us", "temperature": "mV"}; goes before the header's. Without either, time is in s and temperature
+        in K; a column in V counts as K.
+    start [s]: of the heating on the file's clock; default: found from the trace.
+    baseline [K]: to subtract; default: the mean before the start.
+    Raises InputError: no table, columns that are not named, a wrong unit, no rise, or a trace that ends before its
+        drive begins.
     """
     path = checks.path("path", path)
     content = files.read_bytes(path, "table", most=LARGEST)

@@ -26,10 +26,7 @@ _DOTTED = re.compile(rf"(?<![\w\\-]){_WORD}(?:[ \t]*+\.[ \t]*+{_WORD}){{{DEPTH}}
 def from_json(text: str) -> Any:
     """The tree of a JSON text.
 
-    Raises
-    ------
-    InputError
-        no JSON, or a tree that is too deep or holds what the module's docstring excludes.
+    Raises InputError: no JSON, or a tree that is too deep or holds what the module's docstring excludes.
 
     >>> from_json('{"R": [1e3, 2]}')
     {'R': [1000.0, 2]}

@@ -56,10 +56,7 @@ class Scale(NamedTuple):
 def names_of(text: str) -> tuple[tuple[str, int], ...]:
     """The names in a unit, each with its power, in the order of the text.
 
-    Raises
-    ------
-    UnitError
-        the text is not of the grammar.
+    Raises UnitError: the text is not of the grammar.
 
     >>> names_of("W/(m K)")
     (('W', 1), ('m', -1), ('K', -1))

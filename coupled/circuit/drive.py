@@ -26,10 +26,7 @@ MOST_EDGES = 5_000_000
 def powers_of(circuit: Circuit, inputs: Mapping[str, Any], duration: float) -> list[Pieces]:
     """Power of every laser in W as a piecewise cubic; 0 where none is given.
 
-    Raises
-    ------
-    InputError
-        no mapping, a name that is no laser, or a power out of range.
+    Raises InputError: no mapping, a name that is no laser, or a power out of range.
     """
     checks.has("inputs", inputs, "items", hint="give powers by the lasers' names, {'in': 1e-3}")
     names = [laser.name for laser in circuit.lasers]
@@ -106,13 +103,9 @@ def internal_drive(
 ) -> Any:
     """The run's `layout.LaserTable`.
 
-    Parameters
-    ----------
-    powers : list of Pieces, W
-    frame : Pieces, Hz
-        laser minus the circuit's reference frequency.
-    offsets : list of Pieces, K
-        what the heaters add to each ring.
+    powers [W]
+    frame [Hz]: laser minus the circuit's reference frequency.
+    offsets [K]: what the heaters add to each ring.
     """
     from ..kernels import equations as eq
     from .layout import LaserTable

@@ -35,16 +35,11 @@ class RingHeat:
 
         dx_jk/dt = gain_jk P_j - rate_jk x_jk,    dT_i = sum_jk read_ijk x_jk
 
-    Attributes
-    ----------
-    gain, rate : array, shape (N, K); K/J and 1/s
-    read : array, shape (N, N, K)
-    curvature : float, 1/K
-        of the output map of a ring alone.
-    crossed : bool
-        whether heat goes from ring to ring.
-    heaters : mapping of name to (rate, gain, read)
-        poles of the heaters: arrays of shape (n,), (n,) and (N, n).
+    gain, rate [shape (N, K); K/J and 1/s]
+    read [shape (N, N, K)]
+    curvature [1/K]: of the output map of a ring alone.
+    crossed: whether heat goes from ring to ring.
+    heaters [mapping of name to (rate, gain, read)]: poles of the heaters: arrays of shape (n,), (n,) and (N, n).
     """
 
     gain: Array
@@ -64,16 +59,10 @@ class RingHeat:
 def ring_heat(thermal: Any, rings: int) -> RingHeat:
     """Read a thermal model for ``rings`` rings.
 
-    Parameters
-    ----------
-    thermal : Foster, StateSpace, OutputMap, or what holds one as ``.model``
-        with one input and output, it serves every ring and no heat goes between them; a StateSpace with as many outputs
-        as rings has the rings first among its inputs, then heaters.
-
-    Raises
-    ------
-    InputError
-        another number of rings, a model that is not symmetric, not passive, quadratic, or too large.
+    thermal [Foster, StateSpace, OutputMap, or what holds one as ``.model``]: with one input and output, it serves every
+        ring and no heat goes between them; a StateSpace with as many outputs as rings has the rings first among its
+        inputs, then heaters.
+    Raises InputError: another number of rings, a model that is not symmetric, not passive, quadratic, or too large.
     """
     model = _model_of(thermal)
     if isinstance(model, StateSpace) and (len(model.outputs) > 1 or len(model.inputs) > 1):

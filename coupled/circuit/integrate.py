@@ -169,25 +169,15 @@ def integrate(
 ) -> tuple[Array, Array, float, Integers]:  # fmt: skip
     """Integrate a circuit from ``y`` through every piece of ``drive``, whose edges it lands on.
 
-    Parameters
-    ----------
-    y : array, shape (3 N + N K,)
-    times : array, ns
-        wanted times after the start, or empty for the accepted steps.
-    average : bool
-        whether the energies of the observed waves since the start are kept, too, in fJ.
-    corner : array, shape (Q,) or empty, 1/ns
-        2 pi times the bandwidths of the detectors, 0 for none; empty if no wave has one.
-    max_steps, watch
-        as in `kernels.rosenbrock.integrate`.
-
-    Returns
-    -------
-    rows : array, shape (m, 1 + 4 N + 2 Q (+ Q) (+ Q))
-        t, then Re a, Im a, N, dT of each ring, Re and Im of each observed wave, the energies, and the signals of the
-        detectors in uW; not the start's.
-    y, t, counts
-        the state and time of the end; accepted steps, rejected steps, and how it ended.
+    y [shape (3 N + N K,)]
+    times [ns]: wanted times after the start, or empty for the accepted steps.
+    average: whether the energies of the observed waves since the start are kept, too, in fJ.
+    corner [shape (Q,) or empty, 1/ns]: 2 pi times the bandwidths of the detectors, 0 for none; empty if no wave has
+        one.
+    max_steps, watch: as in `kernels.rosenbrock.integrate`.
+    Returns rows [shape (m, 1 + 4 N + 2 Q (+ Q) (+ Q))]: t, then Re a, Im a, N, dT of each ring, Re and Im of each
+        observed wave, the energies, and the signals of the detectors in uW; not the start's.
+    Returns [y, t, counts]: the state and time of the end; accepted steps, rejected steps, and how it ended.
     """
     n, K = heat.gain.shape
     stages, D, Q, L = method.a.shape[0], net.delay.size, net.seen_ring.shape[0], drive.power.shape[1]

@@ -34,19 +34,12 @@ NOTHING = 1e-14  # of the largest entry of M: round-off
 class Light:
     """The matrices of a circuit in SI: rates in 1/s, waves in sqrt(W), fields in sqrt(J).
 
-    Attributes
-    ----------
-    between : array, shape (N, N), 1/s
-        M.
-    from_laser, from_delay : arrays, shape (N, L) and (N, D), 1/sqrt(s)
-        K^T G E and K^T G D.
-    seen_ring, seen_laser, seen_delay : arrays, shape (Q, N), (Q, L) and (Q, D)
-        the waves at ``terminals``.
-    terminals : tuple of str
-        starts of the delayed waveguides, then the detectors, then the starts of the waveguides that lose light.
-    delay : array, shape (D,), s
-    lost : array, shape (Q,)
-        share of the power at each terminal that its waveguide loses.
+    between [shape (N, N), 1/s]: M.
+    from_laser, from_delay [shape (N, L) and (N, D), 1/sqrt(s)]: K^T G E and K^T G D.
+    seen_ring, seen_laser, seen_delay [shape (Q, N), (Q, L) and (Q, D)]: the waves at ``terminals``.
+    terminals: starts of the delayed waveguides, then the detectors, then the starts of the waveguides that lose light.
+    delay [shape (D,), s]
+    lost [shape (Q,)]: share of the power at each terminal that its waveguide loses.
     """
 
     between: Complex
@@ -63,10 +56,7 @@ class Light:
 def light_of(circuit: Circuit, offset: float = 0.0) -> Light:
     """Eliminate the waveguides of a circuit whose frame turns at its reference frequency plus ``offset`` in Hz.
 
-    Raises
-    ------
-    InputError
-        a loop of waveguides without delay and without loss, in which light would pile up.
+    Raises InputError: a loop of waveguides without delay and without loss, in which light would pile up.
     """
     entry = {name: k for k, name in enumerate(circuit.entries)}
     exit = {name: k for k, name in enumerate(circuit.exits)}

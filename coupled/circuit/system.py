@@ -23,17 +23,10 @@ Array = NDArray[np.float64]
 class System:
     """A circuit under its drive: in SI (light, heat, powers, offsets) and in internal units (the types of `layout`).
 
-    Attributes
-    ----------
-    light : Light
-    heat : RingHeat
-    powers : list of Pieces, W
-        of the lasers.
-    offsets : list of Pieces, K
-        what the heaters add to each ring.
-    detuning : float, Hz
-        0 where it varies.
-    drive, rings, states, net : layout.LaserTable, Rings, Heat and LightNetwork
+    powers [W]: of the lasers.
+    offsets [K]: what the heaters add to each ring.
+    detuning [Hz]: 0 where it varies.
+    drive, rings, states, net [layout.LaserTable, Rings, Heat and LightNetwork]
     """
 
     light: Light

@@ -56,10 +56,7 @@ def settled(
     ``points`` are its stable fixed points where they are known, rows (U, N, dT) in internal units; ``rough`` is as for
     `shoot`, ``longest`` the longest transient in ns.
 
-    Raises
-    ------
-    InputError
-        it comes to rest, or does not repeat itself within the longest transient.
+    Raises InputError: it comes to rest, or does not repeat itself within the longest transient.
     """
     from ..kernels import orbit_measure
 

@@ -30,16 +30,10 @@ def first_lyapunov(
 ) -> tuple[float, NDArray[np.complex128]]:
     """Return g and all eigenvalues at a Hopf point.
 
-    Parameters
-    ----------
-    jacobian : callable
-        of the state, shape (n,) to (n, n).
-    x, size : array, shape (n,)
-        the fixed point, and sizes of its states for the differences.
-    omega : float
-        near which the eigenvalue i w is looked for.
-    unit : int
-        the state whose amplitude is r: q is scaled to |q[unit]| = 1/2.
+    jacobian: of the state, shape (n,) to (n, n).
+    x, size [shape (n,)]: the fixed point, and sizes of its states for the differences.
+    omega: near which the eigenvalue i w is looked for.
+    unit: the state whose amplitude is r: q is scaled to |q[unit]| = 1/2.
     """
     A = jacobian(x)
     values, vectors = np.linalg.eig(A)

@@ -26,10 +26,7 @@ EXACT = 1e-12  # of f, what the last terms may amount to: the static states them
 def at_rest(model: Compact, largest: float) -> Static | Curve:
     """Return the static rise of a compact model, of a quadratic one up to the absorbed power ``largest`` in W.
 
-    Raises
-    ------
-    InputError
-        as `curve`.
+    Raises InputError: as `curve`.
     """
     from ..kernels.equations import UW
 
@@ -42,10 +39,7 @@ def at_rest(model: Compact, largest: float) -> Static | Curve:
 def curve(model: Any, largest: float) -> Curve:
     """Return the static rise of a quadratic model up to the absorbed power ``largest`` in W.
 
-    Raises
-    ------
-    InputError
-        no steady state at a power below, or one so near the end of all that no series holds.
+    Raises InputError: no steady state at a power below, or one so near the end of all that no series holds.
     """
     from ..kernels.equations import UW
 

@@ -49,10 +49,7 @@ def channels_of(model: ThermalModel, parts: Parts) -> Channels:
 def model_of(name: str, model: ThermalModel, parts: Parts = FIRST) -> dict[str, Any]:
     """Return a thermal model as the page takes it; with heaters, residues R_i (K/W) for each of them.
 
-    Raises
-    ------
-    InputError
-        a model of a kind that the page cannot run, too large, or not passive.
+    Raises InputError: a model of a kind that the page cannot run, too large, or not passive.
     """
     hint = "the page runs Foster networks, small linear models and OutputMap over one"
     small, transfers = channels_of(model, parts)

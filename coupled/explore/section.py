@@ -26,13 +26,8 @@ SMALL = 1e-4  # share of R_th below which a mode is not drawn
 def section_of(heat: HeatProblem, reduction: Any, parts: Parts) -> dict[str, Any]:
     """Return outlines and modes: T(r, z, t) = sum_i x_i(t) mode_i + sum_h P_h rest_h, dx_i/dt = (R_i P - x_i)/tau_i.
 
-    Parameters
-    ----------
-    heat : HeatProblem
-    reduction : surrogate.Reduction
-        its basis holds one field for each state.
-    parts : Parts
-        what the light heats and what is read; every other input is a heater, of which the field at rest is kept.
+    reduction [surrogate.Reduction]: its basis holds one field for each state.
+    parts: what the light heats and what is read; every other input is a heater, of which the field at rest is kept.
     """
     R, tau, modes, heaters = _fields(reduction, parts)
     kept = np.flatnonzero(SMALL * R.sum() < R)
@@ -101,18 +96,10 @@ def _window(heat: HeatProblem) -> tuple[tuple[float, float], tuple[float, float]
 def on_grid(corners: Array, values: Array, r: Array, z: Array) -> Array:
     """Return fields that are linear on triangles at the pixels (z, r) of a regular grid; 0 outside all triangles.
 
-    Parameters
-    ----------
-    corners : array, shape (m, 3, 2)
-        of the triangles.
-    values : array, shape (fields, m, 3)
-        at the corners.
-    r, z : array, shape (width,) and (height,)
-        evenly spaced.
-
-    Returns
-    -------
-    array, shape (fields, height, width)
+    corners [shape (m, 3, 2)]: of the triangles.
+    values [shape (fields, m, 3)]: at the corners.
+    r, z [shape (width,) and (height,)]: evenly spaced.
+    Returns [shape (fields, height, width)]
     """
     slack = 1e-9
     origin, pitch = np.array([r[0], z[0]]), np.array([r[1] - r[0], z[1] - z[0]])

@@ -38,12 +38,8 @@ NO_CYCLE = 3.0  # ln(T_model/T) where only one of the two pulses
 class Cycle:
     """A mean cycle.
 
-    Attributes
-    ----------
-    period : float, s
-        nan where the trace does not pulse.
-    harmonics : complex array, shape (33,), W
-        c_k, with the phase of an arbitrary t_0; only the mean where the trace does not pulse.
+    period [s]: nan where the trace does not pulse.
+    harmonics [shape (33,), W]: c_k, with the phase of an arbitrary t_0; only the mean where the trace does not pulse.
     """
 
     period: float
@@ -73,14 +69,9 @@ class Cycle:
 class Observed:
     """All cycles of a measured trace, cut by one clock.
 
-    Attributes
-    ----------
-    clock : float, s
-        length of the pieces; nan where the trace does not pulse.
-    pieces : complex array, shape (n, 33)
-        c_k of each.
-    absolute : bool
-        whether the drop power is in W, not in an arbitrary unit.
+    clock [s]: length of the pieces; nan where the trace does not pulse.
+    pieces [shape (n, 33)]: c_k of each.
+    absolute: whether the drop power is in W, not in an arbitrary unit.
     """
 
     clock: float
@@ -102,17 +93,9 @@ class Observed:
 def observe(trace: xr.Dataset, name: str = "trace") -> Observed:
     """Find the cycles of a measured or simulated drop trace, in its second half.
 
-    Parameters
-    ----------
-    trace : xarray.Dataset
-        drop (W, or in an arbitrary unit where its attribute "units" says another) over time (s).
-    name : str
-        for the error messages.
-
-    Raises
-    ------
-    InputError
-        a variable is missing, not finite or too short.
+    trace: drop (W, or in an arbitrary unit where its attribute "units" says another) over time (s).
+    name: for the error messages.
+    Raises InputError: a variable is missing, not finite or too short.
     """
     for variable in ("time", "drop"):
         if variable not in getattr(trace, "variables", {}):
@@ -168,12 +151,9 @@ def cycle_of(run: xr.Dataset, *, whole: bool = False) -> Cycle:
 def misfit(model: Cycle, measured: Cycle, absolute: bool = True) -> tuple[Array, Cycle]:
     """Misfit of a model's cycle to a measured one, and the model's cycle aligned in phase (and scale).
 
-    Returns
-    -------
-    residuals : array, shape (66,)
-        ln(T_model/T)/0.01, and the differences of the coefficients over 0.03 of the measured swing, so that the sum of
-        their squares is the mean square over the cycle; a swing below a twentieth of the mean counts as that.
-    aligned : Cycle
+    Returns residuals [shape (66,)]: ln(T_model/T)/0.01, and the differences of the coefficients over 0.03 of the
+        measured swing, so that the sum of their squares is the mean square over the cycle; a swing below a twentieth of
+        the mean counts as that.
     """
     pulses = np.isfinite([model.period, measured.period])
     drift = np.log(model.period / measured.period) if pulses.all() else NO_CYCLE * float(pulses.any())

@@ -18,19 +18,13 @@ Array = NDArray[np.float64]
 class PoleCircuit:
     """R parallel to C for each pole, and how the pins are coupled to them.
 
-    Attributes
-    ----------
-    R, C : array, shape (n,), K/W and J/K
-    turns : array, shape (n, inputs)
-        share of the power into each heated pin that enters each pole; None: one pin, all poles in series (Foster).
-    reads : array, shape (outputs, n)
-        share of each pole's temperature in each pin that is read.
-    pins : list of str
-        every part once, heated ones first.
-    heated, read : list of int
-        pins of the columns of ``turns`` and of the rows of ``reads``.
-    coefficient : float, 1/K
-        of the output map dT = z + coefficient z^2, or 0.
+    R, C [shape (n,), K/W and J/K]
+    turns [shape (n, inputs)]: share of the power into each heated pin that enters each pole; None: one pin, all poles
+        in series (Foster).
+    reads [shape (outputs, n)]: share of each pole's temperature in each pin that is read.
+    pins: every part once, heated ones first.
+    heated, read: pins of the columns of ``turns`` and of the rows of ``reads``.
+    coefficient [1/K]: of the output map dT = z + coefficient z^2, or 0.
     """
 
     R: Array

@@ -22,15 +22,10 @@ MOST = 500  # poles in a file for a simulator
 class Modes:
     """Poles with their share in every input and output.
 
-    Attributes
-    ----------
-    rate : array, shape (n,), 1/s
-    B : array, shape (n, inputs), K/J
-    C : array, shape (outputs, n)
-        the largest entry of each column is 1 in size, so that x_k is a temperature in K.
-    inputs, outputs : tuple of str
-    coefficient : float, 1/K
-        0 for a linear model.
+    rate [shape (n,), 1/s]
+    B [shape (n, inputs), K/J]
+    C [shape (outputs, n)]: the largest entry of each column is 1 in size, so that x_k is a temperature in K.
+    coefficient [1/K]: 0 for a linear model.
     """
 
     rate: Array
@@ -44,10 +39,7 @@ class Modes:
 def modes(model: Any) -> Modes:
     """The poles of a linear model or an output map, slowest last; poles that no input reaches are left out.
 
-    Raises
-    ------
-    InputError
-        another kind of model, too many states, or a pole that does not decay.
+    Raises InputError: another kind of model, too many states, or a pole that does not decay.
     """
     if isinstance(model, StateSpace):  # of any number of inputs and outputs
         return _of_state_space(model)

@@ -31,14 +31,8 @@ PROPERTIES = ("ambient", "material", "interface", "boundary")  # kinds of paths 
 class Coefficients:
     """Coefficients of all terms as functions of the parameters; with the matrices they make a member.
 
-    Attributes
-    ----------
-    box : Box
-    grid : CellGrid
-    cells : Cells
-    stiffness, capacity : (int array, array)
-        which term each coefficient of `Cells.coefficients` belongs to, and its factor.
-    surface : Compressed or None
+    stiffness, capacity [(int array, array)]: which term each coefficient of `Cells.coefficients` belongs to, and its
+        factor.
     """
 
     box: Box
@@ -89,11 +83,7 @@ class Coefficients:
 class LineEngine:
     """Full and reduced matrices of a family on lines.
 
-    Parameters
-    ----------
-    box : Box
-    accuracy : float
-        of the reference mesh.
+    accuracy: of the reference mesh.
     """
 
     name = "lines"

@@ -29,15 +29,10 @@ NEGLIGIBLE = 1e-5  # of the tolerance: energy of a mode of the snapshots that is
 class Member:
     """A member solved on the reference mesh.
 
-    Attributes
-    ----------
-    row : array, shape (p,)
-    modes : MemberModes
-        its certified reduction.
-    static : array, shape (unknowns, ports)
-        fields at s = 0, of unit energy.
-    fields : array, shape (unknowns, m)
-        orthogonal combinations of the fields at all shifts, their energies decreasing.
+    row [shape (p,)]
+    modes: its certified reduction.
+    static [shape (unknowns, ports)]: fields at s = 0, of unit energy.
+    fields [shape (unknowns, m)]: orthogonal combinations of the fields at all shifts, their energies decreasing.
     """
 
     row: Array
@@ -69,14 +64,10 @@ def solved(row: Array, heat: HeatProblem, ports: tuple[str, ...], tolerance: flo
 def extended(V: Array, X: Any, fields: Array, least: float) -> Array:
     """Add to X-orthonormal functions V the main directions of what they leave of fields, down to an energy.
 
-    Parameters
-    ----------
-    V : array, shape (n, k)
-    X : sparse, shape (n, n)
-        inner product.
-    fields : array, shape (n, m)
-    least : float
-        energy of the weakest direction that is added.
+    V [shape (n, k)]
+    X [sparse, shape (n, n)]: inner product.
+    fields [shape (n, m)]
+    least: energy of the weakest direction that is added.
     """
     for _ in range(2):
         fields = fields - V @ (V.T @ (X @ fields))

@@ -37,15 +37,10 @@ SLOPE = 1e-4  # of a range: half the width of the differences of a
 class Bend:
     """Coefficients of output maps over the box.
 
-    Attributes
-    ----------
-    power : float, W
-        that they hold for.
-    shares : array, shape (n, p)
-        places of the solved members, 0 to 1 of each range.
-    coefficients : array, shape (n,), 1/K
-    error : float
-        worst over held-out members: of steady rises, relative, and of a pulse, relative to its peak.
+    power [W]: that they hold for.
+    shares [shape (n, p)]: places of the solved members, 0 to 1 of each range.
+    coefficients [shape (n,), 1/K]
+    error: worst over held-out members: of steady rises, relative, and of a pulse, relative to its peak.
     """
 
     power: float
@@ -86,23 +81,11 @@ def bend_of(
 ) -> Bend:
     """Solve members with k(T), interpolate their maps, and test them on others.
 
-    Parameters
-    ----------
-    engine : LineEngine or MovedEngine
-    channel : (str, str)
-        heated and read.
-    power : float, W
-        the largest of interest.
-    member : callable
-        Foster network of the family at parameters of shape (p,).
-    seed : int
-    solver : Solver
-        nothing is kept in its folder.
-
-    Raises
-    ------
-    InputError
-        no material depends on temperature, or a member has no steady state at this power.
+    channel [(str, str)]: heated and read.
+    power [W]: the largest of interest.
+    member: Foster network of the family at parameters of shape (p,).
+    solver: nothing is kept in its folder.
+    Raises InputError: no material depends on temperature, or a member has no steady state at this power.
     """
     checks.positive("power", power, unit="W", at_most=10, hint="powers are in W (did you mean 2e-3 for 2 mW?)")
     if not engine.reference.nonlinear:

@@ -24,14 +24,8 @@ CORNERS = 64  # corners of the box whose geometry is made and checked
 class Box:
     """Ranges of the parameters of a campaign.
 
-    Attributes
-    ----------
-    campaign : Campaign
-    names : tuple of str
-    low, high : array, shape (p,)
-        ends of the ranges, SI.
-    logarithmic : tuple of bool
-        whether training draws in the logarithm.
+    low, high [shape (p,)]: ends of the ranges, SI.
+    logarithmic: whether training draws in the logarithm.
     """
 
     campaign: Campaign
@@ -44,10 +38,7 @@ class Box:
     def of(cls, campaign: Campaign) -> Box:
         """The box of a campaign.
 
-        Raises
-        ------
-        InputError
-            nothing is varied, words are varied, a single value, or corners that are no geometry.
+        Raises InputError: nothing is varied, words are varied, a single value, or corners that are no geometry.
         """
         if not campaign.variations:
             raise checks.InputError("the campaign varies nothing; add a [[vary]] table with from and to")

@@ -37,11 +37,7 @@ COARSER = 0.7  # of the functions, in the comparison behind `Family.predicted_er
 class HeldOut(float):
     """Error of a family over members that it was not trained on; as a number the worst one.
 
-    Attributes
-    ----------
-    worst, median : float
-        relative, of R_th and of the step response from 1 ns on, against the members' own finer meshes.
-    count : int
+    worst, median: relative, of R_th and of the step response from 1 ns on, against the members' own finer meshes.
     """
 
     worst: float
@@ -138,17 +134,9 @@ class Family:
     def model(self, *, heated: str | None = None, read: str | None = None, **values: float) -> Model:
         """Return the Foster network of one member; with k(T) an OutputMap over it, of the first channel.
 
-        Parameters
-        ----------
-        heated, read : str
-            the channel; default the first heated part, and itself or what the family reads first.
-        **values : float
-            one number for each parameter, SI.
-
-        Raises
-        ------
-        InputError
-            a parameter missing or unknown, or a value outside the box.
+        heated, read: the channel; default the first heated part, and itself or what the family reads first.
+        **values: one number for each parameter, SI.
+        Raises InputError: a parameter missing or unknown, or a value outside the box.
         """
         a, b = self._channel(heated, read)
         row = self.box.row(values)

@@ -111,10 +111,7 @@ def _campaign(campaign: Campaign) -> dict[str, Any]:
 def read(path: str | Path) -> dict[str, Any]:
     """Read the fields of a family that `Family.save` wrote; ``error`` as a dict of its numbers.
 
-    Raises
-    ------
-    InputError
-        no such file, not a family, or one of a newer version.
+    Raises InputError: no such file, not a family, or one of a newer version.
     """
     raw = read_bytes(path, "family")
     try:

@@ -20,11 +20,9 @@ Array = NDArray[np.float64]
 class Values:
     """Properties at the ambient temperature, each of shape (n,) or ().
 
-    Attributes
-    ----------
-    k_r, k_z, capacity : dict from material to array; W/(m K) and J/(m^3 K)
-    contact : dict from part to array; m^2 K/W
-    convection : dict from side to array; W/(m^2 K)
+    k_r, k_z, capacity [dict from material to array; W/(m K) and J/(m^3 K)]
+    contact [dict from part to array; m^2 K/W]
+    convection [dict from side to array; W/(m^2 K)]
     """
 
     k_r: dict[str, Array]

@@ -40,12 +40,8 @@ class NotAlongLinesError(ValueError):
 class Axis:
     """Lines across one axis, in increasing order.
 
-    Attributes
-    ----------
-    base : array, shape (l,), m
-        positions in the reference geometry.
-    slope : array, shape (l, p)
-        change of each position per unit of each parameter.
+    base [shape (l,), m]: positions in the reference geometry.
+    slope [shape (l, p)]: change of each position per unit of each parameter.
     """
 
     base: Array
@@ -80,11 +76,7 @@ class Axis:
 class CellGrid:
     """Lines across both axes and the owner of every cell between them.
 
-    Attributes
-    ----------
-    r, z : Axis
-    owner : list of list of (str or None)
-        layer or part of cell (i, j); None where nothing is meshed.
+    owner [list of list of (str or None)]: layer or part of cell (i, j); None where nothing is meshed.
     """
 
     r: Axis
@@ -95,10 +87,7 @@ class CellGrid:
     def of(cls, box: Box) -> CellGrid:
         """Lines of the geometry in the middle of the box.
 
-        Raises
-        ------
-        NotAlongLinesError
-            a wall that leans, a shell, or lines that meet inside the box.
+        Raises NotAlongLinesError: a wall that leans, a shell, or lines that meet inside the box.
         """
         base, half = box.base, np.maximum(box.high - box.middle, box.middle - box.low)
         if base.probes:

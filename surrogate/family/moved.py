@@ -21,13 +21,8 @@ Array = NDArray[np.float64]
 class MovedEngine:
     """Full matrices on moved meshes; a reduced member is their projection, some tens of milliseconds.
 
-    Parameters
-    ----------
-    box : Box
-    accuracy : float
-        of the base mesh.
-    reference : HeatProblem
-        the base problem, where it is there already.
+    accuracy: of the base mesh.
+    reference: the base problem, where it is there already.
     """
 
     name = "moved meshes"
@@ -50,10 +45,7 @@ class MovedEngine:
     def heat(self, row: Array) -> HeatProblem:
         """The heat problem of a member on the moved mesh.
 
-        Raises
-        ------
-        InputError
-            the mesh cannot follow: a face appears or vanishes inside the box, or triangles turn over.
+        Raises InputError: the mesh cannot follow: a face appears or vanishes inside the box, or triangles turn over.
         """
         geometry = self.box.geometry(row)
         try:
@@ -73,11 +65,7 @@ def _on_mesh(box: Box, accuracy: float, mesh: Mesh) -> MovedEngine:
 class MovedMembers:
     """Small matrices of members by moving the mesh and projecting what is assembled on it.
 
-    Attributes
-    ----------
-    moved : MovedEngine
-    basis : array, shape (unknowns, N)
-    ports : tuple of str
+    basis [shape (unknowns, N)]
     """
 
     moved: MovedEngine

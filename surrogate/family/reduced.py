@@ -17,11 +17,8 @@ Array = NDArray[np.float64]
 class MemberModes:
     """A member in modes: Z_ab(s) = sum_i port_ai port_bi / (1 + s tau_i).
 
-    Attributes
-    ----------
-    tau : array, shape (k,), s
-    ports : array, shape (ports, k)
-        square root of K/W.
+    tau [shape (k,), s]
+    ports [shape (ports, k)]: square root of K/W.
     """
 
     tau: Array
@@ -80,15 +77,10 @@ def difference(modes: MemberModes, truth: MemberModes, heated: int = 1) -> float
 class LineTerms:
     """Packed matrices of a family on lines.
 
-    Attributes
-    ----------
-    coefficients : Coefficients
-    K, M : array, shape (terms, N (N + 1)/2)
-        upper triangles, row by row.
-    ports : array, shape (ports, 2 c, N)
-    volumes : array, shape (ports, 2 c)
-    statics : int
-        first functions, from which the thermal resistance is taken.
+    K, M [shape (terms, N (N + 1)/2)]: upper triangles, row by row.
+    ports [shape (ports, 2 c, N)]
+    volumes [shape (ports, 2 c)]
+    statics: first functions, from which the thermal resistance is taken.
     """
 
     coefficients: Coefficients

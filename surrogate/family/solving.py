@@ -44,13 +44,8 @@ def member_of(engine: LineEngine | MovedEngine, row: Array, ports: tuple[str, ..
 class Solver:
     """Where members are solved and kept.
 
-    Attributes
-    ----------
-    key : str
-        of everything that the members share; others in the folder are left alone.
-    executor : Executor or None
-        None solves in this process.
-    folder : Path or None
+    key: of everything that the members share; others in the folder are left alone.
+    executor: None solves in this process.
     """
 
     key: str
@@ -64,10 +59,7 @@ class Solver:
 
         ``marks`` tell the tasks apart, and ``shared`` says what they have in common beside `key`.
 
-        Raises
-        ------
-        InputError
-            of a task, or all of them failed.
+        Raises InputError: of a task, or all of them failed.
         """
         paths = [self._path(function.__name__, shared, mark) for mark in marks]
         kept = [_read(path) if path and path.is_file() else None for path in paths]

@@ -35,22 +35,13 @@ SAMPLES = 300
 class Points:
     """Quadrature points on surfaces, in the reference geometry.
 
-    Attributes
-    ----------
-    kind : array of str, shape (q,)
-        "convection SIDE", "open" or "contact".
-    ends : array, shape (q, 2 ends, 2), m
-        of the facet.
-    gauss : int array, shape (q,)
-        which of the three points.
-    interval : int array, shape (q, 2)
-        cells across r and z beside the facet.
-    material : array of str
-        beside it.
-    outward : array, shape (q, 2)
-        unit normal.
-    parts : list of tuple of str
-        whose contact resistances add.
+    kind [shape (q,)]: "convection SIDE", "open" or "contact".
+    ends [shape (q, 2 ends, 2), m]: of the facet.
+    gauss [shape (q,)]: which of the three points.
+    interval [shape (q, 2)]: cells across r and z beside the facet.
+    material: beside it.
+    outward [shape (q, 2)]: unit normal.
+    parts: whose contact resistances add.
     """
 
     kind: NDArray[Any]
@@ -115,12 +106,8 @@ def _source(grid: CellGrid, box: Box, offset: Array) -> Array:
 def points(heat: HeatProblem, cell: NDArray[np.intp], i: NDArray[np.intp], j: NDArray[np.intp]) -> tuple[Points, Any]:
     """Quadrature points of a heat problem on the reference mesh, and the sparse traces U, shape (q, unknowns).
 
-    Parameters
-    ----------
-    heat : HeatProblem
-    cell : int array, shape (triangles,)
-    i, j : int array
-        intervals of each cell.
+    cell [shape (triangles,)]
+    i, j: intervals of each cell.
     """
     from scipy.sparse import csr_matrix, vstack
 

@@ -34,11 +34,7 @@ ALIKE = 1e-12  # two coefficients whose ratio is constant to this over the box a
 class Cells:
     """Cells of a grid that are meshed.
 
-    Attributes
-    ----------
-    i, j : int array, shape (c,)
-        interval across r and z.
-    owner, material : list of str
+    i, j [shape (c,)]: interval across r and z.
     """
 
     i: NDArray[np.intp]

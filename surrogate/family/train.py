@@ -185,10 +185,7 @@ def _idle(box: Box, members: LineTerms | MovedMembers, heated: int) -> list[str]
 def read_campaign(path: str | Path) -> Campaign:
     """Read a campaign file; one without drives or samples is good enough for a family.
 
-    Raises
-    ------
-    InputError
-        as `Campaign.from_toml`.
+    Raises InputError: as `Campaign.from_toml`.
     """
 
     def campaign(text: str) -> Campaign:

@@ -33,16 +33,9 @@ MOST = 60  # batches
 class Trained:
     """Results of the training.
 
-    Attributes
-    ----------
-    basis : array, shape (unknowns, N)
-        functions, those of the static fields first.
-    statics : int
-        how many.
-    members : tuple of Member
-    left : tuple of float
-        worst error of every batch, predicted before it was added.
-    terms : LineTerms or None
+    basis [shape (unknowns, N)]: functions, those of the static fields first.
+    statics: how many.
+    left: worst error of every batch, predicted before it was added.
     """
 
     basis: Array

@@ -36,15 +36,10 @@ REFUSAL = "E and -A must be symmetric and positive definite, as for every heat p
 class Basis:
     """M-orthonormal fields V in which the reduced system is diagonal: dz/dt = -rate z + (V^T B) P.
 
-    Attributes
-    ----------
-    rate : array, shape (k,), 1/s
-    heating : array, shape (k, inputs)
-        V^T B.
-    fields : array, shape (n, k)
-        M-orthonormal.
-    rotation : array, shape (k, k)
-        orthogonal; V = fields rotation.
+    rate [shape (k,), 1/s]
+    heating [shape (k, inputs)]: V^T B.
+    fields [shape (n, k)]: M-orthonormal.
+    rotation [shape (k, k)]: orthogonal; V = fields rotation.
     """
 
     rate: Array
@@ -70,24 +65,13 @@ class Basis:
 class KrylovSpace:
     """M-orthonormal fields, with K projected on them and the part of the heat vectors B outside their span.
 
-    Parameters
-    ----------
-    K, M : sparse matrix, shape (n, n)
-        symmetric positive definite.
-    B : array, shape (n, p)
-    smallest : float
-        squared length, of columns of unit length, below which what a column adds is round-off.
-
-    Attributes
-    ----------
-    order : int
-        number of fields.
-    stiffness : array, shape (order, order)
-        V^T K V.
-    inside : array, shape (order, p)
-        V^T B.
-    remainder : array, shape (n, p)
-        B - M V V^T B.
+    K, M [sparse matrix, shape (n, n)]: symmetric positive definite.
+    B [shape (n, p)]
+    smallest: squared length, of columns of unit length, below which what a column adds is round-off.
+    order: number of fields.
+    stiffness [shape (order, order)]: V^T K V.
+    inside [shape (order, p)]: V^T B.
+    remainder [shape (n, p)]: B - M V V^T B.
     """
 
     def __init__(self, K: Any, M: Any, B: Array, smallest: float = 1e-16) -> None:
@@ -140,16 +124,10 @@ class KrylovSpace:
 class Rounds(KrylovSpace):
     """A rational Krylov space, grown by rounds through its shifts.
 
-    Parameters
-    ----------
-    system : LinearSystem
-    shifts : array, 1/s
-    solvers : sequence of callable
-        solve with K + s M, for each shift s.
-    start : array, shape (n, f)
-        fields that it holds from the start; default none.
-    others : array, shape (n, e)
-        fields that `basis` can add; they are no part of what grows.
+    shifts [1/s]
+    solvers: solve with K + s M, for each shift s.
+    start [shape (n, f)]: fields that it holds from the start; default none.
+    others [shape (n, e)]: fields that `basis` can add; they are no part of what grows.
     """
 
     def __init__(
@@ -210,10 +188,7 @@ class Rounds(KrylovSpace):
 def krylov(system: LinearSystem, cycles: int = CYCLES) -> Basis:
     """Return the basis of ``cycles`` rounds through four shifts, for all inputs at once; empty for 0 rounds.
 
-    Raises
-    ------
-    InputError
-        a system that is not one of heat flow: E and -A symmetric positive definite.
+    Raises InputError: a system that is not one of heat flow: E and -A symmetric positive definite.
     """
     from scipy.sparse import csr_matrix
 
@@ -234,10 +209,7 @@ def krylov(system: LinearSystem, cycles: int = CYCLES) -> Basis:
 def rates(system: LinearSystem, static: Solve) -> tuple[float, float]:
     """Slowest and fastest rate in 1/s of the response of the heated parts: gain/content and initial slope/gain.
 
-    Raises
-    ------
-    InputError
-        a static gain, a heat content or a heat capacity that is not positive.
+    Raises InputError: a static gain, a heat content or a heat capacity that is not positive.
     """
     from scipy.sparse import csr_matrix
 
@@ -283,21 +255,12 @@ def both(W: Array, M: Any, V: Array, MV: Array, *, most: int | None = None, smal
     nearly equal columns give orthonormal ones to round-off (eigenvectors of their Gram matrix, which knows lengths to
     1e-8 only, did not).
 
-    Parameters
-    ----------
-    W : array, shape (n, p)
-    M : sparse matrix, shape (n, n)
-    V, MV : array, shape (n, k)
-        the basis, and M times it.
-    most : int
-        columns to keep at most, those that add most; default all.
-    smallest : float
-        squared length, of columns of unit length before what V holds is taken out, below which round-off is left.
-
-    Raises
-    ------
-    InputError
-        M not positive definite.
+    W [shape (n, p)]
+    M [sparse matrix, shape (n, n)]
+    V, MV [shape (n, k)]: the basis, and M times it.
+    most: columns to keep at most, those that add most; default all.
+    smallest: squared length, of columns of unit length before what V holds is taken out, below which round-off is left.
+    Raises InputError: M not positive definite.
     """
     MW = M @ W
     size = np.einsum("ij,ij->j", W, MW)

@@ -16,21 +16,10 @@ def pole_responses(rate: Array, wave: waveforms.Waveform, times: ArrayLike, *, p
 
     From rest at t = 0, or in the periodic state, where x(0) = x_cold(T) / (1 - exp(-rate T)).
 
-    Parameters
-    ----------
-    rate : array, shape (n,), 1/s
-    wave : Waveform
-    times : array, shape (m,), s
-        not negative; within one period when ``periodic``.
-
-    Returns
-    -------
-    array, shape (m, n), J
-
-    Raises
-    ------
-    InputError
-        a negative or non-finite time; a function of time that is negative or cannot be resolved.
+    rate [shape (n,), 1/s]
+    times [shape (m,), s]: not negative; within one period when ``periodic``.
+    Returns [shape (m, n), J]
+    Raises InputError: a negative or non-finite time; a function of time that is negative or cannot be resolved.
     """
     checks.has("wave", wave, "breakpoints", hint="give a waveform; a function f of time is thermofem.Function(f)")
     t = checks.array("times", times)

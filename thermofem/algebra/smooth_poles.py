@@ -35,18 +35,10 @@ def phi(y: Array) -> Array:
 def smooth_pole_responses(rate: Array, wave: Waveform, times: Array, stop: float, *, periodic: bool) -> Array:
     """Answers of poles dx/dt = -rate x + P(t) to any waveform through its piecewise cubic (`heating_pieces`).
 
-    Parameters
-    ----------
-    rate : array, shape (n,), 1/s
-    wave : Waveform
-    times : array, shape (m,), s
-        from 0 to ``stop``.
-    stop : float, s
-        end of the pieces; the period where ``periodic``.
-
-    Returns
-    -------
-    array, shape (m, n), J
+    rate [shape (n,), 1/s]
+    times [shape (m,), s]: from 0 to ``stop``.
+    stop [s]: end of the pieces; the period where ``periodic``.
+    Returns [shape (m, n), J]
     """
     edges, coefficients = heating_pieces(wave, 0.0, stop)
     return cubic_pole_responses(rate, edges, coefficients, times, periodic=periodic)

@@ -15,17 +15,10 @@ PASSES = 7  # that a periodic state takes as a rule: six to eight
 class Bar:
     """A bar on the terminal; called with the time in s that a run has reached.
 
-    Parameters
-    ----------
-    what : str
-        what is under way.
-    duration : float, s
-        of the run; of one period where the run is ``periodic``, which passes over it several times.
-    periodic : bool
-    first : str
-        what is said until the run has reached something.
-    stays : bool
-        whether the bar stays on the terminal when the run is done.
+    what: what is under way.
+    duration [s]: of the run; of one period where the run is ``periodic``, which passes over it several times.
+    first: what is said until the run has reached something.
+    stays: whether the bar stays on the terminal when the run is done.
     """
 
     def __init__(

@@ -21,18 +21,9 @@ def detuning_of(text: str, ring: RingResonator, name: str = "--detuning") -> flo
 
     with the ring's resonance f and the distance d in wavelength: a longer wavelength is a negative detuning.
 
-    Parameters
-    ----------
-    text : str
-        "-10 GHz", or "80 pm".
-    ring : RingResonator
-    name : str
-        what the error message begins with.
-
-    Raises
-    ------
-    InputError
-        neither a frequency nor a length, or a wavelength that is not positive.
+    text: "-10 GHz", or "80 pm".
+    name: what the error message begins with.
+    Raises InputError: neither a frequency nor a length, or a wavelength that is not positive.
     """
     number = text.strip().lstrip("+-0123456789.eE ")
     try:

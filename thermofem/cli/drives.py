@@ -89,10 +89,7 @@ def light(
 def lasers(texts: list[str], ring: RingResonator) -> list[Laser]:
     """Further lasers, of constant or varying power.
 
-    Raises
-    ------
-    InputError
-        a text of another form, a quantity with another unit, or a resonance that is not above 0 Hz.
+    Raises InputError: a text of another form, a quantity with another unit, or a resonance that is not above 0 Hz.
     """
     from coupled import Laser
 
@@ -135,10 +132,7 @@ def _split(text: str) -> tuple[str, str, str]:
 def varying(option: str, text: str, unit: str) -> Any:
     """A number, or a function of time, in W or Hz.
 
-    Raises
-    ------
-    InputError
-        a text of another form, or a quantity with another unit or out of range.
+    Raises InputError: a text of another form, or a quantity with another unit or out of range.
     """
     from ..waveforms import Function, Pulse, SquareWave
 

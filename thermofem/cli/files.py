@@ -73,10 +73,7 @@ def model_of(
 ) -> tuple[ThermalModel, dict[str, Any]]:
     """The thermal model of a file, and the parts of one with several: what the light heats and what is read.
 
-    Raises
-    ------
-    InputError
-        no model; several inputs or outputs and no choice, or a name that is none of them.
+    Raises InputError: no model; several inputs or outputs and no choice, or a name that is none of them.
     """
     from ..models import load_model
 
@@ -97,10 +94,7 @@ def model_of(
 def one_channel(path: Path, heated: str | None, read: str | None) -> ThermalModel:
     """The thermal model of a file; of one with several parts the channel that is asked for.
 
-    Raises
-    ------
-    InputError
-        no model; several parts and no choice, or a name that is none of them.
+    Raises InputError: no model; several parts and no choice, or a name that is none of them.
     """
     from ..models import load_model
 

@@ -31,13 +31,9 @@ POWERS = np.geomspace(0.5e-3, 50e-3, 9)  # W, over which linear models are held 
 class Judged:
     """Results of `judge`.
 
-    Attributes
-    ----------
-    errors : Dataset
-        of `surrogate.judge`.
-    refused : mapping from a name to why that model could not be trained
-    power : dict of str, or None
-        for k(T): largest rise (K) and power (W) at which a linear model's steady rise is within 1 and 10 %, and the
+    errors: of `surrogate.judge`.
+    refused [mapping from a name to why that model could not be trained]
+    power: for k(T): largest rise (K) and power (W) at which a linear model's steady rise is within 1 and 10 %, and the
         largest relative error of an output map up to the last power tried.
     """
 

@@ -37,19 +37,13 @@ _STEP = 1e-3  # K; of the central difference of a law of temperature, whose erro
 class Change:
     """Derivatives with respect to one parameter.
 
-    Attributes
-    ----------
-    name : str
-        of the parameter.
-    value : float
-        of the parameter, SI (of its first path).
-    unit : str
-    outlines : dict from layer or part to array, shape (4, 2)
-        velocity of its corners, in m per unit.
-    conductivity, heat_capacity : dict from material to float or pair of floats
-        of (k_r, k_z) in W/(m K) and of rho c_p in J/(m^3 K) at the ambient temperature, per unit.
-    contact, convection, shell : dict from part, side or probe to float
-        of the contact resistance, the coefficient and the thickness, per unit.
+    name: of the parameter.
+    value: of the parameter, SI (of its first path).
+    outlines [dict from layer or part to array, shape (4, 2)]: velocity of its corners, in m per unit.
+    conductivity, heat_capacity [dict from material to float or pair of floats]: of (k_r, k_z) in W/(m K) and of rho c_p
+        in J/(m^3 K) at the ambient temperature, per unit.
+    contact, convection, shell [dict from part, side or probe to float]: of the contact resistance, the coefficient and
+        the thickness, per unit.
     """
 
     name: str
@@ -71,15 +65,8 @@ class Change:
 def change(geometry: CrossSection, parameter: str | Sequence[str]) -> Change:
     """Derivatives of outlines and coefficients with respect to a parameter.
 
-    Parameters
-    ----------
-    geometry : CrossSection
-    parameter : str, or several paths that change together by the same amount
-
-    Raises
-    ------
-    InputError
-        a path that leads nowhere, or to what has no derivative.
+    parameter [str, or several paths that change together by the same amount]
+    Raises InputError: a path that leads nowhere, or to what has no derivative.
     """
     paths = (parameter,) if isinstance(parameter, str) else tuple(parameter)
     if not paths or not all(isinstance(path, str) for path in paths):

@@ -35,13 +35,9 @@ AGREE = 1e-6  # of the largest velocity: two velocities of one edge that differ 
 class Edges:
     """All edges of a subdivision, each once.
 
-    Attributes
-    ----------
-    corners : array, shape (c, 2), m
-    ends : int array, shape (e, 2)
-        corners of each edge.
-    left : list
-        name of the owner on the left of each edge, None where nothing is meshed; and ``right``.
+    corners [shape (c, 2), m]
+    ends [shape (e, 2)]: corners of each edge.
+    left: name of the owner on the left of each edge, None where nothing is meshed; and ``right``.
     """
 
     corners: Array
@@ -85,11 +81,7 @@ class Line:
 class CornerMotion:
     """The motion of a geometry's corners.
 
-    Parameters
-    ----------
-    geometry : CrossSection
-    roles : collection of str
-        layers and parts that are heated or read by name: their outlines matter, whatever the material beside them.
+    roles: layers and parts that are heated or read by name: their outlines matter, whatever the material beside them.
     """
 
     def __init__(self, geometry: CrossSection, roles: Collection[str]) -> None:
@@ -112,10 +104,7 @@ class CornerMotion:
     def corner_velocities(self, change: Change) -> Array:
         """Velocity of every corner of `Edges`, in m per unit of the parameter; shape (corners, 2).
 
-        Raises
-        ------
-        InputError
-            a face would appear or vanish, so that the derivative is not the same on both sides.
+        Raises InputError: a face would appear or vanish, so that the derivative is not the same on both sides.
         """
         count = len(self.edges.corners)
         hard: list[list[tuple[Array, float]]] = [[] for _ in range(count)]

@@ -44,10 +44,8 @@ def check_uniform(geometry: CrossSection, who: str) -> None:
 def check_copies(geometry: CrossSection) -> None:
     """Raise InputError for a probe off the axis that cannot be read.
 
-    Raises
-    ------
-    InputError
-        the copy overlaps the ring itself, leaves the domain or the layers, or the stack is not laterally uniform.
+    Raises InputError: the copy overlaps the ring itself, leaves the domain or the layers, or the stack is not laterally
+        uniform.
     """
     for probe in geometry.probes:
         if probe.distance is None:

@@ -50,10 +50,7 @@ def _measure(item: dict[str, Any], key: str) -> None:
 def place(table: dict[str, Any], path: str, text: Any) -> None:
     """Set one value of a geometry file's table in place; the reader of the geometry checks whether the key exists.
 
-    Raises
-    ------
-    InputError
-        the path names a part, layer, interface or material that is not there.
+    Raises InputError: the path names a part, layer, interface or material that is not there.
     """
     kind, *middle = path.split(".")
     if not middle:

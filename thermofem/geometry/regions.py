@@ -107,10 +107,7 @@ def distance(points: Array, edges: Array) -> Array:
 def subdivide(geometry: CrossSection) -> Subdivision:
     """Cut the plane: a part hides what lies under it, and void leaves a hole.
 
-    Raises
-    ------
-    InputError
-        a part that is wholly hidden, or a face thinner than an atom.
+    Raises InputError: a part that is wholly hidden, or a face thinner than an atom.
     """
     import shapely
     from shapely.geometry.polygon import orient

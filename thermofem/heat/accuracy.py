@@ -46,15 +46,11 @@ PEAK = 1.2  # between 0 and the last shift: what the error of the step may excee
 class Estimate:
     """Estimated errors of some channels at every shift, relative to their reference values.
 
-    Attributes
-    ----------
-    shifts : array, shape (s,), 1/s
-    errors : dict from (heated, read) to array, shape (s,)
-    shares : dict from (heated, read) to array, shape (s, triangles)
-        the same in every triangle, absolute values.
-    weights : dict from (heated, read) to float
-        what a channel counts when the mesh is judged: 1 where the heated part is read, else
-        gain/(gain + `FAINT` R_th), as what is hardly felt is not worth a finer mesh.
+    shifts [shape (s,), 1/s]
+    errors [dict from (heated, read) to array, shape (s,)]
+    shares [dict from (heated, read) to array, shape (s, triangles)]: the same in every triangle, absolute values.
+    weights [dict from (heated, read) to float]: what a channel counts when the mesh is judged: 1 where the heated part
+        is read, else gain/(gain + `FAINT` R_th), as what is hardly felt is not worth a finer mesh.
     """
 
     shifts: Array
@@ -71,16 +67,8 @@ class Estimate:
 class MeshError:
     """Estimates the mesh error in the channels of one heat problem.
 
-    Parameters
-    ----------
-    heat : HeatProblem
-
-    Attributes
-    ----------
-    fields : dict from name to array, shape (unknowns, s)
-        (K + s M)^-1 c of what was heated or read in estimates so far, at all shifts, 0 last.
-    contents : list of arrays, shape (unknowns,)
-        (K + s M)^-1 M 1 at the shifts up to `STORED`.
+    fields [shape (unknowns, s)]: (K + s M)^-1 c of what was heated or read in estimates so far, at all shifts, 0 last.
+    contents [shape (unknowns,)]: (K + s M)^-1 M 1 at the shifts up to `STORED`.
     """
 
     def __init__(self, heat: HeatProblem) -> None:

@@ -42,12 +42,7 @@ _thread = threading.local()  # one thread works on one geometry at a time
 class Leader:
     """The mesh of one geometry, to be moved.
 
-    Parameters
-    ----------
-    geometry : CrossSection
-    mesh : Mesh
-        of ``geometry``, with an estimated error below ``accuracy``.
-    accuracy : float
+    mesh: of ``geometry``, with an estimated error below ``accuracy``.
     """
 
     def __init__(self, geometry: CrossSection, mesh: Mesh, accuracy: float) -> None:
@@ -124,10 +119,7 @@ def meshed(geometry: CrossSection, accuracy: float) -> tuple[HeatProblem, Mesh]:
 def assemble_like(base: str, geometry: CrossSection, accuracy: float) -> HeatProblem:
     """The heat problem of a geometry, on the moved mesh of ``base`` (text of a geometry file; "" for none) if it fits.
 
-    Raises
-    ------
-    InputError, MissingLibraryError
-        as `assemble`.
+    Raises InputError, MissingLibraryError: as `assemble`.
     """
     if not base:
         return assemble(geometry, accuracy)

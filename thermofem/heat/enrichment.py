@@ -99,17 +99,13 @@ class Functions:
 class Enrichment:
     """The cubic functions of a mesh: their matrices with themselves and with the quadratic ones, triangle by triangle.
 
-    Attributes
-    ----------
-    functions : Functions
-    K, M : arrays, shape (triangles, 4, 10); W/K and J/K
-        rows of the cubic functions of each triangle; columns first of the quadratic, then of the cubic ones.
-    quadratic, cubic : arrays of int, shapes (triangles, 6) and (triangles, 4)
-        numbers of these functions; the cubic ones counted from 0.
-    surface : sparse, shape (cubic functions, all functions), or None
-        what convection, open sides and contacts add to K.
-    held : array of int
-        cubic functions on edges at the ambient temperature.
+    K, M [shape (triangles, 4, 10); W/K and J/K]: rows of the cubic functions of each triangle; columns first of the
+        quadratic, then of the cubic ones.
+    quadratic, cubic [shapes (triangles, 6) and (triangles, 4)]: numbers of these functions; the cubic ones counted from
+        0.
+    surface [sparse, shape (cubic functions, all functions), or None]: what convection, open sides and contacts add to
+        K.
+    held: cubic functions on edges at the ambient temperature.
     """
 
     functions: Functions
@@ -147,20 +143,11 @@ class Enrichment:
     def added(self, shifts: Array, quadratic: Array, load: Array) -> tuple[Array, Array]:
         """What the cubic functions add to quadratic solutions, and its energy in every triangle.
 
-        Parameters
-        ----------
-        shifts : array, shape (s,), 1/s
-        quadratic : array, shape (quadratic functions, s, n), K/W
-            solutions of (K + s M) u = c.
-        load : array, shape (cubic functions, n)
-            c for the cubic functions.
-
-        Returns
-        -------
-        array, shape (s, n, n), K/W
-            c_i^T x_j of what is added.
-        array, shape (s, n, n, triangles), K/W
-            its share in every triangle, without what surfaces add.
+        shifts [shape (s,), 1/s]
+        quadratic [shape (quadratic functions, s, n), K/W]: solutions of (K + s M) u = c.
+        load [shape (cubic functions, n)]: c for the cubic functions.
+        Returns [shape (s, n, n), K/W]: c_i^T x_j of what is added.
+        Returns [shape (s, n, n, triangles), K/W]: its share in every triangle, without what surfaces add.
         """
         count, s = load.shape[1], np.asarray(np.repeat(shifts, load.shape[1]), dtype=float)
         u = quadratic.reshape(len(quadratic), -1)[self.quadratic]

@@ -212,14 +212,9 @@ def maps(points: Array, triangles: NDArray[np.int64]) -> tuple[Array, Array]:
 class ReferenceTriangle(NamedTuple):
     """Integrals on the reference triangle, with l_i linear and u the b functions of the element.
 
-    Attributes
-    ----------
-    load : array, shape (3, b)
-        of l_i u.
-    mass : array, shape (3, b b)
-        of l_i u u^T.
-    stiffness : array, shape (2 2 3, b b)
-        of l_i d_m u d_n u^T.
+    load [shape (3, b)]: of l_i u.
+    mass [shape (3, b b)]: of l_i u u^T.
+    stiffness [shape (2 2 3, b b)]: of l_i d_m u d_n u^T.
     """
 
     load: Array

@@ -37,10 +37,7 @@ DEGREE = 8  # of the rule on the cross-section
 def off_axis_integral(geometry: CrossSection, basis: Any, probe: Probe, triangles: Triangles | None = None) -> Array:
     """Integral of each basis function over a copy of a part; the sum of the entries is the part's volume in m^3.
 
-    Raises
-    ------
-    InputError
-        the part is not meshed: nothing of it is left.
+    Raises InputError: the part is not meshed: nothing of it is left.
     """
     points, weights = off_axis_points(geometry, probe)
     cells, local = (triangles or Triangles.of(basis.mesh)).locate(points)
@@ -112,10 +109,7 @@ class Triangles:
     def locate(self, points: Array) -> tuple[NDArray[np.intp], Array]:
         """Triangle that holds each point (r, z), and the point's place in it, shape (2, n).
 
-        Raises
-        ------
-        InputError
-            a point that lies in no triangle.
+        Raises InputError: a point that lies in no triangle.
         """
         import shapely
 

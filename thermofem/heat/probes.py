@@ -28,10 +28,7 @@ def probe_integral(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe)
 def probe_mean(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe) -> Array:
     """Functional of the volume mean over what a probe reads; its entries sum to one.
 
-    Raises
-    ------
-    InputError
-        the probe's part is not meshed: nothing of it is left.
+    Raises InputError: the probe's part is not meshed: nothing of it is left.
     """
     integral = probe_integral(geometry, mesh, basis, probe)
     return integral / integral.sum()

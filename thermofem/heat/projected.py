@@ -29,14 +29,10 @@ STEP = 1e-4  # of a rate: half the width of the difference that gives the answer
 class ModalDerivative:
     """One channel in modes, and the derivatives of its matrices with respect to p parameters.
 
-    Attributes
-    ----------
-    rate : array, shape (k,), 1/s
-    heating, reading : array, shape (k,)
-        V^T b and V^T c.
-    of_K, of_M : array, shape (p, k, k)
-    of_heating, of_reading : array, shape (p, k)
-        V^T db and V^T dc.
+    rate [shape (k,), 1/s]
+    heating, reading [shape (k,)]: V^T b and V^T c.
+    of_K, of_M [shape (p, k, k)]
+    of_heating, of_reading [shape (p, k)]: V^T db and V^T dc.
     """
 
     rate: Array

@@ -26,19 +26,12 @@ FINENESS = 24  # small triangles along each edge of a triangle that the shell's 
 class Cut:
     """Intersection of a shell with the triangles of a mesh.
 
-    Attributes
-    ----------
-    outline : array, shape (edges, 2 ends, 2), m
-        of the part.
-    thickness : float, m
-    inside : array of bool, shape (triangles,)
-        wholly in the shell.
-    cells : array of int
-        triangles near its edge.
-    local : array, shape (small triangles, 2)
-        centroids of the small triangles in each of them.
-    longest : array, shape (triangles,), m
-        edge of each triangle.
+    outline [shape (edges, 2 ends, 2), m]: of the part.
+    thickness [m]
+    inside [shape (triangles,)]: wholly in the shell.
+    cells: triangles near its edge.
+    local [shape (small triangles, 2)]: centroids of the small triangles in each of them.
+    longest [shape (triangles,), m]: edge of each triangle.
     """
 
     outline: Array
@@ -71,10 +64,7 @@ def shell_integral(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe)
     Triangles well inside are integrated exactly, those near the edge by `FINENESS`^2 small triangles each, which count
     by the share that lies inside.
 
-    Raises
-    ------
-    InputError
-        the part is not meshed: nothing of it is left.
+    Raises InputError: the part is not meshed: nothing of it is left.
     """
     cut = cut_shell(geometry, mesh, basis, probe)
     total = volume(basis, cut.inside)

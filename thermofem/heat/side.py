@@ -18,19 +18,13 @@ ZERO = 1e-9  # a function below this at all points of an edge vanishes there
 class Side:
     """Facets, each from its first to its second vertex, with m functions and q Gauss points.
 
-    Attributes
-    ----------
-    basis : anything with mesh, elem, element_dofs and N
-    facets, cells : int array, shape (f,)
-        numbers, and the triangle beside each.
-    dofs : int array, shape (f, m)
-    shape : array, shape (f, m, q)
-        the functions at the points.
-    at, weight : array, shape (q,)
-        places 0 to 1 and weights of the points.
-    ends : array, shape (2, 2 ends, f), m
-    outward : array, shape (f,)
-        1 or -1: (dz, -dr) of the facet times it points away from the triangle.
+    basis [anything with mesh, elem, element_dofs and N]
+    facets, cells [shape (f,)]: numbers, and the triangle beside each.
+    dofs [shape (f, m)]
+    shape [shape (f, m, q)]: the functions at the points.
+    at, weight [shape (q,)]: places 0 to 1 and weights of the points.
+    ends [shape (2, 2 ends, f), m]
+    outward [shape (f,)]: 1 or -1: (dz, -dr) of the facet times it points away from the triangle.
     """
 
     basis: Any

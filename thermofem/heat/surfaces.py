@@ -36,17 +36,12 @@ def _none() -> Facets:
 class Surfaces:
     """Boundary conditions and contacts on facets, numbered as scikit-fem does on the same mesh.
 
-    Attributes
-    ----------
-    held : array of int
-        at the ambient temperature.
-    convection : dict from h in W/(m^2 K) to an array of int
-    open : array of int
-        beyond which the material goes on, see `parts.Boundary`.
-    source : float, m
-        height z of the heat, from which the open sides are seen.
-    contacts : dict from resistance in m^2 K/W to two arrays of int
-        facets that lie on each other, both in the same order.
+    held: at the ambient temperature.
+    convection [dict from h in W/(m^2 K) to an array of int]
+    open: beyond which the material goes on, see `parts.Boundary`.
+    source [m]: height z of the heat, from which the open sides are seen.
+    contacts [dict from resistance in m^2 K/W to two arrays of int]: facets that lie on each other, both in the same
+        order.
     """
 
     held: Facets = field(default_factory=_none)

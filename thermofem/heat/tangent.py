@@ -31,10 +31,8 @@ Array = NDArray[np.float64]
 class Tangent:
     """Derivatives per unit of one parameter, on all unknowns.
 
-    Attributes
-    ----------
-    K, M : sparse
-    means : dict from what is heated or read to array
+    K, M [sparse]
+    means [dict from what is heated or read to array]
     """
 
     K: Any
@@ -45,13 +43,7 @@ class Tangent:
 def tangent(heat: HeatProblem, change: Change, velocity: Array, names: tuple[str, ...]) -> Tangent:
     """Differentiate the matrices of a heat problem and the means of ``names``.
 
-    Parameters
-    ----------
-    heat : HeatProblem
-    change : Change
-    velocity : array, shape (vertices, 2)
-        m per unit of the parameter.
-    names : tuple of str
+    velocity [shape (vertices, 2)]: m per unit of the parameter.
     """
     basis = heat.discretization.basis
     conductivity, heat_capacity = properties(heat.geometry, heat.mesh)

@@ -23,19 +23,9 @@ def vertex_velocities(
 ) -> Array:
     """Velocity of every vertex for every parameter, in m per unit; shape (parameters, vertices, 2).
 
-    Parameters
-    ----------
-    geometry : CrossSection
-    mesh : Mesh
-        of this geometry, cut open along interfaces or not.
-    changes : sequence of Change
-    roles : collection of str
-        regions that are heated or read.
-
-    Raises
-    ------
-    InputError
-        a face would appear or vanish.
+    mesh: of this geometry, cut open along interfaces or not.
+    roles: regions that are heated or read.
+    Raises InputError: a face would appear or vanish.
     """
     from ..mesh.motion import Motion
 

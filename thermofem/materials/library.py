@@ -195,10 +195,7 @@ LIBRARY: dict[str, Material] = {
 def find(name: str, overrides: Iterable[Material] = (), *, what: str = "material") -> Material:
     """The material called ``name``: from ``overrides`` first, then from `LIBRARY`.
 
-    Raises
-    ------
-    InputError
-        no such material; the nearest name is suggested and ``what`` says where it was asked for.
+    Raises InputError: no such material; the nearest name is suggested and ``what`` says where it was asked for.
 
     >>> find("Si").conductivity
     130.0

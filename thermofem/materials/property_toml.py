@@ -31,10 +31,7 @@ LAW_KEYS = {
 def read_property(key: str, given: Any, unit: str, where: str) -> dict[str, Any]:
     """Fields of a Material from one property: text with a unit, or a table whose plain values are in SI already.
 
-    Raises
-    ------
-    InputError
-        a value is missing, or two laws are given at once.
+    Raises InputError: a value is missing, or two laws are given at once.
     """
     if not isinstance(given, dict):
         return {key: quantity.parse(given, unit, name=f"{where} {key}")}

@@ -22,12 +22,8 @@ VERSION = 2  # of the mesher: a new number where the same geometry gets another 
 def mesh_for(geometry: CrossSection, accuracy: float) -> Mesh:
     """The committed mesh of this geometry where there is one, else a new one from gmsh.
 
-    Raises
-    ------
-    InputError
-        accuracy outside 1e-5 .. 0.05, or a geometry that cannot be meshed.
-    MissingLibraryError
-        gmsh is needed and cannot be loaded.
+    Raises InputError: accuracy outside 1e-5 .. 0.05, or a geometry that cannot be meshed.
+    Raises MissingLibraryError: gmsh is needed and cannot be loaded.
     """
     sizes(accuracy)
     committed = find_committed(geometry, accuracy)
@@ -44,10 +40,7 @@ def find_committed(geometry: CrossSection, accuracy: float) -> Path | None:
 def write_references(folder: str | Path) -> str:
     """Make the meshes that are committed to meshes/, and return the rows of its table.
 
-    Raises
-    ------
-    InputError, MissingLibraryError
-        as `mesh_for`; a folder that cannot be written.
+    Raises InputError, MissingLibraryError: as `mesh_for`; a folder that cannot be written.
     """
     from ..geometry.rings import strip_ring
 

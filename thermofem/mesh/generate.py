@@ -30,10 +30,7 @@ _GMSH = threading.Lock()  # gmsh has one global state
 def make(geometry: CrossSection, accuracy: float) -> Mesh:
     """Mesh a geometry with gmsh (deterministic; works in any thread).
 
-    Raises
-    ------
-    InputError, MissingLibraryError
-        as `mesh_for`.
+    Raises InputError, MissingLibraryError: as `mesh_for`.
     """
     mesh = make_faces(geometry.subdivision.faces, size_function(geometry, sizes(accuracy)), geometry.name)
     meshed = mesh.volumes()
@@ -46,13 +43,8 @@ def make(geometry: CrossSection, accuracy: float) -> Mesh:
 def make_faces(faces: Sequence[Face], size: Callable[[float, float], float], name: str) -> Mesh:
     """Mesh faces that share points and edges; their owners are the regions.
 
-    Parameters
-    ----------
-    faces : sequence of Face
-    size : callable
-        element size in m at (r, z) in m.
-    name : str
-        for messages.
+    size: element size in m at (r, z) in m.
+    name: for messages.
     """
     problem = gmsh_problem()
     if problem:

@@ -40,21 +40,9 @@ SOFT = 1.0  # the larger, the more of the strain goes to large triangles; the sm
 class Motion:
     """Motion of the vertices of a mesh with the corners of its geometry's faces.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        of ``geometry``; nodes doubled along contacts move together.
-    geometry : CrossSection
-
-    Attributes
-    ----------
-    corners : array, shape (c, 2), m
-        (r, z) of every corner of a face, each once.
-
-    Raises
-    ------
-    InputError
-        an edge of the geometry has no vertices in the mesh: they do not belong together.
+    mesh: of ``geometry``; nodes doubled along contacts move together.
+    corners [shape (c, 2), m]: (r, z) of every corner of a face, each once.
+    Raises InputError: an edge of the geometry has no vertices in the mesh: they do not belong together.
     """
 
     def __init__(self, mesh: Mesh, geometry: CrossSection) -> None:
@@ -121,10 +109,7 @@ class Motion:
     def corners_of(self, geometry: CrossSection) -> Array:
         """Coordinates in m of the same corners in another geometry, in the order of ``corners``.
 
-        Raises
-        ------
-        InputError
-            the other geometry has other faces, or a face with another number of corners.
+        Raises InputError: the other geometry has other faces, or a face with another number of corners.
         """
         faces = geometry.subdivision.faces
         if [face.owner for face in faces] != [face.owner for face in self._faces]:
@@ -148,10 +133,7 @@ class Motion:
     def moved(self, geometry: CrossSection) -> Array:
         """Points (r, z) in m, shape (vertices, 2), of the mesh of another geometry.
 
-        Raises
-        ------
-        InputError
-            as `corners_of`; triangles that turn over.
+        Raises InputError: as `corners_of`; triangles that turn over.
         """
         corners = self.corners_of(geometry)
         points = self._once.points + self._velocity(corners - self.corners)
@@ -170,16 +152,8 @@ class Motion:
 def moved(mesh: Mesh, old: CrossSection, new: CrossSection) -> Array:
     """Points (r, z) in m of a mesh of ``old`` after its geometry has become ``new``, shape (vertices, 2).
 
-    Parameters
-    ----------
-    mesh : Mesh
-    old, new : CrossSection
-        with the same faces: lengths, positions and angles may differ.
-
-    Raises
-    ------
-    InputError
-        the faces differ, or triangles turn over.
+    old, new: with the same faces: lengths, positions and angles may differ.
+    Raises InputError: the faces differ, or triangles turn over.
 
     >>> from thermofem.mesh import mesh_for
     >>> points = moved(mesh_for(strip_ring(), 1e-3), strip_ring(), strip_ring(width=500e-9))

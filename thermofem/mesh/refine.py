@@ -15,18 +15,10 @@ from .triangles import Mesh
 def refined(mesh: Mesh, marked: NDArray[np.bool_]) -> tuple[Mesh, NDArray[np.intp]]:
     """Divide the marked triangles in four equal ones and neighbours as needed.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        without nodes that are doubled along contacts.
-    marked : array of bool, shape (triangles,)
-
-    Returns
-    -------
-    Mesh
-        its first points are those of ``mesh``, new ones are midpoints of edges.
-    array of int
-        for each new triangle the one that it lies in.
+    mesh: without nodes that are doubled along contacts.
+    marked [shape (triangles,)]
+    Returns: its first points are those of ``mesh``, new ones are midpoints of edges.
+    Returns: for each new triangle the one that it lies in.
     """
     count = len(mesh.points)
     ends = np.sort(np.stack([mesh.triangles, np.roll(mesh.triangles, -1, axis=1)], axis=-1), axis=-1)

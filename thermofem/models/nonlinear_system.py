@@ -24,12 +24,8 @@ NEWTON_STEPS = 60
 class NonlinearSystem(AtSmallPower, NonlinearEquations):
     """A thermal model with k(T) and c_p(T); keeps the contract of `thermofem.models.contract`.
 
-    Attributes
-    ----------
-    linear : StateSpace
-        the same at small power, around the ambient temperature.
-    flow, content : NodalOperator
-        F(x) in W and H(x) in J.
+    linear: the same at small power, around the ambient temperature.
+    flow, content: F(x) in W and H(x) in J.
     """
 
     linear: StateSpace
@@ -38,10 +34,7 @@ class NonlinearSystem(AtSmallPower, NonlinearEquations):
     def dynamics(self) -> Any:
         """Not available: the full-order system is too large to be integrated with the optics.
 
-        Raises
-        ------
-        InputError
-            always.
+        Raises InputError: always.
         """
         raise checks.InputError(
             f"model is the FEM with k(T), {self.order} states; reduce it first (surrogate.reduce_quadratic), or keep "
@@ -61,10 +54,7 @@ class NonlinearSystem(AtSmallPower, NonlinearEquations):
     def steady_state(self, power: float | Sequence[float]) -> Array:
         """Rise in K of all unknowns at constant power in W (one for each input): Newton's method on F(x) = B P.
 
-        Raises
-        ------
-        InputError
-            no steady state is found, as where the conductivity falls so fast that the heat cannot leave.
+        Raises InputError: no steady state is found, as where the conductivity falls so fast that the heat cannot leave.
         """
         heat = self.linear.B @ np.broadcast_to(np.atleast_1d(np.asarray(power, dtype=float)), len(self.inputs))
         x = np.zeros(self.order)

@@ -107,10 +107,7 @@ class StateSpace:
     def dynamics(self) -> Foster:
         """The system diagonalised into a Foster network, by `foster`.
 
-        Raises
-        ------
-        InputError
-            more than 500 states, several channels, or a system that is not one of heat flow.
+        Raises InputError: more than 500 states, several channels, or a system that is not one of heat flow.
         """
         if self.order > LARGEST:
             raise checks.InputError(
@@ -194,11 +191,8 @@ def _check_definite(E: Array, A: Array) -> None:
 def foster(system: StateSpace) -> Foster:
     """Diagonalise a small symmetric StateSpace: A v = -lambda E v, R_i = (C v_i)(v_i B)/lambda_i.
 
-    Raises
-    ------
-    InputError
-        more than 2000 states (reduce the FEM first), several channels, matrices that are not symmetric, E not positive
-        definite, or a pole that does not decay.
+    Raises InputError: more than 2000 states (reduce the FEM first), several channels, matrices that are not symmetric,
+        E not positive definite, or a pole that does not decay.
     """
     from scipy.linalg import LinAlgError, eigh
     from scipy.sparse import issparse

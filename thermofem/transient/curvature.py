@@ -30,10 +30,8 @@ ROWS = 4096  # of amplitudes whose products are held at once
 class Curvature:
     """The forms of the module, each of shape (k, k, k) and symmetric in its last two indices.
 
-    Attributes
-    ----------
-    flow : 1/(K s) in amplitudes of K
-    content, inverse : 1/K
+    flow [1/(K s) in amplitudes of K]
+    content, inverse [1/K]
     """
 
     flow: Array

@@ -56,19 +56,13 @@ FINER = 4.0 ** -np.arange(4)  # scales below a step at which what the basis leav
 class FieldState:
     """A field at one time: x = V z + r, and what the next step needs.
 
-    Attributes
-    ----------
-    time : float, s
-    z, r : array, shape (k,) and (n,)
-    slope : array, shape (n,)
-        the time derivative in the equation of the module at the end of the last step: E^-1 times it where the system
-        is linear, in W where it is not.
-    source : array, shape (inputs + k,)
-        the P and z that this slope was computed with.
-    step : float, s
-        length of the last step; 0 before the first.
-    heat_in, heat_out : float, J
-        since the start.
+    time [s]
+    z, r [shape (k,) and (n,)]
+    slope [shape (n,)]: the time derivative in the equation of the module at the end of the last step: E^-1 times it
+        where the system is linear, in W where it is not.
+    source [shape (inputs + k,)]: the P and z that this slope was computed with.
+    step [s]: length of the last step; 0 before the first.
+    heat_in, heat_out [J]: since the start.
     """
 
     time: float
@@ -104,19 +98,11 @@ class Advanced(NamedTuple):
 class FieldIntegrator:
     """The full-order field of a heat problem, advanced window by window from any `FieldState`.
 
-    Parameters
-    ----------
-    system : LinearSystem or NonlinearEquations
-    basis : Basis
-        from `krylov.krylov`; it decides the work and nothing else.
-    tolerance : float, K
-        for every output.
-    ledger : Ledger or NonlinearLedger, optional
-        closes the energy balance.
-    direct : sequence of float, one for each input
-        share of its power that enters at held unknowns.
-    factors : Pencil, optional
-        those of E and -A where the caller keeps them.
+    basis: from `krylov.krylov`; it decides the work and nothing else.
+    tolerance [K]: for every output.
+    ledger: closes the energy balance.
+    direct [one for each input]: share of its power that enters at held unknowns.
+    factors: those of E and -A where the caller keeps them.
     """
 
     def __init__(
@@ -183,27 +169,14 @@ class FieldIntegrator:
     ) -> tuple[Array, FieldState, Array]:
         """Advance from ``state`` to the last of ``times``.
 
-        Parameters
-        ----------
-        state : FieldState
-            at ``times[0]``; it stays as it is.
-        waves : one Waveform for each input
-        times : array, s
-            where the outputs are read, increasing.
-        keep : array, s
-            where the whole field is kept, increasing, within the window.
-
-        Returns
-        -------
-        outputs : array, shape (times, outputs), K
-        state : FieldState
-            at the end.
-        fields : array, shape (keep, n), K
-
-        Raises
-        ------
-        InputError
-            times that do not start at the state's, or steps that shrink without end.
+        state: at ``times[0]``; it stays as it is.
+        waves [one Waveform for each input]
+        times [s]: where the outputs are read, increasing.
+        keep [s]: where the whole field is kept, increasing, within the window.
+        Returns outputs [shape (times, outputs), K]
+        Returns state: at the end.
+        Returns fields [shape (keep, n), K]
+        Raises InputError: times that do not start at the state's, or steps that shrink without end.
         """
         times, keep = checks.array("times", times, increasing=True), np.asarray(keep, dtype=float)
         window = float(times[-1]) - state.time

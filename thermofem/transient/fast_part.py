@@ -52,13 +52,9 @@ _AT_STAGES = _legendre(STAGE_TIMES)
 class Piece:
     """Powers and fast part along one step, as its best cubic [P, z] sees them.
 
-    Attributes
-    ----------
-    stages : array, shape (6, inputs + k)
-        the cubic at the stages of `esdirk`.
-    leftover : array, shape (inputs,), W
-        largest difference between power and cubic.
-    energy : array, shape (inputs,), J
+    stages [shape (6, inputs + k)]: the cubic at the stages of `esdirk`.
+    leftover [shape (inputs,), W]: largest difference between power and cubic.
+    energy [shape (inputs,), J]
     """
 
     stages: Array
@@ -69,17 +65,10 @@ class Piece:
 class FastPart:
     """z over one window.
 
-    Parameters
-    ----------
-    basis : Basis
-    start, z : float, array of shape (k,)
-        time and z at the beginning.
-    waves : one Waveform for each input
-    times : array, s
-        wanted times, the last is the end of the window.
-    curved : Curvature, optional
-    allowed : array, shape (k,)
-        what may be left of the iteration of each amplitude.
+    start, z [float, array of shape (k,)]: time and z at the beginning.
+    waves [one Waveform for each input]
+    times [s]: wanted times, the last is the end of the window.
+    allowed [shape (k,)]: what may be left of the iteration of each amplitude.
     """
 
     def __init__(

@@ -50,31 +50,17 @@ def integrate(
 ) -> Trajectory:
     """Integrate E dx/dt = A x + B P(t) from t = 0 and read C x at ``times``.
 
-    Parameters
-    ----------
-    system : LinearSystem or NonlinearEquations
-    waves : Waveform, or one for each input
-    times : array, s
-        increasing, not negative.
-    rtol : float
-        accumulated error of every output, relative to the largest value it has had (under a smooth power, at least to
-        1e-6 of the static rise at its peak); of a probe that the heat has not
-        reached yet, relative to a tenth of what the field so far would mean there in the steady state.
-    initial : array, shape (states,), K
-        rise at t = 0; default none.
-    snapshots : array, s
-        times whose whole state is kept.
-    ledger : Ledger or NonlinearLedger
-        closes the energy balance, see `Trajectory.imbalance`.
-    factors : Pencil
-        of E and -A, where the caller keeps them for further runs.
-    progress : callable, optional
-        called after each step with the time in s that has been reached.
-
-    Raises
-    ------
-    InputError
-        times not increasing or negative, rtol outside 1e-10..0.1, or steps that shrink without end.
+    waves [Waveform, or one for each input]
+    times [s]: increasing, not negative.
+    rtol: accumulated error of every output, relative to the largest value it has had (under a smooth power, at least to
+        1e-6 of the static rise at its peak); of a probe that the heat has not reached yet, relative to a tenth of what
+        the field so far would mean there in the steady state.
+    initial [shape (states,), K]: rise at t = 0; default none.
+    snapshots [s]: times whose whole state is kept.
+    ledger: closes the energy balance, see `Trajectory.imbalance`.
+    factors: of E and -A, where the caller keeps them for further runs.
+    progress: called after each step with the time in s that has been reached.
+    Raises InputError: times not increasing or negative, rtol outside 1e-10..0.1, or steps that shrink without end.
     """
     times, kept = check_run(times, snapshots, rtol)
     stepper = _stepper(system, waves, rtol, factors)
@@ -120,10 +106,7 @@ def integrate_periodic(
     or the static state of the mean power, fixes the steps for all. ``progress`` is called after each step with the time
     in s that all passes together have covered.
 
-    Raises
-    ------
-    InputError
-        as `integrate`; a waveform without a period.
+    Raises InputError: as `integrate`; a waveform without a period.
     """
     times = period_times(wave, samples)
     rtol = checks.between("rtol", rtol, 1e-10, 0.1)

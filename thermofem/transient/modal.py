@@ -65,16 +65,11 @@ class Answer:
 class Modal:
     """The space of one heated part, kept from run to run. Safe to share between threads.
 
-    Parameters
-    ----------
-    system : LinearSystem
-        E and -A symmetric positive definite; of its outputs nothing is kept.
-    factors : Pencil
-        of E and -A, where the caller keeps them.
-    known : array, shape (n, f)
-        (K + s M)^-1 B at one s a decade, the last one 0, of one input; where the caller has them.
-    contents : array, shape (n, e)
-        (K + s M)^-1 M 1 at slow s: without them few fields hold the core long before they hold all heat.
+    system: E and -A symmetric positive definite; of its outputs nothing is kept.
+    factors: of E and -A, where the caller keeps them.
+    known [shape (n, f)]: (K + s M)^-1 B at one s a decade, the last one 0, of one input; where the caller has them.
+    contents [shape (n, e)]: (K + s M)^-1 M 1 at slow s: without them few fields hold the core long before they hold all
+        heat.
     """
 
     def __init__(
@@ -105,27 +100,13 @@ class Modal:
     ) -> Trajectory | None:
         """Outputs C x and fields, from rest or in the periodic state.
 
-        Parameters
-        ----------
-        C : array, shape (outputs, n)
-        waves : Waveform, or one for each input; W
-        times, snapshots : array, s
-            increasing, not negative; of one period where ``periodic``.
-        rtol : float
-            as of `integration.integrate`.
-        ledger : Ledger, optional
-        periodic : bool
-
-        Returns
-        -------
-        Trajectory or None
-            None where a power is not straight between its breakpoints, E or -A is not symmetric positive definite, the
-            space cannot grow, or the answer has not converged after `ROUNDS` rounds.
-
-        Raises
-        ------
-        InputError
-            times not increasing or negative, rtol out of range.
+        C [shape (outputs, n)]
+        waves [Waveform, or one for each input; W]
+        times, snapshots [s]: increasing, not negative; of one period where ``periodic``.
+        rtol: as of `integration.integrate`.
+        Returns: None where a power is not straight between its breakpoints, E or -A is not symmetric positive definite,
+            the space cannot grow, or the answer has not converged after `ROUNDS` rounds.
+        Raises InputError: times not increasing or negative, rtol out of range.
         """
         waves = tuple(waves) if isinstance(waves, Sequence) else (waves,)
         times, kept = check_run(times, snapshots, rtol)
@@ -226,10 +207,7 @@ def _decade(shift: float) -> float:
 def _pieces(waves: Sequence[Waveform], times: Array, kept: Array) -> NDArray[np.float64]:
     """Breakpoints of the waveforms in s.
 
-    Raises
-    ------
-    InputError
-        more of them than fit into memory.
+    Raises InputError: more of them than fit into memory.
     """
     end = float(max(times.max(initial=0.0), kept.max(initial=0.0)))
     edges = np.concatenate([wave.breakpoints(0.0, end) for wave in waves])

@@ -32,13 +32,10 @@ Array = NDArray[np.float64]
 class NodalOperator:
     """A nonlinear operator ``matrix @ [x, g_1(x), g_2(x), ...]``, every law at its own nodes.
 
-    Attributes
-    ----------
-    matrix : sparse, shape (rows, n + sum of nodes)
-        the first n columns hold the part that does not depend on temperature.
-    laws : tuple of (law, nodes)
-        nodes: array of int, which unknowns the law is taken at.
-    ambient : float, K
+    matrix [sparse, shape (rows, n + sum of nodes)]: the first n columns hold the part that does not depend on
+        temperature.
+    laws [tuple of (law, nodes)]: nodes: array of int, which unknowns the law is taken at.
+    ambient [K]
     """
 
     matrix: Any
@@ -77,12 +74,8 @@ class NodalOperator:
 class NonlinearEquations:
     """d/dt H(x) = -F(x) + B P and the outputs y = C x; `thermofem.models.NonlinearSystem` makes it a thermal model.
 
-    Attributes
-    ----------
-    linear : LinearSystem
-        the same at small power, around the ambient temperature.
-    flow, content : NodalOperator
-        F(x) in W and H(x) in J.
+    linear: the same at small power, around the ambient temperature.
+    flow, content: F(x) in W and H(x) in J.
     """
 
     linear: Any
@@ -117,14 +110,10 @@ def factorize_general(matrix: Any) -> Any:
 class NonlinearLedger:
     """Closes the energy balance with enthalpies.
 
-    Attributes
-    ----------
-    stored, held : NodalOperator with one row; J
-        enthalpy of everything, and the part of it that belongs to the held unknowns.
-    drain : NodalOperator with one row; W
-        heat that flows out through held unknowns and convective boundaries.
-    direct : float
-        share of the power that enters at held unknowns.
+    stored, held [NodalOperator with one row; J]: enthalpy of everything, and the part of it that belongs to the held
+        unknowns.
+    drain [NodalOperator with one row; W]: heat that flows out through held unknowns and convective boundaries.
+    direct: share of the power that enters at held unknowns.
     """
 
     stored: NodalOperator
@@ -147,14 +136,10 @@ def nodal_operator(
 ) -> NodalOperator:
     """All rows of an operator from its matrices: ``rest`` follows no law, every other its own.
 
-    Parameters
-    ----------
-    parts : sequence of (sparse matrix on all unknowns, law)
-    rest : sparse matrix
-        what is left when they are taken away from the whole.
-    free : array of int
-        unknowns that are not held; the operator acts on them.
-    ambient : float, K
+    parts [sequence of (sparse matrix on all unknowns, law)]
+    rest [sparse matrix]: what is left when they are taken away from the whole.
+    free: unknowns that are not held; the operator acts on them.
+    ambient [K]
     """
     from scipy.sparse import hstack
 

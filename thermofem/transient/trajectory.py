@@ -35,18 +35,14 @@ class Ledger:
 class Trajectory:
     """The result of a transient.
 
-    Attributes
-    ----------
-    times : array, shape (n,), s
-    outputs : array, shape (n, outputs), K
-    final : array, shape (states,), K
-    snapshots : array, shape (snapshots, states), K
-    heat_in, heat_stored, heat_out : float, J
-        exact energy delivered, energy now in the field above the start, energy that left; nan without a ledger.
-    steps, rejected, factorizations, solves : int
-        steps of the integrator, or straight pieces of the power in closed form.
-    method : str
-        "stepping" (`transient.integration`) or "closed form" (`transient.modal`).
+    times [shape (n,), s]
+    outputs [shape (n, outputs), K]
+    final [shape (states,), K]
+    snapshots [shape (snapshots, states), K]
+    heat_in, heat_stored, heat_out [J]: exact energy delivered, energy now in the field above the start, energy that
+        left; nan without a ledger.
+    steps, rejected, factorizations, solves: steps of the integrator, or straight pieces of the power in closed form.
+    method: "stepping" (`transient.integration`) or "closed form" (`transient.modal`).
     """
 
     times: Array

@@ -26,22 +26,10 @@ def fitted(wave: Waveform, start: float, stop: float, tolerance: float) -> tuple
     at every checked time in it. These are in 2^13 cells a stretch (or as many as ``wave.time_scale`` needs), so a
     feature narrower than 1e-4 of the stretch may be missed unless a breakpoint or a time scale names it.
 
-    Parameters
-    ----------
-    wave : Waveform
-    start, stop : float, s
-    tolerance : float
-
-    Returns
-    -------
-    edges : array, shape (n + 1,), s
-    coefficients : array, shape (n, 4)
-        of (t - edges[k])^j.
-
-    Raises
-    ------
-    InputError
-        more than 200 000 pieces are needed.
+    start, stop [s]
+    Returns edges [shape (n + 1,), s]
+    Returns coefficients [shape (n, 4)]: of (t - edges[k])^j.
+    Raises InputError: more than 200 000 pieces are needed.
     """
     marks = np.concatenate([[start], wave.breakpoints(start, stop), [stop]])
     levels = _levels(wave, marks)

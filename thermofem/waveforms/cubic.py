@@ -21,17 +21,10 @@ class Cubic:
     The coupled integration hands its absorbed power over in this form: 4th order between its steps, where straight
     lines would lose 1e-3 of the energy of a pulse.
 
-    Parameters
-    ----------
-    times : array, s
-        increasing.
-    power : array, W, same length
-    slope : array, W/s, same length
-
-    Raises
-    ------
-    InputError
-        lengths that differ, fewer than two samples, or times that do not increase.
+    times [s]: increasing.
+    power [W, same length]
+    slope [W/s, same length]
+    Raises InputError: lengths that differ, fewer than two samples, or times that do not increase.
     """
 
     times: Array

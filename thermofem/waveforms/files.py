@@ -28,10 +28,7 @@ def storable(wave: Waveform, duration: float) -> Waveform:
 def to_json(wave: Waveform) -> str:
     """The waveform as JSON text: its kind and its fields.
 
-    Raises
-    ------
-    InputError
-        a `Function` or another kind that no file can describe.
+    Raises InputError: a `Function` or another kind that no file can describe.
     """
     if type(wave).__name__ not in KINDS:
         raise checks.InputError(

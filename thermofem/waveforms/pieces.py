@@ -88,10 +88,8 @@ def _value(coefficients: Array, u: Array) -> Array:
 def linear_pieces(wave: Waveform, start: float, stop: float) -> tuple[Array, Array, Array]:
     """Split a piecewise-linear waveform into straight pieces.
 
-    Returns
-    -------
-    edges, after, before : arrays of shape (n + 1,), (n,), (n,)
-        piece k runs from ``edges[k]`` at power ``after[k]`` to ``edges[k + 1]`` at power ``before[k]``.
+    Returns edges, after, before [arrays of shape (n + 1,), (n,), (n,)]: piece k runs from ``edges[k]`` at power
+        ``after[k]`` to ``edges[k + 1]`` at power ``before[k]``.
     """
     if not wave.piecewise_linear:
         raise checks.InputError(f"{type(wave).__name__} is not piecewise linear; sample it with th.Sampled first")
@@ -111,17 +109,9 @@ def cubic_pieces(wave: Waveform, start: float, stop: float, *, tolerance: float 
 
     Exact for straight lines and for `Cubic`; others are fitted with error control (`adaptive.fitted`).
 
-    Parameters
-    ----------
-    wave : Waveform
-    start, stop : float, s
-    tolerance : float
-        largest error of a fit, relative to the largest value.
-
-    Raises
-    ------
-    InputError
-        a value that is not finite, a function that changes too fast to be resolved.
+    start, stop [s]
+    tolerance: largest error of a fit, relative to the largest value.
+    Raises InputError: a value that is not finite, a function that changes too fast to be resolved.
     """
     if getattr(wave, "piecewise_linear", False):
         edges, after, before = linear_pieces(wave, start, stop)
@@ -135,11 +125,8 @@ def cubic_pieces(wave: Waveform, start: float, stop: float, *, tolerance: float 
 def heating_pieces(wave: Waveform, start: float, stop: float, *, tolerance: float = TOLERANCE) -> Pieces:
     """`cubic_pieces` of an absorbed power.
 
-    Raises
-    ------
-    InputError
-        as `cubic_pieces`; a smooth power that is negative or above 10 W somewhere (other waveforms checked that when
-        they were made).
+    Raises InputError: as `cubic_pieces`; a smooth power that is negative or above 10 W somewhere (other waveforms
+        checked that when they were made).
     """
     found = cubic_pieces(wave, start, stop, tolerance=tolerance)
     if not getattr(wave, "piecewise_linear", False):
@@ -161,10 +148,7 @@ def knots(wave: Waveform, start: float, stop: float, *, tolerance: float) -> Arr
 def period_times(wave: Waveform, samples: int) -> Array:
     """``samples`` times over one period, both ends included, the nearest ones moved onto the waveform's edges.
 
-    Raises
-    ------
-    InputError
-        the waveform has no period, or ``samples`` is too small to hold its edges.
+    Raises InputError: the waveform has no period, or ``samples`` is too small to hold its edges.
     """
     period = getattr(wave, "period", None)
     if period is None:

@@ -27,19 +27,11 @@ RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 class Claim:
     """One row of the table.
 
-    Attributes
-    ----------
-    where : str
-        in the paper, or who else says it.
-    quantity : str
-    paper : str
-        what it says.
-    ours : str
-        with places for numbers.
-    why : str
-        where they differ: our explanation.
-    key : bool
-        whether the row is printed at the end of the run.
+    where: in the paper, or who else says it.
+    paper: what it says.
+    ours: with places for numbers.
+    why: where they differ: our explanation.
+    key: whether the row is printed at the end of the run.
     """
 
     where: str

@@ -31,10 +31,7 @@ def run(out: Path, settings: Settings | None = None) -> dict[str, Any]:
 
     What an earlier run left there under the same settings and code is taken, not computed again.
 
-    Raises
-    ------
-    InputError
-        ``out`` cannot be made or written.
+    Raises InputError: ``out`` cannot be made or written.
     """
     settings, console = settings or Settings(), terminal(err=False)
     data, figures = (files.make_folder(files.make_folder(out) / name) for name in ("data", "figures"))

@@ -18,30 +18,17 @@ MARKED = ((7.0, -10.0), CENTRE, (8.0, 20.0))  # dBm and GHz: points (1), (2), (3
 class Settings:
     """Sizes of the stages; every field that a stage uses is part of what its result is kept under.
 
-    Attributes
-    ----------
-    accuracy : float
-        of the mesh.
-    grid : (int, int)
-        powers (3 to 10 dBm) and detunings (-30 to 30 GHz) of a map.
-    duration : float, s
-        of every run of a map.
-    scan : int
-        free-carrier dispersions and time constants tried for Newton's law, each.
-    fitted : int
-        FEM-in-the-loop traces that Newton's law is fitted to, one by one.
-    run : float, s
-        of a FEM-in-the-loop run.
-    loop_every : int
-        every how many powers and detunings of a map the FEM itself is put in the loop.
-    runs : int
-        independent trainings of the second-order equation on traces, for its standard deviations.
-    cycle : int
-        samples of the absorbed power that Fig. 5(b) hands to the FEM.
-    repeats : int
-        timed runs, of which the median counts.
-    quick : bool
-        leaves out every stage and figure that needs maps or the FEM in the loop.
+    accuracy: of the mesh.
+    grid [(int, int)]: powers (3 to 10 dBm) and detunings (-30 to 30 GHz) of a map.
+    duration [s]: of every run of a map.
+    scan: free-carrier dispersions and time constants tried for Newton's law, each.
+    fitted: FEM-in-the-loop traces that Newton's law is fitted to, one by one.
+    run [s]: of a FEM-in-the-loop run.
+    loop_every: every how many powers and detunings of a map the FEM itself is put in the loop.
+    runs: independent trainings of the second-order equation on traces, for its standard deviations.
+    cycle: samples of the absorbed power that Fig. 5(b) hands to the FEM.
+    repeats: timed runs, of which the median counts.
+    quick: leaves out every stage and figure that needs maps or the FEM in the loop.
     """
 
     accuracy: float = 1e-3

@@ -30,22 +30,13 @@ class Job:
 class Stage:
     """One step of the reproduction.
 
-    Attributes
-    ----------
-    name : str
-        of its files.
-    words : str
-        what the bar says.
-    compute : function
-        of a Job; depends on nothing but the settings and inputs named here.
-    inputs : tuple of str
-        earlier stages.
-    uses : tuple of str
-        fields of Settings.
-    weight : float, s
-        about how long it takes.
-    quick : bool
-        whether it belongs to the one-minute version.
+    name: of its files.
+    words: what the bar says.
+    compute: of a Job; depends on nothing but the settings and inputs named here.
+    inputs: earlier stages.
+    uses: fields of Settings.
+    weight [s]: about how long it takes.
+    quick: whether it belongs to the one-minute version.
     """
 
     name: str

@@ -47,12 +47,7 @@ class Result:
 
 @dataclass(frozen=True)
 class StageStore:
-    """The folder of a reproduction's data.
-
-    Parameters
-    ----------
-    folder : Path
-    """
+    """The folder of a reproduction's data."""
 
     folder: Path
 
