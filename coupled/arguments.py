@@ -7,9 +7,9 @@ from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from thermofem import checks
+from thermofem.arrays import Array, ArrayLike
 from thermofem.waveforms import bounds
 
 from .inputs import pieces
@@ -22,7 +22,6 @@ ROUND_OFF = 1e-7  # of the largest power: how far a cubic fit of a function may 
 
 SEVERAL = "for several: simulate(..., lasers=[coupled.Laser(power, detuning)]), whose run pulsing() classifies"
 
-Array = NDArray[np.float64]
 P = ParamSpec("P")
 R = TypeVar("R")
 

@@ -12,10 +12,10 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import Foster, StateSpace, checks
 from thermofem.algebra.smooth_poles import cubic_pole_responses
+from thermofem.arrays import Array
 from thermofem.models import ThermalModel
 from thermofem.models.contract import bare
 from thermofem.waveforms import bounds
@@ -23,8 +23,6 @@ from thermofem.waveforms import bounds
 from .inputs import Pieces, add, pieces
 from .resonator import RingResonator
 from .thermal import Compact, compact
-
-Array = NDArray[np.float64]
 
 SHARE = 0.01  # of rtol, for the cubics through the rise by a heater
 SMALLEST = 0.1  # K; errors of a smaller rise are relative to this

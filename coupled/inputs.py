@@ -11,16 +11,15 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from thermofem import checks
+from thermofem.arrays import Array, ArrayLike
 from thermofem.display import shown
 from thermofem.waveforms import Pieces as Pieces
 from thermofem.waveforms import Waveform, cubic_pieces
 from thermofem.waveforms import bounds as bounds
 from thermofem.waveforms.lines import Lines
 
-Array = NDArray[np.float64]
 Input: TypeAlias = "float | Waveform | Pieces | Sequence[Any]"
 DEGREE = 3
 DEEPEST = 10  # lists in lists

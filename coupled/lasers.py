@@ -13,9 +13,9 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import checks
+from thermofem.arrays import Array, NDArray
 from thermofem.display import shown
 
 from .arguments import detuning_in_time, power_in_time
@@ -28,8 +28,6 @@ from .window import LONG, MAX_STEPS, check_end, floor_of, units
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 BEAT = 0.1  # of a beat, that a step may last
 QUIET = 0.1  # of the carriers' lifetime

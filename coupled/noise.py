@@ -16,12 +16,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import checks
+from thermofem.arrays import Array
 from thermofem.waveforms import PiecewiseCubic
-
-Array = NDArray[np.float64]
 
 OVERSAMPLED = 8  # samples in the shortest period: cubics between them err by 1e-3
 LONGER = 1.05  # of the record, so that its end does not resemble its start

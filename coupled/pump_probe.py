@@ -6,17 +6,15 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from thermofem import checks
+from thermofem.arrays import Array, ArrayLike
 from thermofem.display import shown
 
 from .carriers import ShockleyReadHall
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 FEWEST = 8  # samples of a decay
 HALF_GAP = 0.56  # eV, of silicon: trap levels lie within it

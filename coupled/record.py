@@ -9,15 +9,13 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import dataset
+from thermofem.arrays import Array
 
 from .inputs import pieces
 from .resonator import RingResonator
 from .window import Window
-
-Array = NDArray[np.float64]
 
 
 def origin(kind: str, ring: RingResonator) -> dict[str, Any]:

@@ -10,9 +10,9 @@ import json
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import Foster, OutputMap, Quadratic
+from thermofem.arrays import Array
 from thermofem.checks import InputError
 from thermofem.record import Record
 
@@ -26,8 +26,6 @@ from .window import units
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 NEWTON_STEPS, CLOSE = 30, 1e-10  # steps, and the last one relative to the state
 TINY = 1e-99  # J and K, of a dark ring

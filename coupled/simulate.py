@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Quadratic, checks, dataset
+from thermofem.arrays import Array, ArrayLike
 from thermofem.models import ThermalModel
 from thermofem.record import Record, as_dataset, column
 
@@ -27,8 +27,6 @@ from .window import NO_TIMES, Event, Window, advance
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 
 @as_dataset

@@ -7,9 +7,9 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import checks
+from thermofem.arrays import Array
 from thermofem.models import Foster, ThermalModel
 from thermofem.models.lumped import second_order_parameters, second_order_poles
 
@@ -17,8 +17,6 @@ from .carriers import ShockleyReadHall
 from .parameters import borghi2021 as published
 from .resonator import RingResonator
 from .thermal import Compact, compact, linear
-
-Array = NDArray[np.float64]
 
 SECOND_ORDER = ("kappa", "tau_f", "tau_s", "eta")
 NEWTON = ("tau_th",)

@@ -7,9 +7,9 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import checks
+from thermofem.arrays import Array, NDArray
 from thermofem.display import shown
 from thermofem.waveforms import Pieces, bounds
 
@@ -22,8 +22,6 @@ from .thermal import Compact
 
 if TYPE_CHECKING:
     from .kernels.equations import Rates
-
-Array = NDArray[np.float64]
 
 MAX_STEPS = 20_000_000  # ten seconds of work and 800 MB of accepted steps
 LONG = 1e-4  # s; shorter runs are done in well under a second, at the sharpest rtol

@@ -27,15 +27,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Foster, HeatProblem, InputError, StateSpace, checks
+from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.display import shown
 
 from .array_certificate import Pairs, reduce_pairs
 from .array_places import SAME, RingKinds, check_places, places_of, rings_of, with_copies
-
-Array = NDArray[np.float64]
 
 ROUND_OFF = 1e-14  # of the largest R_th: an eigenvalue that is 0
 _SHARES = np.geomspace(1e-9, 10, 400)  # s, where step responses are looked at

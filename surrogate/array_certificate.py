@@ -23,14 +23,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from thermofem import HeatProblem, InputError, StateSpace
+from thermofem.arrays import Array
 
 from .reduce import project
-
-Array = NDArray[np.float64]
 
 FLOOR = 1e-2  # of R_th, added to the static gain of a pair
 CHUNK = 4  # distances bounded at once: the second reduction has as many ports more

@@ -7,13 +7,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from thermofem import HeatProblem, InputError, Part, Probe, assemble, checks
+from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.geometry.neighbours import check_distance, check_uniform, footprint
 from thermofem.heat.off_axis import off_axis_integral
-
-Array = NDArray[np.float64]
 
 MOST = 1000  # rings
 SAME = 1e-12  # m, distances that differ by less are one

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import CrossSection, Foster, OutputMap, checks, waveforms
+from thermofem.arrays import Array, NDArray
 from thermofem.dataset import Drive, drive_of, warn_of
 from thermofem.display import shown
 
@@ -18,8 +18,6 @@ from .search import Ranges, family_over, inside
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 STARTS = 4  # of Gauss-Newton
 BLIND = 0.3  # of a range: a combination whose standard error is larger is not seen by the data

@@ -34,11 +34,10 @@ from dataclasses import dataclass
 from itertools import combinations_with_replacement
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem.algebra.krylov import symmetric_part
+from thermofem.arrays import Array, NDArray
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 PER_DECADE = 60

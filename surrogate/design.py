@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import CrossSection, Foster, OutputMap, checks
+from thermofem.arrays import Array
 from thermofem.display import shown
 
 from .family import Certified, Family
@@ -19,8 +19,6 @@ from .search import Ranges, Search, family_over, search_of
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 CANDIDATES = 64  # members looked at before the search; the best of them begins it
 REACHED = 2e-3  # relative misfit of every target below which it counts as reached

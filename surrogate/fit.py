@@ -11,9 +11,9 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import Foster, checks, renamed
+from thermofem.arrays import Array
 from thermofem.dataset import Drive, at_probe, drive_of
 from thermofem.display import shown
 from thermofem.models import HasModel
@@ -29,8 +29,6 @@ from .projection import FitProblem, Optimum, optimum, polish
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 METHODS = ("variable projection", "pso")
 EXPLAINED = 0.2  # share of the variance below which data count as noise; the paper's single pole explains 0.9 and more

@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import checks
-
-Array = NDArray[np.float64]
+from thermofem.arrays import Array
 
 TAIL = 1e-4  # probability beyond either end of the span on which members are worked out
 TESTED = 5  # one member of so many is held out

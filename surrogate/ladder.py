@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from thermofem import (
     Constant,
@@ -24,6 +23,7 @@ from thermofem import (
     solve,
     waveforms,
 )
+from thermofem.arrays import Array, ArrayLike
 from thermofem.dataset import describe
 from thermofem.display import shown
 from thermofem.models import NonlinearSystem, foster
@@ -40,8 +40,6 @@ from .validate import PERIODS, check_models, error_curve, valid_range
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 SHELLS = (0.1e-6, 0.3e-6, 0.8e-6, 1.8e-6)  # m around the heated part, states of SINDy
 TOLERANCES = (0.1, 0.03, 0.01, 0.001, 1e-4)

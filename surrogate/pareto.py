@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import CrossSection, checks
+from thermofem.arrays import Array
 
 from .family import Family
 from .quantities import Optics, Quantity
@@ -16,8 +16,6 @@ from .search import PENALTY, Ranges, Search, family_over, search_of
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 POPULATION, GENERATIONS = 40, 25
 GOALS = ("smallest", "largest")

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import Foster, HeatProblem, checks
 from thermofem.heat.derivatives import changes_of, project
@@ -18,8 +17,6 @@ from .reduce import Reduction
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 SIMPLE = 1e-6  # relative distance of neighbouring rates below which a pole is not simple
 

@@ -16,13 +16,11 @@ from dataclasses import dataclass, field
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import checks
 from thermofem.algebra.poles import pole_responses
+from thermofem.arrays import Array
 from thermofem.dataset import Drive
-
-Array = NDArray[np.float64]
 
 STATIC_WEIGHT = 1e3  # of the static-gain row over all samples together; the last 1e-6 are rescaled away
 STEP = 1e-6  # in ln(rate), of the difference quotient of a column: square root of round-off

@@ -29,19 +29,17 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import Quadratic
 from thermofem.algebra.factor import factorize
 from thermofem.algebra.krylov import symmetric_part
+from thermofem.arrays import Array
 from thermofem.display import shown
 from thermofem.models import HasModel, NonlinearSystem
 from thermofem.transient.curvature import cubic_form, operators
 
 from .output_map import check_nonlinear
 from .reduce import Reduction, reduce
-
-Array = NDArray[np.float64]
 
 HOT = 0.1  # tolerance of the reduction about the steady field: 4 to 6 vectors more
 DEPENDENT = 1e-8  # of the largest: below, a direction of the basis is in the span of the others

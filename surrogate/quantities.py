@@ -7,14 +7,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Foster, OutputMap, checks
+from thermofem.arrays import ArrayLike
 from thermofem.display import shown
 
 from .family import Family
 
-Array = NDArray[np.float64]
 Model = Foster | OutputMap
 
 Quantity = str | Callable[..., Any]

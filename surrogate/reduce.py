@@ -14,18 +14,16 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Foster, StateSpace, checks
 from thermofem.algebra.poles import pole_responses
+from thermofem.arrays import Array, ArrayLike
 from thermofem.display import shown
 from thermofem.models import HasModel
 from thermofem.waveforms import Waveform
 
 from .certificate import Certificate, Indices, Projection, certify, certify_defect, leftover
 from .space import CertifiedSpace
-
-Array = NDArray[np.float64]
 
 MOST = 300  # columns of the basis before a tolerance counts as out of reach
 PROMISING = 10.0  # the full certificate is worked out once one shift alone comes this near to the tolerance

@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import Campaign, Constant, CrossSection, checks
+from thermofem.arrays import Array, NDArray
 from thermofem.campaign.vary import Schedule, Variation
 from thermofem.geometry.change import change
 
 from .family import Family, train_family
 from .quantities import Optics, Property, Quantity, word
-
-Array = NDArray[np.float64]
 
 Ranges = Mapping[str, tuple[float, float]]
 

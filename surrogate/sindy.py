@@ -22,17 +22,15 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import Quadratic, Waveform, checks
+from thermofem.arrays import Array
 from thermofem.dataset import drive_of, warn_of
 from thermofem.display import shown
 from thermofem.models import HasModel, Network, gate
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 WINDOW = 15.0  # half width of the test functions in samples: 30 ns at 2 ns keeps the poles of 2 ns and more (measured)
 DOMAINS = 400  # test functions, at random places

@@ -19,17 +19,15 @@ from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import Quadratic, checks
+from thermofem.arrays import Array, NDArray
 from thermofem.models.network import STATIC, gate
 
 from .sindy import UNIT, WINDOW, SindyFit, read_probes, regress
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 REACH = 2  # linear couplings reach the next but one shell: one leaves 5 % of the swing, all of them are not passive
 

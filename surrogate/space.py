@@ -12,15 +12,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import checks
 from thermofem.algebra import krylov
 from thermofem.algebra.factor import Pencil
+from thermofem.arrays import Array, NDArray
 
 from .certificate import Projection
-
-Array = NDArray[np.float64]
 
 EXHAUSTED = 1e-13  # of the ports outside the basis: round-off
 FAR = 200.0  # between two shifts: beyond, the bound in their middle is three times the error (measured)

@@ -7,11 +7,10 @@ generations followed by least squares every time.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from thermofem.arrays import Array
 
 from .projection import FitProblem
-
-Array = NDArray[np.float64]
 
 PARTICLES = 20
 GENERATIONS = 10

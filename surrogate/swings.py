@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import Foster, Quadratic, SquareWave, ThermalModel, checks
+from thermofem.arrays import Array
 from thermofem.models import Cauer, Network, NonlinearSystem, bare
 from thermofem.transient.integration import integrate_periodic
 
 from .quadratic import QuadraticReduction, reduce_quadratic
-
-Array = NDArray[np.float64]
 
 SAMPLES = 301  # of one period
 FARTHEST = 1e4  # a period this many times longer or shorter than the reference's counts as never reached

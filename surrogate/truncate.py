@@ -24,15 +24,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Foster, StateSpace, checks
+from thermofem.arrays import Array, ArrayLike
 from thermofem.display import shown
 from thermofem.models import HasModel, check_single
 
 from .reduce import check_matrices, project
-
-Array = NDArray[np.float64]
 
 
 @shown

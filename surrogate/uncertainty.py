@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import checks, renamed
+from thermofem.arrays import Array
 
 from .family import Family
 from .interpolant import interpolate_members
@@ -16,8 +16,6 @@ from .quantities import Optics, Property, Quantity, word
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 RESAMPLES = 200  # of the members, for the intervals of the indices
 OUTSIDE = 1e-3  # share of the samples that may leave the box; they are held at its edge

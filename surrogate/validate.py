@@ -9,16 +9,14 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Chirp, Constant, Pulse, SquareWave, Telegraph, ThermalModel, Waveform, checks, waveforms
+from thermofem.arrays import Array, ArrayLike
 
 from .swings import SAMPLES, period_of, swing_over_period, swings
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 SHIFT = 10.294e9  # Hz/K: (nu_0/n_0) dn/dT of the paper's ring at 1555 nm, Appendix A
 WAVELENGTH = 1555e-9  # m

@@ -22,9 +22,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from . import checks, netcdf, static_gain, waveforms
+from .arrays import Array, ArrayLike
 from .files import write_whole
 from .quantity import VARIABLES
 from .record import Record, as_dataset, column
@@ -32,8 +32,6 @@ from .version import __version__
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 log = logging.getLogger("thermofem")
 

@@ -15,9 +15,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from . import checks
+from .arrays import Array
 from .checks import InputError
 from .geometry.cross_section import CrossSection
 from .waveforms import Waveform, cubic_pieces
@@ -25,8 +25,6 @@ from .waveforms import bounds as ends
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 RTOL = 1e-3  # of data that do not state the rtol of their solver
 ROUNDS = 10.0  # errors of the solver add up to a few rtol

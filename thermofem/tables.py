@@ -13,17 +13,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from . import checks, dataset, files, quantity
+from .arrays import Array
 from .checks import InputError
 from .columns import Columns, header_unit, measured, parse, text_of
 from .waveforms import Constant, Sampled, Waveform
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 log = logging.getLogger("thermofem")
 

@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from . import checks, dataset, files, quantity
 from .algebra.poles import pole_responses
+from .arrays import Array
 from .checks import InputError
 from .columns import Columns, header_unit, measured, parse, text_of
 from .tables import LARGEST
@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from .waveforms import Waveform
-
-Array = NDArray[np.float64]
 
 SCANNED = 1500  # rows that the search for the start uses
 STARTS = 24  # of each pass of the search

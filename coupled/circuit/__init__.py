@@ -9,17 +9,6 @@ from .simulate import simulate_circuit
 from .spectrum import spectrum
 
 __all__ = [
-    "Circuit",
-    "Detector",
-    "LaserPort",
-    "Splitter",
-    "Waveguide",
-    "bus",
-    "circuit_limit_cycle",
-    "circuit_steady_states",
-    "crow",
-    "delay_loop",
-    "scissor",
-    "simulate_circuit",
-    "spectrum",
-]
+    "Circuit", "Detector", "LaserPort", "Splitter", "Waveguide", "bus", "circuit_limit_cycle",
+    "circuit_steady_states", "crow", "delay_loop", "scissor", "simulate_circuit", "spectrum",
+]  # fmt: skip

@@ -6,7 +6,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from thermofem.arrays import Array, NDArray
 
 from ..inputs import Pieces, pieces
 from ..kernels.tableaus import Method
@@ -16,8 +17,6 @@ from ..window import advance
 from .circuit import Circuit
 from .heat import _model_of
 from .network import Light
-
-Array = NDArray[np.float64]
 
 
 def is_alone(circuit: Circuit) -> bool:

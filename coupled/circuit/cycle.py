@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import checks
+from thermofem.arrays import Array
 
 from ..kernels.tableaus import Method, tableau
 from ..window import MAX_STEPS
@@ -19,8 +19,6 @@ from .system import System, units_of
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 RTOL = 1e-10  # of the flow over a period
 CHANGE = 3e-5  # relative, of a state, for the derivatives of the flow

@@ -7,16 +7,15 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import Symbols, checks
+from thermofem.arrays import Array
 
 from ..arguments import detuning_in_time, power_in_time
 from ..inputs import Pieces, joint, pieces
 from .circuit import Circuit
 from .network import Light
 
-Array = NDArray[np.float64]
 log = logging.getLogger("thermofem")
 
 ECHO = 1e-7  # of the light: edges that come back weaker are left to the error control

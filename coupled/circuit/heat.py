@@ -11,14 +11,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import Foster, StateSpace, checks
+from thermofem.arrays import Array
 
 from ..inputs import Pieces, add
 from ..thermal import compact
-
-Array = NDArray[np.float64]
 
 MOST = 20_000  # thermal states of all rings
 FEW = 8  # states of a ring from which on their number is a multiple of 4, the numbers that a processor adds at once

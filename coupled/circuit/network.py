@@ -16,15 +16,12 @@ import cmath
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import checks
+from thermofem.arrays import Array, Complex, NDArray
 
 from .circuit import Circuit
 from .parts import Waveguide
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 SINGULAR = 1e8  # condition number of 1 - C S from which on a loop without delay counts as lossless
 NOTHING = 1e-14  # of the largest entry of M: round-off

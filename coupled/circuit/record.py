@@ -7,9 +7,9 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import dataset
+from thermofem.arrays import Array
 
 from ..inputs import Pieces
 from .circuit import Circuit
@@ -18,8 +18,6 @@ from .network import Light
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 NAMES = {
     "output": ("W", "power at the ports"),

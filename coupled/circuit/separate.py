@@ -7,7 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from thermofem.arrays import NDArray
 
 from ..inputs import Input
 from .circuit import Circuit
@@ -16,7 +17,6 @@ from .record import _origin
 if TYPE_CHECKING:
     import xarray as xr
 
-Array = NDArray[np.float64]
 LABELS = {"ring": "names", "port": "ports"}
 
 

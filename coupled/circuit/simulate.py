@@ -7,9 +7,9 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from thermofem import checks
+from thermofem.arrays import Array, ArrayLike, NDArray
 
 from ..arguments import check_duration
 from ..inputs import Input
@@ -27,8 +27,6 @@ from .system import system_of, units_of
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 
 def simulate_circuit(

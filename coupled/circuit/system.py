@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from thermofem.arrays import Array, NDArray
 
 from ..inputs import Input, Pieces
 from ..window import floor_of
@@ -15,8 +16,6 @@ from .circuit import Circuit
 from .drive import detuning_of, internal_drive, powers_of
 from .heat import RingHeat, heater_offsets, ring_heat
 from .network import NOTHING, Light, light_of, order_of_rings
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,14 +13,13 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
+
+from thermofem.arrays import Array
 
 from .hopf_end import hopf_near
 from .path import FreeParameters, Place, on_a_good_mesh, predicted, weights
 from .start import nontrivial
-
-Array = NDArray[np.float64]
 
 FIRST, LONGEST, SHORTEST = 0.01, 0.1, 1e-7  # steps, in the units of `path.weights`
 TURN = 0.3  # of the largest values, what the stages may change in a step

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from thermofem.arrays import Array, ArrayLike
 from thermofem.checks import InputError
 from thermofem.models import ThermalModel
 
@@ -26,8 +26,6 @@ from .start import nontrivial
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 AROUND = 0.3  # of the window, within which Hopf points are looked for beyond it
 MARGIN = 0.02  # of the window, by which a curve leaves it

@@ -15,9 +15,9 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import Quadratic, checks
+from thermofem.arrays import Array
 from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring, one_laser
@@ -34,8 +34,6 @@ from .start import settled
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 BIT, SMALL = 2e-7, 1e-5  # steps along the period for first and second derivatives
 FINE = 1e-9  # error of the polynomials between the stages where duty and swing are differentiated

@@ -17,13 +17,12 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from thermofem.arrays import Array
 
 from .branch import relative_range
 from .orbit import CLOSE_ENOUGH, Orbit
 from .path import FreeParameters, Place, on_a_good_mesh, one_step, weights
-
-Array = NDArray[np.float64]
 
 FIRST, LONGEST, SHORTEST = 0.01, 0.06, 1e-5  # steps, in units of `path.weights`
 TURN = 0.8  # of the largest values, what the stages may change in a step

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem.checks import InputError
 
@@ -14,8 +13,6 @@ from .hopf_start import is_hopf_point, near_hopf
 from .orbit import FIRST, CycleProblem, Orbit, closer, settle, shoot
 from .scheme import scheme
 from .start import Settled, settled
-
-Array = NDArray[np.float64]
 
 STEPS_NEARBY = 4  # of Newton's method on the mesh of a guess; more show that the pulses are elsewhere
 

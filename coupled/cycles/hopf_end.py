@@ -6,15 +6,14 @@ The parameter is found by the secant method on the real part; the last "cycle" i
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.optimize import newton
+
+from thermofem.arrays import Array
 
 from .orbit import Orbit
 from .path import FreeParameters, Place
 from .scheme import scheme
-
-Array = NDArray[np.float64]
 
 
 def hopf_near(family: FreeParameters, place: Place) -> Place | None:

@@ -12,8 +12,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thermofem.arrays import Array, NDArray
 from thermofem.checks import InputError
 
 from ..heaters import turned_by
@@ -23,8 +23,6 @@ from .orbit import FEWEST, CycleProblem, Orbit
 from .parameters import LASER, under_laser, value_of
 from .path import FreeParameters, Place, corrected, first_place, weights
 from .scheme import scheme
-
-Array = NDArray[np.float64]
 
 SMALL = 0.02  # relative amplitude of the first cycle
 KIND = "Hopf curve"

@@ -13,13 +13,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from thermofem.arrays import Array, NDArray
 
 from ..pulsing import DUTY_LEVEL
 from .orbit import CycleProblem, Orbit
 from .scheme import scheme
-
-Array = NDArray[np.float64]
 
 BETWEEN = 4  # points for every stage where extremes and crossings are looked for
 ENERGY, HEAT = 0, 2  # columns of `orbit_mesh.look`, each with its slope behind it

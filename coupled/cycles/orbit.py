@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from thermofem.arrays import Array, NDArray
 
 from .. import window
 from ..heaters import turned_by
@@ -15,8 +16,6 @@ from ..kernels.tableaus import Method, tableau
 from ..resonator import RingResonator
 from ..thermal import Compact
 from .scheme import scheme
-
-Array = NDArray[np.float64]
 
 FIRST, ROUGH = (0.4, 1e-3), (0.23, 2e-4)  # intervals for each step of a trace; a step of Newton's method that will do
 FEWEST, MOST_INTERVALS = 20, 3000

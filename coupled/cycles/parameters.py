@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import Foster, OutputMap, Quadratic, checks
+from thermofem.arrays import Array
 
 from .. import window
 from ..arguments import check_power
@@ -16,8 +16,6 @@ from ..resonator import RingResonator
 from ..thermal import Compact
 from ..unknowns import LIFETIMES, optical_names, varied
 from .orbit import CycleProblem, problem
-
-Array = NDArray[np.float64]
 
 STEP = 1e-5  # of a number: its square is the truncation, 1e-16 over it the round-off
 LASER = ("power", "detuning")

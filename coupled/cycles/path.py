@@ -12,13 +12,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from thermofem.arrays import Array
 
 from .orbit import CLOSE_ENOUGH, POLYNOMIAL, SLACK, CycleProblem, Orbit, remeshed
 from .parameters import changed, slope, value_of
 from .scheme import scheme
-
-Array = NDArray[np.float64]
 
 MOST_STEPS = 7  # of Newton's method
 FARTHEST = 0.5  # of the largest values, the first of them

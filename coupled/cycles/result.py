@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import dataset
 
@@ -17,8 +16,6 @@ from .start import Settled, nontrivial
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 UNSTABLE = 1 + 1e-9  # of a multiplier; they are exact to a few 1e-10
 

@@ -10,14 +10,12 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thermofem.arrays import Array, NDArray
 from thermofem.checks import InputError
 
 from ..heaters import turned_by
 from .orbit import CycleProblem, Orbit, around, run, shoot
-
-Array = NDArray[np.float64]
 
 FIRST, LONGEST = 4e3, 2e6  # ns
 SLOWEST = 30  # of the slowest heat, what a transient may take where that is longer

@@ -21,8 +21,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.models import ThermalModel
 
 from ..arguments import check_axis, check_ring
@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
     from ..kernels.equations import Rates
     from ..kernels.kinds import Curve, Static, Thermal
-
-Array = NDArray[np.float64]
 
 ENERGIES, FREQUENCIES = 160, 200  # grid of the contour
 BISECTIONS = 48  # of an edge of that grid: to round-off

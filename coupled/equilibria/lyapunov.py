@@ -18,9 +18,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from thermofem.arrays import Array, NDArray
 
 STEP = 1e-3  # of the sizes of the states: errors of 1e-6 by truncation and 1e-10 by round-off
 

@@ -10,14 +10,11 @@ from typing import Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
 
 from thermofem import OutputMap, Quadratic, checks
 
 from ..kernels.kinds import Curve, Static
 from ..thermal import Compact
-
-Array = NDArray[np.float64]
 
 TERMS = (16, 32, 64, 128, 256)
 EXACT = 1e-12  # of f, what the last terms may amount to: the static states themselves are no better

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thermofem.arrays import Array, NDArray
 from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring, one_laser
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     from ..kernels.equations import Rates
     from ..kernels.kinds import Curve, Static, Thermal
-
-Array = NDArray[np.float64]
 
 
 @one_laser

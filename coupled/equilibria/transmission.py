@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from thermofem import checks
+from thermofem.arrays import Array, ArrayLike
 from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring
@@ -16,8 +16,6 @@ from .steady import Internal, absorbable, internal, observables, provenance
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 POINTS = 600  # of a curve
 

@@ -6,11 +6,9 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import checks
-
-Array = NDArray[np.float64]
+from thermofem.arrays import Array
 
 POINTS = {1: 33, 2: 13, 3: 8}  # of the grid along each parameter
 TAU = np.geomspace(1e-9, 1e-4, 31)  # s; six a decade

@@ -6,16 +6,14 @@ import base64
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thermofem.arrays import Array, NDArray
 from thermofem.models import Foster
 
 if TYPE_CHECKING:
     from thermofem import HeatProblem
 
     from .contents import Parts
-
-Array = NDArray[np.float64]
 
 WIDTH, HEIGHT = 132, 88  # pixels
 SPAN = 6e-6  # m, of the picture, unless the parts are wider

@@ -14,17 +14,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import checks
+from thermofem.arrays import Array, Complex, NDArray
 
 from ..pulsing import Regime, crossings, pulsing
 
 if TYPE_CHECKING:
     import xarray as xr
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 HARMONICS = 32
 SETTLED_SHARE = 0.5  # of a trace, counted from its end, that is compared: the start is the cold one

@@ -8,9 +8,9 @@ from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import checks, renamed
+from thermofem.arrays import Array
 from thermofem.display import shown
 from thermofem.models import HasModel, ThermalModel
 
@@ -24,8 +24,6 @@ from .matching import Target, coarse, deviations, polished, residuals, simulated
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 POPULATION, GENERATIONS = 20, 8
 SEARCHED = 6  # harmonics that count in the evolution

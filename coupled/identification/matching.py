@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import checks
+from thermofem.arrays import Array
 
 from ..arguments import check_detuning, check_power
 from ..resonator import RingResonator
@@ -19,8 +19,6 @@ from .cycles import HARMONICS, Cycle, Observed, cycle_of, misfit, observe
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 STEP = 1e-3  # of a logarithm, for derivatives: far above what the step control of the integration leaves
 RTOL = 1e-5

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import checks, renamed
 
@@ -19,8 +18,6 @@ from .matching import coarse, polished, residuals, simulated, targets_of
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 GRID = 6  # start values of either parameter
 START = 2  # harmonics in the search from them

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from thermofem.arrays import Array
 
 from .header import identifiers
 from .modes import modes
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,11 +9,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import Foster, OutputMap, StateSpace, checks
-
-Array = NDArray[np.float64]
+from thermofem.arrays import Array
 
 MOST = 500  # poles in a file for a simulator
 

@@ -7,9 +7,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import HeatProblem, Mesh
+from thermofem.arrays import Array, NDArray
 from thermofem.geometry.regions import Face
 from thermofem.heat.interface import split
 from thermofem.heat.problem import on_mesh, resistances
@@ -21,8 +21,6 @@ from .laws import values
 from .lines import CellGrid
 from .surfaces import SAMPLES, Compressed, Points, points
 from .terms import Cells, element_terms, merged
-
-Array = NDArray[np.float64]
 
 PROPERTIES = ("ambient", "material", "interface", "boundary")  # kinds of paths that `laws.values` reads
 

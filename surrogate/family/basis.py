@@ -11,14 +11,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import HeatProblem
+from thermofem.arrays import Array
 
 from .certify import own
 from .reduced import MemberModes
-
-Array = NDArray[np.float64]
 
 PER_DECADE = 4  # shifts
 FASTEST = 1e10  # 1/s; the step response from 1 ns on sees nothing faster

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import Foster, HeatProblem, OutputMap, Pulse, checks, solve
+from thermofem.arrays import Array
 from thermofem.models import NonlinearSystem
 
 from ..interpolant import smooth
@@ -25,8 +25,6 @@ from .affine import LineEngine
 from .box import Box
 from .moved import MovedEngine
 from .solving import Solver
-
-Array = NDArray[np.float64]
 
 TESTED = 4  # members
 PULSE, TIMES = 3e-6, np.append(0.0, np.geomspace(1e-8, 1e-5, 31))  # s; during the pulse and after it

@@ -8,13 +8,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Campaign, CrossSection, checks
+from thermofem.arrays import Array, ArrayLike
 from thermofem.geometry.change import Change, change
 from thermofem.materials.library import Material
-
-Array = NDArray[np.float64]
 
 LOOSE = 1e-9  # of the range, by which a value may leave the box: round-off of units
 CORNERS = 64  # corners of the box whose geometry is made and checked

@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import CrossSection, HeatProblem, StateSpace, assemble
 from thermofem.display import shown
 
 from ..reduce import Projected, project
 from .reduced import MemberModes, difference
-
-Array = NDArray[np.float64]
 
 FINER = 0.2  # accuracy of the member's own mesh over the tolerance of the family
 FINEST, REDUCTION = 2e-5, 1e-2  # accuracy of the finest mesh made; tolerance of the reduction over that of the family

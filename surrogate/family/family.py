@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Foster, OutputMap, StateSpace, checks
+from thermofem.arrays import Array, ArrayLike
 from thermofem.display import shown
 from thermofem.heat.projected import ModalDerivative
 
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
     from .moved import MovedMembers
 
-Array = NDArray[np.float64]
 Model = Foster | OutputMap
 
 FAINT = 1e-12  # of R_th: poles with less are left out

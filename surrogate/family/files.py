@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import Campaign, Mesh, checks, waveforms
+from thermofem.arrays import Array
 from thermofem.campaign.vary import Schedule, Variation
 from thermofem.files import LARGEST_TEXT, read_bytes, write_whole
 from thermofem.heat.problem import on_mesh, resistances
@@ -28,8 +28,6 @@ from .terms import Cells
 
 if TYPE_CHECKING:
     from .family import Family
-
-Array = NDArray[np.float64]
 
 FORMAT, SCHEMA = "thermofem family", 1
 _POINTS = ("ends", "gauss", "interval", "outward")

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import Boundary
+from thermofem.arrays import Array
 from thermofem.materials.laws import PowerLaw
 from thermofem.materials.library import Material
 
 from .box import Box
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,16 +15,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import CrossSection
+from thermofem.arrays import Array, NDArray
 from thermofem.geometry.change import Change
 from thermofem.geometry.regions import outlines
 from thermofem.materials.library import VOID
 
 from .box import Box
-
-Array = NDArray[np.float64]
 
 SAME = 1e-13  # m; lines nearer than this, which move alike, are one
 VERTICAL = 1e-9  # of a length: a wall that leans less runs along z

@@ -6,16 +6,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import HeatProblem, Mesh, assemble, checks
+from thermofem.arrays import Array
 from thermofem.heat.problem import on_mesh, resistances
 from thermofem.mesh.motion import Motion
 
 from .box import Box
 from .reduced import Small
-
-Array = NDArray[np.float64]
 
 
 class MovedEngine:

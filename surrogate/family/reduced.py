@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+
+from thermofem.arrays import Array, NDArray
 
 from .affine import Coefficients
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

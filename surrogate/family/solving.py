@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import CrossSection, assemble, checks
+from thermofem.arrays import Array
 from thermofem.files import write_whole
 
 from .affine import LineEngine
@@ -23,7 +23,6 @@ from .certify import FINER, FINEST, own
 from .moved import MovedEngine
 from .reduced import MemberModes
 
-Array = NDArray[np.float64]
 Task = tuple[Any, ...]
 
 log = logging.getLogger("thermofem")

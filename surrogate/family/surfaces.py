@@ -14,16 +14,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import HeatProblem
+from thermofem.arrays import Array, NDArray
 from thermofem.heat.interface import PERFECT
 
 from .box import Box
 from .laws import Values
 from .lines import CellGrid
-
-Array = NDArray[np.float64]
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # as scikit-fem integrates facets of quadratic triangles
 GAUSS, WEIGHT = (1 + _NODES) / 2, _WEIGHTS / 2

@@ -17,15 +17,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from thermofem.arrays import Array, NDArray
 from thermofem.heat.matrices import maps, reference
 
 from .box import Box
 from .laws import Values, values
 from .lines import CellGrid
-
-Array = NDArray[np.float64]
 
 ALIKE = 1e-12  # two coefficients whose ratio is constant to this over the box are one
 

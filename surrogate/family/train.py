@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import Campaign, Foster, checks, renamed
 from thermofem import __version__ as version
+from thermofem.arrays import Array
 from thermofem.campaign import schema
 from thermofem.toml_file import read
 
@@ -30,8 +30,6 @@ from .moved import MovedEngine, MovedMembers
 from .reduced import LineTerms, MemberModes, difference
 from .solving import Solver, truth_of
 from .training import SHARE, Trainer
-
-Array = NDArray[np.float64]
 
 log = logging.getLogger("thermofem")
 

@@ -11,7 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from thermofem.arrays import Array
 
 from .affine import LineEngine
 from .basis import Member, extended
@@ -19,8 +20,6 @@ from .box import Box
 from .moved import MovedEngine, projected
 from .reduced import LineTerms, difference
 from .solving import Solver, member_of
-
-Array = NDArray[np.float64]
 
 SHARE = 0.4  # of the tolerance, for what the functions leave of members on the reference mesh; the rest is the mesh's
 KEPT = 0.01  # of the tolerance: energy of the weakest direction that a batch adds

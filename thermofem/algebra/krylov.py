@@ -16,13 +16,12 @@ from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .. import checks
+from ..arrays import Array
 from .factor import Solve, factorize
 from .system import LinearSystem
 
-Array = NDArray[np.float64]
 System = TypeVar("System", bound=Any)  # a dataclass that is a LinearSystem
 
 SHIFTS = 4  # 0, and three from 30 times the slowest to 300 times the fastest of `rates`

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from .. import checks, waveforms
+from ..arrays import Array, ArrayLike
 from .smooth_poles import smooth_pole_responses
-
-Array = NDArray[np.float64]
 
 
 def pole_responses(rate: Array, wave: waveforms.Waveform, times: ArrayLike, *, periodic: bool = False) -> Array:

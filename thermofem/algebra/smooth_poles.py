@@ -6,11 +6,9 @@ x(t + h) = exp(-rate h) x(t) + sum_m c_m h^(m + 1) phi_m(rate h),   phi_m(y) = i
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..waveforms import Waveform, heating_pieces
-
-Array = NDArray[np.float64]
 
 BLOCK = 2_000_000  # numbers of one evaluation, so that many times and poles need no more than 100 MB
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 import surrogate
 
 from .. import checks
+from ..arrays import Array
 from ..geometry import CrossSection
 from ..heat import HeatProblem, assemble
 from ..models import NonlinearSystem
@@ -19,8 +19,6 @@ from ..models import NonlinearSystem
 if TYPE_CHECKING:
     import xarray as xr
     from rich.table import Table
-
-Array = NDArray[np.float64]
 
 FOSTER = tuple(f"Foster, trained ({n})" for n in (3, 5))
 NAMES = ("Newton", "second order", *FOSTER, "certified reduction (0.0001)", "SINDy")  # few enough for one figure

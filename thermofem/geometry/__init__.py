@@ -6,15 +6,6 @@ from .parts import Boundary, Interface, Layer, Part, Probe
 from .rings import disc, heated_ring, rib_ring, strip_ring
 
 __all__ = [
-    "Boundary",
-    "CrossSection",
-    "Interface",
-    "Layer",
-    "Part",
-    "Probe",
-    "disc",
-    "from_gdsfactory",
-    "heated_ring",
-    "rib_ring",
-    "strip_ring",
-]
+    "Boundary", "CrossSection", "Interface", "Layer", "Part", "Probe", "disc", "from_gdsfactory", "heated_ring",
+    "rib_ring", "strip_ring",
+]  # fmt: skip

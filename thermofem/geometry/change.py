@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .. import checks
+from ..arrays import Array
 from ..checks import InputError
 from ..materials.laws import Law, PowerLaw
 from .parts import Boundary
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from ..materials.library import Material
     from .cross_section import CrossSection
     from .parts import Part
-
-Array = NDArray[np.float64]
 
 _HINT = 'write it as "part.core.width", "layer.box.thickness", "material.SiO2.conductivity" or "outer_radius"'
 _PART = ("radius", "width", "inner_radius", "outer_radius", "bottom", "height", "sidewall_angle")

@@ -13,8 +13,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array, NDArray
 from ..checks import InputError
 from ..materials.library import VOID
 from .regions import GRID, distance, outlines
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from .change import Change
     from .cross_section import CrossSection
 
-Array = NDArray[np.float64]
 Point = tuple[float, float]
 Key = tuple[str, str] | None  # material and role of an owner; None for what is not meshed
 

@@ -12,16 +12,14 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .. import checks
+from ..arrays import Array, NDArray
 from ..materials.library import VOID
 from .parts import THINNEST
 
 if TYPE_CHECKING:
     from .cross_section import CrossSection
-
-Array = NDArray[np.float64]
 
 GRID = 1e-15  # m
 SIDES = ("bottom", "top", "outer", "axis", "wall")

@@ -20,15 +20,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from .matrices import properties
 
 if TYPE_CHECKING:
     from .enrichment import Enrichment
     from .problem import HeatProblem
-
-Array = NDArray[np.float64]
 
 Channel = tuple[str, str]  # heated, read
 

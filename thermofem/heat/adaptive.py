@@ -8,11 +8,9 @@ would not do (W. Doerfler, SIAM J. Numer. Anal. 33, 1106 (1996)).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array, NDArray
 from .accuracy import Estimate
-
-Array = NDArray[np.float64]
 
 AIM = 0.8  # of the target
 LEFT = 0.15  # of the share of a triangle after it was divided in four: 1/16 where the field is smooth, 0.4 at a corner

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
+from ..arrays import Array, ArrayLike, NDArray
 from ..geometry.change import Change, change
 from .projected import ModalDerivative
 from .tangent import Tangent, tangent
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
     from ..algebra.krylov import Rounds
     from .problem import HeatProblem
-
-Array = NDArray[np.float64]
 
 Parameter = str | Sequence[str]
 

@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array, NDArray
 from .matrices import maps, reference
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,11 +14,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import ElementTriP2
 from skfem.element.element_h1 import ElementH1
 from skfem.refdom import RefTri
 
+from ..arrays import Array, NDArray
 from .matrices import element_capacity, element_conduction, volume
 from .probes import probe_integral
 from .surfaces import surface_terms
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
     from ..mesh import Mesh
     from .matrices import Discretization
-
-Array = NDArray[np.float64]
 
 _EDGES = ((0, 1), (1, 2), (0, 2))
 _SLOPES = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])  # of the barycentric coordinates

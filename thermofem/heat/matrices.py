@@ -8,9 +8,9 @@ from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from ..algebra.factor import Pencil
+from ..arrays import Array, ArrayLike, NDArray
 from ..display import shown
 from ..models import StateSpace
 from ..transient.trajectory import Ledger
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
     from ..materials.library import Material
     from ..mesh import Mesh
-
-Array = NDArray[np.float64]
 
 
 @shown

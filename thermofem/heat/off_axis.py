@@ -19,15 +19,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .. import checks
+from ..arrays import Array, NDArray
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
     from ..geometry.parts import Probe
-
-Array = NDArray[np.float64]
 
 PER_GAP = 40  # steps of the angle for each gap between the heated part and the copy
 FEWEST, MOST = 64, 2000  # steps of the angle

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ..arrays import Array
 from .off_axis import off_axis_integral
 from .shell import shell_integral
 
@@ -14,8 +12,6 @@ if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
     from ..geometry.parts import Probe
     from ..mesh import Mesh
-
-Array = NDArray[np.float64]
 
 
 def probe_integral(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe) -> Array:

@@ -16,9 +16,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
+from ..arrays import Array, ArrayLike, NDArray
 from ..materials.laws import Law, is_constant
 from ..mesh.refine import refined
 from ..models import NonlinearSystem, StateSpace
@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from ..mesh import Mesh
 
 __all__ = ["Discretization", "HeatProblem", "Surfaces", "discretize"]
-
-Array = NDArray[np.float64]
 
 ROUNDS = 12  # meshes tried until the estimated error is below the accuracy
 LARGEST = 400_000  # unknowns; a mesh with more is not refined

@@ -15,12 +15,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..algebra.poles import pole_responses
+from ..arrays import Array, NDArray
 from ..waveforms import Waveform
-
-Array = NDArray[np.float64]
 
 STEP = 1e-4  # of a rate: half the width of the difference that gives the answer of a double pole to 1e-8
 

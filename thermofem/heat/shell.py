@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .. import checks
+from ..arrays import Array, NDArray
 from ..geometry.regions import distance
 from .matrices import volume
 
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
     from ..geometry.parts import Probe
     from ..mesh import Mesh
-
-Array = NDArray[np.float64]
 
 FINENESS = 24  # small triangles along each edge of a triangle that the shell's edge cuts
 

@@ -5,16 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from .element_tangent import volume_tangent
 from .shell import FINENESS, Cut, cut_shell, shell_integral
 
 if TYPE_CHECKING:
     from ..geometry.change import Change
     from .problem import HeatProblem
-
-Array = NDArray[np.float64]
 
 
 def shell_tangent(heat: HeatProblem, change: Change, moved: Array, name: str) -> Array:

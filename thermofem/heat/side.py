@@ -7,9 +7,8 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ..arrays import Array, NDArray
 
 ZERO = 1e-9  # a function below this at all points of an edge vanishes there
 

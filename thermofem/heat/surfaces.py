@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from ..arrays import Array, ArrayLike, NDArray
 from .interface import PERFECT, contacts
 from .side import Side
 
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from ..mesh import Mesh
     from .problem import HeatProblem
 
-Array = NDArray[np.float64]
 Facets = NDArray[np.intp]
 Pair = tuple[Facets, Facets]  # on both sides of a contact
 

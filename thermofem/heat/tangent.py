@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..checks import InputError
 from .element_tangent import element_capacity_tangent, element_conduction_tangent, volume_tangent
 from .matrices import assembled, properties
@@ -23,8 +23,6 @@ from .surfaces import surface_tangent
 if TYPE_CHECKING:
     from ..geometry.change import Change
     from .problem import HeatProblem
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

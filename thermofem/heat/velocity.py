@@ -6,16 +6,14 @@ from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array
 from ..geometry.corners import CornerMotion
 
 if TYPE_CHECKING:
     from ..geometry.change import Change
     from ..geometry.cross_section import CrossSection
     from ..mesh import Mesh
-
-Array = NDArray[np.float64]
 
 
 def vertex_velocities(

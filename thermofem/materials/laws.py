@@ -12,12 +12,10 @@ from functools import cached_property, lru_cache
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
+from ..arrays import Array, ArrayLike
 from ..display import shown
-
-Array = NDArray[np.float64]
 
 COLDEST, HOTTEST = 1.0, 1e4  # K; no law is asked beyond
 

@@ -21,17 +21,15 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..algebra.factor import factorize
+from ..arrays import Array, NDArray
 from ..checks import InputError
 from .triangles import Mesh, signed_areas
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
     from ..geometry.regions import Face
-
-Array = NDArray[np.float64]
 
 NEAR = 1e-9  # of the largest coordinate: a vertex this near to an edge lies on it
 SOFT = 1.0  # the larger, the more of the strain goes to large triangles; the smaller, the further a mesh can move

@@ -12,26 +12,7 @@ from .quadratic import Quadratic
 from .state_space import StateSpace, foster
 
 __all__ = [
-    "BORGHI2021_HEAT_CAPACITY",
-    "KINDS",
-    "Cauer",
-    "Foster",
-    "HasModel",
-    "Network",
-    "NonlinearSystem",
-    "OutputMap",
-    "OutsideTrainingWarning",
-    "Quadratic",
-    "StateSpace",
-    "ThermalModel",
-    "bare",
-    "check_single",
-    "foster",
-    "gate",
-    "linear_poles",
-    "load_model",
-    "load_provenance",
-    "newton",
-    "save_model",
-    "second_order",
-]
+    "BORGHI2021_HEAT_CAPACITY", "KINDS", "Cauer", "Foster", "HasModel", "Network", "NonlinearSystem", "OutputMap",
+    "OutsideTrainingWarning", "Quadratic", "StateSpace", "ThermalModel", "bare", "check_single", "foster", "gate",
+    "linear_poles", "load_model", "load_provenance", "newton", "save_model", "second_order",
+]  # fmt: skip

@@ -19,9 +19,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
+from ..arrays import ArrayLike
 from ..display import shown
 from ..names import check_one
 from .contract import Delegates, ThermalModel
@@ -30,8 +30,6 @@ from .json_fields import parts
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Array = NDArray[np.float64]
 
 FEWER = "merge neighbouring poles, or fit or reduce to fewer"
 DIGITS = 40  # decimal digits kept, and

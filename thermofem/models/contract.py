@@ -24,11 +24,9 @@ from collections.abc import Mapping
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from .. import checks, waveforms
-
-Array = NDArray[np.float64]
+from ..arrays import Array, ArrayLike, NDArray
 
 BEYOND = 1.2  # a rise this far above the training's largest draws a warning
 

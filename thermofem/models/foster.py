@@ -7,15 +7,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from .. import checks, waveforms
 from ..algebra.poles import pole_responses
+from ..arrays import Array, ArrayLike, NDArray
 from ..display import shown
 from ..names import check_one
 from .json_fields import parts
-
-Array = NDArray[np.float64]
 
 SHORTEST, LONGEST = 1e-20, 1e12  # s, of a time constant: beyond them rates and charges overflow in other programs
 

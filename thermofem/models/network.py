@@ -7,17 +7,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
+from ..arrays import Array, ArrayLike
 from ..display import shown
 from ..names import check_names
 from ..waveforms import Waveform
 from .contract import Delegates, warn_beyond
 from .foster import Foster
 from .json_fields import names, table
-
-Array = NDArray[np.float64]
 
 STATIC = 1e-3  # largest error of the static gain that passes
 

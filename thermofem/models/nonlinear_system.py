@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from .. import checks, waveforms
+from ..arrays import Array, ArrayLike
 from ..transient.integration import integrate, integrate_periodic
 from ..transient.nonlinear import NonlinearEquations, factorize_general
 from .contract import AtSmallPower, check_single
 from .state_space import StateSpace
-
-Array = NDArray[np.float64]
 
 NEWTON_STEPS = 60
 

@@ -7,14 +7,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from .. import checks, waveforms
+from ..arrays import Array, ArrayLike
 from ..display import shown
 from .contract import AtSmallPower, check_rise, warn_beyond
 from .foster import Foster
-
-Array = NDArray[np.float64]
 
 
 @shown

@@ -11,16 +11,14 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from .. import checks, waveforms
+from ..arrays import Array, ArrayLike, NDArray
 from ..display import shown
 from ..names import check_one
 from .contract import check_rise, warn_beyond
 from .json_fields import parts
 from .state_space import StateSpace
-
-Array = NDArray[np.float64]
 
 RTOL = 1e-8  # of LSODA per step; 1e-6 of the largest rise accumulates over 50 us at most (measured)
 PASSES = 40  # of the period map

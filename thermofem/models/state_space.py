@@ -8,11 +8,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from .. import checks, waveforms
 from ..algebra.factor import factorize
 from ..algebra.krylov import check_heat_flow
+from ..arrays import Array, ArrayLike, NDArray
 from ..display import shown
 from ..names import check_names
 from ..transient.integration import integrate, integrate_periodic
@@ -23,8 +23,6 @@ from .json_fields import parts, table
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
-
-Array = NDArray[np.float64]
 
 LARGEST = 500  # states to integrate with the optics; a certified reduction needs 10 to 40, and each costs time
 

@@ -14,12 +14,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array, NDArray
 from ..materials.laws import Law
 from .nonlinear import NodalOperator, NonlinearEquations
-
-Array = NDArray[np.float64]
 
 # K; of 5, 10 and 15 K the one with fewest solves for a ring that pulses up to 10 K; it changes the work alone
 HOT = 15.0

@@ -27,12 +27,12 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
 from ..algebra.factor import Pencil
 from ..algebra.krylov import Basis
 from ..algebra.system import LinearSystem
+from ..arrays import Array, ArrayLike
 from ..waveforms import Constant, Waveform
 from .curvature import Curvature, curvature
 from .esdirk import EMBEDDED, GAMMA, STAGE_TIMES, STAGES, WEIGHTS, Stepper
@@ -41,8 +41,6 @@ from .integration import between, hermite
 from .newton_stages import GUESS, NewtonStepper
 from .nonlinear import NonlinearEquations, NonlinearLedger
 from .trajectory import Ledger
-
-Array = NDArray[np.float64]
 
 SHARE = 0.2  # of the tolerance, for each of the three errors of a step
 SLOWER = 1 / 8  # with k(T) the error of the interpolation falls with less than the fourth power of a step (measured)

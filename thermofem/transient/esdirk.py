@@ -12,14 +12,12 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .. import checks
 from ..algebra.factor import Pencil
 from ..algebra.system import LinearSystem
+from ..arrays import Array
 from ..waveforms import Waveform, knots
-
-Array = NDArray[np.float64]
 
 _R2 = np.sqrt(2.0)
 GAMMA = 0.25

@@ -21,16 +21,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
 from ..algebra.krylov import Basis
 from ..algebra.smooth_poles import phi
+from ..arrays import Array, ArrayLike
 from ..waveforms import Cubic, Waveform, knots
 from .curvature import Curvature
 from .esdirk import STAGE_TIMES
-
-Array = NDArray[np.float64]
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)  # on [-1, 1]
 NODES, WEIGHTS = (NODES + 1) / 2, WEIGHTS / 2

@@ -15,18 +15,16 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
 from ..algebra.factor import Pencil
 from ..algebra.system import LinearSystem
+from ..arrays import Array, ArrayLike, NDArray
 from ..waveforms import Waveform, period_times
 from .esdirk import EMBEDDED, WEIGHTS, Stepper
 from .newton_stages import NewtonStepper
 from .nonlinear import NonlinearEquations, NonlinearLedger
 from .trajectory import Ledger, Trajectory
-
-Array = NDArray[np.float64]
 
 SAFETY = 0.1  # local error allowed, as a share of rtol; the accumulated error then stays below rtol (measured)
 RELAXATION = 1 / 1.149  # middle of the interval 1..1.298 of the corrected period map

@@ -21,20 +21,18 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
 from ..algebra.factor import Pencil
 from ..algebra.krylov import Basis, Rounds, rates
 from ..algebra.poles import pole_responses
 from ..algebra.system import LinearSystem
+from ..arrays import Array, ArrayLike, NDArray
 from ..waveforms import Waveform, linear_pieces
 from .esdirk import FAR
 from .integration import check_run
 from .nonlinear import NonlinearLedger
 from .trajectory import Ledger, Trajectory
-
-Array = NDArray[np.float64]
 
 SLOWEST, FASTEST = 30.0, 120.0  # shifts beside 0, over `krylov.rates`: the fewest fields for steps from 1 ns on
 SPAN = 2.5  # decades at most between two shifts: so two do for steps from 1 ns on, with as few fields as three or four

@@ -16,14 +16,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..algebra.factor import Pencil, Solve
+from ..arrays import Array, NDArray
 from ..waveforms import Waveform
 from .esdirk import GAMMA, STAGE_TIMES, STAGES, Stepper
 from .nonlinear import NodalOperator, NonlinearEquations, factorize_general
-
-Array = NDArray[np.float64]
 
 DRIFT = 0.2  # relative change of a law's derivative at any node beyond which the factors are made again (measured)
 SLIGHT_DRIFT = 0.03  # the same where the step has changed length, so that factors are to be made anyway (measured)

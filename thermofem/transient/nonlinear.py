@@ -21,11 +21,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Array, NDArray
 from ..materials.laws import Law
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -42,30 +42,10 @@ from .symbols import Symbols
 from .telegraph import Telegraph
 
 __all__ = [
-    "KINDS",
-    "Chirp",
-    "Constant",
-    "Cubic",
-    "Function",
-    "Pieces",
-    "PiecewiseCubic",
-    "Pulse",
-    "Sampled",
-    "SquareWave",
-    "Symbols",
-    "Telegraph",
-    "Waveform",
-    "bounds",
-    "cubic_pieces",
-    "from_json",
-    "heating_pieces",
-    "knots",
-    "linear_pieces",
-    "period_times",
-    "storable",
-    "to_json",
-    "words",
-]
+    "KINDS", "Chirp", "Constant", "Cubic", "Function", "Pieces", "PiecewiseCubic", "Pulse", "Sampled", "SquareWave",
+    "Symbols", "Telegraph", "Waveform", "bounds", "cubic_pieces", "from_json", "heating_pieces", "knots",
+    "linear_pieces", "period_times", "storable", "to_json", "words",
+]  # fmt: skip
 
 for _found in pkgutil.iter_modules(__path__):  # a new file in this folder joins by itself
     import_module(f"{__name__}.{_found.name}")

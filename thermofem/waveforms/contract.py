@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import ClassVar, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
-
-Array = NDArray[np.float64]
+from ..arrays import Array, ArrayLike
 
 POWER_HINT = checks.Hint("powers are in W (did you mean 2e-3 for 2 mW?)")
 TIME_HINT = checks.Hint("times are in s (did you mean 1e-6 for 1 us?)")

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ...arrays import Array
 
 HEATING = 2e-3  # W, the paper's heating in Figs. 5 and 7
 CENTRE = (8.0, 0.0)  # dBm and GHz: the point of the paper's Fig. 5(b)

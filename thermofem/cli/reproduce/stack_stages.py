@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 import coupled
 import surrogate
@@ -12,6 +11,7 @@ from coupled.parameters import borghi2021 as paper
 from surrogate.interpolant import smooth
 
 from ... import checks
+from ...arrays import Array, NDArray
 from ...campaign import Campaign
 from ...campaign.vary import Schedule, Variation
 from ...dataset import build
@@ -22,8 +22,6 @@ from .pulsing_stages import heat_of_the_pair
 from .settings import CENTRE, watts
 from .stages import Job
 from .store import Result
-
-Array = NDArray[np.float64]
 
 CORE = 0.22e-6  # m; the cladding is measured from its bottom
 VARIED = (
