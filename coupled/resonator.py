@@ -238,14 +238,25 @@ class RingResonator:
 
             gamma = w0/(2 Q_L),   gamma_i + gamma_s = w0/(2 Q_i),   V = perimeter x mode_area
 
-        base: the material and what is not named here, such as `borghi2021`.
-        name, frequency [Hz]
-        loaded_q, intrinsic_q: Q_L below Q_i.
-        buses: 1 or 2; what is not lost in the ring leaves through them, half each.
-        absorbed_fraction: of the intrinsic loss, the part that heats; the rest scatters.
-        perimeter, mode_area [m and m^2]: both or none: the volume of two-photon absorption and of the carriers.
-        Raises InputError: Q_L not below Q_i, a number of buses other than 1 and 2, one of perimeter and mode_area
-            alone, or both for a base whose rates are set and would not follow the new volume.
+        Parameters
+        ----------
+        base : RingResonator
+            the material and what is not named here, such as `borghi2021`.
+        name, frequency : str, Hz
+        loaded_q, intrinsic_q : float
+            Q_L below Q_i.
+        buses : int
+            1 or 2; what is not lost in the ring leaves through them, half each.
+        absorbed_fraction : float
+            of the intrinsic loss, the part that heats; the rest scatters.
+        perimeter, mode_area : float, m and m^2, optional
+            both or none: the volume of two-photon absorption and of the carriers.
+
+        Raises
+        ------
+        InputError
+            Q_L not below Q_i, a number of buses other than 1 and 2, one of perimeter and mode_area alone, or both for a
+            base whose rates are set and would not follow the new volume.
         """
         checks.between("frequency", frequency, 1e13, 1e16, unit="Hz", hint="did you mean 192.88e12?")
         checks.between("loaded_q", loaded_q, 10, 1e10)
@@ -288,8 +299,10 @@ class RingResonator:
     def from_toml(cls, path: str | Path) -> RingResonator:
         """Read a ring from a TOML file with units in its text; the keys stand in `ring_toml`.
 
-        Raises InputError: a file that cannot be read, an unknown or missing key, a wrong unit, or a number out of
-            range.
+        Raises
+        ------
+        InputError
+            a file that cannot be read, an unknown or missing key, a wrong unit, or a number out of range.
         """
         return toml_file.read(path, "ring", cls.from_text)
 

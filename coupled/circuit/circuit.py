@@ -135,7 +135,11 @@ class Circuit:
     def scattered(self, sigma: float, seed: int = 0) -> Circuit:
         """The circuit with cold resonances that scatter, as fabrication leaves them.
 
-        sigma [Hz]: standard deviation of a normal distribution; the reference frequency stays.
+        Parameters
+        ----------
+        sigma : float, Hz
+            standard deviation of a normal distribution; the reference frequency stays.
+        seed : int
         """
         checks.between("sigma", sigma, 0, 1e13, unit="Hz", hint="1 nm of wavelength is about 125e9 Hz")
         shift = np.random.default_rng(checks.seed(seed)).normal(0.0, sigma, len(self.names))
@@ -149,7 +153,10 @@ class Circuit:
     def from_toml(cls, path: str | Path) -> Circuit:
         """Read a circuit file; its keys stand in `coupled.circuit.file`.
 
-        Raises InputError: a file that cannot be read, unknown or missing keys, or what `Circuit` refuses.
+        Raises
+        ------
+        InputError
+            a file that cannot be read, unknown or missing keys, or what `Circuit` refuses.
         """
         folder = checks.path("path", path).parent
         return toml_file.read(path, "circuit", lambda text: cls(**file.fields(text, folder)))

@@ -133,9 +133,17 @@ class Family:
     def model(self, *, heated: str | None = None, read: str | None = None, **values: float) -> Model:
         """Return the Foster network of one member; with k(T) an OutputMap over it, of the first channel.
 
-        heated, read: the channel; default the first heated part, and itself or what the family reads first.
-        **values: one number for each parameter, SI.
-        Raises InputError: a parameter missing or unknown, or a value outside the box.
+        Parameters
+        ----------
+        heated, read : str
+            the channel; default the first heated part, and itself or what the family reads first.
+        **values : float
+            one number for each parameter, SI.
+
+        Raises
+        ------
+        InputError
+            a parameter missing or unknown, or a value outside the box.
         """
         a, b = self._channel(heated, read)
         row = self.box.row(values)

@@ -174,10 +174,18 @@ class CrossSection:
     def with_(self, values: Mapping[str, Any] | None = None, /, **more: Any) -> CrossSection:
         """A copy with other values, given by the paths of a campaign: numbers in SI, or text with units.
 
-        values [mapping from path to value]: "part.core.radius", "layer.box.thickness", "material.SiO2.conductivity",
-            "interface.core.resistance", "boundary.top.convection", "part.core.material", "outer_radius", ...
-        more [value]: the same for paths without a dot: ``with_(outer_radius=50e-6)``.
-        Raises InputError: a path that leads nowhere, or a geometry that cannot be.
+        Parameters
+        ----------
+        values : mapping from path to value
+            "part.core.radius", "layer.box.thickness", "material.SiO2.conductivity", "interface.core.resistance",
+            "boundary.top.convection", "part.core.material", "outer_radius", ...
+        more : value
+            the same for paths without a dot: ``with_(outer_radius=50e-6)``.
+
+        Raises
+        ------
+        InputError
+            a path that leads nowhere, or a geometry that cannot be.
 
         >>> wider = strip_ring().with_({"part.core.width": 500e-9, "layer.box.thickness": "3 um"})
         >>> wider.layers[1].thickness, wider.volumes()["core"] > strip_ring().volumes()["core"]
@@ -192,7 +200,10 @@ class CrossSection:
     def from_toml(cls, path: str | Path) -> CrossSection:
         """Read a geometry file.
 
-        Raises InputError: the file is missing or no TOML, or what it says cannot be; the message begins with the file.
+        Raises
+        ------
+        InputError
+            the file is missing or no TOML, or what it says cannot be; the message begins with the file.
         """
         return toml_file.read(path, "geometry", cls.from_toml_text)
 

@@ -117,9 +117,17 @@ class HeatProblem:
     ) -> StateSpace:
         """The FEM with chosen inputs and outputs.
 
-        heated: heated parts; default all of them.
-        read: layers, parts or probes whose mean is read; default the heated ones.
-        Raises InputError: a name that is no heated part, or nothing that can be read.
+        Parameters
+        ----------
+        heated : str or sequence of str
+            heated parts; default all of them.
+        read : str or sequence of str
+            layers, parts or probes whose mean is read; default the heated ones.
+
+        Raises
+        ------
+        InputError
+            a name that is no heated part, or nothing that can be read.
         """
         inputs = _names("heated", heated, self.heated, self.heated)
         outputs = _names("read", read, self.readable, inputs)
@@ -150,7 +158,10 @@ class HeatProblem:
     def modal(self, heated: str) -> Modal:
         """Transients in closed form with ``heated`` carrying the power, at small power; one for all runs.
 
-        Raises InputError: a name that is no heated part.
+        Raises
+        ------
+        InputError
+            a name that is no heated part.
         """
         if heated not in self._modal:
             known, contents = self._mesh_error.known(heated), self._mesh_error.contents
@@ -219,7 +230,10 @@ class HeatProblem:
     def steady_rise(self, power: float, heated: str | None = None, read: str | None = None) -> float:
         """Steady mean rise of ``read`` in K at a power in W in ``heated``; k(T) is taken into account.
 
-        Raises InputError: a power out of range; no steady state is found, see `nonlinear.NonlinearSystem.steady_state`.
+        Raises
+        ------
+        InputError
+            a power out of range; no steady state is found, see `nonlinear.NonlinearSystem.steady_state`.
         """
         heated = heated or self.heated[0]
         checks.between("power", power, -10, 10, unit="W", hint="powers are in W (did you mean 2e-3 for 2 mW?)")

@@ -149,7 +149,10 @@ class Quadratic:
     def steady_state(self, power: float) -> Array:
         """States at constant power, on the branch that begins at rest.
 
-        Raises InputError: no steady state at this power: the quadratic terms have taken over.
+        Raises
+        ------
+        InputError
+            no steady state at this power: the quadratic terms have taken over.
         """
         x = np.zeros(self.order)
         for share in np.linspace(0.125, 1, 8):
