@@ -121,6 +121,15 @@ def check_run(ring: RingResonator, duration: float, rtol: float) -> None:
     checks.between("rtol", rtol, 1e-13, 1e-1, hint="1e-6 gives traces and periods to better than 1e-5")
 
 
+def check_times(times: ArrayLike, duration: float) -> Array:
+    """Return the output times in s, or raise InputError unless they increase and lie within the run."""
+    wanted = checks.array("times", times, increasing=True, hint="times are in s")
+    if wanted[0] < 0 or wanted[-1] > duration * (1 + 1e-12):
+        bad = wanted[0] if wanted[0] < 0 else wanted[-1]
+        raise checks.InputError(f"times reach {bad:g} s; they must lie between 0 and the duration of {duration:g} s")
+    return wanted
+
+
 def check_duration(duration: float) -> None:
     """Raise InputError unless a duration lies between a cycle of the light and a second."""
     hint = "times are in s (did you mean 20e-6 for 20 us?)"

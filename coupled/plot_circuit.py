@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
 
@@ -25,9 +24,7 @@ _SPLITTER = {"in 1": (-0.4, -0.2), "in 2": (-0.4, 0.2), "out 1": (0.4, -0.2), "o
 def plot_circuit(circuit: Circuit, ax: Axes | None = None) -> Axes:
     """The circuit as a drawing: rings in a row on their two buses, arrows for light from terminal to terminal."""
     takes("circuit", circuit, "names", "splitters", "waveguides", what="a coupled.Circuit")
-    if ax is None:
-        width = 1.6 * (len(circuit.names) + len(circuit.splitters)) + 2.5
-        ax = plt.subplots(figsize=(width, 2.8), layout="constrained")[1]
+    ax = axes(ax, (1.6 * (len(circuit.names) + len(circuit.splitters)) + 2.5, 2.8))
     at: dict[str, tuple[float, float]] = {}
     for k, name in enumerate(circuit.names):
         ax.add_patch(Circle((k * PITCH, 0), RADIUS, fill=False, linewidth=2, color=INK))
@@ -79,26 +76,20 @@ def plot_rings(run: xr.Dataset, name: str = "delta_T", ax: Axes | None = None) -
     """One quantity of every ring against time (us)."""
     takes("run", run, "time", "ring", what="a Dataset of coupled.simulate_circuit")
     choice("name", name, [str(k) for k in run.data_vars if "ring" in run[k].dims])
-    ax = axes(ax)
-    for k, ring in enumerate(run["ring"].values):
-        ax.plot(run["time"] * 1e6, run[name].sel(ring=ring), color=CYCLE[k % len(CYCLE)], label=str(ring), lw=1)
-    ax.set(xlabel="time (µs)", ylabel=f"{run[name].attrs['long_name']} ({run[name].attrs['units']})")
-    ax.legend(frameon=False, fontsize="small")
-    return ax
+    return _lines(ax, run[name], "ring", f"{run[name].attrs['long_name']} ({run[name].attrs['units']})")
 
 
 def plot_ports(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Power (mW) at every port against time (us)."""
     takes("run", run, "time", "port", "output", what="a Dataset of coupled.simulate_circuit")
+    return _lines(ax, run["output"] * 1e3, "port", "power (mW)")
+
+
+def _lines(ax: Axes | None, values: xr.DataArray, over: str, label: str) -> Axes:
+    """A line against time (us) for every ring or port."""
     ax = axes(ax)
-    for k, port in enumerate(run["port"].values):
-        ax.plot(
-            run["time"] * 1e6,
-            run["output"].sel(port=port) * 1e3,
-            color=CYCLE[k % len(CYCLE)],
-            label=str(port),
-            lw=1,
-        )
-    ax.set(xlabel="time (µs)", ylabel="power (mW)")
+    for k, one in enumerate(values[over].values):
+        ax.plot(values["time"] * 1e6, values.sel({over: one}), color=CYCLE[k % len(CYCLE)], label=str(one), lw=1)
+    ax.set(xlabel="time (µs)", ylabel=label)
     ax.legend(frameon=False, fontsize="small")
     return ax

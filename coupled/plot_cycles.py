@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 
-from thermofem.plot_style import takes
+from thermofem.plot_style import axes, takes
 
 from .plot_axes import HEAT, readable
 
@@ -28,8 +27,7 @@ def plot_branch(branch: xr.Dataset, ax: Axes | None = None, *, fixed: xr.Dataset
     fixed: from `transmission` over the same parameter: the fixed points, drawn below the cycles.
     """
     takes("branch", branch, "stability", what="a Dataset of coupled.continue_cycle")
-    if ax is None:
-        _, ax = plt.subplots(figsize=(5.6, 3.6), layout="constrained")
+    ax = axes(ax, (5.6, 3.6))
     name = str(branch.attrs["parameter"])
     factor, label = _axis(branch, name)
     if fixed is not None:

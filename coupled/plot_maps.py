@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
 
 from thermofem.checks import choice
+from thermofem.plot_style import axes as new_axes
 from thermofem.plot_style import takes
 
 from .plot_axes import LIGHT, dbm, readable
@@ -62,8 +63,7 @@ def plot_map(
     """
     takes("data", data, "regime", what=MAP)
     choice("show", show, ["regime", *(name for name in _SCALED if name in data or name == "frequency")])
-    if ax is None:
-        _, ax = plt.subplots(figsize=(5, 3.8), layout="constrained")
+    ax = new_axes(ax, (5, 3.8))
     (y_axis, y_label), (x_axis, x_label) = (_drawn_axis(data, str(dim)) for dim in data["regime"].dims)
     x, y = _edges(x_axis), _edges(y_axis)
     if show == "regime":

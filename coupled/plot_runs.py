@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from thermofem.checks import InputError, choice
-from thermofem.plot_style import GREEN, ORANGE, PURPLE, takes
+from thermofem.plot_style import GREEN, ORANGE, PURPLE, axes, takes
 
 from .plot_axes import HEAT, LIGHT, readable
 
@@ -116,8 +116,7 @@ def plot_sweep(run: xr.Dataset, show: str = "drop", ax: Axes | None = None) -> A
     swept = [name for name in ("detuning", "input_power") if name in run and np.ptp(run[name].values) > 0]
     if not swept:
         raise InputError("run has a constant laser; a sweep needs a detuning or power that varies")
-    if ax is None:
-        _, ax = plt.subplots(figsize=(5.4, 3.6), layout="constrained")
+    ax = axes(ax, (5.4, 3.6))
     x, x_unit = readable(run[swept[0]].values, "Hz" if swept[0] == "detuning" else "W")
     y, y_unit = readable(run[show].values, "K" if show == "delta_T" else "W")
     rising = np.append(np.diff(x) >= 0, np.diff(x)[-1] >= 0)

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermofem import Quadratic, checks, dataset
-from thermofem.arrays import Array, ArrayLike
+from thermofem.arrays import ArrayLike
 from thermofem.models import ThermalModel
 from thermofem.record import Record, as_dataset, column
 
-from .arguments import check_run, detuning_in_time, power_in_time
+from .arguments import check_run, check_times, detuning_in_time, power_in_time
 from .heaters import channels, heating
 from .inputs import Input
 from .kernels.tableaus import Method
@@ -125,7 +125,7 @@ def simulate(
     """
     check_run(ring, duration, rtol)
     light = {"input_power": power_in_time(power, duration), "detuning": detuning_in_time(detuning, duration)}
-    wanted = NO_TIMES if times is None else _wanted(times, duration)
+    wanted = NO_TIMES if times is None else check_times(times, duration)
     if adiabatic and (event or method):
         raise checks.InputError("adiabatic goes with neither event nor method; it has a method of its own")
     checks.progress(progress)
@@ -187,12 +187,3 @@ def check_method(method: Method | str | None) -> Method | None:
     if method is None:
         return None
     return Method(checks.choice("method", str(method).lower(), [m.value for m in Method]))
-
-
-def _wanted(times: ArrayLike, duration: float) -> Array:
-    """Check the output times."""
-    wanted = checks.array("times", times, increasing=True, hint="times are in s")
-    if wanted[0] < 0 or wanted[-1] > duration * (1 + 1e-12):
-        bad = wanted[0] if wanted[0] < 0 else wanted[-1]
-        raise checks.InputError(f"times reach {bad:g} s; they must lie between 0 and the duration of {duration:g} s")
-    return wanted

@@ -196,16 +196,20 @@ def constant_laser(start: float, stop: float, pump: float, detuning: float) -> A
 
 def check_end(counts: NDArray[np.int64], reached: float, duration: float, rtol: float) -> None:
     """Raise if an integration did not reach its end; ``reached`` in ns, ``duration`` in s."""
-    from .kernels import rosenbrock
+    from .kernels import control
 
-    if counts[2] == rosenbrock.TOO_MANY_STEPS:
+    if counts[2] == control.TOO_MANY_ROWS:
+        raise checks.InputError(
+            f"the accepted steps up to t = {reached * 1e-9:g} s fill the memory; give the wanted times, times=..."
+        )
+    if counts[2] == control.TOO_MANY_STEPS:
         raise checks.InputError(
             f"duration = {duration:g} s takes more than {MAX_STEPS} steps at rtol = {rtol:g} "
             f"(they reach {reached * 1e-9:g} s); shorten it or loosen rtol"
         )
-    if counts[2] == rosenbrock.STOPPED:
+    if counts[2] == control.STOPPED:
         raise KeyboardInterrupt
-    if counts[2] == rosenbrock.STEP_TOO_SMALL:
+    if counts[2] == control.STEP_TOO_SMALL:
         raise RuntimeError(f"the integration found no step small enough at t = {reached * 1e-9:g} s")
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from thermofem import Foster, StateSpace, checks
 from thermofem.arrays import Array
+from thermofem.models.state_space import eigenmodes
 
 from ..inputs import Pieces, add
 from ..thermal import compact
@@ -21,10 +22,7 @@ from ..thermal import compact
 MOST = 20_000  # thermal states of all rings
 FEW = 8  # states of a ring from which on their number is a multiple of 4, the numbers that a processor adds at once
 NOTHING = 1e-15  # of a ring's R_th, what a state adds to any ring
-PER_DECADE, FIRST = (
-    30,
-    1e-10,
-)  # samples of a heater's answer after an edge, and the first one in s: see `heater_offsets`
+PER_DECADE, FIRST = 30, 1e-10  # samples of a heater's answer after an edge, the first in s: see `heater_offsets`
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +119,6 @@ def _of_array(model: StateSpace, rings: int) -> RingHeat:
 
 def _modes(model: StateSpace) -> tuple[Array, Array, Array]:
     """Rates, and B and C in the modes of a small symmetric system."""
-    from scipy.linalg import LinAlgError, eigh
     from scipy.sparse import issparse
 
     if model.order > MOST:
@@ -129,21 +126,10 @@ def _modes(model: StateSpace) -> tuple[Array, Array, Array]:
             f"thermal is a system of {model.order} states; reduce it first (surrogate.reduce_array)"
         )
     E, A = (m.toarray() if issparse(m) else np.asarray(m, dtype=float) for m in (model.E, model.A))
-    if np.array_equal(E, np.eye(len(E))) and np.array_equal(A, np.diag(np.diag(A))):
-        rate, B, C = -np.diag(A), np.asarray(model.B, dtype=float), np.asarray(model.C, dtype=float)
-    else:
-        for name, matrix in (("E", E), ("A", A)):
-            checks.symmetric(f"thermal.{name}", matrix, hint="heat flow has symmetric matrices")
-        try:
-            rate, modes = eigh(-A, E)
-        except LinAlgError:
-            raise checks.InputError(
-                "thermal.E is not positive definite; every heat capacity must be positive"
-            ) from None
-        B, C = modes.T @ model.B, model.C @ modes
-    if rate.min() <= 0:
-        raise checks.InputError(f"thermal has a mode with rate {rate.min():g} 1/s; every one must decay")
-    return rate, np.asarray(B), np.asarray(C)
+    if np.array_equal(E, np.eye(len(E))) and np.array_equal(A, np.diag(np.diag(A))) and np.diag(A).max() < 0:
+        return -np.diag(A), np.asarray(model.B, dtype=float), np.asarray(model.C, dtype=float)  # its own modes
+    rate, modes = eigenmodes(model)
+    return rate, modes.T @ np.asarray(model.B), np.asarray(model.C) @ modes
 
 
 def heater_offsets(heat: RingHeat, heaters: Mapping[str, Any] | None, duration: float) -> list[Pieces]:

@@ -29,6 +29,11 @@ def check_name(kind: str, name: str) -> str:
     return name
 
 
+def _transmission(self: Waveguide | LaserPort) -> complex:
+    """Amplitude at the terminal that the light enters by, per amplitude before it, at the reference frequency."""
+    return 10 ** (-self.loss / 20) * complex(math.cos(self.phase), -math.sin(self.phase))
+
+
 @shown
 @dataclass(frozen=True)
 class Waveguide:
@@ -59,10 +64,7 @@ class Waveguide:
         checks.finite(f"{of}phase", self.phase, unit="rad")
         checks.between(f"{of}delay", self.delay, 0, 1e-2, unit="s", hint="times are in s (did you mean 1e-9?)")
 
-    @property
-    def transmission(self) -> complex:
-        """Amplitude behind the waveguide per amplitude before it, at the reference frequency."""
-        return 10 ** (-self.loss / 20) * complex(math.cos(self.phase), -math.sin(self.phase))
+    transmission = property(_transmission)
 
 
 @shown
@@ -115,10 +117,7 @@ class LaserPort:
         checks.finite(f"laser {self.name!r}: phase", self.phase, unit="rad")
         checks.between(f"laser {self.name!r}: offset", self.offset, -5e12, 5e12, unit="Hz", hint="did you mean 1e9?")
 
-    @property
-    def transmission(self) -> complex:
-        """Amplitude at the terminal per amplitude of the laser."""
-        return 10 ** (-self.loss / 20) * complex(math.cos(self.phase), -math.sin(self.phase))
+    transmission = property(_transmission)
 
 
 @shown

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermofem import checks
-from thermofem.arrays import Array, ArrayLike, NDArray
+from thermofem.arrays import Array, ArrayLike
 
-from ..arguments import check_duration
+from ..arguments import check_duration, check_times
 from ..inputs import Input
 from ..kernels.tableaus import Method, tableau
 from ..simulate import check_method
-from ..window import LONG, MAX_STEPS
+from ..window import LONG, MAX_STEPS, check_end
 from .alone import is_alone, run_alone
 from .circuit import Circuit
 from .drive import corners, warn_of_fast_streams
@@ -102,7 +102,6 @@ def simulate_circuit(
     10.5 K
     """
     from ..kernels import equations as eq
-    from ..kernels.control import DONE
     from ..kernels.interrupts import new_watch, uninterrupted, watched
     from .integrate import integrate
     from .poles import series
@@ -120,7 +119,7 @@ def simulate_circuit(
     light, heat, drive, rings, offsets = system.light, system.heat, system.drive, system.rings, system.offsets
     warn_of_fast_streams(circuit, inputs)
     corner = corners(circuit, light)
-    wanted = np.empty(0) if times is None else _wanted(times, duration)
+    wanted = np.empty(0) if times is None else check_times(times, duration)
     alone = is_alone(circuit) and not average and not corner.size
     chosen = check_method(method) or (Method.RODAS4 if rtol >= 1e-6 and alone else Method.RODAS5P)
     begin = _start(circuit, heat, initial)
@@ -144,8 +143,7 @@ def simulate_circuit(
             integrate, begin, drive, rings, system.states, system.net, tableau(chosen), series(tableau(chosen)), rtol,
             wanted[wanted > 0] / eq.NS, bool(average), corner, MAX_STEPS, new_watch(),
         )  # fmt: skip
-        if counts[2] != DONE:
-            _explain(counts, reached, duration, rtol)
+        check_end(counts, reached, duration, rtol)
         gathered = rows.shape[1] - 1 - 4 * len(offsets) - 2 * len(light.terminals)
         first = first_row(light, drive, begin, heat, gathered=gathered)
         rows = np.vstack([np.repeat(first[None], int(np.sum(wanted <= 0)) if wanted.size else 1, axis=0), rows])
@@ -175,28 +173,3 @@ def _start(circuit: Circuit, heat: RingHeat, initial: xr.Dataset | None) -> Arra
             f"initial has {values.size} states and this circuit {n * (3 + K)}; go on with the same circuit and model"
         )
     return np.asarray(values / units_of(n, K))
-
-
-def _wanted(times: ArrayLike, duration: float) -> Array:
-    wanted = checks.array("times", times, increasing=True, hint="times are in s")
-    if wanted[0] < 0 or wanted[-1] > duration * (1 + 1e-12):
-        bad = wanted[0] if wanted[0] < 0 else wanted[-1]
-        raise checks.InputError(f"times reach {bad:g} s; they must lie between 0 and the duration of {duration:g} s")
-    return wanted
-
-
-def _explain(counts: NDArray[np.int64], reached: float, duration: float, rtol: float) -> None:
-    """Raise what an integration that gave up deserves."""
-    from ..kernels import control
-
-    at = f"t = {reached * 1e-9:g} s"
-    if counts[2] == control.STOPPED:
-        raise KeyboardInterrupt
-    if counts[2] == control.TOO_MANY_ROWS:
-        raise checks.InputError(f"the accepted steps up to {at} fill the memory; give the wanted times, times=...")
-    if counts[2] == control.TOO_MANY_STEPS:
-        raise checks.InputError(
-            f"duration = {duration:g} s takes more than {MAX_STEPS} steps at rtol = {rtol:g} (they reach {at}); "
-            "shorten it or loosen rtol"
-        )
-    raise RuntimeError(f"the integration found no step small enough at {at}")

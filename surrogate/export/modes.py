@@ -12,6 +12,7 @@ import numpy as np
 
 from thermofem import Foster, OutputMap, StateSpace, checks
 from thermofem.arrays import Array
+from thermofem.models.state_space import eigenmodes
 
 MOST = 500  # poles in a file for a simulator
 
@@ -59,22 +60,10 @@ def _of_state_space(model: StateSpace) -> Modes:
     """The poles of a linear system, each scaled to a temperature."""
     if model.order > MOST:
         raise checks.InputError(f"a StateSpace of {model.order} states is not compact; surrogate.reduce it first")
-    rate, vectors = _eigen(model)
+    rate, vectors = eigenmodes(model)
     B, C = vectors.T @ np.asarray(model.B), np.asarray(model.C) @ vectors
     scale = np.abs(C).max(axis=0)
     kept = (scale > 0) & np.any(B != 0, axis=1)
     rate, B, C, scale = rate[kept], B[kept], C[:, kept], scale[kept]
     order = np.argsort(-rate)
     return Modes(rate[order], (B * scale[:, None])[order], (C / scale)[:, order], model.inputs, model.outputs)
-
-
-def _eigen(model: StateSpace) -> tuple[Array, Array]:
-    """Rates and E-orthonormal modes of a small symmetric system."""
-    from scipy.linalg import eigh
-    from scipy.sparse import issparse
-
-    E, A = (m.toarray() if issparse(m) else np.asarray(m) for m in (model.E, model.A))
-    rate, vectors = eigh(-A, E)
-    if rate[0] <= 0:
-        raise checks.InputError(f"the slowest pole has rate {rate[0]:g} 1/s; every one must decay")
-    return rate, vectors

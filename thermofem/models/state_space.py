@@ -192,13 +192,23 @@ def foster(system: StateSpace) -> Foster:
     Raises InputError: more than 2000 states (reduce the FEM first), several channels, matrices that are not symmetric,
         E not positive definite, or a pole that does not decay.
     """
-    from scipy.linalg import LinAlgError, eigh
-    from scipy.sparse import issparse
-
     if system.order > 2000:
         raise checks.InputError(f"a system of {system.order} states is too large to diagonalise; reduce it first")
     check_single(system)
-    E, A = (m.toarray() if issparse(m) else np.asarray(m) for m in (system.E, system.A))
+    rate, modes = eigenmodes(system)
+    R = (system.C[0] @ modes) * (modes.T @ system.B[:, 0]) / rate
+    return Foster(R=R, tau=1 / rate, inputs=system.inputs, outputs=system.outputs)
+
+
+def eigenmodes(system: StateSpace) -> tuple[Array, Array]:
+    """Rates in 1/s, rising, and E-orthonormal modes of a small system: A v = -rate E v.
+
+    Raises InputError: matrices that are not symmetric, E not positive definite, or a mode that does not decay.
+    """
+    from scipy.linalg import LinAlgError, eigh
+    from scipy.sparse import issparse
+
+    E, A = (m.toarray() if issparse(m) else np.asarray(m, dtype=float) for m in (system.E, system.A))
     for name, matrix in (("E", E), ("A", A)):  # eigh reads one triangle
         checks.symmetric(name, matrix, hint="only a symmetric system is a Foster network")
     try:
@@ -209,5 +219,4 @@ def foster(system: StateSpace) -> Foster:
         raise checks.InputError(
             f"the slowest pole has rate {rate[0]:g} 1/s; every one must decay (is a boundary held?)"
         )
-    R = (system.C[0] @ modes) * (modes.T @ system.B[:, 0]) / rate
-    return Foster(R=R, tau=1 / rate, inputs=system.inputs, outputs=system.outputs)
+    return rate, modes
