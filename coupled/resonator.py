@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from thermofem import checks, toml_file
+from thermofem.constants import c, hbar
 from thermofem.display import shown
 
 from . import ring_toml
@@ -172,8 +173,6 @@ class RingResonator:
     @property
     def eta_fca(self) -> float:
         """c sigma_FCA / n_g in m^3/s: amplitude loss rate for a unit carrier density; half that of the energy."""
-        from scipy.constants import c
-
         return self._given("eta_fca", c * self.fca_cross_section / self.group_index)
 
     @property
@@ -184,24 +183,18 @@ class RingResonator:
     @property
     def g_tpa(self) -> float:
         """Gamma_FC c^2 beta / (2 n0^2 hbar w0 V_FCA^2) in 1/(m^3 s J^2): carriers made by a unit energy squared."""
-        from scipy.constants import hbar
-
         made = self.fca_confinement * self._two_photon / (hbar * self.omega * self.fca_volume**2)
         return self._given("g_tpa", made)
 
     @property
     def kerr_shift(self) -> float:
         """Gamma_TPA w0 c n_2 / (n0^2 V_TPA) in rad/(s J): how far the resonance moves down for a unit energy."""
-        from scipy.constants import c
-
         each = c * self.kerr_coefficient / (self.refractive_index * self.tpa_volume)
         return self._given("kerr_shift", self.tpa_confinement * self.index_rate * each)
 
     @property
     def _two_photon(self) -> float:
         """c^2 beta / (2 n0^2) in m^3/(s J)."""
-        from scipy.constants import c
-
         return c**2 * self.tpa_coefficient / (2 * self.refractive_index**2)
 
     def _given(self, name: str, computed: float) -> float:

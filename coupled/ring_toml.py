@@ -34,6 +34,7 @@ from typing import Any, TypeVar
 
 from thermofem import checks, quantity, toml_file
 from thermofem.checks import InputError
+from thermofem.constants import c, e, k
 
 from .carriers import ShockleyReadHall
 from .lifetime import ConstantLifetime
@@ -134,8 +135,6 @@ def _resolve(values: dict[str, Any], template: Any, frequency: float | None) -> 
 
     ``template`` is any ring; only its method `from_quality_factors` is used. ``frequency`` is that of the base ring.
     """
-    from scipy.constants import c
-
     if "wavelength" in values:
         if "frequency" in values:
             raise InputError("wavelength and frequency are both given; one determines the other")
@@ -179,16 +178,14 @@ def _dispersion(items: Any) -> tuple[tuple[float, float], ...]:
     if not isinstance(items, list):
         raise InputError("dispersion must be tables, each opened by a line [[dispersion]]")
     terms = []
-    for k, item in enumerate(items, 1):
-        where = f"[[dispersion]] {k}"
+    for count, item in enumerate(items, 1):
+        where = f"[[dispersion]] {count}"
         values = _quantities(_table(item, where), _DISPERSION, where, required=("coefficient", "exponent"))
         terms.append((values["coefficient"], values["exponent"]))
     return tuple(terms)
 
 
 def _carriers(item: Any) -> ShockleyReadHall | ConstantLifetime:
-    from scipy.constants import e, k
-
     values = _quantities(_table(item, "[carriers]"), _CARRIERS, "[carriers]")
     if "lifetime" in values:
         if len(values) > 1:

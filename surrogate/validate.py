@@ -12,6 +12,7 @@ import numpy as np
 
 from thermofem import Chirp, Constant, Pulse, SquareWave, Telegraph, ThermalModel, Waveform, checks, waveforms
 from thermofem.arrays import Array, ArrayLike
+from thermofem.constants import c
 
 from .swings import SAMPLES, period_of, swing_over_period, swings
 
@@ -184,14 +185,13 @@ def compare(
     misfit = [[_answer(m, d) - y for d, y in zip(drives, exact, strict=True)] for m in models.values()]
     rms = np.array([[np.sqrt(np.mean(e**2)) for e in row] for row in misfit])
     peak = np.array([[np.max(np.abs(e)) for e in row] for row in misfit])
-    light = 299792458.0
     fields = {
         "rms": (rms, "K", "rms error"),
         "peak": (peak, "K", "largest error"),
         "rms_relative": (rms / swing, "1", "rms error over swing"),
         "peak_relative": (peak / swing, "1", "largest error over swing"),
         "frequency_shift": (peak * shift, "Hz", "largest error of the resonance frequency"),
-        "wavelength_shift": (peak * shift * wavelength**2 / light, "m", "largest error of the resonance wavelength"),
+        "wavelength_shift": (peak * shift * wavelength**2 / c, "m", "largest error of the resonance wavelength"),
     }
     variables: dict[str, Any] = {
         name: (("model", "drive"), value, {"units": unit, "long_name": words})

@@ -87,6 +87,19 @@ def test_imports_stay_light():
     assert done.stdout.strip() == "[]"
 
 
+def test_a_run_of_stored_machine_code_loads_no_compiler():
+    """Neither Numba's registries, which a compilation needs, nor SciPy: together half of a start."""
+    heavy = "numba.np.arraymath, scipy.linalg, scipy.constants, xarray, pint"
+    code = (
+        "import sys, coupled, thermofem as th; m = th.Foster(R=[7e3], tau=[1e-6]);"
+        "coupled.simulate.record(coupled.borghi2021(), m, power=6e-3, duration=1e-7);"
+        f"print([m for m in '{heavy}'.split(', ') if m in sys.modules])"
+    )
+    for _ in range(2):  # the first run stores the code where it is not
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
 @pytest.mark.parametrize("name", [m for m in MODULES if ".cli" not in m])
 def test_docstring_examples_run(name):
     module = importlib.import_module(name)

@@ -16,6 +16,8 @@ from collections.abc import Iterable
 from functools import lru_cache
 from typing import NamedTuple
 
+from . import constants
+
 LONGEST = 80  # characters of a unit
 FACTORS, DEPTH, POWER, NAME = 12, 3, 9, 30
 LETTERS = 4  # of a name whose unit is guessed by likeness
@@ -31,7 +33,7 @@ SYMBOLS: dict[str, tuple[int, float, dict[str, int]]] = {
     "W": (0, 1.0, {"kg": 1, "m": 2, "s": -3}),
     "J": (0, 1.0, {"kg": 1, "m": 2, "s": -2}),
     "Hz": (0, 1.0, {"s": -1}),
-    "eV": (0, 1.602176634e-19, {"kg": 1, "m": 2, "s": -2}),
+    "eV": (0, constants.e, {"kg": 1, "m": 2, "s": -2}),
     "V": (0, 1.0, {"kg": 1, "m": 2, "s": -3, "A": -1}),
     "rad": (0, 1.0, {"rad": 1}),
     "deg": (0, math.pi / 180, {"rad": 1}),

@@ -1,4 +1,4 @@
-"""How the package compiles: two decorators, and a cache that notices an edit in another file."""
+"""How the package compiles: decorators, and a cache that loads fast and notices an edit in another file."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from numba import njit
+from numba.core.caching import FunctionCache
+from numba.core.runtime import rtsys
 
 # Sums may be reordered and fused; NaN and infinity keep their meaning, which the step control relies on.
 _FAST = {"contract", "reassoc", "nsz", "arcp"}
@@ -16,6 +18,20 @@ _inline = njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST, forc
 _lean = njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST, _nrt=False)
 _inline_lean = njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST, forceinline=True, _nrt=False)
 _seen: set[str] = set()  # files whose own outdated caches are gone
+
+
+class StoredCode(FunctionCache):
+    """A cache that loads machine code without the registries that a compilation needs.
+
+    `FunctionCache` fills them at the first load, .5 CPU s for what the stored code no longer asks. The runtime that
+    counts references is all that it calls. What is not stored is compiled with the registries filled, as usual.
+    """
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return the compiled function for a signature, or None where none is stored."""
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
 
 
 def compiled(function: Callable[..., Any]) -> Any:
@@ -42,7 +58,8 @@ def inlined_lean(function: Callable[..., Any]) -> Any:
 
 
 def _fresh(kernel: Any) -> Any:
-    """Delete what an earlier version of the file left: Numba reads it, and fails, before it sees that it is old."""
+    """Give a kernel its cache, without what an earlier version of its file left: Numba reads that, and fails."""
+    kernel._cache = StoredCode(kernel.py_func)
     source = kernel.py_func.__code__.co_filename
     if source not in _seen:
         _seen.add(source)

@@ -9,6 +9,8 @@ the light that two-photon absorption takes, but all of its heat; that is a slip 
 
 from __future__ import annotations
 
+from thermofem.constants import c
+
 from ..lifetime import ConstantLifetime
 from ..resonator import RingResonator, published
 from .laws import NewtonParameters
@@ -35,8 +37,6 @@ def vanvaerenbergh2012() -> RingResonator:
     >>> round(vanvaerenbergh2012().loaded_q)
     62171
     """
-    from scipy.constants import c
-
     return RingResonator(
         name="Van Vaerenbergh 2012",
         frequency=c / 1552.770e-9,  # Hz

@@ -10,6 +10,7 @@ import numpy as np
 import coupled
 from coupled.parameters import borghi2021 as paper
 
+from ...constants import c
 from ...models import Foster
 from .pulsing_stages import describe, label, newton_of
 from .settings import CENTRE, watts
@@ -42,8 +43,6 @@ def own_models() -> dict[str, tuple[coupled.RingResonator, Foster]]:
 
 def ring(job: Job) -> Result:
     """Results that follow from the paper's tables of parameters alone."""
-    from scipy.constants import c
-
     own = coupled.borghi2021()
     perimeter = job.inputs["elements"].numbers["perimeter_m"]
     model = job.inputs["elements"].models["reduction"]
