@@ -28,13 +28,14 @@ eta_fca = "1e-13 m^3/s"          # eta_tpa ("1/s/J"), g_tpa ("1/m^3/s/J^2"), the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, TypeVar
 
-from thermofem import checks, quantity, toml_file
+from thermofem import checks, toml_file
 from thermofem.checks import InputError
 from thermofem.constants import c, e, k
+from thermofem.toml_file import TABLE, TABLES, TEXT, read_table
 
 from .carriers import ShockleyReadHall
 from .lifetime import ConstantLifetime
@@ -68,7 +69,7 @@ _MEASURED = {
     "perimeter": "m",
     "mode_area": "m^2",
 }
-_TEXT = {"name": "text", "base": "text", "dispersion": "tables", "carriers": "table", "rates": "table"}
+_OTHERS = {"name": TEXT, "base": TEXT, "dispersion": TABLES, "carriers": TABLE, "rates": TABLE}
 _DISPERSION = {"coefficient": "", "exponent": ""}
 _SRH = {
     "tau_n": "s",
@@ -105,29 +106,26 @@ def read_text(text: str, ring: type[Ring], published: Mapping[str, Callable[[], 
         raise InputError(
             "this describes a cross-section; a ring file holds the optics: Q factors, perimeter, mode area"
         )
-    for key in table:
-        checks.choice("the ring file: key", key, _FIELDS | _MEASURED | _TEXT)
-    for key in ("name", "base"):
-        if not isinstance(table.get(key, ""), str):
-            raise InputError(f"{key} = {table[key]!r} must be text")
-    values = _quantities(table, _FIELDS | _MEASURED, "the ring file", skip=tuple(_TEXT))
-    base = published[checks.choice("base", table["base"], published)]() if "base" in table else None
-    _resolve(values, base or next(iter(published.values()))(), None if base is None else base.frequency)
-    values["name"] = table.get("name", base.name if base else "ring")
-    if "dispersion" in table:
-        values["fcd"] = _dispersion(table["dispersion"])
-    if "carriers" in table:
-        values["carriers"] = _carriers(table["carriers"])
-    if "rates" in table:
-        given = _quantities(_table(table["rates"], "[rates]"), _RATES, "[rates]")
-        values["rates"] = tuple(sorted(given.items()))
+    found = read_table(table, _FIELDS | _MEASURED | _OTHERS, "the ring file")
+    base = published[checks.choice("base", found["base"], published)]() if "base" in found else None
+    fields = {key: value for key, value in found.items() if key not in _OTHERS}
+    _resolve(fields, base or next(iter(published.values()))(), None if base is None else base.frequency)
+    fields["name"] = found.get("name", base.name if base else "ring")
+    if "dispersion" in found:
+        terms = [read_table(t, _DISPERSION, f"[[dispersion]] {n}", required=tuple(_DISPERSION))
+                 for n, t in enumerate(found["dispersion"], 1)]  # fmt: skip
+        fields["fcd"] = tuple((term["coefficient"], term["exponent"]) for term in terms)
+    if "carriers" in found:
+        fields["carriers"] = _carriers(found["carriers"])
+    if "rates" in found:
+        fields["rates"] = tuple(sorted(read_table(found["rates"], _RATES, "[rates]").items()))
     if base:
-        return replace(base, **values)
-    missing = [key for key in _NEEDED if key not in values]
+        return replace(base, **fields)
+    missing = [key for key in _NEEDED if key not in fields]
     if missing:
         names = ", ".join("[[dispersion]]" if key == "fcd" else key for key in missing)
         raise InputError(f'{names} missing; give them, or base = "borghi2021" to take them from there')
-    return ring(**values)
+    return ring(**fields)
 
 
 def _resolve(values: dict[str, Any], template: Any, frequency: float | None) -> None:
@@ -174,45 +172,13 @@ def _together(values: dict[str, Any], first: str, second: str, instead_of: tuple
         raise InputError(f"{first} and {twice[0]} are both given; {first} and {second} determine {twice[0]}")
 
 
-def _dispersion(items: Any) -> tuple[tuple[float, float], ...]:
-    if not isinstance(items, list):
-        raise InputError("dispersion must be tables, each opened by a line [[dispersion]]")
-    terms = []
-    for count, item in enumerate(items, 1):
-        where = f"[[dispersion]] {count}"
-        values = _quantities(_table(item, where), _DISPERSION, where, required=("coefficient", "exponent"))
-        terms.append((values["coefficient"], values["exponent"]))
-    return tuple(terms)
-
-
 def _carriers(item: Any) -> ShockleyReadHall | ConstantLifetime:
-    values = _quantities(_table(item, "[carriers]"), _CARRIERS, "[carriers]")
-    if "lifetime" in values:
-        if len(values) > 1:
-            raise InputError(f"[carriers]: lifetime and {sorted(values.keys() - {'lifetime'})[0]} exclude each other")
-        return ConstantLifetime(values["lifetime"])
+    given = read_table(item, _CARRIERS, "[carriers]")
+    if "lifetime" in given:
+        if len(given) > 1:
+            raise InputError(f"[carriers]: lifetime and {sorted(given.keys() - {'lifetime'})[0]} exclude each other")
+        return ConstantLifetime(given["lifetime"])
     for key in _SRH:
-        if key not in values:
+        if key not in given:
             raise InputError(f"[carriers]: {key} is missing; or give a constant lifetime")
-    return ShockleyReadHall(thermal_energy=k * values.pop("temperature") / e, **values)
-
-
-def _table(item: Any, where: str) -> dict[str, Any]:
-    if not isinstance(item, dict):
-        raise InputError(f"{where} = {item!r} must be a table")
-    return item
-
-
-def _quantities(
-    table: dict[str, Any], units: dict[str, str], where: str, required: Sequence[str] = (), skip: Sequence[str] = ()
-) -> dict[str, Any]:
-    """The values of one table in SI."""
-    for key in table:
-        if key not in skip:
-            checks.choice(f"{where}: key", key, units)
-    for key in required:
-        if key not in table:
-            raise InputError(f"{where}: {key} is missing")
-    return {
-        key: quantity.parse(value, units[key], name=f"{where}: {key}") for key, value in table.items() if key in units
-    }
+    return ShockleyReadHall(thermal_energy=k * given.pop("temperature") / e, **given)

@@ -169,11 +169,9 @@ def _code(table: str) -> str:
 
 def _kind(kind: str) -> str:
     """What a key's value looks like."""
-    words = {"text": "text", "true or false": "`true` or `false`", "anything": "see right", "table": "table"}
-    if kind in words:
-        return words[kind]
-    if kind == "list of tables":
-        return "tables"
+    words = {"text": "text", "true or false": "`true` or `false`", "anything": "see right", "a table": "table"}
+    if kind in (*words, "tables"):
+        return words.get(kind, kind)
     measures, example, _ = quantity._KINDS[kind]
     return f'{measures}, `"{example}"`'
 

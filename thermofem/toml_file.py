@@ -1,17 +1,19 @@
-"""Files of TOML text, read with errors that name the file."""
+"""Files of TOML text, read with errors that name the file; tables whose keys are listed with their units."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from . import files, trees
+from . import checks, files, quantity, trees
 from .checks import InputError
 
 T = TypeVar("T")
 
 LARGEST = 16_000_000  # bytes
+TEXT, FLAG, NUMBER, TABLE, TABLES, ANY = "text", "true or false", "a number", "a table", "tables", "anything"
+_TYPES: dict[str, type] = {TEXT: str, FLAG: bool, TABLE: dict}
 
 parse = trees.from_toml
 
@@ -28,3 +30,34 @@ def read(path: str | Path, kind: str, read_text: Callable[[str], T]) -> T:
         return read_text(text)
     except InputError as error:
         raise InputError(f"{path}: {error.for_text()}") from None
+
+
+def read_table(table: Any, keys: Mapping[str, str], where: str, *, required: Sequence[str] = ()) -> dict[str, Any]:
+    """The values of one table, quantities in SI; ``keys`` gives the SI unit of each, or one of the kinds above.
+
+    Raises InputError: no table, a key that is unknown or missing, a value of another kind or unit.
+    """
+    if not isinstance(table, dict):
+        raise InputError(f"{where} = {table!r} must be a table")
+    for key in table:
+        checks.choice(f"{where}: key", key, keys)
+    for key in required:
+        if key not in table:
+            raise InputError(f"{where}: {key} is missing" + (f"; add [[{key}]] tables" if keys[key] == TABLES else ""))
+    return {key: _value(value, keys[key], key, where) for key, value in table.items()}
+
+
+def _value(value: Any, kind: str, key: str, where: str) -> Any:
+    if kind == ANY:
+        return value
+    if kind in _TYPES:
+        if not isinstance(value, _TYPES[kind]):
+            raise InputError(f"{where}: {key} = {value!r} must be {kind}")
+        return value
+    if kind == TABLES:
+        if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
+            raise InputError(f"{where}: {key} must be tables, each opened by a line [[{key}]]")
+        return value
+    if kind == NUMBER:
+        return checks.finite(f"{where}: {key}", value)
+    return quantity.parse(value, kind, name=f"{where}: {key}")

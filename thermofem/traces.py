@@ -15,7 +15,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -258,9 +258,3 @@ def _baseline(t: Array, y: Array, wave: Waveform, start: float, given: float | N
 
 def _words(seconds: float) -> str:
     return quantity.write(float(f"{seconds:.4g}"), "s")
-
-
-def summary(trace: Trace) -> dict[str, Any]:
-    """The assumptions, as numbers and words."""
-    about = {"start": trace.start, "baseline": trace.baseline, "rows": int(trace.data.sizes["time"])}
-    return {**about, "assumed": list(trace.notes), "warnings": list(trace.warnings)}

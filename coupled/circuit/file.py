@@ -41,73 +41,41 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from thermofem import checks, quantity, toml_file
+from thermofem import checks, toml_file
 from thermofem.checks import InputError
+from thermofem.toml_file import NUMBER, TABLES, TEXT, read_table
 
 from ..resonator import PUBLISHED, RingResonator
 from .parts import Detector, LaserPort, Splitter, Waveguide
 
-_TEXT, _NUMBER = "text", "number"
-_RING = {"name": _TEXT, "base": _TEXT, "file": _TEXT, "shift": "Hz"}
+_RING = {"name": TEXT, "base": TEXT, "file": TEXT, "shift": "Hz"}
 _KINDS: dict[str, tuple[type, dict[str, str]]] = {
-    "waveguide": (Waveguide, {"start": _TEXT, "stop": _TEXT, "loss": _NUMBER, "phase": "rad", "delay": "s"}),
-    "splitter": (Splitter, {"name": _TEXT, "cross": _NUMBER}),
-    "laser": (LaserPort, {"name": _TEXT, "stop": _TEXT, "loss": _NUMBER, "phase": "rad", "offset": "Hz"}),
-    "detector": (Detector, {"name": _TEXT, "start": _TEXT, "bandwidth": "Hz"}),
+    "waveguide": (Waveguide, {"start": TEXT, "stop": TEXT, "loss": NUMBER, "phase": "rad", "delay": "s"}),
+    "splitter": (Splitter, {"name": TEXT, "cross": NUMBER}),
+    "laser": (LaserPort, {"name": TEXT, "stop": TEXT, "loss": NUMBER, "phase": "rad", "offset": "Hz"}),
+    "detector": (Detector, {"name": TEXT, "start": TEXT, "bandwidth": "Hz"}),
 }
 _NEEDED = {"ring": ("name",), "waveguide": ("start", "stop"), "splitter": ("name",), "laser": ("name", "stop"),
            "detector": ("name", "start")}  # fmt: skip
+_TOP = {"name": TEXT, "frequency": "Hz", **dict.fromkeys(["ring", *_KINDS], TABLES)}
 
 
 def fields(text: str, folder: Path | None = None) -> dict[str, Any]:
     """The fields of the `Circuit` that the text of a circuit file describes; ring files are in ``folder``."""
-    table = toml_file.parse(text)
-    for key in table:
-        checks.choice("the circuit file: key", key, ["name", "frequency", "ring", *_KINDS])
-    name = table.get("name", "circuit")
-    if not isinstance(name, str):
-        raise InputError(f"name = {name!r} must be text")
-    frequency = table.get("frequency")
+    top = read_table(toml_file.parse(text), _TOP, "the circuit file")
     rings: dict[str, RingResonator] = {}
-    for values in _tables(table, "ring", _RING):
-        if values["name"] in rings:
-            raise InputError(f"ring {values['name']!r} is there twice; every ring needs its own name")
-        rings[values["name"]] = _ring(values, folder)
-    parts = {kind: tuple(make(**v) for v in _tables(table, kind, keys)) for kind, (make, keys) in _KINDS.items()}
-    return {
-        "rings": rings,
-        "waveguides": parts["waveguide"],
-        "lasers": parts["laser"],
-        "detectors": parts["detector"],
-        "splitters": parts["splitter"],
-        "frequency": None if frequency is None else quantity.parse(frequency, "Hz", name="frequency"),
-        "name": name,
-    }
+    for ring in _tables(top, "ring", _RING):
+        if ring["name"] in rings:
+            raise InputError(f"ring {ring['name']!r} is there twice; every ring needs its own name")
+        rings[ring["name"]] = _ring(ring, folder)
+    parts = {f"{kind}s": tuple(make(**v) for v in _tables(top, kind, keys)) for kind, (make, keys) in _KINDS.items()}
+    return {"rings": rings, **parts, "frequency": top.get("frequency"), "name": top.get("name", "circuit")}
 
 
-def _tables(table: dict[str, Any], kind: str, keys: dict[str, str]) -> list[dict[str, Any]]:
+def _tables(top: dict[str, Any], kind: str, keys: dict[str, str]) -> list[dict[str, Any]]:
     """The values of all tables of one kind in SI."""
-    tables = table.get(kind, [])
-    if not isinstance(tables, list) or not all(isinstance(item, dict) for item in tables):
-        raise InputError(f"{kind} must be tables, each opened by a line [[{kind}]]")
-    found = []
-    for number, item in enumerate(tables, 1):
-        where = f"{kind} number {number}"
-        for key in item:
-            checks.choice(f"{where}: key", key, keys)
-        for key in _NEEDED[kind]:
-            if key not in item:
-                raise InputError(f"{where}: {key} is missing")
-        found.append({key: _value(value, keys[key], f"{where}: {key}") for key, value in item.items()})
-    return found
-
-
-def _value(value: Any, kind: str, name: str) -> Any:
-    if kind == _TEXT:
-        if not isinstance(value, str):
-            raise InputError(f"{name} = {value!r} must be text")
-        return value
-    return checks.finite(name, value) if kind == _NUMBER else quantity.parse(value, kind, name=name)
+    tables = enumerate(top.get(kind, []), 1)
+    return [read_table(item, keys, f"{kind} number {k}", required=_NEEDED[kind]) for k, item in tables]
 
 
 def _ring(values: dict[str, Any], folder: Path | None) -> RingResonator:

@@ -14,7 +14,7 @@ from thermofem.heat.matrices import build, properties
 from thermofem.heat.probes import probe_mean
 from thermofem.heat.problem import HeatProblem, resistances
 from thermofem.heat.surfaces import surfaces_of
-from thermofem.mesh.refine import refined, refined_once
+from thermofem.mesh.refine import refined
 from thermofem.mesh.triangles import Mesh
 
 TIMES = np.geomspace(1e-9, 1e-2, 57)  # s, eight a decade
@@ -25,7 +25,7 @@ AT_CORNERS = 6  # more divisions there: with r^(2/3) cubics leave 0.4 of the err
 def finer(mesh: Mesh, geometry: th.CrossSection, times: int) -> Mesh:
     """Every triangle in four ``times`` times, and those at the corners of the geometry's faces `AT_CORNERS` more."""
     for _ in range(times):
-        mesh = refined_once(mesh)
+        mesh = refined(mesh, np.ones(len(mesh.triangles), dtype=bool))[0]
     corners = np.unique(np.concatenate([ring for face in geometry.subdivision.faces for ring in face.rings]), axis=0)
     for _ in range(AT_CORNERS):
         distance = np.abs(mesh.points[:, None] - corners).max(axis=-1).min(axis=1)

@@ -24,6 +24,7 @@ from .export import export
 from .family import calibrate, design, family, uncertainty
 from .fit import fit
 from .show import show
+from .solve import solve
 
 app = typer.Typer(
     help="Self-heating of silicon microring resonators: training data, compact models, self-pulsing.",
@@ -36,7 +37,6 @@ app = typer.Typer(
 
 HEAT, MODELS, LIGHT, RESULTS = "Heat", "Compact models", "Ring and light", "Results"  # headings of --help
 
-Out = Annotated[Path, typer.Option("--output", "-o", help="File (netCDF) to write.")]
 Folder = Annotated[Path, typer.Option("--output", "-o", help="Folder to write.")]
 
 
@@ -116,49 +116,7 @@ def _options(
     """Options of the whole program."""
 
 
-@app.command(rich_help_panel=HEAT)
-def solve(
-    geometry: Annotated[Path | None, typer.Argument(help="Geometry file (TOML); default: the reference strip.")] = None,
-    power: Annotated[str, typer.Option(help="Absorbed power.")] = "2 mW",
-    pulse: Annotated[str | None, typer.Option(help="Heat for this long, e.g. '20 us'.")] = None,
-    square: Annotated[str | None, typer.Option(help="Square wave of this period, e.g. '1 us'.")] = None,
-    duty: Annotated[float | None, typer.Option(help="Duty cycle of the square wave; default 1/3.")] = None,
-    periodic: Annotated[bool, typer.Option(help="One period of the periodic state, not a start from rest.")] = False,
-    duration: Annotated[str, typer.Option(help="Length of the transient.")] = "40 us",
-    samples: Annotated[int, typer.Option(help="Number of times in the result.")] = 801,
-    heated: Annotated[str | None, typer.Option(help="Part that carries the power; default: the first heated.")] = None,
-    read: Annotated[list[str] | None, typer.Option(help="Part or layer to read; may be repeated.")] = None,
-    accuracy: Annotated[float, typer.Option(help="Wanted relative error of the mesh.")] = 1e-3,
-    rtol: Annotated[float, typer.Option(help="Relative error of the time integration.")] = 1e-4,
-    figure: Annotated[Path | None, typer.Option(help="Also draw the response into this image.")] = None,
-    preview: Annotated[Path | None, typer.Option(help="Draw cross-section and mesh into this image.")] = None,
-    no_solve: Annotated[bool, typer.Option("--no-solve", help="Only draw the --preview.")] = False,
-    field_times: Annotated[list[str] | None, typer.Option(help="Keep the field at '1 us, 5 us, ...'.")] = None,
-    paraview: Annotated[Path | None, typer.Option(help="Write the fields for ParaView (.xdmf, .pvd, .vtu).")] = None,
-    animation: Annotated[Path | None, typer.Option(help="Write the field as a film (.gif, .mp4).")] = None,
-    output: Out = Path("heat.nc"),
-) -> dict[str, Any] | None:
-    """Solve the heat equation of one geometry and write training data (netCDF).
-
-    Heating is a step of POWER unless --pulse or --square is given.
-    """
-    from .solve import preview as draw_preview
-    from .solve import run
-
-    if no_solve:
-        if preview is None:
-            raise InputError("--no-solve needs an image to draw; add --preview mesh.png")
-        draw_preview(geometry, accuracy, preview)
-        return {"preview": preview}
-    return run(
-        geometry,
-        drive=(power, pulse, square, duty),
-        sampling=(periodic, duration, samples),
-        probes=(heated, tuple(read or ())),
-        errors=(accuracy, rtol),
-        fields=tuple(field_times or ()),
-        files=(output, figure, preview, paraview, animation),
-    )
+app.command(rich_help_panel=HEAT)(solve)
 
 
 @app.command(rich_help_panel=HEAT)

@@ -14,6 +14,7 @@ from .files import DEFAULT_RING, RING, check_outputs, ring_of, say_ring, working
 from .kinds import expect
 from .models import pulsing_numbers, verdict
 from .output import say
+from .solve_options import times_of
 
 if TYPE_CHECKING:
     from ..models import ThermalModel
@@ -58,7 +59,7 @@ def cosimulate(
         "detuning": quantity.parse(detuning, "Hz", name="--detuning"),
         "max_discrepancy": quantity.positive(max_discrepancy, "K", name="--max-discrepancy"),
         "heaters": heaters(heater or []),
-        "field_times": _times(field_times or []),
+        "field_times": times_of(field_times or []),
         "predictor": _predictor(predictor, model_file),
     }
     if paraview and not settings["field_times"]:
@@ -91,13 +92,6 @@ def _predictor(given: str | None, path: Path | None) -> ThermalModel | None:
     if given == "none":
         return coupled.NO_PREDICTOR
     return surrogate.load_model(path) if path else None
-
-
-def _times(texts: list[str]) -> tuple[float, ...]:
-    from .. import quantity
-
-    given = [part.strip() for text in texts for part in text.split(",") if part.strip()]
-    return tuple(sorted(quantity.parse(text, "s", name="--field-times") for text in given))
 
 
 def _report(run: Any, found: Any) -> dict[str, Any]:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+import typer
 
 from .. import checks, dataset, quantity
 from ..checks import InputError
@@ -14,54 +15,66 @@ from ..geometry import CrossSection, strip_ring
 from ..heat import assemble
 from ..mesh import Mesh, mesh_for
 from ..record import Record
-from ..solve import solve, solve_periodic
+from ..solve import solve as transient
+from ..solve import solve_periodic
 from .bar import Bar
 from .files import check_outputs
 from .kinds import expect
 from .output import console as terminal
 from .output import note, working
-from .solve_options import waveform
-
-Drive = tuple[str, str | None, str | None, float | None]
-Files = tuple[Path | None, Path | None, Path | None, Path | None]  # figure, preview, ParaView, animation
+from .solve_options import times_of, waveform
 
 FRAMES = 60  # of an animation whose times are not given
 
 
-def run(
-    geometry: Path | None,
-    *,
-    drive: Drive,
-    sampling: tuple[bool, str, int],
-    probes: tuple[str | None, tuple[str, ...]],
-    errors: tuple[float, float],
-    fields: tuple[str, ...],
-    files: tuple[Path, *Files],
+def solve(
+    geometry: Annotated[Path | None, typer.Argument(help="Geometry file (TOML); default: the reference strip.")] = None,
+    power: Annotated[str, typer.Option(help="Absorbed power.")] = "2 mW",
+    pulse: Annotated[str | None, typer.Option(help="Heat for this long, e.g. '20 us'.")] = None,
+    square: Annotated[str | None, typer.Option(help="Square wave of this period, e.g. '1 us'.")] = None,
+    duty: Annotated[float | None, typer.Option(help="Duty cycle of the square wave; default 1/3.")] = None,
+    periodic: Annotated[bool, typer.Option(help="One period of the periodic state, not a start from rest.")] = False,
+    duration: Annotated[str, typer.Option(help="Length of the transient.")] = "40 us",
+    samples: Annotated[int, typer.Option(help="Number of times in the result.")] = 801,
+    heated: Annotated[str | None, typer.Option(help="Part that carries the power; default: the first heated.")] = None,
+    read: Annotated[list[str] | None, typer.Option(help="Part or layer to read; may be repeated.")] = None,
+    accuracy: Annotated[float, typer.Option(help="Wanted relative error of the mesh.")] = 1e-3,
+    rtol: Annotated[float, typer.Option(help="Relative error of the time integration.")] = 1e-4,
+    figure: Annotated[Path | None, typer.Option(help="Also draw the response into this image.")] = None,
+    preview: Annotated[Path | None, typer.Option(help="Draw cross-section and mesh into this image.")] = None,
+    no_solve: Annotated[bool, typer.Option("--no-solve", help="Only draw the --preview.")] = False,
+    field_times: Annotated[list[str] | None, typer.Option(help="Keep the field at '1 us, 5 us, ...'.")] = None,
+    paraview: Annotated[Path | None, typer.Option(help="Write the fields for ParaView (.xdmf, .pvd, .vtu).")] = None,
+    animation: Annotated[Path | None, typer.Option(help="Write the field as a film (.gif, .mp4).")] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="File (netCDF) to write.")] = Path("heat.nc"),
 ) -> dict[str, Any]:
-    """Check everything that can be checked, then solve and write."""
+    """Solve the heat equation of one geometry and write training data (netCDF).
+
+    Heating is a step of POWER unless --pulse or --square is given.
+    """
+    if no_solve:
+        return _preview(geometry, accuracy, preview)
     expect(geometry, "geometry")
     section = CrossSection.from_toml(geometry) if geometry else strip_ring()
-    periodic, duration, samples = sampling
-    wave = waveform(*drive)
+    wave = waveform(power, pulse, square, duty)
     checks.between("--samples", samples, 2, 1_000_000)
-    output, figure, preview_file, paraview, animation = files
-    check_outputs(files, inputs=[geometry], images=[figure, preview_file])
+    files = [output, figure, preview, paraview, animation]
+    check_outputs(files, inputs=[geometry], images=[figure, preview])
     length = quantity.positive(duration, "s", name="--duration")
-    field_times = _field_times(fields, length, wanted=bool(paraview or animation), periodic=periodic)
-    heated, read = probes
+    kept = _field_times(field_times or [], length, wanted=bool(paraview or animation), periodic=periodic)
     with working("meshing and assembling"):
-        heat = assemble(section, errors[0])
-    if preview_file:
-        _draw_preview(section, heat.mesh, preview_file)
-    wanted = read[0] if len(read) == 1 else read or None
-    settings: dict[str, Any] = {"heated": heated, "read": wanted, "rtol": errors[1]}
+        heat = assemble(section, accuracy)
+    if preview:
+        _draw_preview(section, heat.mesh, preview)
+    wanted = read[0] if read and len(read) == 1 else tuple(read or ()) or None
+    settings: dict[str, Any] = {"heated": heated, "read": wanted, "rtol": rtol}
     span = wave.period if periodic and wave.period else length
     with Bar(f"solving with {heat.unknowns} unknowns", span, periodic=periodic) as progress:
         if periodic:
             data = solve_periodic.record(heat, wave, samples, progress=progress, **settings)
         else:
             times = np.linspace(0, length, samples)
-            data = solve.record(heat, wave, times, field_times=field_times, progress=progress, **settings)
+            data = transient.record(heat, wave, times, field_times=kept, progress=progress, **settings)
     dataset.save(data, output)
     with working("drawing"):
         _draw(data, figure, paraview)
@@ -88,8 +101,10 @@ def run(
     }
 
 
-def preview(geometry: Path | None, accuracy: float, path: Path) -> None:
+def _preview(geometry: Path | None, accuracy: float, path: Path | None) -> dict[str, Any]:
     """Draw cross-section and mesh, and solve nothing."""
+    if path is None:
+        raise InputError("--no-solve needs an image to draw; add --preview mesh.png")
     expect(geometry, "geometry")
     section = CrossSection.from_toml(geometry) if geometry else strip_ring()
     check_outputs([path], inputs=[geometry], images=[path])
@@ -97,16 +112,15 @@ def preview(geometry: Path | None, accuracy: float, path: Path) -> None:
         mesh = mesh_for(section, accuracy)
     _draw_preview(section, mesh, path)
     note(f"{section.name}: {', '.join(mesh.region_names)}; {len(mesh.triangles)} triangles; wrote {path}")
+    return {"preview": path}
 
 
-def _field_times(texts: tuple[str, ...], duration: float, *, wanted: bool, periodic: bool) -> tuple[float, ...]:
+def _field_times(texts: list[str], duration: float, *, wanted: bool, periodic: bool) -> tuple[float, ...]:
     """Times at which the field is kept: those given ("1 us, 5 us"), or evenly spread ones where a film wants them."""
-    given = [part.strip() for text in texts for part in text.split(",") if part.strip()]
+    given = times_of(texts)
     if periodic and (given or wanted):
         raise InputError("--periodic keeps no fields; leave out --field-times, --paraview and --animation, or it")
-    if not given:
-        return tuple(map(float, np.linspace(0, duration, FRAMES + 1)[1:])) if wanted else ()
-    return tuple(sorted(quantity.parse(text, "s", name="--field-times") for text in given))
+    return tuple(map(float, np.linspace(0, duration, FRAMES + 1)[1:])) if wanted and not given else given
 
 
 def _draw_preview(section: CrossSection, mesh: Mesh, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The options --power, --pulse, --square and --duty: the heating waveform, for every command that takes them."""
+"""Options of several commands: the heating waveform (--power, --pulse, --square, --duty), and --field-times."""
 
 from __future__ import annotations
 
@@ -21,3 +21,9 @@ def waveform(power: str, pulse: str | None, square: str | None, duty: float | No
         share = 1 / 3 if duty is None else duty
         return waveforms.SquareWave(watts, quantity.positive(square, "s", name="--square"), share)
     return waveforms.Constant(watts)
+
+
+def times_of(texts: list[str]) -> tuple[float, ...]:
+    """The times in s of --field-times '1 us, 5 us', which may be repeated; in order."""
+    given = [part.strip() for text in texts for part in text.split(",") if part.strip()]
+    return tuple(sorted(quantity.parse(text, "s", name="--field-times") for text in given))

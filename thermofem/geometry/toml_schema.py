@@ -13,28 +13,28 @@ from .. import checks, quantity, toml_file
 from ..checks import InputError
 from ..materials.library import LIBRARY, Material
 from ..materials.property_toml import LAW_KEYS, PROPERTIES, read_property, write_property
+from ..toml_file import ANY, FLAG, TABLE, TABLES, TEXT, read_table
 from .parts import INSULATED, ISOTHERMAL, VERTICAL, Boundary, Interface, Layer, Part, Probe, ring
 
 if TYPE_CHECKING:
     from .cross_section import CrossSection
 
 # key -> the SI unit of its text, or what else it holds
-_TEXT, _FLAG, _TABLE, _TABLES, _ANY = "text", "true or false", "table", "list of tables", "anything"
 _TOP = {
-    "name": _TEXT,
+    "name": TEXT,
     "outer_radius": "m",
     "ambient": "K",
-    "layer": _TABLES,
-    "part": _TABLES,
-    "interface": _TABLES,
-    "probe": _TABLES,
-    "boundary": _TABLE,
-    "material": _TABLE,
+    "layer": TABLES,
+    "part": TABLES,
+    "interface": TABLES,
+    "probe": TABLES,
+    "boundary": TABLE,
+    "material": TABLE,
 }
-_LAYER = {"name": _TEXT, "material": _TEXT, "thickness": "m", "datum": _FLAG}
+_LAYER = {"name": TEXT, "material": TEXT, "thickness": "m", "datum": FLAG}
 _PART = {
-    "name": _TEXT,
-    "material": _TEXT,
+    "name": TEXT,
+    "material": TEXT,
     "radius": "m",
     "width": "m",
     "inner_radius": "m",
@@ -42,13 +42,13 @@ _PART = {
     "bottom": "m",
     "height": "m",
     "sidewall_angle": "rad",
-    "heated": _FLAG,
+    "heated": FLAG,
 }
-_INTERFACE = {"part": _TEXT, "resistance": "m^2*K/W"}
-_PROBE = {"name": _TEXT, "part": _TEXT, "shell": "m", "distance": "m"}
-_BOUNDARY = {"bottom": _ANY, "top": _ANY, "outer": _ANY}
+_INTERFACE = {"part": TEXT, "resistance": "m^2*K/W"}
+_PROBE = {"name": TEXT, "part": TEXT, "shell": "m", "distance": "m"}
+_BOUNDARY = {"bottom": ANY, "top": ANY, "outer": ANY}
 _COEFFICIENT = {kind: unit for kind, unit in Boundary.KINDS.items() if unit is not None}
-_MATERIAL = {"conductivity": _ANY, "density": "kg/m^3", "specific_heat": _ANY, "source": _TEXT}
+_MATERIAL = {"conductivity": ANY, "density": "kg/m^3", "specific_heat": ANY, "source": TEXT}
 
 _UNITS = {
     key: unit
@@ -72,8 +72,8 @@ def fields(text: str) -> dict[str, Any]:
     table = toml_file.parse(text)
     if table.keys() & {"base", "loaded_q", "wavelength", "carriers"}:
         raise InputError("this describes the optics of a ring; a geometry has outer_radius, [[layer]] and [[part]]")
-    top = _read(table, _TOP, "the file", required=("outer_radius", "layer", "part"))
-    boundary = _read(top.get("boundary", {}), _BOUNDARY, "[boundary]")
+    top = read_table(table, _TOP, "the file", required=("outer_radius", "layer", "part"))
+    boundary = read_table(top.get("boundary", {}), _BOUNDARY, "[boundary]")
     return {
         "name": top.get("name", "cross-section"),
         "outer_radius": top["outer_radius"],
@@ -89,45 +89,18 @@ def fields(text: str) -> dict[str, Any]:
     }
 
 
-def _read(table: Any, keys: dict[str, str], where: str, *, required: tuple[str, ...] = ()) -> dict[str, Any]:
-    """The values of one table in SI; InputError for a key that is unknown, missing or of the wrong kind."""
-    if not isinstance(table, dict):
-        raise InputError(f"{where} = {table!r} must be a table")
-    for key in table:
-        checks.choice(f"{where}: key", key, keys)
-    for key in required:
-        if key not in table:
-            raise InputError(f"{where}: {key} is missing" + (f"; add [[{key}]] tables" if keys[key] == _TABLES else ""))
-    return {key: _value(value, keys[key], key, where) for key, value in table.items()}
-
-
-def _value(value: Any, kind: str, key: str, where: str) -> Any:
-    if kind == _ANY:
-        return value
-    kinds = {_TEXT: str, _FLAG: bool, _TABLE: dict}
-    if kind in kinds:
-        if not isinstance(value, kinds[kind]):
-            raise InputError(f"{where}: {key} = {value!r} must be {kind}")
-        return value
-    if kind == _TABLES:
-        if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
-            raise InputError(f"{where}: {key} must be tables, each opened by a line [[{key}]]")
-        return value
-    return quantity.parse(value, kind, name=f"{where}: {key}")
-
-
 def _where(kind: str, table: dict[str, Any], k: int) -> str:
     name = table.get("name", table.get("part"))
     return f"{kind} {name!r}" if isinstance(name, str) else f"{kind} number {k}"
 
 
 def _layer(table: dict[str, Any], k: int) -> Layer:
-    return Layer(**_read(table, _LAYER, _where("layer", table, k), required=("name", "material", "thickness")))
+    return Layer(**read_table(table, _LAYER, _where("layer", table, k), required=("name", "material", "thickness")))
 
 
 def _part(table: dict[str, Any], k: int) -> Part:
     where = _where("part", table, k)
-    values = _read(table, _PART, where, required=("name", "material", "bottom", "height"))
+    values = read_table(table, _PART, where, required=("name", "material", "bottom", "height"))
     by_centre, by_edges = {"radius", "width"} & set(values), {"inner_radius", "outer_radius"} & set(values)
     if len(by_centre) == 2 and not by_edges:
         inner, outer = ring(values.pop("radius"), values.pop("width"), of=f"{where}: ")
@@ -139,11 +112,11 @@ def _part(table: dict[str, Any], k: int) -> Part:
 
 
 def _interface(table: dict[str, Any], k: int) -> Interface:
-    return Interface(**_read(table, _INTERFACE, _where("interface of", table, k), required=("part", "resistance")))
+    return Interface(**read_table(table, _INTERFACE, _where("interface of", table, k), required=("part", "resistance")))
 
 
 def _probe(table: dict[str, Any], k: int) -> Probe:
-    return Probe(**_read(table, _PROBE, _where("probe", table, k), required=("name", "part")))
+    return Probe(**read_table(table, _PROBE, _where("probe", table, k), required=("name", "part")))
 
 
 def _boundary(table: dict[str, Any], side: str, default: Boundary) -> Boundary:
@@ -151,7 +124,7 @@ def _boundary(table: dict[str, Any], side: str, default: Boundary) -> Boundary:
     if value is None:
         return default
     if isinstance(value, dict):
-        values = _read(value, _COEFFICIENT, f"boundary {side}")
+        values = read_table(value, _COEFFICIENT, f"boundary {side}")
         if len(values) != 1:
             raise InputError(f"boundary {side} = {value!r} must have one key of {', '.join(_COEFFICIENT)}")
         return Boundary(*values.popitem())
@@ -162,12 +135,12 @@ def _boundary(table: dict[str, Any], side: str, default: Boundary) -> Boundary:
 def _material(name: str, table: Any) -> Material:
     """A material of the file; a key left out keeps the value and the law of the library's material of that name."""
     where = f"[material.{name}]"
-    values = _read(table, _MATERIAL, where, required=() if name in LIBRARY else PROPERTIES)
+    values = read_table(table, _MATERIAL, where, required=() if name in LIBRARY else PROPERTIES)
     for key, unit in (("conductivity", "W/m/K"), ("specific_heat", "J/kg/K")):
         if key in values:
             given = values.pop(key)
             if isinstance(given, dict):
-                given = _read(given, LAW_KEYS[key], f"{where} {key}")
+                given = read_table(given, LAW_KEYS[key], f"{where} {key}")
             values |= read_property(key, given, unit, where)
     missing = [key for key in PROPERTIES if key not in values]
     kept = {key: getattr(LIBRARY[name], key) for key in missing}

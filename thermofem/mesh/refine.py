@@ -37,11 +37,6 @@ def refined(mesh: Mesh, marked: NDArray[np.bool_]) -> tuple[Mesh, NDArray[np.int
     return Mesh(points, triangles, mesh.region[parent], mesh.region_names), parent
 
 
-def refined_once(mesh: Mesh) -> Mesh:
-    """Every triangle in four."""
-    return refined(mesh, np.ones(len(mesh.triangles), dtype=bool))[0]
-
-
 def _closed(of: NDArray[np.intp], longest: NDArray[np.intp], marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Edges to divide: all of the marked triangles, and the longest one wherever another is divided."""
     divided = np.zeros(of.max() + 1, dtype=bool)

@@ -6,55 +6,13 @@ import base64
 import html
 import re
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from ...version import __version__
 from .claims import Claim, marked_up, typeset
 from .sections import Picture, Section
 from .stages import Stage
 from .store import Result
-
-STYLE = """
-:root { color-scheme: light; --ink: #222; --soft: #5b6470; --line: #d8dde3; --tint: #f4f6f8; --blue: #0072b2; --red: #b04a00; }
-* { box-sizing: border-box; }
-body { margin: 0 auto; max-width: 68rem; padding: 1.2rem 1rem 4rem; color: var(--ink); background: #fff;
-  font: 1rem/1.55 system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif; overflow-wrap: break-word; }
-h1 { font-size: 1.7rem; line-height: 1.2; margin: .4rem 0 .6rem; font-weight: 600; }
-h2 { font-size: 1.25rem; margin: 2.6rem 0 .4rem; padding-top: .8rem; border-top: 1px solid var(--line); font-weight: 600; }
-h3 { font-size: .95rem; margin: 0 0 .3rem; font-weight: 600; }
-p { max-width: 44rem; margin: .5rem 0; }
-.lead, .note { background: var(--tint); border-radius: .4rem; padding: .7rem 1rem; }
-.soft, figcaption, footer { color: var(--soft); font-size: .88rem; }
-.panels { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 26rem), 1fr)); gap: 1.4rem; margin: 1rem 0; }
-figure { margin: 0; max-width: 34rem; }
-figure img { width: 100%; height: auto; display: block; }
-figure.explorer { max-width: none; } .explorer iframe { width: 100%; height: 56rem; border: 1px solid var(--line); border-radius: .4rem; }
-.paper { display: none; }
-table { border-collapse: collapse; width: 100%; font-size: .9rem; margin: 1rem 0; }
-th, td { text-align: left; vertical-align: top; padding: .45rem .6rem; border-bottom: 1px solid var(--line); }
-thead th { border-bottom: 2px solid var(--ink); }
-td:first-child { width: 27%; } td:nth-child(2) { min-width: 7rem; } .tight { white-space: nowrap; } section > h3 { margin-top: 2rem; }
-.where { display: block; color: var(--soft); font-size: .82rem; }
-.agrees { color: var(--blue); } .differs { color: var(--red); font-weight: 600; } .open { color: var(--soft); }
-data { font-variant-numeric: tabular-nums; } sub { line-height: 0; font-size: .78em; }
-nav { font-size: .9rem; margin: 1rem 0 0; } nav a { display: inline-block; margin: 0 1rem .3rem 0; }
-a { color: var(--blue); overflow-wrap: anywhere; }
-@media (max-width: 46rem) {
-  table, tbody, tr, td { display: block; width: auto; } thead { display: none; }
-  table { border-top: 2px solid var(--ink); }
-  tr { padding: .6rem 0; border-bottom: 1px solid var(--line); } td, td:nth-child(n) { border: 0; padding: .1rem 0; width: auto; min-width: 0; }
-  td[data-label]::before { content: attr(data-label) ": "; color: var(--soft); }
-  td:empty { display: none; }
-}
-@media print {
-  @page { margin: 14mm; }
-  body { font-size: 9.5pt; max-width: none; padding: 0; }
-  .panels { grid-template-columns: 1fr 1fr; gap: 5mm; } figure { break-inside: avoid; max-width: none; }
-  h2, h3, section > p { break-after: avoid; } tr { break-inside: avoid; } table { font-size: 8.5pt; }
-  .soft, .where, figcaption, footer { font-size: 8pt; } section > p { break-inside: avoid; } a { color: inherit; text-decoration: none; }
-  .explorer { display: none; } .paper { display: block; }
-  nav { display: none; } .lead, .note { border: 1px solid var(--line); }
-}
-"""  # noqa: E501 - style sheets read better with a rule on one line
 
 INDEPENDENT = "independent code"  # where those rows of table.toml say they come from
 INTRODUCTION = """M. Borghi, D. Bazzanella, M. Mancinelli and L. Pavesi, “On the modeling of thermal and free carrier
@@ -75,6 +33,7 @@ def page(
     ``explorer`` is the text of the page that computes the reference ring, the first figure.
     """
     lead, sections = words
+    style = (Path(__file__).parent / "report.css").read_text(encoding="utf-8")
     links = [(f"#{_anchor(section)}", section.title) for section in sections]
     links += [("#numbers", "Every number"), ("#data", "Data")]
     body = [
@@ -93,7 +52,7 @@ def page(
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         '<link rel="icon" href="data:,">\n'
-        f"<title>thermofem: the paper reproduced</title>\n<style>{STYLE}</style>\n</head>\n<body>\n"
+        f"<title>thermofem: the paper reproduced</title>\n<style>\n{style}</style>\n</head>\n<body>\n"
         + "\n".join(body)
         + "\n</body>\n</html>\n"
     )
