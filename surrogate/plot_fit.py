@@ -8,17 +8,18 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from thermofem.dataset import drive_of
-from thermofem.plot_style import INK, VERMILION, takes
+from thermofem.plot_style import INK, VERMILION, takes, time_unit
 from thermofem.waveforms import period_times
 
 if TYPE_CHECKING:
     import xarray as xr
 
+RATIOS = 5  # times the median gap: the mean gap beyond which samples are in equal ratios
 FINE = 4001  # samples of a period, between which a periodic state is a straight line
 
 
 def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
-    """Data and model against time (us) above, their difference (K) below.
+    """Data and model against time above, their difference (K) below; samples in equal ratios on a logarithmic axis.
 
     fit [reduction or thermal model]
     data: the data of the fit, or any other of `thermofem.solve` or `thermofem.read_csv`.
@@ -36,14 +37,19 @@ def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
         layout: dict[str, Any] = {"sharex": True, "height_ratios": [3, 1], "layout": "constrained"}
         _, ax = plt.subplots(2, 1, figsize=(6.0, 4.2), **layout)
     upper, lower = ax
-    t, missed = drive.times * 1e6, rise - drive.rise
+    factor, unit = time_unit(float(drive.times[-1]))
+    t, missed = drive.times * factor, rise - drive.rise
     upper.plot(t, drive.rise, color=INK, linewidth=2.6, alpha=0.4, label="data")
     upper.plot(t, rise, color=VERMILION, linewidth=1.2, label="model")
-    upper.set(ylabel="temperature rise (K)", xlim=(t[0], t[-1]))
+    gaps = np.diff(t)
+    if not drive.periodic and gaps.mean() > RATIOS * np.median(gaps):
+        upper.set(xscale="log")
+        lower.set(xscale="log")
+    upper.set(ylabel="temperature rise (K)", xlim=(t[t > 0][0] if upper.get_xscale() == "log" else t[0], t[-1]))
     upper.legend(frameon=False, fontsize="small")
     rms = float(np.sqrt(np.mean(missed**2)))
     upper.set_title(f"{drive.name}: residual {rms:.2g} K rms, {rms / drive.swing:.2%} of the swing", fontsize="small")
     lower.axhline(0, color=INK, linewidth=0.6)
     lower.plot(t, missed, color=VERMILION, linewidth=1)
-    lower.set(xlabel="time (µs)", ylabel="residual (K)")
+    lower.set(xlabel=f"time ({unit})", ylabel="residual (K)")
     return np.array([upper, lower])

@@ -54,7 +54,7 @@ def test_headers_of_instruments_are_still_read(head, names, units):
 
 def test_columns_without_numbers_need_no_name():
     rows = "".join(line + ",\n" for line in GOOD.splitlines())
-    assert parse(f"Model,DSO,v1\nTime (us),T (K),\n{rows}").units == ("us", "K", "")
+    assert parse(f"Model,DSO,v1\nTime (us),T (K),\n{rows}").units == ("us", "K")
 
 
 @pytest.mark.parametrize(

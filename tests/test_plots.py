@@ -147,3 +147,12 @@ def test_a_run_has_a_panel_for_each_quantity():
     _, ax = plt.subplots()
     assert FUNCTIONS["plot_traces"](run, ax) is ax
     assert len(ax.figure.axes) == 2  # the twin
+
+
+def test_a_fit_of_samples_in_equal_ratios_is_drawn_over_them():
+    """Seconds after microseconds: on a straight axis in microseconds the rise would be a line on the left edge."""
+    times = np.geomspace(1e-4, 90.0, 100)
+    data = th.dataset.build(times, th.Foster(R=[10.0], tau=[1.0]).response(th.Constant(1.0), times), th.Constant(1.0))
+    upper, lower = FUNCTIONS["plot_fit"](surrogate.fit_foster(data, order=1), data)
+    assert upper.get_xscale() == lower.get_xscale() == "log"
+    assert lower.get_xlabel() == "time (s)"

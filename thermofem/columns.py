@@ -3,7 +3,8 @@
 What is read: columns divided by commas, semicolons, tabs or spaces, after any header. The last line above the table
 with text in all columns names them; a line of bare units below it counts too. Lines that begin with % or # are header.
 Any other line between the header and the table is a damaged row, and refused.
-A unit stands in the header, "Time (s)" or "CH1 [mV]", or is given in ``units``.
+A unit stands in the header, "Time (s)", "CH1 [mV]" or "time_us", or is given in ``units``. Where the header states the
+start and the increment of the times (Rigol), the first column counts them. Empty columns at the end are left out.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ SPELLED = {
     "celsius": "degC", "watt": "W", "watts": "W",
 }  # fmt: skip
 _UNIT = re.compile(r"\s*[(\[]([^()\[\]]*)[)\]]")
+_ENDING = re.compile(r"(?<!_per)_(s|ms|us|ns|K|mK|degC|V|mV|W|mW|uW)$")
 HOTTEST = 1e5  # K; beyond any temperature: the code of an instrument whose input is overloaded, such as 9.9E+37
 
 
@@ -53,7 +55,7 @@ class Columns:
         if name in short:
             several = [full for full, known in zip(self.names, short, strict=True) if known == name]
             raise InputError(f"{argument} = {name!r} names {len(several)} columns; give one of {', '.join(several)}")
-        checks.choice(f"{argument}: column", name, [*self.names, *short])
+        checks.choice(f"{argument}: column", name, dict.fromkeys([*self.names, *short]))
         return -1  # not reached: `choice` raises
 
 
@@ -63,7 +65,7 @@ def parse(text: str) -> Columns:
     >>> parse("% Time (us)   T (K)\\n0   293.15\\n1   294.5").units
     ('us', 'K')
     """
-    lines = text.splitlines()
+    lines, first, step = _counted(text.splitlines())
     divider = _divider(lines)
     rows: list[list[float]] = []
     at: list[int] = []
@@ -77,8 +79,30 @@ def parse(text: str) -> Columns:
     if not rows:
         raise InputError("no line of at least two numbers; a table of time and temperature is needed")
     table = np.array(rows)
-    names, units = _header(lines[: at[0] - 1], divider, np.isfinite(table).any(axis=0))
-    return Columns(names, units, table, np.array(at))
+    used = np.isfinite(table).any(axis=0)
+    names, units = _header(lines[: at[0] - 1], divider, used)
+    table[:, 0] = first + step * table[:, 0]
+    wide = max(int(np.flatnonzero(used)[-1]) + 1, 2)
+    return Columns(names[:wide], units[:wide], table[:, :wide], np.array(at))
+
+
+def _counted(lines: list[str]) -> tuple[list[str], float, float]:
+    """Lines of a table whose times are counted, with a plain header, and the first time and the step in s; else 0, 1.
+
+    X,CH1,Start,Increment,
+    Sequence,Volt,-3.0e-06,1.0e-08
+    """
+    head = [[cell.strip() for cell in line.split(",")] for line in lines[:2]]
+    if len(head) < 2 or "Increment" not in head[0] or head[1][0] != "Sequence":
+        return lines, 0.0, 1.0
+    k = head[0].index("Increment")
+    try:
+        first, step = (quantity.number(cell) for cell in head[1][k - 1 : k + 1])
+    except ValueError:
+        return lines, 0.0, 1.0
+    cells = lines[2].split(",") if len(lines) > 2 else []
+    titles = (row[: k - 1] + [""] * (len(cells) - k + 1) for row in (head[0], ["s", *head[1][1:]]))
+    return [*(",".join(row) for row in titles), *lines[2:]], first, step
 
 
 def text_of(content: bytes) -> str:
@@ -177,7 +201,7 @@ def _names(line: str, divider: str, columns: int) -> list[str]:
 
 
 def _bracket(name: str) -> str:
-    match = _UNIT.search(name)
+    match = _UNIT.search(name) or _ENDING.search(name)
     return match[1].strip() if match else ""
 
 

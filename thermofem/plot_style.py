@@ -26,6 +26,17 @@ def axes(ax: Axes | None, size: tuple[float, float] = SIZE) -> Axes:
     return takes("ax", ax, "plot", what="matplotlib Axes, or nothing for a new figure")
 
 
+def time_unit(longest: float) -> tuple[float, str]:
+    """Factor from s and the unit in which a time axis up to ``longest`` (s) has short numbers.
+
+    >>> time_unit(20e-6), time_unit(95.8)
+    ((1000000.0, 'µs'), (1.0, 's'))
+    """
+    return next(
+        (f, unit) for f, unit in ((1.0, "s"), (1e3, "ms"), (1e6, "µs"), (1e9, "ns")) if longest * f >= 1 or f == 1e9
+    )
+
+
 def takes(name: str, value: Any, *needed: str, what: str) -> Any:
     """``value`` if it has the needed variables (of a Dataset) or attributes; InputError with what is taken if not.
 

@@ -40,6 +40,7 @@ _KINDS: dict[str, tuple[str, str, tuple[tuple[float, str], ...]]] = {
     "1/K": ("a thermo-optic coefficient", "1.86e-4 1/K", ()),
     "eV": ("an energy", "0.1 eV", ()),
     "V": ("a voltage", "20 mV", ((1e-3, "mV"),)),
+    "V/K": ("a sensitivity", "10 mV/K", ((1e-6, "uV/K"), (1e-3, "mV/K"))),
     "rad/s/K": ("a shift of the resonance", "6.5e10 rad/s/K", ()),
     "rad/s/J": ("a shift of the resonance", "1e21 rad/s/J", ()),
     "m^3/s": ("an absorption rate", "1e-13 m^3/s", ()),

@@ -12,6 +12,7 @@ nonnegative least-squares problem; t0 is the start with the smallest misfit. Wha
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,6 +38,7 @@ PASSES = 5
 POLES = 12  # time constants of the grid
 FEWEST = 3  # rows before the heating that make a baseline
 LONGEST = 1.0  # s; a column of time without unit that is longer is not in seconds
+VOLTS = "1 V counts as 1 K"
 NOTHING = 0.005  # of the swing: an offset below it is none
 
 
@@ -64,6 +66,7 @@ def read_trace(
     time: str | None = None,
     temperature: str | None = None,
     units: Mapping[str, str] | None = None,
+    sensitivity: float | None = None,
     start: float | None = None,
     baseline: float | None = None,
 ) -> Trace:
@@ -71,9 +74,11 @@ def read_trace(
 
     path: text with one row for each time, after any header; see `thermofem.columns`.
     wave: the absorbed power, from its start on; straight between its breakpoints.
-    time, temperature: headers of the columns, with or without the unit; a table of two columns needs none.
+    time, temperature: headers of the columns, with or without the unit; a table of two columns needs none. Where the
+        header has no unit, one may follow the name: "TIME (us)".
     units: {"time": "us", "temperature": "mV"}; goes before the header's. Without either, time is in s and temperature
-        in K; a column in V counts as K.
+        in K; without ``sensitivity`` a column in V counts as K.
+    sensitivity [V/K]: of a thermometer whose voltage is the temperature column; negative for a diode.
     start [s]: of the heating on the file's clock; default: found from the trace.
     baseline [K]: to subtract; default: the mean before the start.
     Raises InputError: no table, columns that are not named, a wrong unit, no rise, or a trace that ends before its
@@ -83,11 +88,12 @@ def read_trace(
     content = files.read_bytes(path, "table", most=LARGEST)
     try:
         table = parse(text_of(content))
+        (time, in_time), (temperature, in_rise) = (_split(table, name) for name in (time, temperature))
         columns = _columns(table, time, temperature)
         said: list[str] = []
         warned: list[str] = []
-        t = _time(table, columns[0], (units or {}).get("time"), said)
-        y = _rise(table, columns[1], (units or {}).get("temperature"), said, warned)
+        t = _time(table, columns[0], (units or {}).get("time", in_time), said)
+        y = _rise(table, columns[1], (units or {}).get("temperature", in_rise), sensitivity, said, warned)
         t0 = _start(t, y, wave, start, said)
         level = _baseline(t, y, wave, t0, baseline, said)
         kept = t >= t0
@@ -127,6 +133,14 @@ def _columns(table: Columns, time: str | None, temperature: str | None) -> tuple
     return first, second
 
 
+def _split(table: Columns, name: str | None) -> tuple[str | None, str]:
+    """Header and unit of a column that is named as "CH1 (mV)", where the header itself states no unit."""
+    match = None if name is None or name in table.names else re.fullmatch(r"(.*\S)\s*\(([^()]+)\)", name)
+    if match and match[1] in table.names and not table.units[table.names.index(match[1])]:
+        return match[1], match[2]
+    return name, ""
+
+
 def _roles(time: str | None, temperature: str | None) -> list[tuple[str, str | None]]:
     return [("time", time), ("temperature", temperature)]
 
@@ -145,7 +159,9 @@ def _time(table: Columns, place: int, given: str | None, said: list[str]) -> Arr
     name = table.names[place]
     if not unit:
         if np.ptp(values) > LONGEST:
-            raise InputError(f'column {name!r} states no unit and spans {np.ptp(values):g}; write it as "Time (us)"')
+            raise InputError(
+                f"column {name!r} states no unit and spans {np.ptp(values):g}; give it, such as --time '{name} (us)'"
+            )
         said.append(f"column {name!r} states no unit: seconds")
     offset, factor = quantity.line(unit, "s", name=f"unit of {name!r}") if unit else (0.0, 1.0)
     t = offset + factor * values
@@ -156,13 +172,15 @@ def _time(table: Columns, place: int, given: str | None, said: list[str]) -> Arr
     return t
 
 
-def _rise(table: Columns, place: int, given: str | None, said: list[str], warned: list[str]) -> Array:
-    """Temperatures in K; a voltage counts as kelvin."""
+def _rise(
+    table: Columns, place: int, given: str, sensitivity: float | None, said: list[str], warned: list[str]
+) -> Array:
+    """Temperatures in K; a voltage is divided by the sensitivity in V/K, and without one 1 V counts as 1 K."""
     values, unit = _values(table, place), header_unit(given or table.units[place])
     name = table.names[place]
     if not unit:
-        said.append(f"column {name!r} states no unit: kelvin")
-        return measured(table, place, values)
+        said.append(f"column {name!r} states no unit: {'kelvin' if sensitivity is None else 'volts'}")
+        unit = "K" if sensitivity is None else "V"
     try:
         offset, factor = quantity.line(unit, "K", name=f"unit of {name!r}")
     except InputError:
@@ -170,9 +188,16 @@ def _rise(table: Columns, place: int, given: str | None, said: list[str], warned
             offset, factor = 0.0, quantity.line(unit, "V", name=f"unit of {name!r}")[1]
         except InputError:
             raise InputError(f"column {name!r} is in {checks.shown(unit)}, which is neither K nor V") from None
+        if sensitivity is not None:
+            said.append(f"column {name!r} is in {unit}: divided by {quantity.write(sensitivity, 'V/K')}")
+            return measured(table, place, factor * values / sensitivity)
         warned.append(
-            f"column {name!r} is in {unit}: 1 V counts as 1 K, so R and R_th are in V/W; time constants are as measured"
+            f"column {name!r} is in {unit}: {VOLTS}, so R and R_th are in V/W; time constants are as "
+            'measured; --sensitivity "10 mV/K" makes kelvin of it'
         )
+    else:
+        if sensitivity is not None:
+            raise InputError(f"column {name!r} is in {unit}, which is a temperature; a sensitivity is for a voltage")
     return measured(table, place, offset + factor * values)
 
 
@@ -181,8 +206,10 @@ def _start(t: Array, y: Array, wave: Waveform, given: float | None, said: list[s
     if np.ptp(y) <= 0:
         raise InputError("the temperature is constant; training needs a temperature that varies")
     if given is not None:
-        if not t[0] <= given < t[-1]:
-            raise InputError(f"the start of the heating at {given:g} s is outside the table, {t[0]:g} to {t[-1]:g} s")
+        if given >= t[-1]:
+            raise InputError(f"the heating begins at {given:g} s, after the end of the table at {t[-1]:g} s")
+        if given < t[0]:
+            said.append(f"the heating begins {_words(t[0] - given)} before the first row")
         return given
     step = float(np.median(np.diff(t)))
     found = _search(t, y, wave, step)

@@ -76,9 +76,68 @@ def test_fit_a_table_and_show_its_model(tmp_path):
     assert surrogate.load_model(model).passive
 
 
+RIGOL = "X,CH1,Start,Increment,\nSequence,Volt,{first},{step}\n"
+
+
+@pytest.mark.parametrize(
+    ("head", "row", "options"),
+    [
+        ("TIME,CH1,CH2\n", "{t},{v},7", ["--time", "TIME", "--temperature", "CH1 (V)", "--sensitivity", "10 mV/K"]),
+        ("time_us,probe_mV\n", "{us},{mv}", ["--sensitivity", "10 mV/K"]),
+        ("Time,CH1,\nus,mV,\n", "{us},{mv},", ["--sensitivity", "0.01 V/K"]),
+        (RIGOL, "{k},{v},", ["--sensitivity", "10 mV/K"]),
+        ("n,t,x\n", "{k},{us},{v}", ["--time", "t (us)", "--temperature", "x", "--sensitivity", "10 mV/K"]),
+        ("time_s,zth_K_per_W\n", "{t},{kelvin}", []),
+    ],
+)
+def test_headers_of_instruments(head, row, options, tmp_path):
+    """Instruments name, count and scale in their own ways; the numbers are those of the trace in kelvin."""
+    t = np.linspace(-1e-6, 5e-6, 601)
+    rise = 0.3 + np.where(t >= -1e-15, MODEL.response(th.Constant(1.3e-3), np.maximum(t, 0)), 0.0)
+    cells = (
+        {"k": k, "t": a, "us": a * 1e6, "v": b / 100, "mv": b * 10, "kelvin": b}
+        for k, (a, b) in enumerate(zip(t, rise, strict=True))
+    )
+    text = head.format(first=t[0], step=t[1] - t[0]) + "".join(row.format(**c) + "\n" for c in cells)
+    (tmp_path / "scope.csv").write_text(text)
+    drive = ["--power", "1.3 mW", "--kind", "foster", "--order", "2", "-o", tmp_path / "m.json"]
+    done = run("fit", tmp_path / "scope.csv", *drive, *options)
+    assert done.exit_code == 0, done.output
+    # without noise the start is found to half a nanosecond of the 10 between rows
+    np.testing.assert_allclose(surrogate.load_model(tmp_path / "m.json").R, MODEL.R, rtol=1e-3)
+    assert "R_th = 7 K/mW" in done.output
+    assert " ns" in done.output
+
+
+def test_a_record_that_begins_after_the_heating(tmp_path):
+    t = np.geomspace(50e-9, 50e-6, 80)  # an instrument that leaves out the switching
+    rows = "".join(f"{a},{b}\n" for a, b in zip(t, MODEL.response(th.Constant(1e-3), t), strict=True))
+    (tmp_path / "late.csv").write_text("time_s,rise_K\n" + rows)
+    arguments = ["fit", tmp_path / "late.csv", "--power", "1 mW", "--kind", "foster", "--order", "2"]
+    done = run(*arguments, "--start", "0 s", "--baseline", "0 K", "-o", tmp_path / "m.json")
+    assert done.exit_code == 0, done.output
+    assert "50 ns before the first row" in done.output
+    np.testing.assert_allclose(surrogate.load_model(tmp_path / "m.json").R, MODEL.R, rtol=1e-6)  # no noise
+
+
+def test_without_a_sensitivity_volts_are_printed_as_volts(tmp_path):
+    path = trace(tmp_path / "scope.csv", "Time (us),CH1 (V)\n", start=1e-6, offset=0.5)
+    done = run("fit", path, "--pulse", "4 us", "--power", "1.3 mW", "-o", tmp_path / "m.json")
+    assert "V/mW" in done.output
+    assert "K/mW" not in done.output
+    assert '--sensitivity "10 mV/K"' in done.output
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (["fit", "two.csv", "--power", "1 mW", "--sensitivity", "0 V/K"], "must not be zero"),
+        (["fit", "two.csv", "--power", "1 mW", "--sensitivity", "10 mV"], "a sensitivity is needed"),
+        (
+            ["fit", "two.csv", "--power", "1 mW", "--temperature", "b (K)", "--sensitivity", "1 V/K"],
+            "a sensitivity is for a voltage",
+        ),
+        (["fit", "three.csv", "--power", "1 mW", "--time", "a", "--temperature", "b"], "such as --time 'a .us.'"),
         (["fit", "three.csv", "--power", "1 mW"], "3 columns .a, b, c.; name two with --time and --temperature"),
         (["fit", "three.csv", "--power", "1 mW", "--time", "a"], "--temperature is missing"),
         (["fit", "two.csv"], "--power"),

@@ -30,8 +30,9 @@ def fit(
     pulse: Annotated[str | None, typer.Option(help="It heated for this long, e.g. '4 us'; default: a step.")] = None,
     square: Annotated[str | None, typer.Option(help="It was a square wave of this period, from rest.")] = None,
     duty: Annotated[float | None, typer.Option(help="Duty cycle of the square wave; default 1/3.")] = None,
-    time: Annotated[str | None, typer.Option(help="Column with the time; two columns need no names.")] = None,
-    temperature: Annotated[str | None, typer.Option(help="Column with the temperature; V counts as K.")] = None,
+    time: Annotated[str | None, typer.Option(help="Column with the time, e.g. 'X (us)'; of two the first.")] = None,
+    temperature: Annotated[str | None, typer.Option(help="Column with the temperature or its voltage.")] = None,
+    sensitivity: Annotated[str | None, typer.Option(help="Of a voltage, e.g. '10 mV/K'; without it V is K.")] = None,
     start: Annotated[str | None, typer.Option(help="When the heating began; default: found in the trace.")] = None,
     transfer: Annotated[bool, typer.Option(help="Another part was read than heated; solve's files say so.")] = False,
     baseline: Annotated[str | None, typer.Option(help="Temperature at rest; default: the mean before.")] = None,
@@ -47,13 +48,16 @@ def fit(
     """
     import surrogate
 
+    from ..traces import VOLTS
+
     checks.choice("--kind", kind, KINDS)
     if order is not None and kind != "foster":
         raise InputError(f"--order = {order} goes with --kind foster; {kind} has its own number of poles")
     check_outputs([output, figure], inputs=data, images=[figure])
     if figure is not None and len(data) > 1:
         raise InputError(f"--figure shows one file; {len(data)} are given")
-    columns = {"time": time, "temperature": temperature, "start": start, "baseline": baseline}
+    columns = {"time": time, "temperature": temperature, "sensitivity": sensitivity, "start": start}
+    columns["baseline"] = baseline
     drive = {"power": power, "pulse": pulse, "square": square, "duty": duty}
     training, assumed = _training(data, columns, drive)
     training = [_channel(path, one, heated, read, kind) for path, one in zip(data, training, strict=True)]
@@ -64,7 +68,7 @@ def fit(
             found = _trained(kind, training, order, transfer or None)
     provenance = {**found.provenance, **({"assumed": assumed} if assumed else {})}
     surrogate.save_model(found.model, output, provenance=_finite(provenance))
-    _print(found, kind)
+    _print(found, kind, "V" if any(VOLTS in line for line in assumed) else "K")
     if figure is not None:
         _draw(found, training[0], figure)
     say(f"wrote {output}" + (f" and {figure}" if figure else ""))
@@ -156,6 +160,7 @@ def _training(
     wave = waveform(drive["power"], drive["pulse"], drive["square"], drive["duty"])
     at = None if columns["start"] is None else quantity.parse(columns["start"], "s", name="--start")
     level = None if columns["baseline"] is None else quantity.parse(columns["baseline"], "K", name="--baseline")
+    of_voltage = _sensitivity(columns["sensitivity"])
     time, temperature = columns["time"], columns["temperature"]
     training, assumed = [], []
     for path in paths:
@@ -163,7 +168,9 @@ def _training(
             training.append(dataset.load(path))
             continue
         with working(f"reading {path.name}"):
-            trace = read_trace(path, wave, time=time, temperature=temperature, start=at, baseline=level)
+            trace = read_trace(
+                path, wave, time=time, temperature=temperature, sensitivity=of_voltage, start=at, baseline=level
+            )
         for line in trace.notes:
             note(f"{path.name}: {line}")
         for line in trace.warnings:
@@ -173,19 +180,47 @@ def _training(
     return training, assumed
 
 
-def _print(found: Any, kind: str) -> None:
-    """Print the equations of a network, or parameters with errors; the misfit; undetermined time constants."""
+def _sensitivity(text: str | None) -> float | None:
+    if text is None:
+        return None
+    value = quantity.parse(text, "V/K", name="--sensitivity")
+    if value == 0:
+        raise InputError(f"--sensitivity = {text!r} must not be zero")
+    return value
+
+
+def _print(found: Any, kind: str, kelvin: str) -> None:
+    """Print the equations of a network, or parameters with errors; R_th; the misfit; undetermined time constants.
+
+    kelvin: "K", or "V" where volts count as kelvin.
+    """
     for equation in getattr(found, "equations", ()):
         say(equation)
+    rows = []
     if kind == "spectrum":
         for r, tau in zip(found.model.R, found.model.tau, strict=True):
-            say(f"{'R':>22} = {r:.4g} K/W at tau = {tau:.4g} s")
+            rows.append(("R", f"{_written(float(r), 'K/W')} at tau = {_written(float(tau), 's')}"))
     elif kind != "sindy":
-        for name, value in found.parameters.items():
-            say(f"{name:>22} = {value:.4g} ± {found.standard_errors[name]:.1g} {_unit(name)}".rstrip())
-    say(f"{'misfit':>22} = {found.residual:.3g} K rms, {100 * found.relative_residual:.2g} % of the swing")
+        errors = found.standard_errors
+        rows += [(name, _written(value, _unit(name), errors[name])) for name, value in found.parameters.items()]
+    rows.append(("R_th", _written(found.model.thermal_resistance, "K/W")))
+    rows.append(("misfit", f"{found.residual:.3g} K rms, {100 * found.relative_residual:.2g} % of the swing"))
+    for name, text in rows:
+        say(
+            f"{name:>22} = {text.replace('K/', kelvin + '/').replace('/K', '/' + kelvin).replace(' K ', f' {kelvin} ')}"
+        )
     for line in getattr(found, "notes", ()):
         say(f"{'note':>22} : {line}")
+
+
+def _written(value: float, unit: str, error: float | None = None) -> str:
+    """A fitted number and its standard error to the digits that matter, with one prefix for both."""
+    text = quantity.write(float(f"{value:.4g}"), unit) if unit in quantity.SI else f"{value:.4g} {unit}"
+    if error is None:
+        return text
+    number, _, prefixed = text.partition(" ")
+    shown = float(f"{error * (float(number) / value if value else 1.0):.2g}")
+    return f"{number} ± {shown:g} {prefixed}".rstrip()
 
 
 def _unit(parameter: str) -> str:
