@@ -47,6 +47,11 @@ def model_card(model: ThermalModel, *, order: int, tau: Any = None, notes: Itera
     return card(type(model).__name__, [*rows, *notes], picture)
 
 
+def model_html(model: Any) -> str:
+    """`model_card` of a model with one set of states, as its ``_repr_html_``."""
+    return model_card(model, order=model.order, tau=getattr(model, "tau", None))
+
+
 def curve(x: Any, y: Any, label: str) -> str:
     """A line through points as inline SVG."""
     x, y = np.asarray(x), np.asarray(y)

@@ -38,11 +38,6 @@ class Citation:
         return f"@{self.kind}{{{self.key},\n{body}}}\n"
 
 
-def _article(key: str, author: str, title: str, journal: str, volume: int, pages: str, year: int) -> Citation:
-    fields = {"author": author, "title": title, "journal": journal, "volume": str(volume), "pages": pages}
-    return Citation("article", key, {**fields, "year": str(year)})
-
-
 SOFTWARE = Citation(
     "software",
     "thermofem",
@@ -53,42 +48,12 @@ SOFTWARE = Citation(
         "note": f"version {__version__}, BSD-3-Clause",
     },
 )
-PAPER = _article(
-    "borghi2021",
-    "Massimo Borghi and Davide Bazzanella and Mattia Mancinelli and Lorenzo Pavesi",
-    "On the modeling of thermal and free carrier nonlinearities in silicon-on-insulator microring resonators",
-    "Opt. Express",
-    29,
-    "4363",
-    2021,
-)
-SCIKIT_FEM = _article(
-    "scikitfem",
-    "Tom Gustafsson and Geordie Drummond McBain",
-    "scikit-fem: A Python package for finite element assembly",
-    "J. Open Source Softw.",
-    5,
-    "2369",
-    2020,
-)
-GMSH = _article(
-    "gmsh",
-    "Christophe Geuzaine and Jean-François Remacle",
-    "Gmsh: A 3-D finite element mesh generator with built-in pre- and post-processing facilities",
-    "Int. J. Numer. Methods Eng.",
-    79,
-    "1309",
-    2009,
-)
-PYSINDY = _article(
-    "pysindy",
-    "Brian M. de Silva and others",
-    "PySINDy: A Python package for the sparse identification of nonlinear dynamics from data",
-    "J. Open Source Softw.",
-    5,
-    "2104",
-    2020,
-)
+
+
+def articles() -> dict[str, Citation]:
+    """The articles of works.toml, by key."""
+    found = trees.from_toml((Path(__file__).parent / "works.toml").read_text(encoding="utf-8"))
+    return {key: Citation("article", key, fields) for key, fields in found.items()}
 
 
 def cite(
@@ -105,11 +70,12 @@ def cite(
 
 def references(provenance: dict[str, Any]) -> list[Citation]:
     """The works behind a result with this provenance."""
-    works = [SOFTWARE, PAPER]
+    known = articles()
+    works = [SOFTWARE, known["borghi2021"]]
     if provenance.get("geometry"):
-        works += [SCIKIT_FEM, GMSH]
+        works += [known["scikitfem"], known["gmsh"]]
     if provenance.get("kind") == "Network":
-        works.append(PYSINDY)
+        works.append(known["pysindy"])
     for name, source in _materials(provenance).items():
         key = "material_" + re.sub(r"\W+", "_", name).strip("_").lower()
         works.append(Citation("misc", key, {"title": f"Material {name}", "note": source}))

@@ -36,10 +36,8 @@ def run() -> dict[str, Any]:
 
 
 def _python() -> tuple[str, str | None]:
-    return f"{platform.python_version()} on {platform.system()}", None if sys.version_info >= (
-        3,
-        11,
-    ) else "3.11 or newer is needed"
+    problem = None if sys.version_info >= (3, 11) else "3.11 or newer is needed"
+    return f"{platform.python_version()} on {platform.system()}", problem
 
 
 def _packages() -> tuple[str, str | None]:
@@ -54,10 +52,8 @@ def _packages() -> tuple[str, str | None]:
 
 def _meshes() -> tuple[str, str | None]:
     missing = [a for a in (1e-3, 1e-4) if find_committed(strip_ring(), a) is None]
-    return (
-        "reference strip at 1e-3 and 1e-4",
-        f"no mesh of the reference strip at {missing}; reinstall" if missing else None,
-    )
+    problem = f"no mesh of the reference strip at {missing}; reinstall" if missing else None
+    return "reference strip at 1e-3 and 1e-4", problem
 
 
 def _mesher() -> tuple[str, str | None]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -38,7 +38,7 @@ class Change:
     name: of the parameter.
     value: of the parameter, SI (of its first path).
     outlines [dict from layer or part to array, shape (4, 2)]: velocity of its corners, in m per unit.
-    conductivity, heat_capacity [dict from material to float or pair of floats]: of (k_r, k_z) in W/(m K) and of rho c_p
+    conductivity, heat_capacity [dict from material to array (2,) or float]: of (k_r, k_z) in W/(m K) and of rho c_p
         in J/(m^3 K) at the ambient temperature, per unit.
     contact, convection, shell [dict from part, side or probe to float]: of the contact resistance, the coefficient and
         the thickness, per unit.
@@ -48,7 +48,7 @@ class Change:
     value: float
     unit: str
     outlines: dict[str, Array] = field(default_factory=dict)
-    conductivity: dict[str, tuple[float, float]] = field(default_factory=dict)
+    conductivity: dict[str, Array] = field(default_factory=dict)
     heat_capacity: dict[str, float] = field(default_factory=dict)
     contact: dict[str, float] = field(default_factory=dict)
     convection: dict[str, float] = field(default_factory=dict)
@@ -73,30 +73,13 @@ def change(geometry: CrossSection, parameter: str | Sequence[str]) -> Change:
     units = sorted({one.unit for one in single})
     if len(units) > 1:
         raise InputError(f"parameter {' + '.join(paths)}: the paths have different units ({', '.join(units)})")
-    moved: dict[str, Array] = {}
-    for one in single:
-        for name, velocity in one.outlines.items():
-            moved[name] = moved.get(name, 0.0) + velocity
-    pairs: dict[str, tuple[float, float]] = {}
-    for one in single:
-        for name, (k_r, k_z) in one.conductivity.items():
-            before = pairs.get(name, (0.0, 0.0))
-            pairs[name] = before[0] + k_r, before[1] + k_z
-    return Change(
-        name=" + ".join(paths),
-        value=single[0].value,
-        unit=units[0],
-        outlines=moved,
-        conductivity=pairs,
-        heat_capacity=_sum([one.heat_capacity for one in single]),
-        contact=_sum([one.contact for one in single]),
-        convection=_sum([one.convection for one in single]),
-        shell=_sum([one.shell for one in single]),
-    )
+    kinds = ("outlines", "conductivity", "heat_capacity", "contact", "convection", "shell")
+    sums = {kind: _sum([getattr(one, kind) for one in single]) for kind in kinds}
+    return Change(" + ".join(paths), single[0].value, units[0], **sums)
 
 
-def _sum(each: Sequence[dict[str, float]]) -> dict[str, float]:
-    total: dict[str, float] = {}
+def _sum(each: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    total: dict[str, Any] = {}
     for one in each:
         for name, value in one.items():
             total[name] = total.get(name, 0.0) + value
@@ -228,7 +211,7 @@ def _material(geometry: CrossSection, path: str, middle: Sequence[str]) -> Chang
     k_z = k_r if material.conductivity_z is None else material.conductivity_z
     along_r = 0.0 if key == "z" else factor
     along_z = factor if key == "z" or material.conductivity_z is None else 0.0
-    return Change(path, value, unit, conductivity={name: (along_r + k_r * of_law, along_z + k_z * of_law)})
+    return Change(path, value, unit, conductivity={name: np.array([along_r + k_r * of_law, along_z + k_z * of_law])})
 
 
 def _law(path: str, material: Material, law: Law, kind: str, key: str, T0: float) -> tuple[float, str, float, float]:
@@ -262,5 +245,5 @@ def _ambient(geometry: CrossSection) -> Change:
         m = geometry.material_of(region)
         k_z = m.conductivity if m.conductivity_z is None else m.conductivity_z
         of_k, of_c = slope(m.conductivity_law), slope(m.specific_heat_law)
-        conductivity[m.name], capacity[m.name] = (m.conductivity * of_k, k_z * of_k), m.heat_capacity * of_c
+        conductivity[m.name], capacity[m.name] = of_k * np.array([m.conductivity, k_z]), m.heat_capacity * of_c
     return Change("ambient", T0, "K", conductivity=conductivity, heat_capacity=capacity)

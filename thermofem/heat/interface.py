@@ -8,15 +8,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..mesh import Mesh
 
-PERFECT = (
-    1e-14  # m^2 K/W; a hundredth of a picometre of oxide: a perfect contact, to keep the matrices well conditioned
-)
+if TYPE_CHECKING:
+    from ..geometry.cross_section import CrossSection
+
+PERFECT = 1e-14  # m^2 K/W; a hundredth of a picometre of oxide: a perfect contact, for the condition of matrices
+
+
+def resistances(geometry: CrossSection) -> dict[str, float]:
+    """Sum of the thermal boundary resistances of each part that has one, in m^2 K/W."""
+    found: dict[str, float] = {}
+    for interface in geometry.interfaces:
+        found[interface.part] = found.get(interface.part, 0.0) + interface.resistance
+    return found
 
 
 def split(mesh: Mesh, resistance: Mapping[str, float]) -> Mesh:

@@ -28,7 +28,7 @@ from ..transient.trajectory import Ledger
 from .accuracy import Estimate, MeshError
 from .adaptive import marked
 from .domain import domain_error, warn_of_domain
-from .interface import split
+from .interface import resistances, split
 from .matrices import Discretization, build, capacity, conduction, discretize, properties
 from .probes import probe_mean
 from .surfaces import Surfaces, surfaces_of
@@ -311,14 +311,6 @@ def adapted(geometry: CrossSection, mesh: Mesh, accuracy: float) -> tuple[HeatPr
             accuracy,
         )
     return heat, mesh
-
-
-def resistances(geometry: CrossSection) -> dict[str, float]:
-    """Sum of the thermal boundary resistances of each part that has one, in m^2 K/W."""
-    found: dict[str, float] = {}
-    for interface in geometry.interfaces:
-        found[interface.part] = found.get(interface.part, 0.0) + interface.resistance
-    return found
 
 
 def on_mesh(geometry: CrossSection, mesh: Mesh, resistance: dict[str, float], accuracy: float) -> HeatProblem:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Array, ArrayLike, NDArray
-from .interface import PERFECT, contacts
+from .interface import PERFECT, contacts, resistances
 from .side import Side
 
 if TYPE_CHECKING:
@@ -165,9 +165,7 @@ def _sides_of(heat: HeatProblem, facets: NDArray[np.intp]) -> list[str]:
 def _contact(heat: HeatProblem, change: Change, facets: NDArray[np.intp]) -> Array:
     """d of the resistance that the part beside each facet brings."""
     cells = heat.discretization.basis.mesh.f2t[0, facets]
-    resistance: dict[str, float] = {}
-    for interface in heat.geometry.interfaces:
-        resistance[interface.part] = resistance.get(interface.part, 0.0) + interface.resistance
+    resistance = resistances(heat.geometry)
     there = [change.contact.get(name, 0.0) * (resistance.get(name, 0.0) > PERFECT) for name in heat.mesh.region_names]
     return np.array(there)[heat.mesh.region[cells]]
 

@@ -11,7 +11,7 @@ import numpy as np
 from .. import checks, waveforms
 from ..algebra.poles import pole_responses
 from ..arrays import Array, ArrayLike, NDArray
-from ..display import shown
+from ..display import model_html, shown
 from ..names import check_one
 from .json_fields import parts
 
@@ -65,11 +65,7 @@ class Foster:
         object.__setattr__(self, "R", R[order])
         object.__setattr__(self, "tau", tau[order])
 
-    def _repr_html_(self) -> str:
-        """HTML for notebooks."""
-        from ..display import model_card
-
-        return model_card(self, order=self.order, tau=self.tau)
+    _repr_html_ = model_html
 
     @property
     def order(self) -> int:

@@ -14,7 +14,7 @@ import numpy as np
 
 from .. import checks, waveforms
 from ..arrays import Array, ArrayLike, NDArray
-from ..display import shown
+from ..display import model_html, shown
 from ..names import check_one
 from .contract import check_rise, warn_beyond
 from .json_fields import parts
@@ -80,11 +80,7 @@ class Quadratic:
             object.__setattr__(self, name, check_one(name, getattr(self, name)))
         check_rise(self.largest_rise)
 
-    def _repr_html_(self) -> str:
-        """HTML for notebooks."""
-        from ..display import model_card
-
-        return model_card(self, order=self.order)
+    _repr_html_ = model_html
 
     @property
     def order(self) -> int:

@@ -13,7 +13,7 @@ from .. import checks, waveforms
 from ..algebra.factor import factorize
 from ..algebra.krylov import check_heat_flow
 from ..arrays import Array, ArrayLike, NDArray
-from ..display import shown
+from ..display import model_html, shown
 from ..names import check_names
 from ..transient.integration import integrate, integrate_periodic
 from ..transient.modal import Modal
@@ -67,11 +67,7 @@ class StateSpace:
             if getattr(self, name).shape != shape:
                 raise checks.InputError(f"{name} has shape {getattr(self, name).shape}; {shape} is needed")
 
-    def _repr_html_(self) -> str:
-        """HTML for notebooks."""
-        from ..display import model_card
-
-        return model_card(self, order=self.order)
+    _repr_html_ = model_html
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle the fields only; cached results are not copied to other processes."""
