@@ -20,7 +20,7 @@ import numpy as np
 
 import surrogate
 import thermofem as th
-from thermofem.campaign.vary import Schedule, Variation
+from thermofem.campaign.vary import Variation
 
 TIMES = np.geomspace(1e-9, 1e-4, 41)
 VARIED = (
@@ -64,8 +64,7 @@ def gaussian_process(family: surrogate.Family, members: int) -> Callable[[np.nda
 
 def rows(members: int = 10) -> list[dict[str, Any]]:
     """Rows of the table of peers; ratios to one member of the family."""
-    schedule = Schedule("step", th.Constant(1e-3), (0.0, 1e-6))
-    plan = th.Campaign(th.strip_ring().to_toml(), VARIED, (schedule,), samples=1)
+    plan = th.Campaign(th.strip_ring().to_toml(), VARIED, samples=1)
     family, training = timed(lambda: surrogate.train_family(plan, 1e-3))
     solved = family.provenance["solved_members"]
     predict, learning = timed(lambda: gaussian_process(family, solved))

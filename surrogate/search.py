@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import Campaign, Constant, CrossSection, checks
+from thermofem import Campaign, CrossSection, checks
 from thermofem.arrays import Array, NDArray
-from thermofem.campaign.vary import Schedule, Variation
+from thermofem.campaign.vary import Variation
 from thermofem.geometry.change import change
 
 from .family import Family, train_family
@@ -100,8 +100,7 @@ def family_over(given: Family | CrossSection, free: Ranges | None, tolerance: fl
     for path, pair in free.items():
         low, high = ends(path, pair)
         variations.append(Variation(path, (path,), change(given, path).unit, low=low, high=high))
-    schedule = Schedule("step", Constant(1e-3), (0.0, 1e-6))
-    return train_family(Campaign(given.to_toml(), tuple(variations), (schedule,), samples=1), tolerance)
+    return train_family(Campaign(given.to_toml(), tuple(variations), samples=1), tolerance)
 
 
 def ends(name: str, pair: Any) -> tuple[float, float]:

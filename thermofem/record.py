@@ -67,14 +67,18 @@ class Record:
 
         whole = io.BytesIO()
         with h5netcdf.File(whole, "w") as file:
-            for column in self.variables.values():
-                for dim, size in zip(column.dims, column.values.shape, strict=True):
-                    file.dimensions.setdefault(dim, size)
-            for name, column in self.variables.items():
-                _write(file, name, column, self._beside(name))
-            for key, value in self.attrs.items():
-                file.attrs[key] = value
+            self.write_into(file)
         return whole.getbuffer()
+
+    def write_into(self, group: Any) -> None:
+        """Write everything into an empty h5netcdf file or group."""
+        for column in self.variables.values():
+            for dim, size in zip(column.dims, column.values.shape, strict=True):
+                group.dimensions.setdefault(dim, size)
+        for name, column in self.variables.items():
+            _write(group, name, column, self._beside(name))
+        for key, value in self.attrs.items():
+            group.attrs[key] = value
 
     def _beside(self, name: str) -> str:
         """Names of the coordinates of a variable that are not its dimensions, in netCDF's convention."""

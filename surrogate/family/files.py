@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import Campaign, Mesh, checks, waveforms
+from thermofem import Campaign, Mesh, checks
 from thermofem.arrays import Array
-from thermofem.campaign.vary import Schedule, Variation
+from thermofem.campaign.vary import Variation
 from thermofem.files import LARGEST_TEXT, read_bytes, write_whole
 from thermofem.heat.problem import on_mesh, resistances
 from thermofem.trees import from_json
@@ -166,7 +166,6 @@ def _box(content: dict[str, Any], arrays: dict[str, Array]) -> Box:
     campaign = Campaign(
         geometry=stored["geometry"],
         variations=variations,
-        schedules=(Schedule("step", waveforms.Constant(1e-3), (0.0, 1e-6)),),
         name=stored["name"],
         heated=stored["heated"],
         read=tuple(stored["read"]),

@@ -57,7 +57,7 @@ def train_family(
     Parameters
     ----------
     campaign : Campaign, or the path of a campaign file
-        its [[vary]] tables are the parameters; its drives do not matter and may be left out.
+        its [[vary]] tables are the parameters; drives do not matter and may be left out.
     tolerance : float
         wanted relative error of R_th and of the step response from 1 ns on, 1e-4..0.05.
     seed : int
@@ -191,7 +191,6 @@ def read_campaign(path: str | Path) -> Campaign:
         from thermofem.geometry.paths import write_table
 
         table: dict[str, Any] = toml_file.parse(text)
-        table.setdefault("drive", [{}])
         ranges = any("count" not in item and "values" not in item for item in table.get("vary", []))
         table.setdefault("samples", 1 if ranges else 0)
         return Campaign(**schema.fields(write_table(table), Path(path).parent))

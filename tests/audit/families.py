@@ -18,7 +18,7 @@ from scipy import stats
 
 import surrogate
 import thermofem as th
-from thermofem.campaign.vary import Schedule, Variation
+from thermofem.campaign.vary import Variation
 
 VARIED = (
     Variation("radius", ("part.core.radius",), "m", low=4e-6, high=12e-6),
@@ -31,8 +31,7 @@ NOISE = 0.01  # K, of calibrations with 1 mW
 
 def trained(tolerance: float = 1e-3) -> surrogate.Family:
     """The family of the documentation."""
-    schedule = Schedule("step", th.Constant(1e-3), (0.0, 1e-6))
-    return surrogate.train_family(th.Campaign(th.strip_ring().to_toml(), VARIED, (schedule,), samples=1), tolerance)
+    return surrogate.train_family(th.Campaign(th.strip_ring().to_toml(), VARIED, samples=1), tolerance)
 
 
 def values(family: surrogate.Family, row) -> dict[str, float]:

@@ -5,9 +5,11 @@ Most geometries here differ in materials only: their outline is the reference st
 
 from __future__ import annotations
 
+import io
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +19,7 @@ from campaigns import FILE, STEP, TIMES, make, marks, write
 from paths import ROOT
 
 import thermofem as th
-from thermofem.campaign import Schedule, Variation
+from thermofem.campaign import Schedule, Variation, template
 
 
 def test_results_are_what_solve_computes(tmp_path, threads):
@@ -30,8 +32,9 @@ def test_results_are_what_solve_computes(tmp_path, threads):
         assert data.status.values.tolist() == ["finished"] * 3
         assert np.all((data.discretization_error > 0) & (data.discretization_error < 1e-3))
         for case, key in enumerate(data.key.values):
-            text = th.load(tmp_path / "results" / f"{key}.nc").attrs["geometry"]
-            heat = th.assemble(th.CrossSection.from_toml_text(text))
+            attrs = th.load(tmp_path / "results" / f"{key}.nc").attrs
+            assert (attrs["campaign_case"], attrs["campaign_values"]) == (key, f'{{"oxide": {data.oxide.item(case)}}}')
+            heat = th.assemble(th.CrossSection.from_toml_text(attrs["geometry"]))
             assert heat.geometry.material_of("box").conductivity == data.oxide[case]
             expected = th.solve(heat, th.Constant(1e-3), TIMES, read=("core", "box"))
             # a member may use the moved mesh of its neighbour: two meshes, each within 1e-3
@@ -60,6 +63,68 @@ def test_every_drive_is_kept_and_the_file_trains(tmp_path, threads):
     with th.open_campaign(tmp_path) as data:
         assert data.delta_T_square.shape == (1, 31, 1)
         assert np.array_equal(data.delta_T_step[0, :, 0], th.solve(heat, STEP.wave, TIMES).delta_T)
+
+
+def test_a_copy_of_a_file_with_other_numbers_is_the_file():
+    def results(rise, text):
+        times = np.linspace(0, 1e-6, rise.size)
+        made = [th.dataset.build.record(times, k * rise, STEP.wave, attributes={"drive": name, "geometry": text,
+                "heat_in": float(rise.sum()), "unknowns": rise.size * int(rise[-1]), "gains": [rise[0], rise[-1]]})
+                for k, name in ((1.0, "step"), (2.0, "other"))]  # fmt: skip
+        return dict(zip(("step", "other"), made, strict=True))
+
+    first, second = (
+        results(np.arange(1.0, 9.0), "a short text"),
+        results(np.arange(9.0, 17.0), 300 * "a longer one, ä "),
+    )
+    template.filled(first)
+    for found in (second, first):
+        for group in (None, "other"):
+            copy, own = (
+                xr.load_dataset(io.BytesIO(content), engine="h5netcdf", group=group)
+                for content in (template.filled(found), template._written(found))
+            )
+            assert copy.identical(own)
+            assert copy.attrs["geometry"] == found["step"].attrs["geometry"]
+
+
+def test_the_index_is_the_same_from_rows_kept_and_from_files(tmp_path, threads):
+    two = (STEP, Schedule("unknowns", th.SquareWave(2e-3, 1e-6, 1 / 3), samples=31))  # a drive may be called like this
+    bad = make(3, bad=1)
+    th.Campaign(bad.geometry, bad.variations, two, read=("core", "box")).run(tmp_path, threads)
+    kept = xr.load_dataset(tmp_path / "index.nc", engine="h5netcdf")
+    training = xr.load_dataset(tmp_path / "training.nc", engine="h5netcdf")
+    shared = [name for name in kept.variables if name in training.variables]
+    assert training[shared].equals(kept.isel(case=[0, 2])[shared])
+    (tmp_path / "index.nc").unlink()
+    with th.open_campaign(tmp_path) as made_anew:
+        assert kept.identical(made_anew.load())
+
+
+def test_points_are_those_of_scipy():
+    from scipy.stats import qmc
+
+    low = Variation("low", ("part.core.radius",), "m", low=0.0, high=1.0)
+    high = Variation("high", ("layer.box.thickness",), "m", low=0.0, high=1.0)
+    campaign = make(2)
+    for samples, seed in ((1, 0), (20, 3)):
+        drawn = replace(campaign, variations=(), samples=0)
+        object.__setattr__(drawn, "samples", samples)
+        object.__setattr__(drawn, "seed", seed)
+        expected = qmc.LatinHypercube(d=2, seed=np.random.default_rng(seed)).random(samples)
+        np.testing.assert_allclose(drawn._hypercube([low, high]), expected, rtol=1e-8)
+
+
+def test_planning_imports_little(tmp_path):
+    """The first geometry begins as soon as the main process has its plan: what it imports is waited for."""
+    path = write(tmp_path, 5)
+    path.write_text("samples = 5\n" + path.read_text().replace("count = 5", ""))
+    code = f"""
+import sys, thermofem.cli.campaign as command
+command.Campaign.from_toml({str(path)!r}).cases()
+print([name for name in ("scipy.stats", "xarray", "skfem", "h5py") if name in sys.modules])"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
 
 
 def test_lists_are_crossed_and_ranges_fill_a_latin_hypercube():
@@ -93,6 +158,16 @@ def test_a_campaign_file(tmp_path):
     (tmp_path / "inline.toml").write_text(inline)
     again = th.Campaign.from_toml(tmp_path / "inline.toml")
     assert [case.key for case in again.cases()] == [case.key for case in campaign.cases()]
+
+
+def test_a_campaign_without_a_drive_is_a_plan_for_a_family(tmp_path, threads):
+    path = write(tmp_path, 3)
+    path.write_text(path.read_text().split("[[drive]]")[0])
+    plan = th.Campaign.from_toml(path)
+    assert plan.schedules == ()
+    with pytest.raises(th.InputError, match=r"'campaign' has no drive; add a \[\[drive\]\] table"):
+        plan.run(tmp_path / "out", threads)
+    assert not (tmp_path / "out").exists()
 
 
 def test_paths_reach_every_table():

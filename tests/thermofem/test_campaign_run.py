@@ -102,15 +102,15 @@ def start(folder: Path, *arguments: str) -> subprocess.Popen[str]:
 
 
 def children(parent: int) -> list[int]:
-    """Processes whose parent is this one, from /proc."""
-    found = []
+    """Processes that this one has started, and those that they have, from /proc."""
+    found: list[int] = []
     for entry in Path("/proc").glob("[0-9]*/stat"):
         try:
             fields = entry.read_text().rsplit(")", 1)[1].split()
         except OSError:
             continue
         if int(fields[1]) == parent and fields[0] != "Z":
-            found.append(int(entry.parent.name))
+            found += [int(entry.parent.name), *children(int(entry.parent.name))]
     return found
 
 

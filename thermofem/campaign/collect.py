@@ -12,8 +12,11 @@ Both are filled one chunk of geometries at a time; what they hold, compressed, i
 
 from __future__ import annotations
 
+import contextlib
 import io
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,10 +30,11 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Array = NDArray[np.float64]
+Row = dict[str, Array]  # thermal_resistance, delta_T_DRIVE and `NUMBERS` of one geometry
 
 INDEX, TRAINING = "index.nc", "training.nc"
 ROWS = 64  # geometries of one chunk in the file
-_NUMBERS = {
+NUMBERS = {
     "unknowns": "unknowns of the mesh",
     "discretization_error": "relative error of R_th and of the step from 1 ns on by the mesh",
     "domain_error": "relative change of R_th if the stack went on beyond the domain",
@@ -72,27 +76,45 @@ def open_campaign(directory: str | Path) -> xr.Dataset:
             index.close()
         except (OSError, ValueError, KeyError):
             pass  # damaged: made anew below
-    return xr.open_dataset(io.BytesIO(_content(store, plan, training=False, verify=True)), engine="h5netcdf")
+    return xr.open_dataset(io.BytesIO(_contents(store, plan, (INDEX,), verify=True)[INDEX]), engine="h5netcdf")
 
 
-def write_collections(store: ResultStore) -> None:
+def write_collections(store: ResultStore, rows: Mapping[str, Row]) -> None:
     """Write index and training collection of a campaign, each whole or not at all.
+
+    Parameters
+    ----------
+    store : ResultStore
+    rows : mapping of key to Row
+        of results that need not be read again.
 
     Raises
     ------
     InputError
         the folder cannot be written.
     """
-    plan = store.read_plan()
-    write_file(store.directory / INDEX, _content(store, plan, training=False))
-    write_file(store.directory / TRAINING, _content(store, plan, training=True))
+    for name, content in _contents(store, store.read_plan(), (INDEX, TRAINING), rows).items():
+        write_file(store.directory / name, content)
 
 
-def _content(store: ResultStore, plan: dict[str, Any], *, training: bool, verify: bool = False) -> bytes:
-    """Content of one of the two files, built in memory: HDF5 may crash when a disk is full."""
+def domain_errors(directory: Path) -> Array:
+    """The error by the finite domain of every geometry, from the index that a run has left; nan without a result."""
+    import h5py
+
+    with h5py.File(directory / INDEX, "r") as file:
+        return np.asarray(file["domain_error"][()])
+
+
+def _contents(
+    store: ResultStore,
+    plan: dict[str, Any],
+    names: tuple[str, ...],
+    rows: Mapping[str, Row] = MappingProxyType({}),
+    *,
+    verify: bool = False,
+) -> dict[str, bytes]:
+    """Contents of `INDEX` and `TRAINING`, built in memory: HDF5 may crash when a disk is full."""
     import h5netcdf
-
-    memory = io.BytesIO()
 
     keys = [case[0] for case in plan["cases"]]
     status = store.status(keys)
@@ -100,41 +122,50 @@ def _content(store: ResultStore, plan: dict[str, Any], *, training: bool, verify
         hashes = store.hashes()
         bad = [s == "finished" and not store.finished(key, hashes) for key, s in zip(keys, status, strict=True)]
         status = ["waiting" if damaged else s for s, damaged in zip(status, bad, strict=True)]
-    chosen = [k for k in range(len(keys)) if status[k] == "finished" or not training]
-    values = [plan["cases"][k][1:] for k in chosen]
-    with h5netcdf.File(memory, "w") as file:
-        rows = _layout(file, plan, store, [keys[k] for k in chosen if status[k] == "finished"], len(chosen))
-        _text(file, "key", [keys[k] for k in chosen], "content hash, the name of the file")
-        _varied(file, plan["variations"], values)
-        if training:
-            _features(file, plan["variations"], values)
-        else:
-            _text(file, "status", status, "whether there is a result")
-            _text(file, "reason", [store.reason(keys[k]) if status[k] == "failed" else "" for k in chosen], "why not")
-        for start in range(0, len(chosen), ROWS):
-            chunk = chosen[start : start + ROWS]
-            _fill(rows, [store.result(keys[k]) if status[k] == "finished" else None for k in chunk], start)
-    return memory.getvalue()
+    there = np.array([each == "finished" for each in status], dtype=bool)
+    probes = _probes(store.result(keys[int(np.argmax(there))])) if there.any() else []
+    memory = {name: io.BytesIO() for name in names}
+    with contextlib.ExitStack() as stack:
+        variables = {}
+        for name in names:
+            file = stack.enter_context(h5netcdf.File(memory[name], "w"))
+            chosen = [k for k in range(len(keys)) if there[k] or name == INDEX]
+            variables[name] = _layout(file, plan, probes, chosen)
+            if name == INDEX:
+                reasons = [store.reason(key) if s == "failed" else "" for key, s in zip(keys, status, strict=True)]
+                _text(file, "status", status, "whether there is a result")
+                _text(file, "reason", reasons, "why not")
+            else:
+                _features(file, plan["variations"], [plan["cases"][k][1:] for k in chosen])
+        for start in range(0, len(keys), ROWS):
+            chunk = slice(start, start + ROWS)
+            found = [
+                (rows.get(key) or _read(store.result(key), plan["drives"])) if finished else None
+                for key, finished in zip(keys[chunk], there[chunk], strict=True)
+            ]
+            _fill(variables, found, start, int(there[:start].sum()))
+    return {name: content.getvalue() for name, content in memory.items()}
 
 
-def _layout(file: Any, plan: dict[str, Any], store: ResultStore, finished: list[str], count: int) -> dict[str, Any]:
-    """Dimensions, the times and powers of the drives, and the empty variables over case; returns those."""
-    probes = _probes(store.result(finished[0])) if finished else []
+def _layout(file: Any, plan: dict[str, Any], probes: list[str], chosen: list[int]) -> dict[str, Any]:
+    """Dimensions, keys, varied quantities, times and powers of the drives; returns the empty variables over case."""
     file.attrs.update({**dataset.stamp("campaign"), "campaign": plan["name"], "geometry": plan["geometry"]})
-    file.dimensions = {"case": count, "probe": len(probes)}
+    file.dimensions = {"case": len(chosen), "probe": len(probes)}
     _text(file, "probe", probes, "part whose mean is read", over="probe")
+    _text(file, "key", [plan["cases"][k][0] for k in chosen], "content hash, the name of the file")
+    _varied(file, plan["variations"], [plan["cases"][k][1:] for k in chosen])
     variables = {}
     for drive in plan["drives"]:
         name, times, wave = drive["name"], np.array(drive["times"]), waveforms.from_json(drive["waveform"])
-        time = f"time_{name}"
+        time, rise = f"time_{name}", f"delta_T_{name}"
         file.dimensions[time] = times.size
         file.create_variable(time, (time,), data=times).attrs.update(dataset.describe("time"))
         power = file.create_variable(f"power_{name}", (time,), data=np.asarray(wave(times), dtype=float))
         power.attrs.update({**dataset.describe("power"), "waveform": drive["waveform"]})
-        variables[name] = _over_case(file, f"delta_T_{name}", (time, "probe"), dataset.describe("delta_T"))
+        variables[rise] = _over_case(file, rise, (time, "probe"), dataset.describe("delta_T"))
     resistance = {"units": "K/W", "long_name": "thermal resistance"}
     variables["thermal_resistance"] = _over_case(file, "thermal_resistance", ("probe",), resistance)
-    for name, long_name in _NUMBERS.items():
+    for name, long_name in NUMBERS.items():
         variables[name] = _over_case(file, name, (), {"units": "1", "long_name": long_name})
     return variables
 
@@ -200,30 +231,31 @@ def _probes(path: Path) -> list[str]:
         return str(file.attrs["read"]).split(", ")
 
 
-def _fill(variables: dict[str, Any], paths: list[Path | None], start: int) -> None:
-    """Copy results into their rows, from ``start`` on; where there is none the row stays nan."""
-    if not any(paths):
+def _fill(variables: dict[str, dict[str, Any]], rows: list[Row | None], start: int, trained: int) -> None:
+    """Write the rows of one chunk: into the index from ``start`` on, the finished ones into the training from
+    ``trained`` on; where there is no result the row stays nan."""
+    there = [row for row in rows if row is not None]
+    if not there:
         return
-    values = {name: np.full((len(paths), *variable.shape[1:]), np.nan) for name, variable in variables.items()}
-    for row, path in enumerate(paths):
-        if path is not None:
-            _read(path, values, row)
-    for name, block in values.items():
-        variables[name][start : start + len(paths)] = block
+    none = {name: np.full(np.shape(value), np.nan) for name, value in there[0].items()}
+    for file, each in variables.items():
+        chosen, first = (there, trained) if file == TRAINING else ([row or none for row in rows], start)
+        for name, variable in each.items():
+            variable[first : first + len(chosen)] = np.array([row[name] for row in chosen])
 
 
-def _read(path: Path, values: dict[str, Array], row: int) -> None:
-    """One result into its row."""
+def _read(path: Path, drives: list[dict[str, Any]]) -> Row:
+    """What the index holds of one result, from its file."""
     import h5py
 
     try:
         with h5py.File(path, "r") as file:
-            for name in _NUMBERS:
-                values[name][row] = np.ravel(file.attrs.get(name, np.nan))[0]
-            values["thermal_resistance"][row] = np.ravel(file.attrs["thermal_resistances"])
-            for name in values.keys() - {"thermal_resistance", *_NUMBERS}:
+            row = {name: np.asarray(np.ravel(file.attrs.get(name, np.nan))[0]) for name in NUMBERS}
+            row["thermal_resistance"] = np.ravel(file.attrs["thermal_resistances"])
+            for name in (drive["name"] for drive in drives):
                 group = file if file.attrs["drive"] == name else file[name]
                 rise = group["delta_T"][()]
-                values[name][row] = rise[:, None] if rise.ndim == 1 else rise
+                row[f"delta_T_{name}"] = rise[:, None] if rise.ndim == 1 else rise
     except (OSError, KeyError, ValueError) as error:
         raise InputError(f"{path} cannot be read ({error}); remove it and run the campaign again") from None
+    return row

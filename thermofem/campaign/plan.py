@@ -51,6 +51,7 @@ class Campaign:
     variations : tuple of Variation
         the listed ones are crossed; every combination meets every point of the Latin hypercube of the others.
     schedules : tuple of Schedule
+        the drives of every run; a family needs none.
     name : str
     heated : str
         default the first heated part.
@@ -69,7 +70,7 @@ class Campaign:
 
     geometry: str
     variations: tuple[Variation, ...]
-    schedules: tuple[Schedule, ...]
+    schedules: tuple[Schedule, ...] = ()
     name: str = "campaign"
     heated: str | None = None
     read: tuple[str, ...] = ()
@@ -81,8 +82,6 @@ class Campaign:
     def __post_init__(self) -> None:
         checks.between("accuracy", self.accuracy, 1e-5, 1e-2)
         checks.between("rtol", self.rtol, 1e-10, 0.1)
-        if not self.schedules:
-            raise InputError("no drive; add a [[drive]] table")
         for what, names in (("drive", self.schedules), ("vary", self.variations)):
             seen = [item.name for item in names]
             twice = next((name for name in seen if seen.count(name) > 1), None)
@@ -124,10 +123,17 @@ class Campaign:
                 yield tuple(next(grid) if v.values else next(free) for v in self.variations)
 
     def _hypercube(self, drawn: list[Variation]) -> list[list[float]]:
-        from scipy.stats import qmc
+        """Points that fall once into each of ``samples`` equal slices of every range, as SciPy draws them.
 
-        points = qmc.LatinHypercube(d=len(drawn), seed=np.random.default_rng(self.seed)).random(self.samples)
-        # nine digits: geometry file and index agree, whichever version of SciPy drew the samples
+        SciPy's own function would import more than all of a campaign's main process.
+        """
+        draw, count = np.random.default_rng(self.seed).spawn(1)[0], self.samples
+        inside = draw.uniform(size=(count, len(drawn)))
+        slices = np.tile(np.arange(1, count + 1), (len(drawn), 1))
+        for row in slices:
+            draw.shuffle(row)
+        points = (slices.T - inside) / count
+        # nine digits: geometry file and index agree to the last one
         return [[float(f"{v.at(x):.9g}") for v, x in zip(drawn, row, strict=True)] for row in points]
 
     def geometry_of(self, values: tuple[Value, ...]) -> str:

@@ -7,12 +7,10 @@ that kills its worker is found and recorded while the others go on.
 
 from __future__ import annotations
 
-import contextlib
-import multiprocessing
 import os
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,15 +18,17 @@ from typing import TYPE_CHECKING
 
 from .. import checks
 from ..checks import InputError, MissingLibraryError
-from .collect import write_collections
+from .collect import Row, write_collections
+from .processes import begin, context, one_thread
 from .store import ResultStore
-from .work import THREADS, Outcome, compute, prepare, ready
+from .work import Outcome, compute, prepare, ready
 
 if TYPE_CHECKING:
     from .plan import Campaign, Case
 
 DEATHS = 2  # of the worker that had a geometry to itself, before it is given up
 FOREIGN = 64  # limit of pending tasks for a user-supplied executor
+ROOM, PER_ROW = 100_000_000, 2_000  # bytes of rows kept for the index, and of one beside its numbers; others are read
 
 
 @dataclass(frozen=True)
@@ -85,11 +85,13 @@ def run(
     Raises
     ------
     InputError
-        the folder is not writable, full or in use; a base geometry that cannot be solved; workers that do not start.
-        What is finished stays.
+        no drive; the folder is not writable, full or in use; a base geometry that cannot be solved; workers that do
+        not start. What is finished stays.
     MissingLibraryError
         meshes must be made and gmsh cannot be loaded.
     """
+    if not campaign.schedules:
+        raise InputError(f"campaign {campaign.name!r} has no drive; add a [[drive]] table (a family needs none)")
     if workers is not None:
         checks.between("workers", workers, 1, 1024)
     store = ResultStore(checks.path("directory", directory))
@@ -100,30 +102,17 @@ def run(
         waiting = loop.sort(cases, retry_failed)
         if waiting:
             count = workers or _cpus()
-            with _one_thread():
+            if executor is None:
+                begin()
+            with one_thread():
                 loop.work(waiting, _Workers(campaign, executor, count))
-        write_collections(store)
+        write_collections(store, loop.rows)
     return loop.summary
 
 
 def _cpus() -> int:
     """CPUs that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-@contextlib.contextmanager
-def _one_thread() -> Iterator[None]:
-    """Context in which new worker processes use one BLAS thread each."""
-    before = {name: os.environ.get(name) for name in THREADS}
-    os.environ.update(dict.fromkeys(THREADS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
 
 
 @dataclass
@@ -145,8 +134,7 @@ class _Workers:
         if self.given:
             self.pool = self.given
         else:
-            context = multiprocessing.get_context("spawn")
-            self.pool = ProcessPoolExecutor(self.count, mp_context=context, initializer=prepare)
+            self.pool = ProcessPoolExecutor(self.count, mp_context=context(), initializer=prepare)
         base = self.campaign.base_task() if trial else None
         tests = [self.pool.submit(ready, base if k == 0 else None) for k in range(1 if self.given else self.count)]
         try:
@@ -174,6 +162,8 @@ class _Loop:
     report: Callable[[Summary], None]
     summary: Summary
     deaths: dict[str, int] = field(default_factory=dict)
+    rows: dict[str, Row] = field(default_factory=dict)
+    room: int = ROOM
 
     def sort(self, cases: list[Case], retry_failed: bool) -> deque[Case]:
         """The geometries that need work; a result whose hash is another one is made again."""
@@ -247,6 +237,9 @@ class _Loop:
             self._fail(case, outcome.reason)
         else:
             self._keep(lambda: self.store.write_result(case.key, outcome.content))
+            if outcome.row and self.room > 0:
+                self.rows[case.key] = outcome.row
+                self.room -= sum(value.nbytes for value in outcome.row.values()) + PER_ROW
             self.summary = replace(self.summary, finished=self.summary.finished + 1)
         spent = self.summary.cpu_seconds + outcome.cpu
         self.summary = replace(self.summary, cpu_seconds=spent, seconds=time.perf_counter() - begin)

@@ -5,6 +5,8 @@ samples = 100                          # points of the Latin hypercube; seed = 0
 [[vary]]                               # path, and values | from, to, count | from, to; optional name, spacing
 [[drive]]                              # power, and pulse | square, duty, periodic; optional name, duration, samples
 [probes]                               # heated, read
+
+A family needs no [[drive]]; a run does.
 """
 
 from __future__ import annotations
@@ -31,9 +33,8 @@ def fields(text: str, folder: Path) -> dict[str, Any]:
     """The fields of the `Campaign` that the text of a campaign file describes; geometry files lie in ``folder``."""
     top = toml_file.parse(text)
     _known(top, _TOP, "the file")
-    for key, hint in (("geometry", 'name a file, geometry = "strip.toml"'), ("drive", "add a [[drive]] table")):
-        if key not in top:
-            raise InputError(f"{key} is missing; {hint}")
+    if "geometry" not in top:
+        raise InputError('geometry is missing; name a file, geometry = "strip.toml"')
     probes = top.get("probes", {})
     _known(probes, ("heated", "read"), "[probes]")
     read = probes.get("read", [])

@@ -1,4 +1,4 @@
-"""Results of one layout as files: the first is written by xarray, the others are copies of it with other numbers.
+"""Results of one layout as files: the first is written from scratch, the others are copies of it with other numbers.
 
 Most of the time of a small netCDF file goes into its structure. All members of a campaign have the same one.
 """
@@ -7,51 +7,73 @@ from __future__ import annotations
 
 import io
 import threading
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    import xarray as xr
+from ..record import Record
 
 _worker = threading.local()
+_WRITABLE = 1  # flag of HDF5's H5LTopen_file_image: the image may be written to
 
 
-def filled(results: dict[str, xr.Dataset], write: Callable[[dict[str, xr.Dataset]], bytes]) -> bytes:
-    """The file of ``write(results)``, up to the order of attributes, made from an earlier file of the same layout."""
-    layout = [_layout(name, data) for name, data in results.items()]
+def filled(results: dict[str, Record]) -> bytes:
+    """A netCDF file, made from an earlier file of the same layout where there is one.
+
+    The first result is its root, as `thermofem.load` reads it; each further one is a group. Made in memory: HDF5 can
+    take the whole process down when a disk is full.
+    """
+    layout = [_layout(name, record) for name, record in results.items()]
     if getattr(_worker, "layout", None) != layout:
-        _worker.content, _worker.layout, _worker.first = write(results), layout, results
+        _worker.content, _worker.layout, _worker.first = _written(results), layout, results
         return bytes(_worker.content)
     import h5py
 
-    memory = io.BytesIO(_worker.content)
-    with h5py.File(memory, "r+") as file:
-        for number, (name, data) in enumerate(results.items()):
-            group, first = file[name] if number else file, _worker.first[name]
-            _attributes(group, first.attrs, data.attrs)
-            for key, variable in data.variables.items():
-                if variable.dtype.kind in "fiu" and not np.array_equal(first[key].values, variable.values):
-                    group[str(key)][...] = variable.values
+    file = h5py.h5f.open_file_image(_worker.content, _WRITABLE)
+    try:
+        for number, (name, record) in enumerate(results.items()):
+            group, first = h5py.h5g.open(file, name.encode() if number else b"/"), _worker.first[name]
+            _attributes(group, first.attrs, record.attrs)
+            for key, column in record.variables.items():
+                values = column.values
+                if values.dtype.kind in "fiu" and not np.array_equal(first[key].values, values):
+                    h5py.h5d.open(group, key.encode()).write(h5py.h5s.ALL, h5py.h5s.ALL, np.ascontiguousarray(values))
+        h5py.h5f.flush(file)
+        return bytes(file.get_file_image())
+    finally:
+        file.close()
+
+
+def _written(results: dict[str, Record]) -> bytes:
+    import h5netcdf
+
+    memory = io.BytesIO()
+    with h5netcdf.File(memory, "w") as file:
+        for number, (name, record) in enumerate(results.items()):
+            record.write_into(file.create_group(name) if number else file)
     return memory.getvalue()
 
 
-def _layout(name: str, data: xr.Dataset) -> tuple[Any, ...]:
+def _layout(name: str, record: Record) -> tuple[Any, ...]:
     """All that a file of other numbers has in common with this one."""
     variables = []
-    for key, variable in data.variables.items():
-        fixed = None if variable.dtype.kind in "fiu" else str(variable.values.tolist())
-        variables.append((key, variable.dims, variable.shape, str(variable.dtype), fixed, str(variable.attrs)))
-    attributes = [(key, type(value).__name__, np.shape(value)) for key, value in data.attrs.items()]
+    for key, column in record.variables.items():
+        values = column.values
+        fixed = None if values.dtype.kind in "fiu" else str(values.tolist())
+        variables.append((key, column.dims, values.shape, str(values.dtype), fixed, str(column.attrs)))
+    attributes = [(key, type(value).__name__, np.shape(value)) for key, value in record.attrs.items()]
     return name, tuple(variables), tuple(attributes)
 
 
-def _attributes(group: Any, before: dict[Any, Any], now: dict[Any, Any]) -> None:
+def _attributes(group: Any, before: Any, now: Any) -> None:
+    """Other values of the attributes, in their places."""
+    import h5py
+
     for key, value in now.items():
         if np.array_equal(before[key], value):
             continue
+        place = h5py.h5a.open(group, key.encode())
         if isinstance(value, str):
-            group.attrs[key] = value
+            place.write(np.array(value, dtype=object).astype(h5py.string_dtype()))
         else:
-            group.attrs.modify(key, np.atleast_1d(value))  # in its place
+            place.write(np.asarray(value, dtype=place.dtype).reshape(place.shape))

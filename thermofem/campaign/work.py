@@ -2,30 +2,24 @@
 
 from __future__ import annotations
 
-import io
 import logging
 import os
 import signal
 import threading
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ..checks import MissingLibraryError
+from ..record import Record
+from .collect import NUMBERS, Row
+from .template import filled
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from ..heat import HeatProblem
     from .vary import Schedule
-
-THREADS = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "NUMEXPR_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
-)
 
 
 @dataclass(frozen=True)
@@ -59,12 +53,13 @@ class Task:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Result of a worker: the content of the file, or the reason of the failure; and CPU seconds."""
+    """Result of a worker: the content of the file, or the reason of the failure; CPU seconds; and the index's row."""
 
     key: str
     content: bytes
     reason: str
     cpu: float
+    row: Row = field(default_factory=dict)
 
 
 def prepare() -> None:
@@ -89,7 +84,7 @@ def prepare() -> None:
 def ready(task: Task | None) -> None:
     """Load the libraries; with a task, check that its geometry meshes and that its names exist."""
     if task is None:
-        from .. import solve  # noqa: F401
+        from . import libraries  # noqa: F401
     else:
         _assemble(task)
 
@@ -106,14 +101,15 @@ def compute(task: Task) -> Outcome:
     """
     start = time.thread_time()
     try:
-        content = _bytes(_solve(task))
+        results = _solve(task)
+        content, row = filled(results), _row(results)
     except MissingLibraryError:
         raise
     except Exception as error:  # whatever stops one geometry is recorded, and the others go on
         text = " ".join(str(error).split()) or "no message"
         reason = text if isinstance(error, ValueError) else f"{type(error).__name__}: {text}"
         return Outcome(task.key, b"", reason, time.thread_time() - start)
-    return Outcome(task.key, content, "", time.thread_time() - start)
+    return Outcome(task.key, content, "", time.thread_time() - start, row)
 
 
 def _assemble(task: Task) -> HeatProblem:
@@ -125,8 +121,8 @@ def _assemble(task: Task) -> HeatProblem:
     return heat
 
 
-def _solve(task: Task) -> dict[str, xr.Dataset]:
-    """One Dataset for each drive, in our usual schema."""
+def _solve(task: Task) -> dict[str, Record]:
+    """One result for each drive, in the schema of `thermofem.dataset`."""
     from ..solve import solve, solve_periodic
 
     heat = _assemble(task)
@@ -137,30 +133,22 @@ def _solve(task: Task) -> dict[str, xr.Dataset]:
     results = {}
     for schedule in task.schedules:
         if schedule.times:
-            data = solve(heat, schedule.wave, schedule.kept, heated=heated, read=wanted, rtol=task.rtol)
+            found = solve.record(heat, schedule.wave, schedule.kept, heated=heated, read=wanted, rtol=task.rtol)
         else:
-            data = solve_periodic(heat, schedule.wave, schedule.samples, heated=heated, read=wanted, rtol=task.rtol)
+            samples = schedule.samples
+            found = solve_periodic.record(heat, schedule.wave, samples, heated=heated, read=wanted, rtol=task.rtol)
         provenance = {"drive": schedule.name, "campaign_case": task.key, "campaign_values": task.values}
-        results[schedule.name] = data.assign_attrs(thermal_resistances=resistances, **provenance)
+        attrs = {**found.attrs, "thermal_resistances": resistances, **provenance}
+        results[schedule.name] = replace(found, attrs=attrs)
     return results
 
 
-def _bytes(results: dict[str, xr.Dataset]) -> bytes:
-    """A netCDF file: the first drive is its root, as `thermofem.load` reads it; each further one is a group.
-
-    Made in memory: HDF5 can take the whole process down when a disk is full.
-    """
-    from .template import filled
-
-    return filled(results, _written)
-
-
-def _written(results: dict[str, xr.Dataset]) -> bytes:
-    import h5netcdf
-    from xarray.backends import H5NetCDFStore
-
-    memory = io.BytesIO()
-    with h5netcdf.File(memory, "w") as file:
-        for number, (name, data) in enumerate(results.items()):
-            data.dump_to_store(H5NetCDFStore(file.create_group(name) if number else file))
-    return memory.getvalue()
+def _row(results: dict[str, Record]) -> Row:
+    """What the index holds of one geometry, see `collect`."""
+    first = next(iter(results.values())).attrs
+    row = {name: np.asarray(first[name], dtype=float) for name in NUMBERS}
+    row["thermal_resistance"] = np.asarray(first["thermal_resistances"], dtype=float)
+    for name, record in results.items():
+        rise = record["delta_T"].values
+        row[f"delta_T_{name}"] = rise[:, None] if rise.ndim == 1 else rise
+    return row

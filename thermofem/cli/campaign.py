@@ -11,7 +11,9 @@ from typing import Any
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-from ..campaign import Campaign, Summary, open_campaign
+from ..campaign import Campaign, Summary
+from ..campaign.collect import domain_errors
+from ..campaign.processes import begin
 from ..checks import InputError, MissingLibraryError
 from .kinds import expect
 from .output import console, note, threads_wanted
@@ -22,6 +24,8 @@ def run(file: Path, output: Path, *, workers: int | None, scheduler: str | None,
     if scheduler and workers:
         raise InputError(f"--workers {workers} and --scheduler {scheduler} exclude each other; the cluster has its own")
     expect(file, "campaign")
+    if scheduler is None and not (output / "index.nc").exists():  # of a finished campaign it would be in vain
+        begin()
     campaign = Campaign.from_toml(file)
     terminal = console()
     what, rate = TextColumn("{task.description}", markup=False), TextColumn("{task.fields[rate]}")
@@ -37,8 +41,7 @@ def run(file: Path, output: Path, *, workers: int | None, scheduler: str | None,
         )
     found = f"{summary.finished} finished in {summary.seconds:.0f} s, {summary.reused} were there already"
     note(f"{summary.total} geometries: {found}, {summary.failed} failed")
-    with open_campaign(output) as index:
-        cut = int((index["domain_error"] > campaign.accuracy).sum())
+    cut = int((domain_errors(output) > campaign.accuracy).sum())
     if cut:
         note(
             f"{cut} have domain_error above accuracy = {campaign.accuracy:g}: their bottom or outer side is too near: "

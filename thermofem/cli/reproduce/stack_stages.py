@@ -13,11 +13,11 @@ from surrogate.interpolant import smooth
 from ... import checks
 from ...arrays import Array, NDArray
 from ...campaign import Campaign
-from ...campaign.vary import Schedule, Variation
+from ...campaign.vary import Variation
 from ...dataset import build
 from ...geometry import strip_ring
 from ...models import Foster, OutputMap
-from ...waveforms import Constant, Waveform
+from ...waveforms import Waveform
 from .pulsing_stages import heat_of_the_pair
 from .settings import CENTRE, watts
 from .stages import Job
@@ -49,7 +49,7 @@ def explained(job: Job) -> Result:
     has the nearest stack; "left" is its rms error at those before they were added, relative. The nearest stack is one
     that was worked out. Without gmsh there are no numbers.
     """
-    campaign = Campaign(strip_ring().to_toml(), VARIED, (Schedule("step", Constant(1e-3), (0.0, 1e-6)),), samples=1)
+    campaign = Campaign(strip_ring().to_toml(), VARIED, samples=1)
     try:
         family = surrogate.train_family(campaign, tolerance=5e-3, held_out=4)
     except checks.MissingLibraryError as error:
