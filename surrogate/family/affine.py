@@ -90,12 +90,11 @@ class LineEngine:
         self.box, self.grid, self.accuracy = box, CellGrid.of(box), accuracy
         self.cells = Cells.of(self.grid, box)
         mesh, cell = _mesh(self.grid, self.cells, box, accuracy)
-        self.resistance = resistances(box.base)
-        self.mesh, self.cell = split(mesh, self.resistance), cell
+        self.mesh, self.cell = split(mesh, resistances(box.base)), cell
         vertex = np.zeros(len(self.mesh.points), dtype=np.intp)
         vertex[self.mesh.triangles.ravel()] = np.repeat(cell, 3)
         self._vertex = vertex  # a cell that each vertex touches: its lines give the vertex' place
-        self.reference = on_mesh(box.base, self.mesh, self.resistance, accuracy)
+        self.reference = on_mesh(box.base, self.mesh, accuracy)
 
     def __getstate__(self) -> dict[str, Any]:
         """For other processes: the mesh, without matrices and factors."""
@@ -103,7 +102,7 @@ class LineEngine:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self.reference = on_mesh(self.box.base, self.mesh, self.resistance, self.accuracy)
+        self.reference = on_mesh(self.box.base, self.mesh, self.accuracy)
 
     @property
     def unknowns(self) -> int:
@@ -117,9 +116,7 @@ class LineEngine:
         r = self.grid.r.moved(self.mesh.points[:, 0], i, offset)
         z = self.grid.z.moved(self.mesh.points[:, 1], j, offset)
         moved = replace(self.mesh, points=np.stack([r, z], axis=1))
-        geometry = self.box.geometry(row)
-        resistance = resistances(geometry)
-        return on_mesh(geometry, moved, resistance, self.accuracy)
+        return on_mesh(self.box.geometry(row), moved, self.accuracy)
 
     @cached_property
     def _sampled(self) -> tuple[Coefficients, Points, Any]:

@@ -14,7 +14,6 @@ from thermofem import Campaign, Mesh, checks
 from thermofem.arrays import Array
 from thermofem.campaign.vary import Variation
 from thermofem.files import LARGEST_TEXT, read_bytes, write_whole
-from thermofem.heat.problem import on_mesh, resistances
 from thermofem.trees import from_json
 
 from .affine import Coefficients
@@ -137,23 +136,19 @@ def _fields(content: dict[str, Any], arrays: dict[str, Array]) -> dict[str, Any]
     lines = content["engine"].startswith("lines")
     hot = content.get("bend")
     error = content["error"]
+    bend = None
+    if hot is not None:
+        bend = Bend(float(hot["power"]), arrays["bend_shares"], arrays["bend_coefficients"], float(hot["error"]))
     return {
         "box": box,
         "inputs": inputs,
         "outputs": outputs,
-        "tolerance": float(content["tolerance"]),
+        **{name: float(content[name]) for name in ("tolerance", "floor", "factor")},
         "members": _lines(content, arrays, box) if lines else _moved(content, arrays, box, ports),
         "error": {"worst": float(error["worst"]), "median": float(error["median"]), "count": int(error["count"])},
-        "floor": float(content["floor"]),
-        "factor": float(content["factor"]),
-        "bend": None if hot is None else _bend(hot, arrays),
+        "bend": bend,
         "provenance": dict(content["provenance"]),
     }
-
-
-def _bend(stored: dict[str, Any], arrays: dict[str, Array]) -> Bend:
-    power, error = float(stored["power"]), float(stored["error"])
-    return Bend(power, arrays["bend_shares"], arrays["bend_coefficients"], error)
 
 
 def _box(content: dict[str, Any], arrays: dict[str, Array]) -> Box:
@@ -191,7 +186,4 @@ def _lines(content: dict[str, Any], a: dict[str, Any], box: Box) -> LineTerms:
 
 def _moved(content: dict[str, Any], a: dict[str, Any], box: Box, ports: tuple[str, ...]) -> MovedMembers:
     mesh = Mesh(a["points"], a["triangles"], a["region"], tuple(content["regions"]))
-    resistance = resistances(box.base)
-    accuracy = float(content["accuracy"])
-    reference = on_mesh(box.base, mesh, resistance, accuracy)
-    return MovedMembers(MovedEngine(box, accuracy, reference), a["basis"], ports)
+    return MovedMembers(MovedEngine.on(box, float(content["accuracy"]), mesh), a["basis"], ports)

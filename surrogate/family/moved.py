@@ -9,7 +9,7 @@ import numpy as np
 
 from thermofem import HeatProblem, Mesh, assemble, checks
 from thermofem.arrays import Array
-from thermofem.heat.problem import on_mesh, resistances
+from thermofem.heat.problem import on_mesh
 from thermofem.mesh.motion import Motion
 
 from .box import Box
@@ -33,7 +33,12 @@ class MovedEngine:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For other processes: the mesh, without factors."""
-        return _on_mesh, (self.box, self.accuracy, self.mesh)
+        return MovedEngine.on, (self.box, self.accuracy, self.mesh)
+
+    @classmethod
+    def on(cls, box: Box, accuracy: float, mesh: Mesh) -> MovedEngine:
+        """The engine of a base mesh that is there already."""
+        return cls(box, accuracy, on_mesh(box.base, mesh, accuracy))
 
     @property
     def unknowns(self) -> int:
@@ -51,12 +56,7 @@ class MovedEngine:
         except checks.InputError as error:
             where = ", ".join(f"{name} = {value:g}" for name, value in zip(self.box.names, row, strict=True))
             raise checks.InputError(f"no family over this box: at {where} {error}; take smaller ranges") from None
-        resistance = resistances(geometry)
-        return on_mesh(geometry, moved, resistance, self.accuracy)
-
-
-def _on_mesh(box: Box, accuracy: float, mesh: Mesh) -> MovedEngine:
-    return MovedEngine(box, accuracy, on_mesh(box.base, mesh, resistances(box.base), accuracy))
+        return on_mesh(geometry, moved, self.accuracy)
 
 
 @dataclass(frozen=True, eq=False)

@@ -104,7 +104,7 @@ def varied(text: str, path: str, unit: str, value: float) -> th.CrossSection:
 def moved(heat: th.HeatProblem, geometry: th.CrossSection, velocity: np.ndarray, step: float) -> th.HeatProblem:
     """The problem of another geometry on the mesh whose vertices have moved."""
     mesh = replace(heat.mesh, points=heat.mesh.points + step * velocity)
-    return on_mesh(geometry, mesh, {i.part: i.resistance for i in geometry.interfaces}, heat.accuracy)
+    return on_mesh(geometry, mesh, heat.accuracy)
 
 
 @pytest.fixture(scope="module")

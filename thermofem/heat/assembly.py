@@ -66,8 +66,8 @@ class Leader:
         flattest = quality(points, self.motion.mesh.triangles).min()
         if flattest < FLATTEST:
             return None
-        contacts, mesh = resistances(geometry), replace(self.motion.mesh, points=points)
-        heat = on_mesh(geometry, split(mesh, contacts), contacts, self.accuracy)
+        mesh = replace(self.motion.mesh, points=points)
+        heat = on_mesh(geometry, split(mesh, resistances(geometry)), self.accuracy)
         if self.last is not None:
             heat.discretization.factors.inherit(self.last.factors)
         self.last = heat.discretization

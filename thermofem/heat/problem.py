@@ -295,7 +295,7 @@ def adapted(geometry: CrossSection, mesh: Mesh, accuracy: float) -> tuple[HeatPr
     """
     resistance = resistances(geometry)
     for _ in range(ROUNDS):
-        heat = on_mesh(geometry, split(mesh, resistance), resistance, accuracy)
+        heat = on_mesh(geometry, split(mesh, resistance), accuracy)
         estimate = heat.estimate()
         if estimate.largest <= accuracy or heat.unknowns > LARGEST:
             break
@@ -313,10 +313,10 @@ def adapted(geometry: CrossSection, mesh: Mesh, accuracy: float) -> tuple[HeatPr
     return heat, mesh
 
 
-def on_mesh(geometry: CrossSection, mesh: Mesh, resistance: dict[str, float], accuracy: float) -> HeatProblem:
-    """The heat problem of a geometry on a given mesh, cut open along the parts in ``resistance`` (m^2 K/W)."""
+def on_mesh(geometry: CrossSection, mesh: Mesh, accuracy: float) -> HeatProblem:
+    """The heat problem of a geometry on a given mesh, cut open along its interfaces (`interface.split`)."""
     conductivity, heat_capacity = properties(geometry, mesh)
-    discretization = build(mesh, conductivity, heat_capacity, surfaces_of(geometry, mesh, resistance))
+    discretization = build(mesh, conductivity, heat_capacity, surfaces_of(geometry, mesh, resistances(geometry)))
     probes = {probe.name: probe_mean(geometry, mesh, discretization.basis, probe) for probe in geometry.probes}
     discretization = replace(discretization, means={**discretization.means, **probes})
     return HeatProblem(geometry, mesh, discretization, accuracy)
