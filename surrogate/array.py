@@ -22,7 +22,7 @@ so that no powers of any rings draw heat from nothing if no S_m has a negative e
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -31,6 +31,7 @@ import numpy as np
 from thermofem import Foster, HeatProblem, InputError, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.display import shown
+from thermofem.models import HasModel
 
 from .array_certificate import Pairs, reduce_pairs
 from .array_places import SAME, RingKinds, check_places, places_of, rings_of, with_copies
@@ -41,7 +42,7 @@ _SHARES = np.geomspace(1e-9, 10, 400)  # s, where step responses are looked at
 
 @shown
 @dataclass(frozen=True, eq=False)
-class ArrayReduction:
+class ArrayReduction(HasModel):
     """A thermal model of several rings, and the proof of its accuracy.
 
     Attributes
@@ -118,7 +119,8 @@ class ArrayReduction:
     def provenance(self) -> dict[str, Any]:
         """Provenance that `surrogate.save_model` writes with the model."""
         bound, places = self.error_bound, self.positions.tolist()
-        return {"method": "array reduction", "tolerance": self.tolerance, "error_bound": bound, "positions": places}
+        made = {"method": "array reduction", "tolerance": self.tolerance, "error_bound": bound, "positions": places}
+        return {**(self.model.origin or {}), **made}
 
 
 def reduce_array(
@@ -169,8 +171,8 @@ def reduce_array(
         _sources(rings, g, apart, (part, *names), tolerance) for g, part in enumerate(ring.part for ring in rings.kinds)
     ]
     model, bounds, poles = _assembled(sources, rings, names)
-    return ArrayReduction(
-        model=model,
+    array = ArrayReduction(
+        model=replace(model, origin=_origin(rings)),
         positions=places,
         error_bound=float(bounds.max()),
         channel_bounds=bounds,
@@ -179,6 +181,13 @@ def reduce_array(
         poles=poles,
         asymmetry=_asymmetry(sources, rings),
     )
+    return replace(array, model=replace(model, origin=array.provenance))
+
+
+def _origin(rings: RingKinds) -> dict[str, Any]:
+    """Geometry of the rings, one after the other where they differ, and the accuracy of their meshes."""
+    toml = [kind.heat.geometry.to_toml() for kind in rings.kinds]
+    return {"geometry": "\n".join(toml), "mesh_accuracy": max(kind.heat.accuracy for kind in rings.kinds)}
 
 
 @dataclass(frozen=True, eq=False)

@@ -75,7 +75,8 @@ def _coupled(name: str, net: PoleCircuit, turns: NDArray[np.float64]) -> list[st
     for k, (R, C) in enumerate(zip(net.R, net.C, strict=True), start=1):
         lines += [f"R{k} x__{k} ambient {float(R)!r}", f"C{k} x__{k} ambient {float(C)!r}"]
         for i, at in enumerate(net.heated):
-            lines.append(f"F{k}_{i + 1} ambient x__{k} Vpin{at + 1} {float(turns[k - 1, i])!r}")
+            if turns[k - 1, i]:
+                lines.append(f"F{k}_{i + 1} ambient x__{k} Vpin{at + 1} {float(turns[k - 1, i])!r}")
     return [*lines, f".ends {name}"]
 
 
@@ -86,10 +87,11 @@ def _pin(i: int, pin: str, net: PoleCircuit) -> list[str]:
         return [f"* {pin} is heated, but not read: it stays at 0 K", f"Vpin{i + 1} {pin} ambient 0"]
     note = [] if i in net.heated else [f"* {pin} is only read: power into it is lost"]
     first = "z__" if net.coefficient else "p__"
-    nodes = [f"{first}{i + 1}", *(f"p{i + 1}__{k}" for k in range(1, shares.size)), "ambient"]
+    used = np.flatnonzero(shares)
+    nodes = [f"{first}{i + 1}", *(f"p{i + 1}__{k + 1}" for k in used[:-1]), "ambient"]
     sums = [
-        f"E{i + 1}_{k + 1} {nodes[k]} {nodes[k + 1]} x__{k + 1} ambient {float(share)!r}"
-        for k, share in enumerate(shares)
+        f"E{i + 1}_{k + 1} {nodes[n]} {nodes[n + 1]} x__{k + 1} ambient {float(shares[k])!r}"
+        for n, k in enumerate(used)
     ]
     if net.coefficient:
         z = f"V({nodes[0]},ambient)"

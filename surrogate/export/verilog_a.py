@@ -74,13 +74,15 @@ def _coupled(net: PoleCircuit, turns: np.ndarray) -> list[str]:
     for k, (R, C) in enumerate(zip(net.R, net.C, strict=True), start=1):
         lines.append(_store(k, R, C))
         for i, at in enumerate(net.heated):
-            lines.append(f"  Pwr(pole__{k}) <+ -({float(turns[k - 1, i])!r} * Pwr(pin__{at}));")
+            if turns[k - 1, i]:
+                lines.append(f"  Pwr(pole__{k}) <+ -({float(turns[k - 1, i])!r} * Pwr(pin__{at}));")
     for i, _ in enumerate(net.pins):
         shares = net.read_by(i)
         if shares is None:  # heated, but not read: it stays at 0 K
             lines.append(f"  Temp(pin__{i}) <+ 0;")
         else:
-            rise = " + ".join(f"{float(share)!r} * Temp(pole__{k})" for k, share in enumerate(shares, start=1))
+            used = [(k, share) for k, share in enumerate(shares, start=1) if share]
+            rise = " + ".join(f"{float(share)!r} * Temp(pole__{k})" for k, share in used)
             square = f" + ({net.coefficient!r}) * z__{i} * z__{i}" if net.coefficient else ""
             lines += [f"  z__{i} = {rise};", f"  Temp(pin__{i}) <+ z__{i}{square};"]
     return [*lines, "end"]

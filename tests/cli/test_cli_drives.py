@@ -99,13 +99,13 @@ def test_a_map_with_a_heater(folder):
 
 def test_reduce_makes_a_model_with_a_heater(tmp_path):
     (tmp_path / "ring.toml").write_text(th.heated_ring().to_toml())
-    done = thermofem(
-        "reduce", "ring.toml", "--accuracy", "1e-2", "--heated", "core, heater", "-o", "m.json", cwd=tmp_path
-    )
-    assert done.returncode == 0, done.stderr
-    assert "from heater to core" in done.stdout
-    model = surrogate.load_model(tmp_path / "m.json")
-    assert (model.inputs, model.outputs) == (("core", "heater"), ("core",))
+    arguments = "reduce", "ring.toml", "--accuracy", "1e-2", "--heated", "core, heater", "-o", "m.json"
+    for read, outputs in (((), ("core",)), (("--read", "core, box"), ("core", "box"))):
+        done = thermofem(*arguments, *read, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert f"from heater to {outputs[-1]}" in done.stdout
+        model = surrogate.load_model(tmp_path / "m.json")
+        assert (model.inputs, model.outputs) == (("core", "heater"), outputs)
 
 
 @pytest.mark.parametrize(

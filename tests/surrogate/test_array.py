@@ -1,5 +1,6 @@
 """Thermal models of several rings: against the FEM at frequencies, the exact layered stack, passivity, refusals."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -154,6 +155,19 @@ def test_the_model_is_kept_as_json(array, tmp_path):
     back = surrogate.load_model(tmp_path / "array.json")
     assert back.inputs == array.model.inputs
     assert np.array_equal(back.C, array.model.C)
+
+
+def test_the_array_itself_is_saved_and_exported(array, tmp_path):
+    """As a fit or a reduction is; a source for each share that is not zero, and no others."""
+    surrogate.save_model(array, tmp_path / "array.json")
+    assert surrogate.load_provenance(tmp_path / "array.json")["positions"] == array.positions.tolist()
+    for to, mark in (("spice", "E1_"), ("verilog-a", "z__0 =")):
+        text = surrogate.export_model(array, tmp_path / "array.txt", to=to).read_text()
+        assert f"below {array.error_bound:.1e} of the thermal resistance" in text
+        assert 'name = "core"' in text
+        lines = [line for line in text.splitlines() if line.strip().startswith(mark)]
+        assert lines
+        assert not any(re.search(r" -?0\.0( |$)", line) for line in lines)
 
 
 @pytest.mark.parametrize(

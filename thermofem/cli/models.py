@@ -32,6 +32,9 @@ def reduce(
     heated: Annotated[
         str | None, typer.Option(help="Inputs, the ring first: 'core, heater'; default: the ring.")
     ] = None,
+    read: Annotated[
+        str | None, typer.Option(help="Outputs: 'core, neighbour', parts and probes; default: the first input.")
+    ] = None,
     output: Out = Path("model.json"),
 ) -> dict[str, Any]:
     """Reduce the FEM of a geometry to a certified handful of poles and write them as JSON."""
@@ -50,19 +53,24 @@ def reduce(
         names = [name.strip() for name in heated.split(",")] if heated else [heat.heated[0]]
         for name in names:
             checks.choice("--heated", name, heat.heated)
-        rom = surrogate.reduce(heat.channels(names, names[0]), tolerance=tolerance)
+        outputs = [name.strip() for name in read.split(",")] if read else names[:1]
+        for name in outputs:
+            checks.choice("--read", name, heat.readable)
+        rom = surrogate.reduce(heat.channels(names, outputs), tolerance=tolerance)
     provenance = {**rom.provenance, "geometry": section.to_toml(), "mesh_accuracy": accuracy}
     surrogate.save_model(rom.model, output, provenance=provenance)
     say(f"{heat.unknowns} unknowns -> {rom.order} poles, error of Z(f) below {rom.error_bound:.1e} of R_th everywhere")
-    static = np.ravel(rom.model.gain) if len(names) > 1 else [rom.model.thermal_resistance]
-    for name, R in zip(names, static, strict=True):
-        say(f"R_th = {R / 1e3:.4g} K/mW" + (f" from {name} to {names[0]}" if len(names) > 1 else ""))
+    single = (len(names), len(outputs)) == (1, 1)
+    static = [[rom.model.thermal_resistance]] if single else np.asarray(rom.model.gain)
+    for to, row in zip(outputs, static, strict=True):
+        for name, R in zip(names, row, strict=True):
+            say(f"R_th = {R / 1e3:.4g} K/mW" + ("" if single else f" from {name} to {to}"))
     say(f"wrote {output}")
     return {
         "unknowns": heat.unknowns,
         "poles": rom.order,
         "error_bound": rom.error_bound,
-        "thermal_resistance": float(static[0]),
+        "thermal_resistance": float(static[0][0]),
         "model": output,
     }
 
