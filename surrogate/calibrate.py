@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from thermofem import CrossSection, Foster, OutputMap, checks, waveforms
 from thermofem.arrays import Array, NDArray
-from thermofem.dataset import Drive, drive_of, warn_of
+from thermofem.dataset import Drive, drives_of, warn_of
 from thermofem.display import shown
 
 from .family import Certified, Family
@@ -105,10 +105,7 @@ def calibrate(
 
     family = family_over(geometry, free, tolerance)
     low, high = _bounds(family, free)
-    datasets: Any = [data] if hasattr(data, "delta_T") else data
-    drives = [drive_of(one) for one in datasets]
-    if not drives:
-        raise checks.InputError("data is empty; give at least one Dataset")
+    drives = drives_of(data)
     warn_of(drives)
     measured = np.concatenate([drive.rise for drive in drives])
     if measured.size <= len(low):

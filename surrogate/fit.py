@@ -14,7 +14,7 @@ import numpy as np
 
 from thermofem import Foster, checks, renamed
 from thermofem.arrays import Array
-from thermofem.dataset import Drive, at_probe, drive_of
+from thermofem.dataset import at_probe, drives_of
 from thermofem.display import shown
 from thermofem.models import HasModel
 from thermofem.models.lumped import (
@@ -272,9 +272,7 @@ class Training:
     ) -> Training:
         """Read Datasets; ``impose`` their static gain and, unless it is a ``transfer`` channel, positive gains."""
         datasets = [at_probe(d) for d in (data if isinstance(data, Sequence) else [data])]
-        drives: list[Drive] = [drive_of(d) for d in datasets]
-        if not drives:
-            raise checks.InputError("data is empty; give at least one Dataset")
+        drives = drives_of(datasets)
         if thermal_resistance is not None:
             hint = "it is in K/W (7.87 K/mW is 7870)"
             thermal_resistance = checks.positive("thermal_resistance", thermal_resistance, unit="K/W", hint=hint)

@@ -13,7 +13,7 @@ import numpy as np
 
 from thermofem import Foster, OutputMap, checks
 from thermofem.algebra.poles import pole_responses
-from thermofem.dataset import drive_of, warn_of
+from thermofem.dataset import drives_of, warn_of
 from thermofem.models import NonlinearSystem
 
 from .reduce import reduce
@@ -70,7 +70,7 @@ def fit_output_map(linear: Foster, data: xr.Dataset | Sequence[xr.Dataset]) -> O
     InputError
         data without power or rise.
     """
-    drives = [drive_of(d) for d in (data if isinstance(data, Sequence) else [data])]
+    drives = drives_of(data)
     if not drives:
         raise checks.InputError("data is empty; give at least one Dataset")
     warn_of(drives)

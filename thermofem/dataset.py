@@ -183,6 +183,28 @@ def drive_of(data: xr.Dataset) -> Drive:
     return Drive(wave, times, rise, periodic, words, static_gain.static_gain(data), doubts)
 
 
+def drives_of(data: xr.Dataset | Sequence[xr.Dataset]) -> list[Drive]:
+    """`drive_of` of one Dataset, or of every one of a list.
+
+    Raises
+    ------
+    InputError
+        an empty list; a trace that stands twice, which would make the standard errors too small.
+    """
+    datasets: Any = [data] if hasattr(data, "delta_T") else data
+    if not isinstance(datasets, list | tuple):
+        raise checks.InputError(f"data = {checks.shown(data)} is no Dataset, nor a list of them")
+    drives = [drive_of(one) for one in datasets]
+    if not drives:
+        raise checks.InputError("data is empty; give at least one Dataset")
+    seen: dict[bytes, int] = {}
+    for k, drive in enumerate(drives):
+        first = seen.setdefault(drive.times.tobytes() + drive.rise.tobytes(), k)
+        if first < k:
+            raise checks.InputError(f"data[{k}] is the same trace as data[{first}]; give every trace once")
+    return drives
+
+
 def warn_of(drives: Sequence[Drive]) -> None:
     """Log what makes data doubtful, each sentence once."""
     for doubt in dict.fromkeys(doubt for drive in drives for doubt in drive.doubts):
@@ -229,6 +251,11 @@ def save(data: xr.Dataset | Record, path: str | Path) -> Path:
     import h5netcdf
     from xarray.backends import H5NetCDFStore
 
+    attrs = {key: value for key, value in data.attrs.items() if key != netcdf.HASH}
+    if not netcdf.packed(data):
+        attrs[netcdf.HASH] = netcdf.content_hash(data.variables, attrs)
+    data = data.copy()
+    data.attrs = attrs
     encoding = {name: {"zlib": True} for name, v in data.data_vars.items() if v.size > 1000}
     whole = io.BytesIO()  # in memory first: HDF5 swallows the error of a disk that fills up while it closes a file
     with h5netcdf.File(whole, "w") as file:  # `to_netcdf` loads all of dask for its locks, where that is installed
@@ -238,6 +265,8 @@ def save(data: xr.Dataset | Record, path: str | Path) -> Path:
 
 def load(path: str | Path) -> xr.Dataset:
     """Read a Dataset written by `save`, into memory; time, power and the other known variables come in SI.
+
+    Where values, units or the drive were changed after `save` wrote them, the log says so.
 
     Raises
     ------
@@ -253,7 +282,7 @@ def load(path: str | Path) -> xr.Dataset:
     try:
         with xr.open_dataset(path, engine="h5netcdf", **netcdf.OPEN) as opened:
             data = opened.load()
-    except (OSError, ValueError, KeyError, RuntimeError, TypeError) as error:  # whatever a damaged file trips
+    except netcdf.DAMAGE as error:
         damage = (str(error) or type(error).__name__).splitlines()[0]
     finally:
         sys.unraisablehook = hook
@@ -264,6 +293,9 @@ def load(path: str | Path) -> xr.Dataset:
         raise checks.InputError(f"{path} has schema {checks.shown(schema)}, which is no number")
     if schema > SCHEMA:
         raise checks.InputError(f"{path} has schema {schema}; this version reads up to {SCHEMA}, update thermofem")
+    written = data.attrs.pop(netcdf.HASH, None)
+    if written is not None and written != netcdf.content_hash(data.variables, data.attrs):
+        log.warning("%s was changed after thermofem wrote it: values, units or drive are not those of then", path)
     try:
         return netcdf.in_si(data)
     except checks.InputError as error:

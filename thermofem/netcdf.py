@@ -6,6 +6,9 @@ the variables that `quantity.VARIABLES` names from the units that the file state
 
 from __future__ import annotations
 
+import hashlib
+import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +25,11 @@ DEPTH = 8  # of groups
 PACKED = 1100  # values a byte of a file can stand for: deflate reaches 1032 to 1
 ROOM = 64_000_000  # bytes that any file may declare
 LARGEST = 16_000_000_000  # bytes that no file may declare
+DAMAGE = (ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, TypeError, ValueError)
+"""What HDF5, h5netcdf and xarray raise on a damaged file."""
 OPEN: dict[str, Any] = {"decode_times": False, "decode_timedelta": False, "phony_dims": "sort"}  # for open_dataset
+HASH = "content_hash"  # attribute of the files that `dataset.save` writes
+_HASHED = ("kind", "heated", "read", "waveform", "thermal_resistance", "thermal_resistances")  # attributes
 _PREFIXES = ("time_", "power_", "delta_T_")  # of a campaign: DRIVE follows
 
 
@@ -37,7 +44,7 @@ def check(path: Path) -> None:
     try:
         with h5py.File(path, "r") as file:
             declared = _declared(file)
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError) as error:
+    except DAMAGE as error:
         if isinstance(error, InputError):
             raise
         raise InputError(f"cannot be read as netCDF ({error or type(error).__name__}); is it complete?") from None
@@ -84,6 +91,37 @@ def _values(name: str, item: Any) -> int:
     return int(np.prod(item.shape, dtype=object) if item.shape else 1) * max(1, item.dtype.itemsize)
 
 
+def content_hash(variables: Mapping[Any, Any], attrs: Mapping[Any, Any]) -> str:
+    """Hash of what makes the numbers of a Dataset: values, dimensions, units, and the attributes that say the drive.
+
+    Parameters
+    ----------
+    variables : mapping from name to an object with dims, values and attrs
+    attrs : mapping
+        attributes of the Dataset.
+    """
+    found = hashlib.sha256()
+    for name in sorted(variables, key=str):
+        v = variables[name]
+        values = np.asarray(v.values)
+        head = [str(name), list(map(str, v.dims)), list(values.shape), str(v.attrs.get("units", ""))]
+        plain = {"c": "<c16"}.get(values.dtype.kind, "<f8") if values.dtype.kind in "biufc" else None
+        body = json.dumps(list(map(str, values.ravel()))).encode() if plain is None else values.astype(plain).tobytes()
+        found.update(json.dumps(head).encode() + body)
+    drive = {key: np.asarray(attrs[key]).tolist() for key in _HASHED if key in attrs}
+    found.update(json.dumps(drive, sort_keys=True, default=str).encode())
+    return found.hexdigest()[:32]
+
+
+def packed(data: xr.Dataset) -> bool:
+    """Whether a variable is written in another type than it has, as some programs' files are, which rounds it."""
+    return any(
+        "scale_factor" in v.encoding or np.dtype(v.encoding.get("dtype", v.dtype)).kind != v.dtype.kind
+        for v in data.variables.values()
+        if v.dtype.kind in "biufc"
+    )
+
+
 def in_si(data: xr.Dataset) -> xr.Dataset:
     """The Dataset with every known variable in the unit of `quantity.VARIABLES`; no unit counts as that unit.
 
@@ -93,6 +131,8 @@ def in_si(data: xr.Dataset) -> xr.Dataset:
     for name, variable in data.variables.items():
         field = _field(str(name))
         given = variable.attrs.get("units")
+        if field is not None and variable.dtype.kind == "c":
+            raise InputError(f"variable {name!r} holds complex values; real numbers are needed")
         if field is None or given is None or (isinstance(given, str) and given == field.unit):
             continue
         if not isinstance(given, str):

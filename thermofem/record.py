@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from . import netcdf
+
 if TYPE_CHECKING:
     import xarray as xr
 
@@ -68,6 +70,7 @@ class Record:
         whole = io.BytesIO()
         with h5netcdf.File(whole, "w") as file:
             self.write_into(file)
+            file.attrs[netcdf.HASH] = netcdf.content_hash(self.variables, self.attrs)
         return whole.getbuffer()
 
     def write_into(self, group: Any) -> None:

@@ -13,6 +13,7 @@ from thermofem import Foster, OutputMap, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.display import shown
 from thermofem.heat.projected import ModalDerivative
+from thermofem.netcdf import DAMAGE
 
 from ..reduce import reduce
 from . import files
@@ -333,10 +334,17 @@ def load_family(path: str | Path) -> Family:
     Raises
     ------
     InputError
-        no such file, not a family, or one of a newer version.
+        no such file, not a family, one of a newer version, changed since it was written, or one without members.
     """
     fields = files.read(path)
     numbers = fields["error"]
     error = HeldOut([numbers["worst"]])
     error.median, error.count = numbers["median"], numbers["count"]
-    return Family(**{**fields, "error": error})
+    family = Family(**{**fields, "error": error})
+    try:
+        with np.errstate(all="ignore"):
+            middle = family.model(**dict(zip(family.names, family.box.middle, strict=True)))
+            checks.positive("its R_th in the middle", middle.thermal_resistance, unit="K/W")
+    except DAMAGE as fault:
+        raise checks.InputError(f"{path} is not a complete family: no member can be made of it ({fault})") from None
+    return family

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import json
-import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,9 +11,13 @@ import numpy as np
 from thermofem import Campaign, Mesh, checks
 from thermofem.arrays import Array
 from thermofem.campaign.vary import Variation
-from thermofem.files import LARGEST_TEXT, read_bytes, write_whole
+from thermofem.files import read_bytes, write_whole
+from thermofem.names import check_names
+from thermofem.netcdf import DAMAGE
+from thermofem.quantity import SI
 from thermofem.trees import from_json
 
+from . import archive
 from .affine import Coefficients
 from .bend import Bend
 from .box import Box
@@ -68,9 +70,14 @@ def save(family: Family, path: str | Path) -> Path:
         arrays |= {"basis": family.members.basis}
     if family.bend is not None:
         arrays |= {"bend_shares": family.bend.shares, "bend_coefficients": family.bend.coefficients}
-    memory = io.BytesIO()
-    np.savez_compressed(memory, header=np.array(json.dumps(content)), **arrays)
-    return write_whole(path, lambda p: p.write_bytes(memory.getvalue()))
+    whole = archive.pack({"header": np.array(json.dumps(content)), **arrays})
+    return write_whole(path, lambda p: p.write_bytes(whole))
+
+
+def _check_arrays(arrays: dict[str, Array]) -> None:
+    for name, values in arrays.items():
+        if values.dtype.kind not in "biuf" or not np.all(np.isfinite(values)):
+            raise ValueError(f"{name} holds what is no finite number")
 
 
 def _line_arrays(members: LineTerms) -> dict[str, Any]:
@@ -112,26 +119,24 @@ def read(path: str | Path) -> dict[str, Any]:
     """
     raw = read_bytes(path, "family")
     try:
-        with np.load(io.BytesIO(raw), allow_pickle=False) as archive:
-            if sum(member.file_size for member in archive.zip.infolist()) > LARGEST_TEXT:
-                raise ValueError(f"more than {LARGEST_TEXT} bytes unpacked")
-            arrays = {name: archive[name] for name in archive.files}
+        arrays = archive.unpack(raw, hashed=False)
         content = from_json(str(arrays.pop("header")))
         if content["format"] != FORMAT:
             raise ValueError("another format")
-    except (ValueError, KeyError, OSError, EOFError, MemoryError, zipfile.BadZipFile, TypeError) as error:
+    except (KeyError, TypeError, ValueError) as error:
         raise checks.InputError(f"{path} is not a family that thermofem wrote ({error}); is it complete?") from None
     if content.get("schema") != SCHEMA:
         raise checks.InputError(f"{path} has schema {checks.shown(content.get('schema'))}; this version reads {SCHEMA}")
     try:
+        _check_arrays(arrays)
         return _fields(content, arrays)
-    except (KeyError, ValueError, IndexError, TypeError) as error:
+    except DAMAGE as error:
         raise checks.InputError(f"{path} is not a complete family: {error}") from None
 
 
 def _fields(content: dict[str, Any], arrays: dict[str, Array]) -> dict[str, Any]:
     box = _box(content, arrays)
-    inputs, outputs = tuple(content["inputs"]), tuple(content["outputs"])
+    inputs, outputs = (check_names(kind, content[kind]) for kind in ("inputs", "outputs"))
     ports = tuple(dict.fromkeys((*inputs, *outputs)))
     lines = content["engine"].startswith("lines")
     hot = content.get("bend")
@@ -143,7 +148,7 @@ def _fields(content: dict[str, Any], arrays: dict[str, Array]) -> dict[str, Any]
         "box": box,
         "inputs": inputs,
         "outputs": outputs,
-        **{name: float(content[name]) for name in ("tolerance", "floor", "factor")},
+        **{name: checks.finite(name, content[name]) for name in ("tolerance", "floor", "factor")},
         "members": _lines(content, arrays, box) if lines else _moved(content, arrays, box, ports),
         "error": {"worst": float(error["worst"]), "median": float(error["median"]), "count": int(error["count"])},
         "bend": bend,
@@ -167,7 +172,12 @@ def _box(content: dict[str, Any], arrays: dict[str, Array]) -> Box:
         samples=1 if drawn else 0,
     )
     names = tuple(v.name for v in variations)
-    return Box(campaign, names, arrays["low"], arrays["high"], tuple(content["logarithmic"]))
+    low, high, logarithmic = arrays["low"], arrays["high"], tuple(content["logarithmic"])
+    if not (low.shape == high.shape == (len(names),) == (len(logarithmic),) and np.all(low < high)):
+        raise ValueError("ranges and parameters do not fit")
+    for variation in variations:
+        checks.choice(f"unit of {variation.name}", variation.unit, SI)
+    return Box(campaign, names, low, high, logarithmic)
 
 
 def _lines(content: dict[str, Any], a: dict[str, Any], box: Box) -> LineTerms:

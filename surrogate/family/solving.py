@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import logging
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor, Future
@@ -15,8 +14,9 @@ import numpy as np
 
 from thermofem import CrossSection, assemble, checks
 from thermofem.arrays import Array
-from thermofem.files import write_whole
+from thermofem.files import read_bytes, write_whole
 
+from . import archive
 from .affine import LineEngine
 from .basis import Member, solved
 from .certify import FINER, FINEST, own
@@ -102,17 +102,16 @@ def _write(path: Path, found: Member | MemberModes) -> None:
     arrays: dict[str, Any] = {"tau": modes.tau, "ports": modes.ports}
     if isinstance(found, Member):
         arrays |= {"row": found.row, "static": found.static, "fields": found.fields}
-    memory = io.BytesIO()
-    np.savez(memory, **arrays)
+    whole = archive.pack(arrays, deflated=False)
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(path, lambda p: p.write_bytes(memory.getvalue()))
+    write_whole(path, lambda p: p.write_bytes(whole))
 
 
 def _read(path: Path) -> Member | MemberModes | None:
     """The stored member; None where the file is damaged."""
     try:
-        with np.load(path, allow_pickle=False) as file:
-            modes = MemberModes(file["tau"], file["ports"])
-            return Member(file["row"], modes, file["static"], file["fields"]) if "row" in file else modes
-    except (OSError, ValueError, KeyError, EOFError):
+        arrays = archive.unpack(read_bytes(path, "member"))
+        modes = MemberModes(arrays["tau"], arrays["ports"])
+        return Member(arrays["row"], modes, arrays["static"], arrays["fields"]) if "row" in arrays else modes
+    except (KeyError, ValueError):
         return None

@@ -42,7 +42,7 @@ def test_a_heater_a_ring_file_and_no_predictor(tmp_path):
     ("arguments", "message"),
     [
         (["--heater", "heatr=5 mW"], "'heatr' is unknown"),
-        (["--heater", "5 mW"], "PART=POWER"),
+        (["--heater", "5 mW"], "NAME=VALUE"),
         (["--paraview", "a.pvd"], "--field-times"),
         (["--tolerance", "1 mW"], "--max-discrepancy"),
         (["--predictor", "missing.json"], "missing.json"),

@@ -5,9 +5,10 @@ Each generator gives pairs (what it is, the thing). The tests run every reader o
 
 from __future__ import annotations
 
+import io
 import json
 import random
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -86,6 +87,7 @@ def tomls() -> list[str]:
 
 def netcdf(folder: Path) -> Iterator[tuple[str, Path]]:
     """netCDF files that declare more than they hold, point at other files, or say the wrong unit."""
+    import h5netcdf
     import h5py
 
     def file(name: str) -> Any:
@@ -109,6 +111,16 @@ def netcdf(folder: Path) -> Iterator[tuple[str, Path]]:
     with file("link") as made:
         made["delta_T"] = h5py.ExternalLink(str(folder / "declares.nc"), "time")
     yield "a link to another file", folder / "link.nc"
+    with file("complex") as made:
+        made["delta_T"] = np.zeros(20, dtype=complex)
+    yield "holds complex values", folder / "complex.nc"
+    with h5netcdf.File(folder / "dimension.nc", "w") as made:
+        made.dimensions = {"time": 20}
+        made.create_variable("time", ("time",), data=np.linspace(0, 1e-5, 20))
+        made.create_variable("delta_T", ("time",), data=np.zeros(20))
+    with h5py.File(folder / "dimension.nc", "a") as made:
+        del made["time"]  # the other variable still refers to it
+    yield "cannot be read as netCDF", folder / "dimension.nc"
     for name, unit in (("metres", "m"), ("nonsense", "furlongs_per"), ("bomb", "s*9**9**9**9")):
         with file(name) as made:
             made["time"].attrs["units"] = unit
@@ -166,3 +178,33 @@ def replaced_leaves(tree: Any) -> Iterator[Any]:
             yield tree[:k] + tree[k + 1 :]
             yield [*tree[: k + 1], *tree[k:]]
             yield from ([*tree[:k], other, *tree[k + 1 :]] for other in replaced_leaves(tree[k]))
+
+
+ARRAY_DAMAGE: dict[str, Callable[[Any], Any]] = {
+    "nan": lambda a: a * np.nan,
+    "infinite": lambda a: a / 0.0,
+    "complex": lambda a: a.astype(complex),
+    "text": lambda a: a.astype(str),
+    "a number": lambda a: np.array(3.0),
+    "short": lambda a: a[:-1],
+    "twice": lambda a: np.repeat(a, 2, axis=0),
+    "another dimension": lambda a: a.T[..., None],
+    "negative": lambda a: -1 - a,
+    "zero": lambda a: 0 * a,
+    "1 % more": lambda a: a * 1.01 if a.dtype.kind == "f" else a + 1,
+}
+
+
+def archives(content: bytes) -> Iterator[tuple[str, bytes]]:
+    """Copies of NumPy's archive with one array damaged or left out, without the hash that would tell."""
+    with np.load(io.BytesIO(content)) as file:
+        arrays = {name: file[name] for name in file.files if name != "hash"}
+    for name in arrays.keys() - {"header"}:
+        with np.errstate(all="ignore"):
+            others = {what: damage(arrays[name]) for what, damage in ARRAY_DAMAGE.items()}
+        trees = [(what, {**arrays, name: other}) for what, other in others.items()]
+        trees.append(("missing", {key: value for key, value in arrays.items() if key != name}))
+        for what, tree in trees:
+            memory = io.BytesIO()
+            np.savez(memory, **tree)
+            yield f"{name}: {what}", memory.getvalue()

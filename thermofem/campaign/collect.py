@@ -74,7 +74,7 @@ def open_campaign(directory: str | Path) -> xr.Dataset:
             if index["key"].values.tolist() == keys and index["status"].values.tolist() == store.status(keys):
                 return index
             index.close()
-        except (OSError, ValueError, KeyError):
+        except netcdf.DAMAGE:
             pass  # damaged: made anew below
     return xr.open_dataset(io.BytesIO(_contents(store, plan, (INDEX,), verify=True)[INDEX]), engine="h5netcdf")
 
@@ -256,6 +256,6 @@ def _read(path: Path, drives: list[dict[str, Any]]) -> Row:
                 group = file if file.attrs["drive"] == name else file[name]
                 rise = group["delta_T"][()]
                 row[f"delta_T_{name}"] = rise[:, None] if rise.ndim == 1 else rise
-    except (OSError, KeyError, ValueError) as error:
+    except netcdf.DAMAGE as error:
         raise InputError(f"{path} cannot be read ({error}); remove it and run the campaign again") from None
     return row

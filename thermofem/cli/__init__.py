@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import gc
 import io
+import os
 import sys
 import warnings
 from pathlib import Path
@@ -54,10 +55,14 @@ def main() -> None:
             if not sys.warnoptions:
                 _show_ours_alone()
             code = app(prog_name="thermofem", standalone_mode=False)
+        _flush()
     except InputError as error:
         _fail(error.for_text(), 2)
-    except (MissingLibraryError, OSError) as error:  # OSError: a disk that is full, a name that is too long
+    except MissingLibraryError as error:
         _fail(str(error), 2)
+    except OSError as error:  # a disk that is full, also behind standard output; a name that is too long
+        named = f": {error.filename}" if error.filename is not None else ""
+        _fail(f"{error.strerror or error}{named}", 2)
     except MemoryError as error:
         _fail(f"it needs more memory than there is ({error or type(error).__name__})", 2)
     except KeyboardInterrupt:
@@ -93,9 +98,28 @@ def _wrong_usage(error: Any) -> NoReturn:
     _fail(f"{error.format_message().rstrip('.')}; `{where} --help` lists what there is", 2)
 
 
+def _flush() -> None:
+    """Write what standard output still holds, so that a full disk behind it is an error and not lost numbers."""
+    try:
+        if sys.stdout is not None:  # None: the caller closed it
+            sys.stdout.flush()
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, "standard output") from None
+
+
 def _fail(text: str, code: int) -> NoReturn:
-    """Leave with one line on standard error."""
-    print("thermofem: " + ("error: " if code == 2 else "") + one_line(text), file=sys.stderr)
+    """Leave with one line on standard error, and with this code where neither stream can be written."""
+    for stream, last in (
+        (sys.stdout, ""),
+        (sys.stderr, f"thermofem: {'error: ' if code == 2 else ''}{one_line(text)}\n"),
+    ):
+        if stream is None:
+            continue
+        try:
+            stream.write(last)
+            stream.flush()
+        except OSError:  # what is left in the buffer: Python would try again at its end and take a code of its own
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     sys.exit(code)
 
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from .. import checks, quantity
 from ..checks import InputError
 from .detuning import detuning_of
+from .files import assigned
 
 if TYPE_CHECKING:
     from coupled import Laser, RingResonator
@@ -36,13 +37,8 @@ FORMS = "AMOUNT, AMOUNT square PERIOD [duty SHARE], AMOUNT pulse WIDTH [at START
 
 def heaters(texts: list[str]) -> dict[str, Any]:
     """Powers of heaters: numbers where constant, else waveforms."""
-    found: dict[str, Any] = {}
-    for text in texts:
-        name, equals, power = text.partition("=")
-        if not equals or not name.strip():
-            raise InputError(f"--heater {text!r} is not of the form PART=POWER, such as 'heater=5 mW'")
-        found[name.strip()] = varying("--heater", power, "W")
-    return found
+    given = assigned("--heater", texts, "heater=5 mW")
+    return {name: varying("--heater", power, "W") for name, power in given.items()}
 
 
 def steady_heaters(texts: list[str]) -> dict[str, float]:

@@ -52,7 +52,7 @@ def explore(
     from .. import quantity
 
     given = list(inputs or [])
-    check_outputs([output], inputs=[*given, Path(ring)])
+    check_outputs([output])
     if output.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"--output = {output} must end in .html, so that a browser opens it")
     family = _family(given)

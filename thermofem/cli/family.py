@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .. import dataset, quantity
-from ..checks import InputError
-from .files import check_outputs, ring_of, working
+from ..checks import InputError, choice
+from .files import assigned, check_outputs, ring_of, working
 from .kinds import expect
 from .maps import grid
 from .output import note, say
@@ -49,7 +49,7 @@ def family(
     """Train one thermal model for all rings in the ranges of a campaign."""
     import surrogate
 
-    check_outputs([output], inputs=[file])
+    check_outputs([output])
     expect(file, "campaign")
     with contextlib.ExitStack() as stack:
         stack.enter_context(working("training"))
@@ -109,7 +109,7 @@ def design(
     if not target:
         raise InputError("nothing is wanted; add --resistance, --rise-time, --period, --swing or --range")
     with working("searching"):
-        options: dict[str, Any] = {"fixed": _fixed(found, fix), "optics": optics_of(found, optics), "seed": seed}
+        options: dict[str, Any] = {"fixed": _fixed(found, fix), "optics": optics_of(found, optics, ring), "seed": seed}
         result = surrogate.design(found, target=target, **options)
     say(result.message)
     for name, unit in zip(found.names, found.box.units, strict=True):
@@ -163,7 +163,7 @@ def uncertainty(
     """
     import surrogate
 
-    check_outputs([map_], inputs=[file])
+    check_outputs([map_])
     found = surrogate.load_family(file)
     spreads = _spreads(found, spread)
     what: Any = "thermal_resistance"
@@ -171,7 +171,11 @@ def uncertainty(
         what = pulsing_points(ring, *grid(ring_of(ring), power, detuning, points))
     elif period:
         what = cycle_property("period", ring, power, detuning)
-    options: dict[str, Any] = {"samples": samples, "fixed": _fixed(found, fix), "optics": optics_of(found, optics)}
+    options: dict[str, Any] = {
+        "samples": samples,
+        "fixed": _fixed(found, fix),
+        "optics": optics_of(found, optics, ring),
+    }
     options["seed"] = seed
     with working("sampling"):
         data = surrogate.uncertainty(found, spreads, what, interpolate=interpolate, **options)
@@ -200,13 +204,12 @@ def _spreads(found: Family, given: list[str]) -> dict[str, Any]:
     from scipy import stats
 
     spreads = {}
-    for text in given:
-        name, unit, value = _assigned(found, text, "--spread")
-        mean, _, width = value.partition(",")
+    for name, (unit, text) in _of_parameters(found, "--spread", given, "width=450 nm,5 nm").items():
+        mean, _, width = (part.strip() for part in text.partition(","))
         if not width:
-            raise InputError(f"--spread {text!r} needs a mean and a standard deviation: 'width=450 nm,5 nm'")
-        centre = quantity.parse(mean.strip(), unit, name=f"--spread {name}")
-        spreads[name] = stats.norm(centre, quantity.parse(width.strip(), unit, name=f"--spread {name}"))
+            raise InputError(f"--spread '{name}={text}' needs a mean and a standard deviation: 'width=450 nm,5 nm'")
+        centre = quantity.parse(mean, unit, name=f"--spread {name}")
+        spreads[name] = stats.norm(centre, quantity.positive(width, unit, name=f"--spread {name}"))
     return spreads
 
 
@@ -243,20 +246,13 @@ def _ranges(found: Family) -> dict[str, Any]:
     return {"ranges": {n: [float(a), float(b)] for n, a, b in zip(found.names, box.low, box.high, strict=True)}}
 
 
-def _assigned(found: Family, text: str, option: str) -> tuple[str, str, str]:
-    """Name, unit and text of 'name=value'."""
-    from ..checks import choice
-
-    name, sign, value = text.partition("=")
-    if not sign:
-        raise InputError(f"{option} {text!r} must be written name=value")
-    name = choice(f"{option}: parameter", name.strip(), found.names)
-    return name, found.box.units[found.names.index(name)], value.strip()
+def _of_parameters(found: Family, option: str, given: list[str] | None, example: str) -> dict[str, tuple[str, str]]:
+    """Unit and text of every parameter of a repeatable option 'PARAMETER=VALUE'."""
+    units = dict(zip(found.names, found.box.units, strict=True))
+    texts = assigned(option, given or [], example)
+    return {choice(f"{option}: parameter", name, units): (units[name], text) for name, text in texts.items()}
 
 
 def _fixed(found: Family, given: list[str] | None) -> dict[str, float]:
-    fixed = {}
-    for text in given or []:
-        name, unit, value = _assigned(found, text, "--fix")
-        fixed[name] = quantity.parse(value, unit, name=f"--fix {name}")
-    return fixed
+    texts = _of_parameters(found, "--fix", given, "radius=7 um")
+    return {name: quantity.parse(text, unit, name=f"--fix {name}") for name, (unit, text) in texts.items()}

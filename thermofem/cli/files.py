@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from .. import checks, files, quantity
 from ..checks import InputError
 from .kinds import expect
-from .output import note
+from .output import hold
 from .output import working as working
 
 if TYPE_CHECKING:
@@ -40,6 +40,19 @@ def check_outputs(
         files.check_image(path)
 
 
+def assigned(option: str, texts: Iterable[str], example: str) -> dict[str, str]:
+    """Names and values of a repeatable option 'NAME=VALUE'; InputError for another form, or a name given twice."""
+    found: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not (name and equals and value):
+            raise InputError(f"{option} {text!r} is not of the form NAME=VALUE, such as {example!r}")
+        if name in found:
+            raise InputError(f"{option} {name!r} is given twice; give it once")
+        found[name] = value
+    return found
+
+
 def ring_of(given: str) -> RingResonator:
     """The ring of a file, or one that comes with the package."""
     import coupled
@@ -58,9 +71,9 @@ def ring_of(given: str) -> RingResonator:
 
 
 def say_ring(ring: RingResonator, given: str) -> None:
-    """Name the ring on the terminal: a thermal model has no optics and carriers of its own."""
+    """Name the ring on the terminal before the next words: a thermal model has no optics and carriers of its own."""
     hint = "; --ring RING.toml takes those of yours" if given == DEFAULT_RING else ""
-    note(f"light and carriers are those of the ring {ring.name!r}{hint}")
+    hold(f"light and carriers are those of the ring {ring.name!r}{hint}")
 
 
 def longer(duration: float) -> str:

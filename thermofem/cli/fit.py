@@ -53,7 +53,7 @@ def fit(
     checks.choice("--kind", kind, KINDS)
     if order is not None and kind != "foster":
         raise InputError(f"--order = {order} goes with --kind foster; {kind} has its own number of poles")
-    check_outputs([output, figure], inputs=data, images=[figure])
+    check_outputs([output, figure], images=[figure])
     if figure is not None and len(data) > 1:
         raise InputError(f"--figure shows one file; {len(data)} are given")
     columns = {"time": time, "temperature": temperature, "sensitivity": sensitivity, "start": start}

@@ -59,7 +59,7 @@ def map_(
     import coupled
     from coupled.heaters import constant
 
-    check_outputs([output, figure, resume], inputs=[model], images=[figure])
+    check_outputs([output, figure, resume], images=[figure])
     resonator, axes = _setting(model, ring, power, detuning, points)
     powers = drives.steady_heaters(heater or [])
     thermal, parts = model_of(model, *drives.channel(channel, heated, read), powers)
@@ -89,7 +89,7 @@ def stability(
     import coupled
     from coupled.heaters import constant
 
-    check_outputs([output, figure], inputs=[model], images=[figure])
+    check_outputs([output, figure], images=[figure])
     resonator, axes = _setting(model, ring, power, detuning, points)
     powers = drives.steady_heaters(heater or [])
     thermal, parts = model_of(model, *drives.channel(channel, heated, read), powers)

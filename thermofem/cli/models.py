@@ -45,7 +45,7 @@ def reduce(
     from ..geometry import CrossSection, strip_ring
     from ..heat import assemble
 
-    check_outputs([output], inputs=[geometry])
+    check_outputs([output])
     expect(geometry, "geometry")
     section = CrossSection.from_toml(geometry) if geometry else strip_ring()
     with working("meshing, assembling and reducing"):
@@ -135,7 +135,7 @@ def _validate_models(
 
     from .. import dataset
 
-    check_outputs([output, figure], inputs=[*models, reference], images=[figure])
+    check_outputs([output, figure], images=[figure])
     for path in (*models, reference):
         expect(path, "model")
     stems = [path.stem for path in models]
@@ -173,7 +173,7 @@ def _validate_geometry(
     from ..geometry import CrossSection
     from .validate import advice, judge, table
 
-    check_outputs(figures, inputs=[path], images=figures)
+    check_outputs(figures, images=figures)
     expect(path, "geometry")
     geometry = CrossSection.from_toml(path)
     with working("solving, training every kind of model, judging"):
@@ -226,7 +226,7 @@ def simulate(
 
     from .. import dataset, quantity
 
-    check_outputs([output, figure], inputs=[model, Path(ring)], images=[figure])
+    check_outputs([output, figure], images=[figure])
     expect(model, "model")
     powers = drives.heaters(heater or [])
     thermal, parts = model_of(model, *drives.channel(channel, heated, read), powers)

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from .. import checks
+from .apart import check_apart
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -40,16 +41,30 @@ class Manner:
 
 
 _manner = Manner()
+_held: list[str] = []
+
+
+def hold(text: str) -> None:
+    """A `note` that is printed before the next words or at the end, and not at all before an error."""
+    _held.append(text)
+
+
+def _release() -> None:
+    held, _held[:] = _held[:], []
+    for text in held:
+        note(text)
 
 
 def say(text: str) -> None:
     """A line of words, on standard output unless numbers stand there."""
+    _release()
     if not _manner.quiet:
         print(checks.one_line(text, most=20_000))  # `speaking` sends it to standard error where numbers stand
 
 
 def note(text: str) -> None:
     """A line of words on standard error."""
+    _release()
     if not _manner.quiet:
         print(checks.one_line(text, most=20_000), file=sys.stderr)
 
@@ -63,6 +78,7 @@ def console(*, err: bool = True) -> Console:
 
 def show(table: RenderableType) -> None:
     """A table for people."""
+    _release()
     console(err=False).print(table)
 
 
@@ -86,11 +102,13 @@ def speaking(function: Callable[..., Numbers | None]) -> Callable[..., None]:
     @functools.wraps(function)
     def command(*, json_: bool, quiet: bool, verbose: bool, threads: int | None, **options: Any) -> None:
         _manner.json, _manner.quiet = json_, quiet
+        _held.clear()
         for name, value in options.items():
             if any(
                 isinstance(text, str) and not text.strip() for text in (value if isinstance(value, list) else [value])
             ):
                 raise checks.InputError(f"--{name.strip('_').replace('_', '-')} is empty; leave it out for its default")
+        check_apart(options)
         _log(quiet, verbose)
         if threads is not None:
             _use_threads(threads)
@@ -101,6 +119,7 @@ def speaking(function: Callable[..., Numbers | None]) -> Callable[..., None]:
             elif json_:
                 stack.enter_context(contextlib.redirect_stdout(sys.stderr))
             numbers = function(**options)
+            _release()
         if json_:
             print(_as_json({"command": function.__name__.strip("_"), **(numbers or {})}))
         if numbers and numbers.get("passed") is False:

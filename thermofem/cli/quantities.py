@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .. import quantity
-from ..checks import InputError, choice
+from .. import checks, quantity
+from ..checks import InputError
 from .detuning import detuning_of
-from .files import ring_of, say_ring
+from .files import assigned, ring_of, say_ring
 
 if TYPE_CHECKING:
     from coupled import RingResonator
@@ -66,23 +66,19 @@ def pulsing_points(ring: str, powers: Any, detunings: Any) -> Callable[..., Any]
     return pulses
 
 
-def optics_of(family: Family, given: Sequence[str] | None) -> Optics | None:
+def optics_of(family: Family, given: Sequence[str] | None, ring: str) -> Optics | None:
     """``--optics 'bus_rate/width=-1e17'``, SI; "detuning" moves the laser against the resonance."""
     import surrogate
     from coupled.unknowns import optical_names
 
-    known = {*optical_names(ring_of("borghi2021")), "detuning"}
-    slopes: dict[str, dict[str, Any]] = {}
-    for text in given or []:
-        left, sign, value = text.partition("=")
-        number, stroke, parameter = left.partition("/")
-        if not (sign and stroke):
-            raise InputError(f"--optics {text!r} must be written number/parameter=slope, as 'bus_rate/width=-1e17'")
-        number = choice("--optics: number", number.strip(), known)
-        try:
-            slopes.setdefault(number, {})[parameter.strip()] = float(value)
-        except ValueError:
-            raise InputError(f"--optics {text!r}: {value!r} is not a number") from None
+    slopes: dict[str, dict[str, float]] = {}
+    known = {*optical_names(ring_of(ring)), "detuning"} if given else set()
+    for left, value in assigned("--optics", given or [], "bus_rate/width=-1e17").items():
+        number, stroke, parameter = (part.strip() for part in left.partition("/"))
+        if not stroke:
+            raise InputError(f"--optics '{left}={value}' is not of the form NUMBER/PARAMETER=SLOPE")
+        slope = quantity.parse(value, "", name=f"--optics {left}")
+        slopes.setdefault(checks.choice("--optics: number", number, known), {})[parameter] = slope
     if not slopes:
         return None
     found = surrogate.Optics(slopes)

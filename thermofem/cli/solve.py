@@ -59,7 +59,7 @@ def solve(
     wave = waveform(power, pulse, square, duty)
     checks.between("--samples", samples, 2, 1_000_000)
     files = [output, figure, preview, paraview, animation]
-    check_outputs(files, inputs=[geometry], images=[figure, preview])
+    check_outputs(files, images=[figure, preview])
     length = quantity.positive(duration, "s", name="--duration")
     kept = _field_times(field_times or [], length, wanted=bool(paraview or animation), periodic=periodic)
     with working("meshing and assembling"):
@@ -107,7 +107,7 @@ def _preview(geometry: Path | None, accuracy: float, path: Path | None) -> dict[
         raise InputError("--no-solve needs an image to draw; add --preview mesh.png")
     expect(geometry, "geometry")
     section = CrossSection.from_toml(geometry) if geometry else strip_ring()
-    check_outputs([path], inputs=[geometry], images=[path])
+    check_outputs([path], images=[path])
     with working("meshing"):
         mesh = mesh_for(section, accuracy)
     _draw_preview(section, mesh, path)

@@ -1,0 +1,52 @@
+"""Arrays in NumPy's archive with a hash over all of them: family files, and the members that a training keeps."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zipfile
+import zlib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem.files import LARGEST_TEXT, digest, digest_tree
+from thermofem.netcdf import DAMAGE
+
+HASH = "hash"  # name of the array that holds it
+
+
+def pack(arrays: Mapping[str, Any], *, deflated: bool = True) -> bytes:
+    """The archive of named arrays."""
+    memory = io.BytesIO()
+    (np.savez_compressed if deflated else np.savez)(memory, **arrays, **{HASH: np.array(_hash(arrays))})
+    return memory.getvalue()
+
+
+def unpack(raw: bytes, *, hashed: bool = True) -> dict[str, NDArray[Any]]:
+    """The arrays of an archive; without ``hashed`` also of one that has no hash, as older files.
+
+    Raises
+    ------
+    ValueError
+        no archive, a damaged one, one that unpacks to more than `LARGEST_TEXT` bytes, or arrays that are not those
+        of the hash.
+    """
+    try:
+        with np.load(io.BytesIO(raw), allow_pickle=False) as archive:
+            if sum(member.file_size for member in archive.zip.infolist()) > LARGEST_TEXT:
+                raise ValueError(f"more than {LARGEST_TEXT} bytes unpacked")
+            arrays = {name: archive[name] for name in archive.files}
+    except (*DAMAGE, EOFError, MemoryError, struct.error, zipfile.BadZipFile, zlib.error) as error:
+        raise ValueError(str(error) or type(error).__name__) from None
+    written = arrays.pop(HASH, None)
+    if (written is not None or hashed) and str(written) != _hash(arrays):
+        raise ValueError("it was changed after it was written")
+    return arrays
+
+
+def _hash(arrays: Mapping[str, Any]) -> str:
+    each = {name: np.asarray(values) for name, values in arrays.items()}
+    return digest_tree({name: [str(a.dtype), a.shape, digest(a.tobytes())] for name, a in each.items()})

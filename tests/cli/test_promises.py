@@ -1,0 +1,143 @@
+"""Promises that hold for every command: no input is written over, one line for an error, nothing lost in silence."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import typer
+from commands import thermofem
+
+import surrogate
+import thermofem as th
+from thermofem import cli
+from thermofem.cli.apart import OUTPUTS, check_apart
+from thermofem.cli.files import assigned
+
+MODEL = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
+RING = 'base = "borghi2021"\n[carriers]\nlifetime = "10 ns"\n'
+COMMANDS = typer.main.get_command(cli.app).commands
+
+
+def run(arguments, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["thermofem", *arguments])
+    try:
+        cli.main()
+    except SystemExit as left:
+        return left.code, capsys.readouterr()
+    return 0, capsys.readouterr()
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    surrogate.save_model(MODEL, "model.json")
+    Path("ring.toml").write_text(RING)
+    Path("strip.toml").write_text(th.strip_ring().to_toml())
+    return tmp_path
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_no_command_writes_over_a_file_that_it_is_given(command, folder):
+    """`map --ring ring.toml -o ring.toml` replaced the ring by the map. Every option x every output of a command."""
+    names = [p.name for p in COMMANDS[command].params]
+    for target in OUTPUTS.intersection(names):
+        for name in set(names) - OUTPUTS - {"help"}:
+            for given in ("ring.toml", [Path("strip.toml"), Path("ring.toml")]):
+                with pytest.raises(th.InputError, match="read and written at once"):
+                    check_apart({name: given, target: Path("../") / folder.name / "ring.toml"})
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["map", "model.json", "--ring", "ring.toml", "-o", "ring.toml"],
+        ["map", "model.json", "--ring", "ring.toml", "--resume", "ring.toml"],
+        ["stability", "model.json", "--ring", "ring.toml", "-o", "ring.toml"],
+        ["uncertainty", "f.json", "--spread", "box=2 um,1 nm", "--ring", "ring.toml", "--map", "ring.toml"],
+        ["solve", "strip.toml", "--paraview", "strip.toml"],
+    ],
+)
+def test_the_commands_ask(arguments, folder, monkeypatch, capsys):
+    code, said = run(arguments, monkeypatch, capsys)
+    assert code == 2
+    assert said.err.count("\n") == 1
+    assert "read and written at once" in said.err
+    assert Path("ring.toml").read_text() == RING
+
+
+def test_every_output_is_an_option():
+    """A name that no command has any more would hide a forgotten one."""
+    assert {p.name for command in COMMANDS.values() for p in command.params} >= OUTPUTS
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["explore", "model.json", "--heated", "nope"],
+        ["simulate", "model.json", "--heater", "core=1 mW"],
+        ["map", "model.json", "--points", "2,2", "--heater", "core=1 mW"],
+    ],
+)
+def test_nothing_is_said_before_an_error(arguments, folder, monkeypatch, capsys):
+    """ "light and carriers are those of ..." stood above the one line of an error."""
+    code, said = run(arguments, monkeypatch, capsys)
+    assert code == 2
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+
+
+def test_the_ring_is_named_where_there_is_no_error(folder, monkeypatch, capsys):
+    code, said = run(["simulate", "model.json", "--duration", "100 ns"], monkeypatch, capsys)
+    assert code == 0
+    assert "light and carriers are those of the ring 'Borghi 2021'" in said.err
+
+
+@pytest.mark.parametrize(
+    ("texts", "words"),
+    [
+        (["box=1 um", "box = 2 um"], "--fix 'box' is given twice"),
+        (["box"], "not of the form NAME=VALUE, such as 'a=1'"),
+        (["=1 um"], "not of the form"),
+        (["box="], "not of the form"),
+    ],
+)
+def test_names_and_values(texts, words):
+    """Of `--spread box=... --spread box=...` the last one won in silence, and so of --fix, --optics and --heater."""
+    with pytest.raises(th.InputError, match="--fix") as error:
+        assigned("--fix", texts, "a=1")
+    assert words in str(error.value)
+    assert assigned("--fix", ["a = 1 um", "b=c=d"], "a=1") == {"a": "1 um", "b": "c=d"}
+
+
+def test_optics_are_those_of_the_ring(folder):
+    """A slope of tau_n, for a ring with a constant lifetime, was an AttributeError."""
+    from thermofem.cli.quantities import optics_of
+
+    with pytest.raises(th.InputError, match="'tau_n' is unknown"):
+        optics_of(None, ["tau_n/box=1"], "ring.toml")
+    with pytest.raises(th.InputError, match="'1_0'"):
+        optics_of(None, ["bus_rate/box=1_0"], "ring.toml")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
+@pytest.mark.parametrize("arguments", [["show", "model.json"], ["show", "model.json", "--json"], ["--version"], ["-h"]])
+def test_a_full_disk_behind_standard_output_is_an_error(arguments, folder):
+    """The numbers were lost with a message of Python's own and exit code 120."""
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "thermofem", *arguments], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1].startswith("thermofem: error: No space left on device")
+
+
+def test_closed_streams_change_no_code(folder):
+    command = f"{sys.executable} -m thermofem"
+    assert os.waitstatus_to_exitcode(os.system(f"{command} show model.json >&- 2>&-")) == 0
+    assert os.waitstatus_to_exitcode(os.system(f"{command} show none.json >&- 2>&-")) == 2
+    assert json.loads(thermofem("show", "model.json", "--json", cwd=folder).stdout)["command"] == "show"

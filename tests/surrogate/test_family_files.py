@@ -1,0 +1,79 @@
+"""Family files of any origin: what is damaged or changed is refused when the file is read, in one line."""
+
+from __future__ import annotations
+
+import io
+import json
+
+import numpy as np
+import pytest
+from fuzz import hostile
+from test_hostile_readers import says_one_line
+
+import surrogate
+import thermofem as th
+from surrogate.family import archive, solving
+
+CAMPAIGN = """
+[[vary]]
+name = "box"
+path = "layer.box.thickness"
+from = "1.9 um"
+to = "2.1 um"
+"""
+
+
+@pytest.fixture(scope="module")
+def content(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("family")
+    (folder / "strip.toml").write_text(th.strip_ring(outer_radius=30e-6, substrate=10e-6).to_toml())
+    (folder / "rings.toml").write_text('geometry = "strip.toml"\n' + CAMPAIGN)
+    surrogate.train_family(folder / "rings.toml", 5e-2).save(folder / "family.json")
+    return (folder / "family.json").read_bytes()
+
+
+def test_damaged_arrays_are_refused_or_make_members(content, tmp_path):
+    """Arrays of another shape or type were believed and ended in tracebacks of NumPy; nan in K in those of LAPACK."""
+    path, read = tmp_path / "family.json", 0
+    for what, damaged in list(hostile.archives(content))[::2]:
+        path.write_bytes(damaged)
+        family = says_one_line(lambda: surrogate.load_family(path))
+        if family is not None:
+            read += 1
+            assert np.isfinite(family.model(box=1.95e-6).thermal_resistance), what
+            says_one_line(lambda: family.derivatives([1e-6], box=2e-6))  # noqa: B023
+    assert read < 40
+
+
+def test_a_changed_number_is_refused(content, tmp_path):
+    """1 % on the stiffness moved every R_th by 1 % without a word."""
+    with np.load(io.BytesIO(content)) as file:
+        arrays = dict(file)
+    arrays["K"] = arrays["K"] * 1.01
+    np.savez(tmp_path / "family.npz", **arrays)
+    with pytest.raises(th.InputError, match="changed after it was written"):
+        surrogate.load_family(tmp_path / "family.npz")
+
+
+def test_damaged_headers_are_refused_or_make_members(content, tmp_path):
+    with np.load(io.BytesIO(content)) as file:
+        arrays = {name: file[name] for name in file.files if name != archive.HASH}
+    header = json.loads(str(arrays.pop("header")))
+    for tree in list(hostile.replaced_leaves(header))[::17]:
+        with open(tmp_path / "family.npz", "wb") as file:
+            np.savez(file, header=np.array(json.dumps(tree)), **arrays)
+        says_one_line(lambda: surrogate.load_family(tmp_path / "family.npz"))
+
+
+def test_a_kept_member_that_is_damaged_is_solved_again(tmp_path):
+    """A broken archive stopped the training, and changed numbers went into the family."""
+    path = tmp_path / "member.npz"
+    path.write_bytes(archive.pack({"tau": np.ones(2), "ports": np.ones((1, 2))}))
+    assert solving._read(path).tau.tolist() == [1, 1]
+    whole = path.read_bytes()
+    for broken in [*hostile.damaged(whole, 3, 60), b"", b"PK\x03\x04"]:
+        path.write_bytes(broken)
+        kept = solving._read(path)
+        assert kept is None or (kept.tau.tolist() == [1, 1] and kept.ports.tolist() == [[1, 1]])
+    np.savez(path, tau=np.full(2, 5.0), ports=np.ones((1, 2)))
+    assert solving._read(path) is None

@@ -1,0 +1,73 @@
+"""A file that `save` wrote and somebody changed says so when it is read; one that is whole says nothing."""
+
+from __future__ import annotations
+
+import logging
+
+import h5py
+import numpy as np
+import pytest
+
+import surrogate
+import thermofem as th
+
+TIMES = np.linspace(0, 10e-6, 50)
+WORDS = "changed after thermofem wrote it"
+
+
+@pytest.fixture
+def data():
+    model = th.Foster(R=[5e3], tau=[3e-6])
+    return th.dataset.build(TIMES, model.response(th.Constant(1e-3), TIMES), th.Constant(1e-3))
+
+
+def with_unit(file):
+    file["time"].attrs["units"] = "ns"
+
+
+def with_value(file):
+    file["delta_T"][7] *= 1.001
+
+
+def with_drive(file):
+    file.attrs["waveform"] = th.waveforms.to_json(th.Constant(2e-3))
+
+
+@pytest.mark.parametrize("change", [with_unit, with_value, with_drive])
+def test_a_change_behind_its_back_is_said(data, change, tmp_path, caplog):
+    """Times in ns instead of s, of a step that has not settled, contradict nothing else in the file."""
+    th.save(data, tmp_path / "a.nc")
+    with h5py.File(tmp_path / "a.nc", "a") as file:
+        change(file)
+    th.load(tmp_path / "a.nc")
+    assert WORDS in caplog.text
+
+
+def test_what_is_whole_says_nothing(data, tmp_path, caplog):
+    """Words, whole numbers, Booleans, several probes, attributes of every type; once more after `load`."""
+    odd = data.assign(word=("time", np.array(["a", "é"] * 25)), flag=("time", TIMES > 0), count=("time", np.arange(50)))
+    odd = odd.assign_coords(probe="core", many=("time", TIMES.astype("f4"))).assign_attrs(heated="core", read="core")
+    with caplog.at_level(logging.WARNING):
+        for one in (data, odd):
+            th.save(one, tmp_path / "a.nc")
+            again = th.load(tmp_path / "a.nc")
+            th.save(again.isel(time=slice(0, 20)), tmp_path / "b.nc")
+            th.load(tmp_path / "b.nc")
+    assert WORDS not in caplog.text
+
+
+def test_packed_files_of_other_programs_are_taken_as_they_are(data, tmp_path, caplog):
+    """Values stored as 16-bit numbers come back rounded; that is no change by somebody else."""
+    packed = data.copy()
+    packed["delta_T"].encoding = {"dtype": "int16", "scale_factor": 1e-3, "_FillValue": -32768}
+    packed.to_netcdf(tmp_path / "other.nc", engine="h5netcdf")
+    th.save(th.load(tmp_path / "other.nc"), tmp_path / "a.nc")
+    th.load(tmp_path / "a.nc")
+    assert WORDS not in caplog.text
+
+
+def test_a_trace_that_is_given_twice_is_refused(data):
+    """Twice the samples made the standard errors smaller by a factor of 1.4."""
+    for fit in (surrogate.fit_newton, lambda two: surrogate.fit_foster(two, order=1)):
+        with pytest.raises(th.InputError, match=r"data\[1\] is the same trace as data\[0\]"):
+            fit([data, data.copy()])
