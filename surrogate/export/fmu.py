@@ -10,8 +10,11 @@ and dT_j = z_j, or z_j + coefficient z_j^2 where the model has an output map.
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import importlib.util
+import os
+import re
 import shutil
 import subprocess
 import sys
@@ -26,6 +29,8 @@ from .header import identifiers
 from .modes import Modes, modes
 
 NEEDS = "Runs on a Python 3 of the host (standard library only). Power is held constant over each communication step."
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_PLACE = re.compile(r"\S*[/\\]")  # folders in a message of the builder
 VERSIONS = {2: "pythonfmu", 3: "pythonfmu3"}  # of FMI -> library that builds it
 
 UNIT = '''"""{title}"""
@@ -129,14 +134,18 @@ def write(model: Any, path: Path, header: list[str], *, fmi: int = 2) -> Path:
         code = _unit(name, found, header, fmi)
         # all units of a host share one Python, and with it the modules' names: two contents must have two
         script = Path(folder) / f"thermal_model_{hashlib.sha256(code.encode()).hexdigest()[:16]}.py"
-        script.write_text(code, encoding="utf-8")
+        try:
+            script.write_text(code, encoding="utf-8")
+        except OSError as error:
+            raise checks.InputError(f"{path.name} cannot be built in {folder}: {error.strerror}") from None
         # in a process of its own: the builder imports the script and changes sys.path
         command = [sys.executable, "-m", library, "build", "-f", str(script), "-d", folder]
         done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder)
         built = Path(folder) / f"{name}.fmu"
         if done.returncode or not built.is_file():
-            lines = done.stderr.strip().splitlines() or ["no message"]
-            raise checks.InputError(f"{library} cannot build {path.name}: {lines[-1][-300:]}")
+            full = [text for text in map(os.strerror, FULL) if text in done.stderr]
+            lines = full or done.stderr.strip().splitlines() or ["no message"]
+            raise checks.InputError(f"{library} cannot build {path.name}: {_PLACE.sub('', lines[-1])[-300:]}")
         return write_whole(path, lambda p: shutil.copyfile(built, p))
 
 

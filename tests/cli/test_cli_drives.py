@@ -113,6 +113,7 @@ def test_reduce_makes_a_model_with_a_heater(tmp_path):
     [
         (["simulate", "m.json"], "--channel core"),
         (["simulate", "m.json", "--heater", "5 mW"], "NAME=VALUE"),
+        (["simulate", "m.json", "--channel", "core", "--modulate", "1 GHz sine"], "ends after 'sine'"),
         (["simulate", "m.json", "--channel", "core", "--heated", "core"], "names both parts"),
         (["simulate", "m.json", "--channel", "core", "--sweep", "20 GHz"], "two quantities"),
         (["simulate", "m.json", "--channel", "core", "--sweep", "20 GHz, 1 mW"], "--sweep"),

@@ -228,6 +228,19 @@ def test_two_units_of_one_name_in_one_host_are_two_models(tmp_path, fmi):
     assert json.loads(done.stdout.split("RESULT")[1]) == pytest.approx([1.0, 5.0, 7.0], rel=1e-9)  # round-off
 
 
+def test_a_builder_without_room_says_so_and_no_folders(tmp_path, monkeypatch):
+    """The last line of the builder's traceback named files of its installation."""
+    for last, words in (
+        ("OSError: [Errno 28] No space left on device: '/opt/lib/pythonfmu/a.so'", "No space left on device"),
+        ("ValueError: /opt/lib/pythonfmu/a.so is broken", "ValueError: a.so is broken"),
+    ):
+        failed = subprocess.CompletedProcess([], 1, "", f"Traceback\n{last}\n")
+        monkeypatch.setattr("surrogate.export.fmu.subprocess.run", lambda *_, done=failed, **__: done)
+        with pytest.raises(th.InputError) as error:
+            surrogate.export_model(ONE, tmp_path / "ring.fmu", to="fmu")
+        assert str(error.value) == f"pythonfmu cannot build ring.fmu: {words}"
+
+
 def test_a_version_of_fmi_that_does_not_exist_is_refused(tmp_path):
     with pytest.raises(th.InputError, match=r"fmi = 1 .*2 or 3"):
         surrogate.export_model(ONE, tmp_path / "ring.fmu", to="fmu", fmi=1)

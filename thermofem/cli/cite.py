@@ -10,9 +10,12 @@ from typing import Annotated, Any
 import typer
 
 from .. import trees
-from ..checks import InputError
+from ..checks import InputError, one_line
 from ..version import __version__
 from .kinds import expect
+
+_SPECIAL = {c: f"\\{c}" for c in "{}%#&_$"} | {"\\": "\\textbackslash{}", "^": "\\^{}", "~": "\\~{}"}
+_LATEX = str.maketrans(_SPECIAL)
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,9 @@ class Citation:
 
     def bibtex(self) -> str:
         """A BibTeX entry."""
-        body = "".join(f"  {name} = {{{value}}},\n" for name, value in self.fields.items())
+        foreign = self.kind == "misc"  # text of a file, which is no LaTeX
+        fields = {name: value.translate(_LATEX) if foreign else value for name, value in self.fields.items()}
+        body = "".join(f"  {name} = {{{value}}},\n" for name, value in fields.items())
         return f"@{self.kind}{{{self.key},\n{body}}}\n"
 
 
@@ -63,7 +68,11 @@ def cite(
     bibtex: Annotated[bool, typer.Option("--bibtex", help="As BibTeX.")] = False,
 ) -> dict[str, Any]:
     """Print what to cite for a result: the software, the paper, and the sources of its materials."""
-    works = references(_provenance(file) if file else {})
+    try:
+        works = references(_provenance(file) if file else {})
+    except InputError as error:
+        named = str(error).startswith(str(file))
+        raise (error if named else InputError(f"{file}: {error}")) from None
     print("\n".join(work.bibtex() if bibtex else work.text() for work in works))
     return {"works": [{"key": work.key, "kind": work.kind, **work.fields} for work in works]}
 
@@ -86,7 +95,8 @@ def _materials(provenance: dict[str, Any]) -> dict[str, str]:
     """Source of every material: recorded in data, looked up in the geometry for models."""
     if provenance.get("materials"):
         try:
-            return {str(name): str(source) for name, source in trees.from_json(provenance["materials"]).items()}
+            found = trees.from_json(provenance["materials"]).items()
+            return {one_line(str(name)): one_line(str(source)) for name, source in found}
         except (InputError, TypeError, AttributeError):
             raise InputError("the file's record of its materials is damaged; is it one of thermofem's?") from None
     if not provenance.get("geometry"):
@@ -96,7 +106,7 @@ def _materials(provenance: dict[str, Any]) -> dict[str, str]:
 
     section = CrossSection.from_toml_text(str(provenance["geometry"]))
     names = dict.fromkeys([layer.material for layer in section.layers] + [part.material for part in section.parts])
-    return {name: find(name, section.materials).source for name in names if name != VOID}
+    return {name: one_line(find(name, section.materials).source) for name in names if name != VOID}
 
 
 def _provenance(file: Path) -> dict[str, Any]:

@@ -119,7 +119,7 @@ def _kind(option: str, text: str) -> str:
 def _split(text: str) -> tuple[str, str, str]:
     """AMOUNT, the word of the shape, and what follows it."""
     for word in ("square", "pulse", "sine"):
-        amount, found, rest = text.partition(f" {word} ")
+        amount, found, rest = f"{text.strip()} ".partition(f" {word} ")
         if found:
             return amount.strip(), word, rest.strip()
     return text.strip(), "", ""
@@ -133,6 +133,8 @@ def varying(option: str, text: str, unit: str) -> Any:
     from ..waveforms import Function, Pulse, SquareWave
 
     amount, word, rest = _split(text)
+    if word and not rest:
+        raise InputError(f"{option} = {text!r} ends after {word!r}; the forms are {FORMS}")
     value = (quantity.not_negative if unit == "W" and word != "sine" else quantity.parse)(amount, unit, name=option)
     if not word:
         return float(value)
