@@ -48,9 +48,7 @@ def channels(
         where heaters are given, and the output of the same name.
     Raises InputError: several inputs or outputs and no choice, an unknown name, heaters of a model with one input.
     """
-    if not isinstance(heaters or {}, Mapping):
-        raise checks.InputError(f"heaters = {heaters!r} must map names to powers: {{'heater': 5e-3}}")
-    names, system = dict(heaters or {}), bare(model)
+    names, system = checks.mapping("heaters", heaters, hint="e.g. {'heater': 5e-3}"), bare(model)
     if not isinstance(system, StateSpace) or (len(system.inputs), len(system.outputs)) == (1, 1):
         return Channels(_single(model, names, heated, read), {})
     if heated is None and not names:

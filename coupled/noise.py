@@ -98,7 +98,7 @@ def _white(density: float, bandwidth: float, duration: float, seed: int) -> tupl
     lines = int(bandwidth * length)
     if lines < 1:
         raise checks.InputError(f"bandwidth = {bandwidth:g} Hz has no period within {duration:g} s; raise it")
-    draw = np.random.default_rng(seed).normal(size=(lines, 2))
+    draw = np.random.default_rng(checks.seed(seed)).normal(size=(lines, 2))
     spectrum = np.zeros(n // 2 + 1, dtype=complex)
     # each line has the power density/length: amplitude^2/2 = density/length
     spectrum[1 : lines + 1] = (draw @ [1, 1j]) * np.sqrt(density / length) * n / 2

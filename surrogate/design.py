@@ -110,9 +110,9 @@ def design(
         a range outside the family's box, an unknown quantity, a target of zero, or no member that has the property.
     """
     family = family_over(family, free, tolerance)
-    for value in target.values():
-        checks.finite("target", value, hint="words are for surrogate.pareto_front")
     search = search_of(family, free, target, fixed, optics)
+    for value in search.wanted.values():
+        checks.finite("target", value, hint="words are for surrogate.pareto_front")
     wanted = {name: float(value) for name, value in search.wanted.items()}
     x = _nearest(search, seed)
     got = search.achieved(x)
@@ -141,7 +141,7 @@ def _nearest(search: Search, seed: int) -> Array:
     from scipy.optimize import least_squares
     from scipy.stats import qmc
 
-    starts = qmc.Sobol(len(search.moving), seed=np.random.default_rng(seed)).random(CANDIDATES)
+    starts = qmc.Sobol(len(search.moving), seed=np.random.default_rng(checks.seed(seed))).random(CANDIDATES)
     costs = [float(np.sum(search.misfit(x) ** 2)) for x in starts]
     found = []
     for k in np.argsort(costs)[:2]:

@@ -298,7 +298,7 @@ class Training:
 
     def search(self, order: int, method: str) -> tuple[Optimum, float | None]:
         """The optimum, and the residual of the swarm before it was polished."""
-        if method == "projection":
+        if isinstance(method, str) and method == "projection":
             renamed.warn("method='projection'", "method='variable projection'", up=3)
             method = "variable projection"
         checks.choice("method", method, METHODS)

@@ -70,6 +70,7 @@ def fit_output_map(linear: Foster, data: xr.Dataset | Sequence[xr.Dataset]) -> O
     InputError
         data without power or rise.
     """
+    checks.has("linear", linear, "tau", "gain", hint="a linear network is needed, such as surrogate.reduce gives")
     drives = drives_of(data)
     if not drives:
         raise checks.InputError("data is empty; give at least one Dataset")

@@ -114,7 +114,7 @@ class Property:
 
     def __init__(self, family: Family, quantity: Quantity, optics: Optics | None = None) -> None:
         if optics is not None:
-            optics.check(family)
+            checks.instances("optics", (optics,), Optics)[0].check(family)
         if isinstance(quantity, str):
             checks.choice("quantity", quantity, QUANTITIES, hint="or give a function of a model")
         elif not callable(quantity):

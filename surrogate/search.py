@@ -71,7 +71,11 @@ def search_of(
     optics: Optics | None,
 ) -> Search:
     """Check what was given and put it together."""
-    low, high, held = _ranges(family, free, fixed or {})
+    low, high, held = _ranges(
+        family, None if free is None else checks.mapping("free", free), checks.mapping("fixed", fixed)
+    )
+    if not isinstance(target, Mapping):
+        raise checks.InputError(f"target = {checks.shown(target)} must map quantities to values")
     if not target:
         raise checks.InputError('target is empty; give what is wanted, e.g. {"thermal_resistance": 9e3}')
     wanted: dict[str, float | str] = {}
@@ -97,7 +101,7 @@ def family_over(given: Family | CrossSection, free: Ranges | None, tolerance: fl
     if not free:
         raise checks.InputError('free is empty; name what may change, e.g. {"part.core.width": (400e-9, 600e-9)}')
     variations = []
-    for path, pair in free.items():
+    for path, pair in checks.mapping("free", free).items():
         low, high = ends(path, pair)
         variations.append(Variation(path, (path,), change(given, path).unit, low=low, high=high))
     return train_family(Campaign(given.to_toml(), tuple(variations), samples=1), tolerance)

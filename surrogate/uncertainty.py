@@ -156,7 +156,7 @@ def _sobol(sampled: _Sampled, dists: list[Any], samples: int, seed: int) -> Any:
     from scipy.stats import sobol_indices
 
     with np.errstate(divide="ignore", invalid="ignore"):  # points of a map where nothing varies
-        return sobol_indices(func=sampled, n=samples, dists=dists, rng=np.random.default_rng(seed))
+        return sobol_indices(func=sampled, n=samples, dists=dists, rng=np.random.default_rng(checks.seed(seed)))
 
 
 def _scalar(sampled: _Sampled, indices: Any, names: tuple[str, ...], attrs: dict[str, Any]) -> xr.Dataset:

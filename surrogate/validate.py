@@ -214,7 +214,8 @@ def square_waves(
     """Square waves from 0.1 to 10 us at every duty: 55 by default, on which orders of models are compared."""
     if not isinstance(periods, int | np.integer) or periods < 1:
         raise checks.InputError(f"periods = {periods!r} must be a whole number of periods, 1 or more")
-    return [SquareWave(power, t, d) for t in np.geomspace(1e-7, 1e-5, periods) for d in duties]
+    each = checks.array("duties", duties).tolist()
+    return [SquareWave(power, t, d) for t in np.geomspace(1e-7, 1e-5, periods) for d in each]
 
 
 def held_out_drives(power: float = 2e-3) -> list[Waveform]:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from decimal import Decimal
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +20,7 @@ MESSAGE = 1200  # characters of an error message
 VALUE = 80  # characters of a value in an error message
 _LONG = re.compile(r"\S{300,}")  # no word, name or path of a person
 MOST = 1_000_000_000  # numbers of an array that is counted before it is made, 8 GB
-_NO_NUMBERS = (str, bytes, bool, np.bool_, complex, np.complexfloating, np.ma.core.MaskedConstant)
+_NO_NUMBERS = (str, bytes, bool, np.bool_, complex, np.complexfloating, np.ma.core.MaskedConstant, Decimal, Fraction)
 
 
 def one_line(text: str, *, most: int = MESSAGE) -> str:
@@ -129,14 +131,21 @@ def between(name: str, value: Any, low: float, high: float, *, unit: str = "", h
     return number
 
 
-def array(name: str, value: ArrayLike, *, increasing: bool = False, hint: str = "") -> NDArray[np.float64]:
-    """Return ``value`` as a 1-D float array, or raise InputError if it is empty, not finite or not increasing."""
+def array(
+    name: str, value: ArrayLike, *, increasing: bool = False, empty: bool = False, hint: str = ""
+) -> NDArray[np.float64]:
+    """Return ``value`` as a 1-D float array, or raise InputError if it is not finite or not increasing.
+
+    Nothing, such as (), is an InputError, too, unless ``empty``.
+    """
     try:
         result = np.atleast_1d(_floats(name, value, hint))
     except InputError:
         raise
     except (TypeError, ValueError, OverflowError, RecursionError):
         raise InputError(f"{name} is not an array of numbers", hint) from None
+    if empty and result.size == 0:
+        return np.empty(0)
     if result.ndim != 1 or result.size == 0:
         raise InputError(f"{name} has shape {result.shape}; one non-empty dimension is needed", hint)
     bad = np.flatnonzero(~np.isfinite(result))
@@ -183,6 +192,33 @@ def has(name: str, value: Any, *attributes: str, hint: str) -> None:
     """Raise InputError unless ``value`` has the attributes; otherwise it is an object of the wrong type."""
     if not all(hasattr(value, attribute) for attribute in attributes):
         raise InputError(f"{name} is a {type(value).__name__}; {hint}")
+
+
+def text(name: str, value: Any) -> str:
+    """Return ``value``, or raise InputError if it is no text."""
+    if not isinstance(value, str):
+        raise InputError(f"{name} = {shown(value)} must be text")
+    return value
+
+
+def instances(name: str, values: Any, kind: type) -> tuple[Any, ...]:
+    """Return a list as a tuple, or raise InputError unless all that it holds is of one kind."""
+    if isinstance(values, kind) or not isinstance(values, Iterable):
+        raise InputError(f"{name} = {shown(values)} must be a list of {kind.__name__}")
+    found = tuple(values)
+    for item in found:
+        if not isinstance(item, kind):
+            raise InputError(f"{name} holds {shown(item)}, which is no {kind.__name__}")
+    return found
+
+
+def mapping(name: str, value: Any, *, hint: str = "") -> dict[str, Any]:
+    """Return a mapping from text as a dict, empty for None, or raise InputError."""
+    if value is None:
+        return {}
+    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
+        raise InputError(f"{name} = {shown(value)} must map names to values", hint)
+    return dict(value)
 
 
 def path(name: str, value: Any) -> Path:

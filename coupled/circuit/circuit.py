@@ -18,6 +18,7 @@ from . import file
 from .parts import IN, OUT, SPLITTER_IN, SPLITTER_OUT, Detector, LaserPort, Splitter, Waveguide, check_name
 
 MOST = 1000  # rings
+_PARTS = {"waveguides": Waveguide, "lasers": LaserPort, "detectors": Detector, "splitters": Splitter}
 
 
 @shown
@@ -63,8 +64,9 @@ class Circuit:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "rings", _named(self.rings))
-        for field in ("waveguides", "lasers", "detectors", "splitters"):
-            object.__setattr__(self, field, tuple(getattr(self, field)))
+        for field, kind in _PARTS.items():
+            object.__setattr__(self, field, checks.instances(field, getattr(self, field), kind))
+        checks.text("name", self.name)
         if self.frequency is None:
             object.__setattr__(self, "frequency", self.resonators[0].frequency)
         checks.between("frequency", self.frequency, 1e13, 1e16, unit="Hz", hint="did you mean 192.88e12?")

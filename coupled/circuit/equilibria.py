@@ -173,7 +173,7 @@ def _guesses(system: System, starts: int, seed: int) -> Iterator[Array]:
             break
         y = following
     yield y
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(checks.seed(seed))
     for _ in range(starts):
         u = rng.uniform(-1, 1, n)
         yield _state_at(system, LINES * system.rings.rates[:, 0] * u * np.abs(u))

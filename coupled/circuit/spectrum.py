@@ -48,6 +48,7 @@ def spectrum(circuit: Circuit, detunings: ArrayLike, *, laser: str | None = None
 
     from thermofem import checks
 
+    checks.has("circuit", circuit, "lasers", "resonators", hint="a coupled.Circuit is needed")
     nu = check_axis("detunings", detunings)
     names = [one.name for one in circuit.lasers]
     k = 0 if laser is None else names.index(checks.choice("laser", laser, names))

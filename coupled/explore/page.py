@@ -143,7 +143,7 @@ def explore(
     }  # fmt: skip
     rings = [contents.ring_of(ring)]
     sliders = contents.heaters_of(own, rings[0], ring.thermal_shift)
-    start |= _heater_powers(sliders, heaters or {})
+    start |= _heater_powers(sliders, heaters)
     known = [rings[0]["name"]]
     for other in (borghi2021(), borghi2021().with_lumped_fcd(), vanvaerenbergh2012()):
         if other.name not in known:
@@ -188,12 +188,12 @@ def _scale(unit: str) -> tuple[float, str]:
     return (1e6, "µm") if unit == "m" else (1.0, unit)
 
 
-def _heater_powers(sliders: list[dict[str, Any]], powers: Mapping[str, float]) -> dict[str, float]:
+def _heater_powers(sliders: list[dict[str, Any]], powers: Mapping[str, float] | None) -> dict[str, float]:
     """The powers of heaters when the page opens, in mW."""
-    names = [slider["name"] for slider in sliders]
-    for name in powers:
+    names, given = [slider["name"] for slider in sliders], checks.mapping("heaters", powers)
+    for name in given:
         checks.choice("heaters", name, names)
-    return {f"h{k}": 1e3 * heater_power(name, powers.get(name, 0.0)) for k, name in enumerate(names)}
+    return {f"h{k}": 1e3 * heater_power(name, given.get(name, 0.0)) for k, name in enumerate(names)}
 
 
 def _heater_fields(sliders: list[dict[str, Any]]) -> str:

@@ -80,19 +80,17 @@ class FEM:
             raise checks.InputError(f"heat is a {type(heat).__name__}; th.assemble(geometry) makes the HeatProblem")
         checks.between("max_discrepancy", max_discrepancy, 1e-9, 10, unit="K")
         self.problem = heat if isinstance(heat, HeatProblem) else None
-        if not isinstance(heaters or {}, Mapping):
-            raise checks.InputError(
-                f"heaters = {heaters!r} must map names to waveforms: {{'heater': th.Constant(5e-3)}}"
-            )
         names = heat.heated if isinstance(heat, HeatProblem) else heat.inputs
-        self.heaters, self.heated = dict(heaters or {}), checks.choice("heated", heated or names[0], names)
+        self.heaters = checks.mapping("heaters", heaters, hint="e.g. {'heater': th.Constant(5e-3)}")
+        self.heated = checks.choice("heated", heated or names[0], names)
         for name, wave in self.heaters.items():
             checks.choice("heaters", name, names)
             if name == self.heated:
                 raise checks.InputError(f"heaters holds {name!r}, which the light heats; give the power of other parts")
             if isinstance(wave, type) or not hasattr(wave, "breakpoints"):
                 raise checks.InputError(f"heaters[{name!r}] = {wave!r} is no waveform; e.g. th.Constant(5e-3)")
-        if np.size(field_times) and self.problem is None:
+        kept = checks.array("field_times", field_times, increasing=True, empty=True)
+        if kept.size and self.problem is None:
             raise checks.InputError("field_times needs a HeatProblem, whose mesh the fields belong to")
         inputs = (self.heated, *self.heaters)
         system = heat.model(inputs, self.heated) if isinstance(heat, HeatProblem) else _channels(heat, inputs)
@@ -107,7 +105,7 @@ class FEM:
             direct=[self.problem.audit(name).direct for name in inputs] if self.problem else (),
             factors=self.problem.discretization.factors if self.problem else None,
         )
-        self.field_times = checks.array("field_times", field_times, increasing=True) if np.size(field_times) else None
+        self.field_times = kept if kept.size else None
         self.fields: list[Array] = []
         self.state, self.stored_before, self.max_discrepancy = self.field.start(), 0.0, max_discrepancy
         self._tried: Any = None  # FieldState and fields

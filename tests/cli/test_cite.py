@@ -97,10 +97,7 @@ def test_text_of_a_file_is_one_printable_line_and_no_latex(tmp_path):
     th.save(data, tmp_path / "data.nc")
     assert "\x1b" not in cited(tmp_path / "data.nc")
     note = cited(tmp_path / "data.nc", "--bibtex").splitlines()[-3]
-    assert (
-        note
-        == r"  note = {a\textbackslash{}x1b[31m\textbackslash{}nb \textbackslash{}\textbackslash{}write18\{rm\} 5 \%\}},"
-    )
+    assert r"a\textbackslash{}x1b[31m\textbackslash{}nb \textbackslash{}\textbackslash{}write18\{rm\} 5 \%\}}" in note
 
 
 def test_a_bad_geometry_names_the_file(tmp_path):

@@ -24,6 +24,8 @@ from .neighbours import check_copies
 from .parts import INSULATED, ISOTHERMAL, OPEN, Boundary, Interface, Layer, Part, Probe, length
 from .regions import Subdivision, check_held, check_places, subdivide
 
+_LISTS = {"layers": Layer, "parts": Part, "interfaces": Interface, "materials": Material, "probes": Probe}
+
 
 @shown
 @dataclass(frozen=True)
@@ -67,8 +69,10 @@ class CrossSection:
     probes: tuple[Probe, ...] = ()
 
     def __post_init__(self) -> None:
-        for field in ("layers", "parts", "interfaces", "materials", "probes"):
-            object.__setattr__(self, field, tuple(getattr(self, field)))
+        checks.text("name", self.name)
+        for field, kind in _LISTS.items():
+            object.__setattr__(self, field, checks.instances(field, getattr(self, field), kind))
+        checks.instances("the boundary", (self.bottom, self.top, self.outer), Boundary)
         length("outer_radius", self.outer_radius, typical=60e-6)
         checks.between("ambient", self.ambient, 1, 3000, unit="K")
         self._check_names()

@@ -40,6 +40,7 @@ class Layer:
 
     def __post_init__(self) -> None:
         check_name("layer", self.name)
+        checks.text(f"layer {self.name!r}: material", self.material)
         if self.material == VOID:
             raise checks.InputError(f"layer {self.name!r} is void; leave it out, or cut it with a void part")
         length(f"layer {self.name!r}: thickness", self.thickness, typical=2e-6)
@@ -76,6 +77,7 @@ class Part:
     def __post_init__(self) -> None:
         of = f"part {self.name!r}: "
         check_name("part", self.name)
+        checks.text(f"{of}material", self.material)
         checks.between(
             f"{of}inner_radius", self.inner_radius, 0, _LONGEST, unit="m", hint=slip(self.inner_radius, 5e-6)
         )

@@ -82,6 +82,7 @@ def rib_ring(
     length("slab", slab, typical=90e-9)
     if slab >= height:
         raise checks.InputError(f"slab = {slab:g} m must be thinner than height = {height:g} m")
+    length("slab_width", slab_width, typical=2e-6)
     if slab_width <= width:
         raise checks.InputError(f"slab_width = {slab_width:g} m must be wider than width = {width:g} m")
     inner, outer = ring(radius, slab_width, of="slab: ")

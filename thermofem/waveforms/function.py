@@ -63,9 +63,7 @@ class Function:
     ) -> None:
         if not callable(f):
             raise checks.InputError(f"f = {f!r} is no function of time; e.g. th.Function(lambda t: 1e-3 * (t < 1e-6))")
-        edges = np.empty(0)
-        if np.size(breakpoints):
-            edges = np.unique(checks.array("breakpoints", breakpoints, increasing=True, hint=TIME_HINT))
+        edges = np.unique(checks.array("breakpoints", breakpoints, increasing=True, empty=True, hint=TIME_HINT))
         for name, value in (("period", period), ("time_scale", time_scale)):
             if value is not None:
                 value = checks.positive(name, value, unit="s", at_most=10, hint=TIME_HINT)
