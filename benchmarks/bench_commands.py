@@ -22,9 +22,11 @@ import numpy as np
 import coupled
 import surrogate
 import thermofem as th
+from thermofem.cli.explore import models_of_geometry
 
 STRIP = ["solve", "--pulse", "20 us", "-o", "heat.nc"]
 RING = ["simulate", "model.json", "-o", "run.nc"]
+PAGE = ["-o", "ring.html"]
 BARE = "import numpy, scipy.linalg, scipy.sparse.linalg"
 
 
@@ -47,6 +49,12 @@ def work(call: Callable[[], object], repeats: int) -> float:
     return float(np.median(times))
 
 
+def page_of_strip(ring: coupled.RingResonator) -> object:
+    """The page of the reference strip, from the FEM on."""
+    models, heat = models_of_geometry(None)
+    return coupled.explore(ring, models, heat=heat)
+
+
 def main(repeats: int) -> None:
     heat = th.assemble(th.strip_ring())
     model = surrogate.reduce(heat.system).model
@@ -54,6 +62,8 @@ def main(repeats: int) -> None:
     own = {
         "solve": work(lambda: th.solve(th.assemble(th.strip_ring()), pulse, times), repeats),
         "simulate": work(lambda: coupled.simulate(ring, model, power=6.31e-3, duration=20e-6), repeats),
+        "explore": work(lambda: coupled.explore(ring, {"model": model}), repeats),
+        "explore FEM": work(lambda: page_of_strip(ring), repeats),
     }
     with tempfile.TemporaryDirectory() as folder:
         surrogate.save_model(model, Path(folder) / "model.json")
@@ -62,6 +72,8 @@ def main(repeats: int) -> None:
             "--version": ["-m", "thermofem", "--version"],
             "solve": ["-m", "thermofem", *STRIP],
             "simulate": ["-m", "thermofem", *RING],
+            "explore": ["-m", "thermofem", "explore", "model.json", *PAGE],
+            "explore FEM": ["-m", "thermofem", "explore", *PAGE],
         }
         for arguments in runs.values():
             process(arguments, folder)  # writes what is cached

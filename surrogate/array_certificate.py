@@ -23,7 +23,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import eigh
 
 from thermofem import HeatProblem, InputError, StateSpace
 from thermofem.arrays import Array
@@ -89,6 +88,8 @@ def _fields_at_frequencies(system: StateSpace, slowest: float, count: int) -> Ar
 
 def _projected(system: StateSpace, basis: Array, more: Array | None) -> Pairs:
     """The system on a basis and on further fields, in its modes."""
+    from scipy.linalg import eigh
+
     V = basis
     if more is not None:
         for _ in range(2):  # twice is enough, as for Gram and Schmidt

@@ -14,6 +14,8 @@ from pathlib import Path
 import pytest
 from paths import ROOT
 
+from thermofem.models import Foster, save_model
+
 SOURCES = [path for package in ("thermofem", "surrogate", "coupled") for path in sorted((ROOT / package).rglob("*.py"))]
 MODULES = [".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__") for path in SOURCES]
 
@@ -87,17 +89,18 @@ def test_imports_stay_light():
     assert done.stdout.strip() == "[]"
 
 
-def test_a_run_of_stored_machine_code_loads_no_compiler():
-    """Neither Numba's registries, which a compilation needs, nor SciPy: together half of a start."""
-    heavy = "numba.np.arraymath, scipy.linalg, scipy.constants, xarray, pint"
+@pytest.mark.parametrize("command", ["simulate m.json --duration '200 ns'", "explore m.json"])
+def test_a_command_of_stored_machine_code_loads_no_compiler(tmp_path, command):
+    """Neither Numba's registries, which a compilation needs, nor SciPy's linear algebra: together half of a start."""
+    save_model(Foster(R=[600, 1500, 2000, 2200], tau=[20e-9, 100e-9, 400e-9, 2e-6]), tmp_path / "m.json")
+    heavy = "numba.np.arraymath, scipy.linalg, scipy.constants, surrogate, xarray, pint"
     code = (
-        "import sys, coupled, thermofem as th; m = th.Foster(R=[7e3], tau=[1e-6]);"
-        "coupled.simulate.record(coupled.borghi2021(), m, power=6e-3, duration=1e-7);"
+        f"import shlex, sys, thermofem.cli; sys.argv = shlex.split({'thermofem ' + command!r}); thermofem.cli.main();"
         f"print([m for m in '{heavy}'.split(', ') if m in sys.modules])"
     )
     for _ in range(2):  # the first run stores the code where it is not
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path)
+    assert done.stdout.splitlines()[-1] == "[]"
 
 
 @pytest.mark.parametrize("name", [m for m in MODULES if ".cli" not in m])

@@ -79,25 +79,25 @@ def explore(
 
 def _family(given: list[Path]) -> Any:
     """The family of geometries that is given, or None."""
-    import surrogate
-
     # families are archives of arrays, models are text
     if len(given) != 1 or not zipfile.is_zipfile(files.regular(given[0])):
         return None
-    return surrogate.load_family(given[0])
+    from surrogate import load_family
+
+    return load_family(given[0])
 
 
 def _models(
     given: list[Path], accuracy: float, heated: str | None
 ) -> tuple[dict[str, ThermalModel], HeatProblem | None]:
     """The models of the page by name, and the heat problem behind them where a geometry is given."""
-    import surrogate
+    from ..models import load_model
 
     if given and all(kind_of(path) != "geometry" for path in given):
         names = [path.stem for path in given]
         if len(set(names)) < len(names):
             raise InputError(f"the model files {', '.join(map(str, given))} share a name; rename one")
-        return {name: surrogate.load_model(path) for name, path in zip(names, given, strict=True)}, None
+        return {name: load_model(path) for name, path in zip(names, given, strict=True)}, None
     if len(given) > 1:
         raise InputError("explore takes one geometry alone, or models alone")
     return models_of_geometry(given[0] if given else None, accuracy, heated)
