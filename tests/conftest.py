@@ -7,6 +7,7 @@ import logging
 from concurrent.futures import ThreadPoolExecutor
 
 import hypothesis
+import order
 import pytest
 from paths import ROOT
 
@@ -23,6 +24,16 @@ def pytest_addoption(parser):
 
 def pytest_configure(config):
     config.stash[ROWS] = []
+
+
+def pytest_collection_modifyitems(items):
+    items.sort(key=lambda item: order.place(item.path))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    config.option.loadscopereorder = False
+    return order.TwoEnds(config, log) if config.getoption("dist") == "loadfile" else None
 
 
 def pytest_sessionfinish(session, exitstatus):

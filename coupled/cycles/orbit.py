@@ -122,7 +122,7 @@ def shoot(
     )  # fmt: skip
     if not move < np.inf:
         return None
-    found = Orbit(start, Y, tau, T, M, move)
+    found = Orbit(start, Y, tau, float(T), M, float(move))
     return found if rough else settle(p, found)
 
 
@@ -131,7 +131,8 @@ def closer(p: CycleProblem, trial: Orbit, tolerance: float = CLOSE_ENOUGH, most:
     from ..kernels import orbits
 
     y, Y, T, M, closed, move = orbits.close(*trial[:4], p.at, scheme(), tolerance, most)
-    return Orbit(y, Y, trial.tau, T, np.ascontiguousarray(M[:, : y.size]), move if closed and T > 0 else np.inf)
+    move = float(move) if closed and T > 0 else np.inf
+    return Orbit(y, Y, trial.tau, float(T), np.ascontiguousarray(M[:, : y.size]), move)
 
 
 def settle(p: CycleProblem, trial: Orbit, error: float = POLYNOMIAL) -> Orbit | None:

@@ -21,9 +21,9 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from . import algebra, equations, kinds, quadratic
+from . import equations, kinds
 from .algebra import eliminate
-from .compiling import compiled, forget_if_older
+from .compiling import compiled
 from .equations import Array, Rates, dispersion, optics, optics_jacobian
 from .kinds import rise_of
 
@@ -88,7 +88,6 @@ def linearize(start: Array, Y: Array, tau: Array, T: float, ring: Ring, scheme: 
     """
 
 
-@compiled
 def network_pass(start: Array, Y: Array, tau: Array, T: float, ring: Ring, scheme: Scheme, forcing: Array) -> Any:
     """`linearize` for a network with an output map."""
     intervals, s, m = Y.shape
@@ -263,7 +262,6 @@ def network_pass(start: Array, Y: Array, tau: Array, T: float, ring: Ring, schem
     return prop, Intervals(light, warmth, gain, power, direct), size
 
 
-@compiled
 def full_pass(start: Array, Y: Array, tau: Array, T: float, ring: Ring, scheme: Scheme, forcing: Array) -> Any:
     """`linearize` with all states as unknowns of an interval: for every kind of heat, at a cost like (s m)^3."""
     intervals, s, m = Y.shape
@@ -356,18 +354,7 @@ def substitute(first: Array, extras: Array, intervals: Intervals, Y: Array, chan
         begin[:] = change[k, s - 1]
 
 
-@overload(linearize, strict=False)
+@overload(linearize, jit_options=kinds.OPTIONS, strict=False)
 def _linearize_of(start, Y, tau, T, ring, scheme, forcing):  # type: ignore[no-untyped-def]
-    def network(start, Y, tau, T, ring, scheme, forcing):  # type: ignore[no-untyped-def]
-        return network_pass(start, Y, tau, T, ring, scheme, forcing)
-
-    def full(start, Y, tau, T, ring, scheme, forcing):  # type: ignore[no-untyped-def]
-        return full_pass(start, Y, tau, T, ring, scheme, forcing)
-
     heat = ring.types[ring.fields.index("thermal")]
-    return kinds.chosen(heat, network, full)
-
-
-for kernel in (network_pass, full_pass, substitute):
-    for module in (equations, kinds, algebra, quadratic):
-        forget_if_older(kernel, str(module.__file__))
+    return kinds.chosen(heat, network_pass, full_pass)

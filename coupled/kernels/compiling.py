@@ -9,6 +9,7 @@ from typing import Any
 from numba import njit
 from numba.core.caching import FunctionCache
 from numba.core.runtime import rtsys
+from numba.extending import register_jitable
 
 # Sums may be reordered and fused; NaN and infinity keep their meaning, which the step control relies on.
 _FAST = {"contract", "reassoc", "nsz", "arcp"}
@@ -55,6 +56,17 @@ def lean(function: Callable[..., Any]) -> Any:
 def inlined_lean(function: Callable[..., Any]) -> Any:
     """Compile into the caller, without counting references: for a function that makes no array."""
     return _fresh(_inline_lean(function))
+
+
+def merged(function: Callable[..., Any]) -> Any:
+    """Run as Python when called from Python, and become part of a compiled caller.
+
+    For what calls large kernels in turn: compiled on its own it would hold, and optimise, a second copy of each. The
+    caller imports it by its own name: Numba looks for what it inlines among the globals.
+    """
+    merging: Any = function
+    merging.py_func, merging.targetoptions = function, {"inline": "always"}  # what Numba asks what it is to inline
+    return register_jitable(function)
 
 
 def _fresh(kernel: Any) -> Any:

@@ -14,6 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
+from numba.core.compiler_lock import global_compiler_lock
 from numpy.typing import NDArray
 
 LOOK = 0.1  # s between two looks at a kernel that runs
@@ -28,21 +29,20 @@ def new_watch(*kernels: int) -> NDArray[np.float64]:
 
 
 def uninterrupted(kernel: Any, *arguments: Any) -> Any:
-    """Call a compiled kernel; Ctrl-C takes effect when it returns, a second Ctrl-C or one while it compiles at once.
+    """Call a kernel, or a function of several; Ctrl-C takes effect when it returns, or at once: a second one, or one
+    while anything compiles.
 
-    For a kernel that returns soon: nothing is cheaper.
+    For what returns soon: nothing is cheaper.
     """
     if threading.current_thread() is not threading.main_thread():  # signals go to the main thread only
         return kernel(*arguments)
     before = signal.getsignal(signal.SIGINT)
     if not callable(before):  # nobody listens
         return kernel(*arguments)
-    if not kernel.signatures:
-        _compile(kernel, arguments)
     came: list[Any] = []
 
     def hold(number: int, frame: Any) -> None:
-        if came:
+        if came or global_compiler_lock.is_locked():
             before(number, frame)
         came.append((number, frame))
 

@@ -43,11 +43,17 @@ def along(rows: Array, start: Array, tau: Array, ring: Ring, scheme: Scheme) -> 
     return Y
 
 
+@compiled
 def warm(start: Array, Y: Array, tau: Array, T: float, ring: Ring, scheme: Scheme) -> None:
     """Write the states of heat to ``Y``, from those of ``start``, under the power that the rest of ``Y`` absorbs."""
+    _warm(start, Y, tau, T, ring, scheme)
 
 
-@overload(warm, strict=False)
+def _warm(start: Array, Y: Array, tau: Array, T: float, ring: Ring, scheme: Scheme) -> None:
+    """`warm` of the kind of the model."""
+
+
+@overload(_warm, strict=False)
 def _warm_of(start, Y, tau, T, ring, scheme):  # type: ignore[no-untyped-def]
     def network(start, Y, tau, T, ring, scheme):  # type: ignore[no-untyped-def]
         number, s, m = Y.shape
@@ -105,23 +111,24 @@ def _warm_of(start, Y, tau, T, ring, scheme):  # type: ignore[no-untyped-def]
     return kinds.chosen(heat, network, full)
 
 
+@compiled
 def heat_of(
-    first: Array,
-    change: Array,
-    turn: float,
-    Y: Array,
-    tau: Array,
-    T: float,
-    ring: Ring,
-    scheme: Scheme,
-    forcing: Array,
-    start: Array,
-) -> None:
+    first: Array, change: Array, turn: float, Y: Array, tau: Array, T: float, ring: Ring, scheme: Scheme,
+    forcing: Array, start: Array,
+) -> None:  # fmt: skip
     """Write the changes of a network's heat between the ends of the intervals to ``change``."""
+    _heat_of(first, change, turn, Y, tau, T, ring, scheme, forcing, start)
 
 
-@overload(heat_of, strict=False)
-def _heat_of(first, change, turn, Y, tau, T, ring, scheme, forcing, start):  # type: ignore[no-untyped-def]
+def _heat_of(
+    first: Array, change: Array, turn: float, Y: Array, tau: Array, T: float, ring: Ring, scheme: Scheme,
+    forcing: Array, start: Array,
+) -> None:  # fmt: skip
+    """`heat_of` for the kind of the model."""
+
+
+@overload(_heat_of, strict=False)
+def _heat_of_kind(first, change, turn, Y, tau, T, ring, scheme, forcing, start):  # type: ignore[no-untyped-def]
     def network(first, change, turn, Y, tau, T, ring, scheme, forcing, start):  # type: ignore[no-untyped-def]
         number, s, m = Y.shape
         poles, rates = ring.thermal.poles, ring.rates
@@ -175,6 +182,6 @@ def relax(start: Array, Y: Array, tau: Array, T: float, ring: Ring, scheme: Sche
     warm(start, Y, tau, T, ring, scheme)
 
 
-for kernel in (relax, along):
+for kernel in (along, warm, heat_of, relax):
     for module in (equations, kinds):
         forget_if_older(kernel, str(module.__file__))

@@ -18,9 +18,10 @@ import numpy as np
 
 from . import collocation, equations, kinds, orbit_heat, orbits, rosenbrock
 from .collocation import Ring, Scheme
-from .compiling import compiled, forget_if_older
+from .compiling import compiled, forget_if_older, merged
 from .equations import Array
 from .laser import LaserPieces
+from .orbits import close
 from .tableaus import Tableau
 
 LONGEST_RETURN = 4.0  # periods
@@ -35,7 +36,7 @@ UNIFORM = 0.2  # share of a mesh that does not follow the steps of the trace
 MOST_STEPS = 20_000_000  # of an integration
 
 
-@compiled
+@merged
 def integrated(
     y: Array, duration: float, level: float, ring: Ring, floor: Array, method: Tableau, rtol: float, first: float,
     watch: Array,
@@ -47,12 +48,12 @@ def integrated(
     if level < np.inf:
         event[0], event[1], event[2] = 2.0, level, 1.0
     return rosenbrock.integrate(
-        y, laser, ring.rates, ring.fcd, ring.thermal, method, rtol, floor, np.empty(0), 1, first, event, MOST_STEPS,
-        watch,
+        y, laser, ring.rates, ring.fcd, ring.thermal, method, rtol, floor, np.empty(0), np.int64(1), first, event,
+        np.int64(MOST_STEPS), watch,
     )  # fmt: skip
 
 
-@compiled
+@merged
 def around(
     y: Array, T: float, pulses: int, ring: Ring, floor: Array, method: Tableau, rtol: float, watch: Array
 ) -> tuple[Array, Array, bool]:
@@ -110,6 +111,16 @@ def chord_of(M: Array, y: Array, ring: Ring) -> Array:
 
 
 @compiled
+def _largest(rows: Array) -> Array:
+    """Return the largest |a|, N and dT of the rows (t, Re a, Im a, N, dT) of a trace."""
+    size = np.full(3, 1e-30)
+    for i in range(rows.shape[0]):
+        size[0] = max(size[0], np.sqrt(rows[i, 1] * rows[i, 1] + rows[i, 2] * rows[i, 2]))
+        size[1], size[2] = max(size[1], rows[i, 3]), max(size[2], abs(rows[i, 4]))
+    return size
+
+
+@merged
 def near(
     y: Array, T: float, pulses: int, guess: Array, ring: Ring, floor: Array, scheme: Scheme, method: Tableau,
     rtol: float, share: float, tolerance: float, shots: int, watch: Array,
@@ -143,21 +154,17 @@ def near(
     chord = np.empty((0, 0))
     section, right = np.zeros((1, m + 1)), np.zeros((1, 1))
     section[0, 2] = 1.0  # the beginning keeps its carriers
-    size, line = np.zeros(3), np.empty((1, 1, m))
+    line = np.empty((1, 1, m))
     for _ in range(shots):
         rows, end, met = around(y, T, pulses, ring, floor, method, rtol, watch)
         if not met or rows.shape[0] < 4:
             break
         T = rows[rows.shape[0] - 1, 0]
         if known:
-            size[:] = 1e-30
-            for i in range(rows.shape[0]):
-                size[0] = max(size[0], np.sqrt(rows[i, 1] * rows[i, 1] + rows[i, 2] * rows[i, 2]))
-                size[1], size[2] = max(size[1], rows[i, 3]), max(size[2], abs(rows[i, 4]))
             if chord.size == 0:
                 chord = chord_of(guess, end, ring)
             line[0, 0] = chord @ (end - y)
-            far = orbits.moved(line, size)
+            far = orbits.moved(line, _largest(rows))
             if CLOSE < far < FALLS * min(before, 1.0):
                 y, before = y + line[0, 0], far
                 continue
@@ -172,22 +179,15 @@ def near(
             closed = move <= tolerance and abs(changes[0, m]) <= TURN * T
             Y_new = Y + stages[0]
             if not closed:
-                start, Y_new, turned, M, closed, move = orbits.close(
-                    start, Y_new, tau, turned, ring, scheme, tolerance, STEPS
-                )
+                start, Y_new, turned, M, closed, move = close(start, Y_new, tau, turned, ring, scheme, tolerance, STEPS)
             if closed and turned > 0.0:
                 orbit_heat.warm(start, Y_new, tau, turned, ring, scheme)
                 return start, Y_new, tau, turned, M[:, :m].copy(), move
         chord, known, before = chord_of(M, end, ring), True, np.inf
-        warmest, change = 0.0, 1e-30
-        for i in range(3, m):
-            change = max(change, abs(changes[0, i]))
-            for k in range(Y.shape[0]):
-                warmest = max(warmest, abs(Y[k, Y.shape[1] - 1, i]))
+        warmest, change = np.abs(Y[:, Y.shape[1] - 1, 3:]).max(), max(np.abs(changes[0, 3:m]).max(), 1e-30)
         y = y + min(1.0, LARGEST_CHANGE * warmest / change) * changes[0, :m]
     return y, np.empty((0, 0, m)), np.empty(0), T, np.empty((0, 0)), np.inf
 
 
-for kernel in (integrated, around, mesh_of, chord_of, near):
-    for module in (collocation, equations, kinds, orbit_heat, orbits, rosenbrock):
-        forget_if_older(kernel, str(module.__file__))
+for module in (collocation, equations, kinds):
+    forget_if_older(chord_of, str(module.__file__))

@@ -6,12 +6,16 @@ method (`orbit_return.near`) does the rest, with the neighbour's return map.
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
-from . import collocation, kinds, orbit_measure, orbit_return, orbits
+from . import orbit_measure
 from .collocation import Ring, Scheme
 from .compiling import compiled, forget_if_older
 from .equations import Array
+from .orbit_return import near
+from .orbits import close
 from .tableaus import Tableau
 
 FLAT = 1e-5  # relative range of the carriers below which an orbit is a fixed point
@@ -65,7 +69,7 @@ def along(
         y, T = np.zeros(m), 0.0
         for k in range(known):
             y, T = y + ahead[k] * starts[k], T + ahead[k] * periods[k]
-        start, Y, tau, T, turned, move = orbit_return.near(
+        start, Y, tau, T, turned, move = near(
             y, T, 1, M, at, floor, scheme, method, rtol, share, tolerance, shots, watch
         )
         if not move < np.inf:
@@ -80,7 +84,7 @@ def along(
         if not size < 1.0:
             return out[:j], starts, periods, M
         if size > SURE:
-            start, Y, T, columns, _, _ = orbits.close(start, Y, tau, T, at, scheme, CLOSE_ENOUGH, STEPS)
+            start, Y, T, columns, _, _ = close(start, Y, tau, T, at, scheme, CLOSE_ENOUGH, np.int64(STEPS))
             turned = columns[:, :m].copy()
         seen = orbit_measure.measured(start, Y, tau, at.thermal, scheme, level)
         out[j, 0], out[j, 1], out[j, 2], out[j, 3] = T, seen[0], seen[1], size
@@ -93,6 +97,5 @@ def along(
     return out, starts, periods, M
 
 
-for kernel in (largest_multiplier, along):
-    for module in (collocation, kinds, orbit_measure, orbit_return, orbits):
-        forget_if_older(kernel, str(module.__file__))
+for file in Path(__file__).parent.glob("*.py"):  # it holds code of most of them
+    forget_if_older(along, str(file))

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from . import collocation, equations, kinds, orbit_heat, orbit_mesh
+from . import algebra, collocation, equations, kinds, orbit_mesh
 from .collocation import Ring, Scheme, linearize, substitute
-from .compiling import compiled, forget_if_older
+from .compiling import compiled, forget_if_older, merged
 from .equations import Array
 from .orbit_heat import heat_of
 from .orbit_mesh import sizes
@@ -108,7 +108,7 @@ def advance(
     return out, stages, M, largest if largest < 1e9 else np.inf
 
 
-@compiled
+@merged
 def close(
     start: Array, Y: Array, tau: Array, T: float, ring: Ring, scheme: Scheme, tolerance: float, most: int
 ) -> tuple[Array, Array, float, Array, bool, float]:
@@ -144,7 +144,6 @@ def flows(states: Array, ring: Ring) -> Array:
     return out
 
 
-@compiled
 def respond(start: Array, Y: Array, tau: Array, T: float, ring: Ring, scheme: Scheme, forcing: Array) -> Any:
     """Return what each of q parameters does to a closed orbit at fixed fractions of its period.
 
@@ -163,6 +162,6 @@ def respond(start: Array, Y: Array, tau: Array, T: float, ring: Ring, scheme: Sc
     return turns, starts, changes[1:].copy()
 
 
-for kernel in (moved, phase, advance, close, flows, respond):
-    for module in (collocation, equations, kinds, orbit_heat, orbit_mesh):
+for kernel in (moved, phase, advance, flows):
+    for module in (algebra, collocation, equations, kinds, orbit_mesh):
         forget_if_older(kernel, str(module.__file__))

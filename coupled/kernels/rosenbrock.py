@@ -242,15 +242,15 @@ def integrate(
     space = _workspace(n, thermal)
     k, total = np.zeros((stages, 3 + n)), np.empty(stages)
     pump, detuning, slopes = np.empty(stages), np.empty(stages), np.zeros(2)
-    wanted, filled = times.size, 0
+    wanted, filled = times.size, np.int64(0)  # no literals: what is called with one is compiled twice
     rows = np.empty((wanted if wanted > 0 else 4096, 5))
-    probe = np.empty((1, 5))
+    probe, start = np.empty((1, 5)), np.int64(0)
     crossings, crossed, kind = np.empty(16), 0, int(event[0])
     t, end = laser.edges[0], laser.edges[-1]
     z_new = read(y, thermal)
     seen = _watched(kind, y[0], y[1], y[2], rise_of(z_new, thermal)[0]) - event[1]
     if wanted == 0:
-        _record(rows, 0, t, y, z_new, thermal)
+        _record(rows, filled, t, y, z_new, thermal)
         filled = 1
     while filled < wanted and times[filled] <= t:
         _record(rows, filled, times[filled], y, z_new, thermal)
@@ -304,7 +304,7 @@ def integrate(
                     low, high = 0.0, 1.0
                     for _ in range(40):  # bisection of the dense output
                         x = 0.5 * (low + high)
-                        _between(probe, 0, t, x, y, out, z, z_new, k, total, method.dense, thermal)
+                        _between(probe, start, t, x, y, out, z, z_new, k, total, method.dense, thermal)
                         if _watched(kind, probe[0, 1], probe[0, 2], probe[0, 3], probe[0, 4]) < event[1]:
                             low = x
                         else:

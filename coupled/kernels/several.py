@@ -182,13 +182,13 @@ def integrate(
     J, order, k = np.empty((size, size)), np.empty(size, np.int64), np.zeros((stages, size))
     s, ds, d, dd = np.empty((fields, 2)), np.empty((fields, 2)), np.empty(fields), np.empty(fields)
     s1, ds1, d1, dd1 = np.empty((fields, 2)), np.empty((fields, 2)), np.empty(fields), np.empty(fields)
-    wanted, filled, wide = times.size, 0, 5 + 2 * (fields - 1)
+    wanted, filled, wide = times.size, np.int64(0), 5 + 2 * (fields - 1)
     rows = np.empty((wanted if wanted > 0 else 4096, wide))
     largest = brightest(lasers)
     t, end, cautious = lasers.edges[0], lasers.edges[-1], 1e-2 / modes[0, LOSS]
     h, accepted, rejected = cautious, 0, 0
     if wanted == 0:
-        _record(rows, 0, t, y, n, thermal)
+        _record(rows, filled, t, y, n, thermal)
         filled = 1
     while filled < wanted and times[filled] <= t:
         _record(rows, filled, times[filled], y, n, thermal)

@@ -31,8 +31,8 @@ class Listened(Bar):
 @pytest.mark.parametrize(
     ("module", "arguments", "last"),
     [
-        ("solve", ["solve", "warm.toml", "--square", "1 us", "--duration", "1 us"], "1 of 1 us"),
-        ("solve", ["solve", "warm.toml", "--square", "1 us", "--periodic"], "of 7 or so"),
+        ("solve", ["solve", "warm.toml", "--square", "1 us", "--duration", "1 us", "--accuracy", "1e-2"], "1 of 1 us"),
+        ("solve", ["solve", "warm.toml", "--square", "1 us", "--periodic", "--accuracy", "1e-2"], "of 7 or so"),
         ("models", ["simulate", "model.json", "--duration", "2 ms"], "2 of 2 ms"),
         ("cosimulate", ["cosimulate", "--duration", "2 us"], "2 of 2 us"),
     ],

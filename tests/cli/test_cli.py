@@ -1,10 +1,10 @@
-"""The command line, through real processes."""
+"""The command line; through real processes where how it starts matters."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from commands import thermofem
+from commands import process, thermofem
 
 import surrogate
 import thermofem as th
@@ -13,11 +13,11 @@ GEOMETRY = th.strip_ring().to_toml()
 
 
 def test_help_and_version(tmp_path):
-    done = thermofem("--help", cwd=tmp_path)
+    done = process("--help", cwd=tmp_path)
     assert done.returncode == 0
     for command in ("solve", "campaign", "reproduce", "doctor"):
         assert command in done.stdout
-    assert thermofem("--version", cwd=tmp_path).stdout.strip() == th.__version__
+    assert process("--version", cwd=tmp_path).stdout.strip() == th.__version__
 
 
 def test_solve_writes_what_the_library_computes(tmp_path):
@@ -123,16 +123,16 @@ def test_doctor_names_the_missing_library(tmp_path):
     (tmp_path / "gmsh.py").write_text(
         "raise OSError('libGLU.so.1: cannot open shared object file: No such file or directory')"
     )
-    done = thermofem("doctor", cwd=tmp_path, PYTHONPATH=str(tmp_path))
+    done = process("doctor", cwd=tmp_path, PYTHONPATH=str(tmp_path))
     assert done.returncode == 1
     assert "libGLU.so.1" in done.stdout
     assert "libglu1-mesa" in done.stdout
     new = tmp_path / "new.toml"
     new.write_text(th.rib_ring().to_toml())
-    done = thermofem("solve", str(new), cwd=tmp_path, PYTHONPATH=str(tmp_path))
+    done = process("solve", str(new), cwd=tmp_path, PYTHONPATH=str(tmp_path))
     assert done.returncode == 2
     assert "libglu1-mesa" in done.stderr
-    done = thermofem("solve", "--duration", "1 us", "--samples", "3", cwd=tmp_path, PYTHONPATH=str(tmp_path))
+    done = process("solve", "--duration", "1 us", "--samples", "3", cwd=tmp_path, PYTHONPATH=str(tmp_path))
     assert done.returncode == 0, done.stderr
 
 

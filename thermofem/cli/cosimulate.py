@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..checks import InputError
+from . import options
 from .bar import Bar
 from .drives import HEATER, heaters
-from .files import DEFAULT_RING, RING, check_outputs, ring_of, say_ring, working
+from .files import DEFAULT_RING, check_outputs, ring_of, say_ring, working
 from .kinds import expect
 from .models import pulsing_numbers, verdict
 from .output import say
@@ -21,11 +22,11 @@ if TYPE_CHECKING:
 
 
 def cosimulate(
-    geometry: Annotated[Path | None, typer.Argument(help="Geometry file (TOML); default: the reference strip.")] = None,
-    power: Annotated[str, typer.Option(help="Power in the bus waveguide.")] = "8 dBm",
-    detuning: Annotated[str, typer.Option(help="Laser minus cold resonance.")] = "0 GHz",
-    duration: Annotated[str, typer.Option(help="Length of the run, from a cold start.")] = "20 us",
-    ring: Annotated[str, typer.Option(help=RING)] = DEFAULT_RING,
+    geometry: options.Geometry = None,
+    power: options.Power = "8 dBm",
+    detuning: options.Detuning = "0 GHz",
+    duration: options.Duration = "20 us",
+    ring: options.Ring = DEFAULT_RING,
     heater: Annotated[list[str] | None, typer.Option(help=HEATER)] = None,
     predictor: Annotated[
         str | None, typer.Option(metavar="MODEL", help="Model (JSON) that predicts, or none; default: a reduction.")
@@ -33,10 +34,10 @@ def cosimulate(
     max_discrepancy: Annotated[
         str, typer.Option("--max-discrepancy", "--tolerance", help="Discrepancy left between light and FEM.")
     ] = "1 mK",
-    accuracy: Annotated[float, typer.Option(help="Wanted relative error of the mesh.")] = 1e-3,
+    accuracy: options.Accuracy = 1e-3,
     rtol: Annotated[float, typer.Option(help="Relative error of a step of the light.")] = 1e-6,
-    field_times: Annotated[list[str] | None, typer.Option(help="Keep the field at '1 us, 5 us, ...'.")] = None,
-    paraview: Annotated[Path | None, typer.Option(help="Write the fields for ParaView (.xdmf, .pvd, .vtu).")] = None,
+    field_times: options.FieldTimes = None,
+    paraview: options.Paraview = None,
     figure: Annotated[Path | None, typer.Option(help="Also draw the traces into this image.")] = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="File to write (netCDF).")] = Path("cosimulation.nc"),
 ) -> dict[str, Any]:

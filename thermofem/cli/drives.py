@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
 
 HEATER = "Power of another part: 'heater=5 mW', 'heater=5 mW square 1 us duty 0.3' or 'heater=5 mW pulse 1 us at 2 us'."
-STEADY_HEATER = "Constant power of another part of the model: 'heater=5 mW'."
-CHANNEL = "Part of a model of several parts that the light heats and that detunes it; --heated and --read part the two."
 SWEEP = "Detunings (or powers) to go through at a constant rate, '20 GHz, -40 GHz, 20 GHz', over the whole run."
 MODULATE = "Adds to power or detuning: '1 mW square 1 us', '1 mW pulse 10 ns at 5 us' or '2 GHz sine 1 MHz'."
 LASER = (

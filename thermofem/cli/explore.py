@@ -10,10 +10,10 @@ import typer
 
 from .. import checks, files
 from ..checks import InputError
-from . import drives
+from . import drives, options
 from .detuning import HELP as DETUNING
 from .detuning import detuning_of
-from .files import DEFAULT_RING, HEATED, READ, RING, check_outputs, ring_of, say_ring, working
+from .files import DEFAULT_RING, check_outputs, ring_of, say_ring, working
 from .kinds import expect, kind_of
 from .output import note, say
 
@@ -32,14 +32,14 @@ def explore(
             metavar="[MODEL.json... | GEOMETRY.toml | FAMILY.json]", help="What heats; default: the reference strip."
         ),
     ] = None,
-    ring: Annotated[str, typer.Option(help=RING)] = DEFAULT_RING,
+    ring: options.Ring = DEFAULT_RING,
     power: Annotated[str, typer.Option(help="Power in the bus waveguide when the page opens.")] = "8 dBm",
     detuning: Annotated[str, typer.Option(help=DETUNING)] = "0 GHz",
-    channel: Annotated[str | None, typer.Option(help=drives.CHANNEL)] = None,
-    heated: Annotated[str | None, typer.Option(help=HEATED)] = None,
-    read: Annotated[str | None, typer.Option(help=READ)] = None,
-    heater: Annotated[list[str] | None, typer.Option(help=drives.STEADY_HEATER)] = None,
-    accuracy: Annotated[float, typer.Option(help="Wanted relative error of a geometry's mesh.")] = 1e-3,
+    channel: options.Channel = None,
+    heated: options.Heated = None,
+    read: options.Read = None,
+    heater: options.Heater = None,
+    accuracy: options.GeometryAccuracy = 1e-3,
     output: Annotated[Path, typer.Option("--output", "-o", help="File to write (HTML).")] = Path("ring.html"),
 ) -> dict[str, Any]:
     """Write a page that computes a ring: move the laser in a browser and see it pulse. One file, offline.

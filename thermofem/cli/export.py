@@ -7,13 +7,14 @@ from typing import Annotated, Any
 
 import typer
 
+from . import options
 from .files import check_outputs
 from .kinds import expect
 from .output import say
 
 
 def export(
-    model: Annotated[Path, typer.Argument(help="Thermal model (JSON).")],
+    model: options.Model,
     to: Annotated[str, typer.Option(help="spice, verilog-a, fmu, mat or csv.")],
     fmi: Annotated[int, typer.Option(help="Version of FMI for fmu: 2 or 3.")] = 2,
     output: Annotated[

@@ -13,6 +13,7 @@ import typer
 
 from .. import dataset, quantity
 from ..checks import InputError, choice
+from . import options
 from .files import assigned, check_outputs, ring_of, working
 from .kinds import expect
 from .maps import grid
@@ -36,7 +37,7 @@ OpticsOption = Annotated[
 
 def family(
     file: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML) with ranges.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="File to write.")] = Path("family.json"),
+    output: options.Output = Path("family.json"),
     tolerance: Annotated[float, typer.Option(help="Wanted relative error of R_th and of every step.")] = 1e-3,
     folder: Annotated[
         Path | None, typer.Option(help="Keeps solved members; started again, training goes on from it.")
@@ -109,8 +110,8 @@ def design(
     if not target:
         raise InputError("nothing is wanted; add --resistance, --rise-time, --period, --swing or --range")
     with working("searching"):
-        options: dict[str, Any] = {"fixed": _fixed(found, fix), "optics": optics_of(found, optics, ring), "seed": seed}
-        result = surrogate.design(found, target=target, **options)
+        common: dict[str, Any] = {"fixed": _fixed(found, fix), "optics": optics_of(found, optics, ring), "seed": seed}
+        result = surrogate.design(found, target=target, **common)
     say(result.message)
     for name, unit in zip(found.names, found.box.units, strict=True):
         say(f"{name} = {quantity.write(result.values[name], unit)}")
@@ -171,14 +172,14 @@ def uncertainty(
         what = pulsing_points(ring, *grid(ring_of(ring), power, detuning, points))
     elif period:
         what = cycle_property("period", ring, power, detuning)
-    options: dict[str, Any] = {
+    common: dict[str, Any] = {
         "samples": samples,
         "fixed": _fixed(found, fix),
         "optics": optics_of(found, optics, ring),
     }
-    options["seed"] = seed
+    common["seed"] = seed
     with working("sampling"):
-        data = surrogate.uncertainty(found, spreads, what, interpolate=interpolate, **options)
+        data = surrogate.uncertainty(found, spreads, what, interpolate=interpolate, **common)
     if map_:
         dataset.save(data, map_)
         unsure = float(((data["mean"] > 0.05) & (data["mean"] < 0.95)).mean())

@@ -18,10 +18,7 @@ if TYPE_CHECKING:
 
     from ..models import ThermalModel
 
-HEATED = "Part that takes the heat, of a model of several parts."
-READ = "Part that is read, of a model of several parts."
 DEFAULT_RING = "borghi2021"
-RING = "Ring file (TOML), or borghi2021, borghi2021-lumped for Newton's law, or vanvaerenbergh2012."
 
 
 def check_outputs(

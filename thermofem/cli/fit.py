@@ -9,6 +9,7 @@ import typer
 
 from .. import checks, quantity
 from ..checks import InputError
+from . import options
 from .files import check_outputs
 from .kinds import expect, kind_of
 from .output import note, say, working
@@ -29,7 +30,7 @@ def fit(
     power: Annotated[str | None, typer.Option(help="Absorbed power while a table was measured.")] = None,
     pulse: Annotated[str | None, typer.Option(help="It heated for this long, e.g. '4 us'; default: a step.")] = None,
     square: Annotated[str | None, typer.Option(help="It was a square wave of this period, from rest.")] = None,
-    duty: Annotated[float | None, typer.Option(help="Duty cycle of the square wave; default 1/3.")] = None,
+    duty: options.Duty = None,
     time: Annotated[str | None, typer.Option(help="Column with the time, e.g. 'X (us)'; of two the first.")] = None,
     temperature: Annotated[str | None, typer.Option(help="Column with the temperature or its voltage.")] = None,
     sensitivity: Annotated[str | None, typer.Option(help="Of a voltage, e.g. '10 mV/K'; without it V is K.")] = None,
@@ -39,7 +40,7 @@ def fit(
     heated: Annotated[str | None, typer.Option(help="Part that was heated.")] = None,
     read: Annotated[str | None, typer.Option(help="Part that was read; picks one of several.")] = None,
     figure: Annotated[Path | None, typer.Option(help="Data, model and residual; .png, .pdf or .svg.")] = None,
-    output: Annotated[Path, typer.Option("--output", "-o", help="File to write.")] = Path("model.json"),
+    output: options.Output = Path("model.json"),
 ) -> dict[str, Any]:
     """Train a compact model on heat data or on a measured trace and write it as JSON.
 

@@ -9,9 +9,9 @@ import numpy as np
 import typer
 
 from .. import checks
-from . import drives
+from . import drives, options
 from .detuning import detuning_of
-from .files import DEFAULT_RING, HEATED, READ, RING, check_outputs, longer, model_of, ring_of, say_ring, working
+from .files import DEFAULT_RING, check_outputs, longer, model_of, ring_of, say_ring, working
 from .kinds import expect
 from .output import say
 
@@ -20,28 +20,20 @@ if TYPE_CHECKING:
 
     from ..models import ThermalModel
 
-Model = Annotated[Path, typer.Argument(help="Thermal model (JSON).")]
-Ring = Annotated[str, typer.Option(help=RING)]
-Heated = Annotated[str | None, typer.Option(help=HEATED)]
-Read = Annotated[str | None, typer.Option(help=READ)]
-Channel = Annotated[str | None, typer.Option(help=drives.CHANNEL)]
-Heater = Annotated[list[str] | None, typer.Option(help=drives.STEADY_HEATER)]
 Power = Annotated[str, typer.Option(help="First and last power in the bus waveguide.")]
 Detuning = Annotated[str, typer.Option(help="First and last laser minus cold resonance.")]
-Figure = Annotated[Path | None, typer.Option(help="Also draw into this image.")]
-Out = Annotated[Path, typer.Option("--output", "-o", help="File (netCDF) to write.")]
 
 
 def map_(
-    model: Model,
-    ring: Ring = DEFAULT_RING,
-    channel: Channel = None,
-    heated: Heated = None,
-    read: Read = None,
-    heater: Heater = None,
+    model: options.Model,
+    ring: options.Ring = DEFAULT_RING,
+    channel: options.Channel = None,
+    heated: options.Heated = None,
+    read: options.Read = None,
+    heater: options.Heater = None,
     power: Power = "3 dBm, 10 dBm",
     detuning: Detuning = "-30 GHz, 30 GHz",
-    points: Annotated[str, typer.Option(help="Number of powers and of detunings.")] = "20, 20",
+    points: options.Points = "20, 20",
     duration: Annotated[
         str | None,
         typer.Option(help="Length of a run from a cold ring; without it, settled cycles."),
@@ -52,8 +44,8 @@ def map_(
     resume: Annotated[
         Path | None, typer.Option(help="File that fills up; started again, the map goes on from it.")
     ] = None,
-    figure: Figure = None,
-    output: Out = Path("map.nc"),
+    figure: options.Figure = None,
+    output: options.NetCDF = Path("map.nc"),
 ) -> dict[str, Any]:
     """Map the self-pulsing over power and detuning: regime, period, duty cycle, swing."""
     import coupled
@@ -73,17 +65,17 @@ def map_(
 
 
 def stability(
-    model: Model,
-    ring: Ring = DEFAULT_RING,
-    channel: Channel = None,
-    heated: Heated = None,
-    read: Read = None,
-    heater: Heater = None,
+    model: options.Model,
+    ring: options.Ring = DEFAULT_RING,
+    channel: options.Channel = None,
+    heated: options.Heated = None,
+    read: options.Read = None,
+    heater: options.Heater = None,
     power: Power = "3 dBm, 10 dBm",
     detuning: Detuning = "-30 GHz, 30 GHz",
-    points: Annotated[str, typer.Option(help="Number of powers and of detunings.")] = "100, 100",
-    figure: Figure = None,
-    output: Out = Path("stability.nc"),
+    points: options.Points = "100, 100",
+    figure: options.Figure = None,
+    output: options.NetCDF = Path("stability.nc"),
 ) -> dict[str, Any]:
     """Classify every point of a map by linear stability, with Hopf and fold curves, of cycles too, in the figure."""
     import coupled

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .. import checks
-from . import drives
+from . import drives, options
 from .bar import Bar
-from .files import DEFAULT_RING, HEATED, READ, RING, check_outputs, model_of, one_channel, ring_of, say_ring
+from .files import DEFAULT_RING, check_outputs, model_of, one_channel, ring_of, say_ring
 from .kinds import expect
 from .output import say, show, working
 
@@ -21,21 +21,17 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-Out = Annotated[Path, typer.Option("--output", "-o", help="File to write.")]
-Figure = Annotated[Path | None, typer.Option(help="Also draw into this image.")]
-
-
 def reduce(
-    geometry: Annotated[Path | None, typer.Argument(help="Geometry file (TOML); default: the reference strip.")] = None,
+    geometry: options.Geometry = None,
     tolerance: Annotated[float, typer.Option(help="Error of Z(f) over R_th, kept at every frequency.")] = 1e-4,
-    accuracy: Annotated[float, typer.Option(help="Wanted relative error of the mesh.")] = 1e-3,
+    accuracy: options.Accuracy = 1e-3,
     heated: Annotated[
         str | None, typer.Option(help="Inputs, the ring first: 'core, heater'; default: the ring.")
     ] = None,
     read: Annotated[
         str | None, typer.Option(help="Outputs: 'core, neighbour', parts and probes; default: the first input.")
     ] = None,
-    output: Out = Path("model.json"),
+    output: options.Output = Path("model.json"),
 ) -> dict[str, Any]:
     """Reduce the FEM of a geometry to a certified handful of poles and write them as JSON."""
     import numpy as np
@@ -82,10 +78,10 @@ def validate(
     duty: Annotated[float, typer.Option(help="Its duty cycle.")] = 1 / 3,
     shortest: Annotated[str, typer.Option(help="Shortest period.")] = "0.1 us",
     longest: Annotated[str, typer.Option(help="Longest period.")] = "10 us",
-    accuracy: Annotated[float, typer.Option(help="Wanted relative error of a geometry's mesh.")] = 1e-3,
-    heated: Annotated[str | None, typer.Option(help=HEATED)] = None,
-    read: Annotated[str | None, typer.Option(help=READ)] = None,
-    figure: Figure = None,
+    accuracy: options.GeometryAccuracy = 1e-3,
+    heated: options.Heated = None,
+    read: options.Read = None,
+    figure: options.Figure = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Curves (.nc), or for a geometry the figure (.png).")
     ] = None,
@@ -205,21 +201,21 @@ def _draw_curves(curves: Mapping[str, xr.Dataset], figure: Path, of: str = "") -
 
 
 def simulate(
-    model: Annotated[Path, typer.Argument(help="Thermal model (JSON).")],
-    power: Annotated[str, typer.Option(help="Power in the bus waveguide.")] = "8 dBm",
-    detuning: Annotated[str, typer.Option(help="Laser minus cold resonance.")] = "0 GHz",
-    duration: Annotated[str, typer.Option(help="Length of the run, from a cold start.")] = "20 us",
+    model: options.Model,
+    power: options.Power = "8 dBm",
+    detuning: options.Detuning = "0 GHz",
+    duration: options.Duration = "20 us",
     rtol: Annotated[float, typer.Option(help="Relative error of a step.")] = 1e-6,
-    ring: Annotated[str, typer.Option(help=RING)] = DEFAULT_RING,
-    channel: Annotated[str | None, typer.Option(help=drives.CHANNEL)] = None,
-    heated: Annotated[str | None, typer.Option(help=HEATED)] = None,
-    read: Annotated[str | None, typer.Option(help=READ)] = None,
+    ring: options.Ring = DEFAULT_RING,
+    channel: options.Channel = None,
+    heated: options.Heated = None,
+    read: options.Read = None,
     heater: Annotated[list[str] | None, typer.Option(help=drives.HEATER)] = None,
     sweep: Annotated[str | None, typer.Option(help=drives.SWEEP)] = None,
     modulate: Annotated[list[str] | None, typer.Option(help=drives.MODULATE)] = None,
     laser: Annotated[list[str] | None, typer.Option(help=drives.LASER)] = None,
-    figure: Figure = None,
-    output: Out = Path("traces.nc"),
+    figure: options.Figure = None,
+    output: options.Output = Path("traces.nc"),
 ) -> dict[str, Any]:
     """Drive a ring with a thermal model: traces, and whether and how it pulses."""
     import coupled

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import typer
 
 from .. import files, quantity
 from ..checks import InputError
+from . import options
 from .kinds import expect
 from .output import say
 
 MOST = 40  # poles on a card
 
 
-def show(model: Annotated[Path, typer.Argument(help="Thermal model (JSON).")]) -> dict[str, Any]:
+def show(model: options.Model) -> dict[str, Any]:
     """Print the card of a model: kind, poles, R_th, error bound, training, range of validity, hash."""
     import surrogate
 

@@ -17,6 +17,7 @@ from ..mesh import Mesh, mesh_for
 from ..record import Record
 from ..solve import solve as transient
 from ..solve import solve_periodic
+from . import options
 from .bar import Bar
 from .files import check_outputs
 from .kinds import expect
@@ -28,25 +29,25 @@ FRAMES = 60  # of an animation whose times are not given
 
 
 def solve(
-    geometry: Annotated[Path | None, typer.Argument(help="Geometry file (TOML); default: the reference strip.")] = None,
+    geometry: options.Geometry = None,
     power: Annotated[str, typer.Option(help="Absorbed power.")] = "2 mW",
     pulse: Annotated[str | None, typer.Option(help="Heat for this long, e.g. '20 us'.")] = None,
     square: Annotated[str | None, typer.Option(help="Square wave of this period, e.g. '1 us'.")] = None,
-    duty: Annotated[float | None, typer.Option(help="Duty cycle of the square wave; default 1/3.")] = None,
+    duty: options.Duty = None,
     periodic: Annotated[bool, typer.Option(help="One period of the periodic state, not a start from rest.")] = False,
     duration: Annotated[str, typer.Option(help="Length of the transient.")] = "40 us",
     samples: Annotated[int, typer.Option(help="Number of times in the result.")] = 801,
     heated: Annotated[str | None, typer.Option(help="Part that carries the power; default: the first heated.")] = None,
     read: Annotated[list[str] | None, typer.Option(help="Part or layer to read; may be repeated.")] = None,
-    accuracy: Annotated[float, typer.Option(help="Wanted relative error of the mesh.")] = 1e-3,
+    accuracy: options.Accuracy = 1e-3,
     rtol: Annotated[float, typer.Option(help="Relative error of the time integration.")] = 1e-4,
     figure: Annotated[Path | None, typer.Option(help="Also draw the response into this image.")] = None,
     preview: Annotated[Path | None, typer.Option(help="Draw cross-section and mesh into this image.")] = None,
     no_solve: Annotated[bool, typer.Option("--no-solve", help="Only draw the --preview.")] = False,
-    field_times: Annotated[list[str] | None, typer.Option(help="Keep the field at '1 us, 5 us, ...'.")] = None,
-    paraview: Annotated[Path | None, typer.Option(help="Write the fields for ParaView (.xdmf, .pvd, .vtu).")] = None,
+    field_times: options.FieldTimes = None,
+    paraview: options.Paraview = None,
     animation: Annotated[Path | None, typer.Option(help="Write the field as a film (.gif, .mp4).")] = None,
-    output: Annotated[Path, typer.Option("--output", "-o", help="File (netCDF) to write.")] = Path("heat.nc"),
+    output: options.NetCDF = Path("heat.nc"),
 ) -> dict[str, Any]:
     """Solve the heat equation of one geometry and write training data (netCDF).
 

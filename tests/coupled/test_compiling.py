@@ -1,0 +1,63 @@
+"""Each kernel is compiled once for the same types, and the order of the test files lets no two processes do it."""
+
+from __future__ import annotations
+
+import sys
+from types import FunctionType
+
+import numpy as np
+from numba import njit, types
+from numba.core.dispatcher import Dispatcher
+from order import PLACES, place
+from paths import ROOT
+
+import coupled
+import thermofem as th
+from coupled.kernels.compiling import merged
+
+
+@njit
+def halve(x: float) -> float:
+    return x / 2
+
+
+@merged
+def until_small(x: float, limit: float) -> tuple[float, int]:
+    for count in range(100):
+        x = halve(x)
+        if x < limit:
+            return x, count
+    return x, -1
+
+
+@njit
+def compiled_caller(x: float) -> tuple[float, int]:
+    return until_small(x, 1.0)
+
+
+def test_what_is_merged_is_python_outside_and_no_function_of_its_own_inside():
+    assert isinstance(until_small, FunctionType)
+    assert compiled_caller(9.0) == until_small(9.0, 1.0) == (9 / 16, 3)
+    lines = compiled_caller.inspect_llvm(compiled_caller.signatures[0]).splitlines()
+    assert not [line for line in lines if "@" in line and "until_small" in line]
+
+
+def test_no_kernel_is_compiled_for_the_value_of_a_number():
+    """Numba compiles what is called with a literal, such as ``f(1)``, once more."""
+    model = th.Foster(R=[2e3, 5.8e3], tau=[5.6e-8, 1.2e-6])
+    coupled.simulate(coupled.borghi2021(), model, power=6.31e-3, duration=1e-6)
+    ours = [module for name, module in sys.modules.items() if name.startswith("coupled.")]
+    kernels = {id(k): k for module in ours for k in vars(module).values() if isinstance(k, Dispatcher)}
+    assert not [
+        f"{kernel.__module__}.{kernel.__name__}: {signature}"
+        for kernel in kernels.values()
+        for signature in kernel.signatures
+        if any(isinstance(part, types.Literal) for part in signature)
+    ]
+
+
+def test_files_that_need_kernels_stand_at_one_end():
+    assert place(ROOT / "tests" / "coupled" / "test_maps.py") == 0
+    assert place(ROOT / "tests" / "thermofem" / "test_mesh.py") == len(PLACES) - 1
+    found = [place(path) for path in sorted((ROOT / "tests").rglob("test_*.py"))]
+    assert np.unique(found).tolist() == list(range(len(PLACES)))  # every place has files
