@@ -128,20 +128,28 @@ def fit_sindy(
     b = coefficients[:, -1] * scale / power_unit / unit
     poles = gate(A, b, float(gains[0]), name=names[0])
     model = Network(A, b, names, poles, largest)
-    misfit = poles.response(wave, times) - rise[:, 0]
-    rms = float(np.sqrt(np.mean(misfit**2)))
     n = len(names)
     parameters = {f"A_{i + 1}_{j + 1}": float(A[i, j]) for i in range(n) for j in range(n)}
     parameters |= {f"b_{i + 1}": float(b[i]) for i in range(n)}
+    misfit = poles.response(wave, times) - rise[:, 0]
+    return fitted(model, _equations(A, b, names), parameters, misfit, rise[:, 0], [wave], data.attrs.get("geometry"))
+
+
+def fitted(
+    model: Any, equations: tuple[str, ...], parameters: dict[str, float], misfit: Array, rise: Array,
+    waves: Sequence[Waveform], geometry: str | None,
+) -> SindyFit[Any]:  # fmt: skip
+    """The result for a network that misses the core's ``rise`` in K by ``misfit``; its model knows where it is from."""
+    rms = float(np.sqrt(np.mean(misfit**2)))
     fit = SindyFit(
         model=model,
-        equations=_equations(A, b, names),
+        equations=equations,
         parameters=parameters,
         standard_errors=dict.fromkeys(parameters, float("nan")),
         residual=rms,
-        relative_residual=rms / float(np.ptp(rise[:, 0])),
-        training=(f"{type(wave).__name__.lower()}, from rest",),
-        geometry=data.attrs.get("geometry"),
+        relative_residual=rms / float(np.ptp(rise)),
+        training=tuple(f"{type(wave).__name__.lower()}, from rest" for wave in waves),
+        geometry=geometry,
     )
     return replace(fit, model=replace(model, origin=fit.provenance))
 

@@ -14,7 +14,6 @@ A quadratic network says nothing about rises beyond its training, where it may r
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING
 
@@ -24,7 +23,7 @@ from thermofem import Quadratic, checks
 from thermofem.arrays import Array, NDArray
 from thermofem.models.network import STATIC, gate
 
-from .sindy import UNIT, WINDOW, SindyFit, read_probes, regress
+from .sindy import UNIT, WINDOW, SindyFit, fitted, read_probes, regress
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -98,20 +97,10 @@ def fit_sindy_quadratic(
     model = _model(np.where(_present(n), found, 0.0), scale, power_unit, unit, names[0], largest)
     _gate(model, float(gains[0]), power, float(settled[0]))
     misfit = np.concatenate([model.response(r[2], times) - r[1][:, 0] for r in read])
-    rms = float(np.sqrt(np.mean(misfit**2)))
-    parameters = _parameters(model)
     geometries = {d.attrs.get("geometry") for d in datasets}
-    fit = SindyFit(
-        model=model,
-        equations=_equations(model, names),
-        parameters=parameters,
-        standard_errors=dict.fromkeys(parameters, float("nan")),
-        residual=rms,
-        relative_residual=rms / float(np.ptp(np.concatenate([r[1][:, 0] for r in read]))),
-        training=tuple(f"{type(r[2]).__name__.lower()}, from rest" for r in read),
-        geometry=geometries.pop() if len(geometries) == 1 else None,
-    )
-    return replace(fit, model=replace(model, origin=fit.provenance))
+    geometry = geometries.pop() if len(geometries) == 1 else None
+    rises = np.concatenate([r[1][:, 0] for r in read])
+    return fitted(model, _equations(model, names), _parameters(model), misfit, rises, [r[2] for r in read], geometry)
 
 
 def _products(n: int) -> list[tuple[int, int]]:

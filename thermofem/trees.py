@@ -11,6 +11,7 @@ import json
 import math
 import re
 import tomllib
+from collections.abc import Mapping
 from typing import Any
 
 from .checks import InputError, shown
@@ -54,6 +55,17 @@ def from_toml(text: str) -> dict[str, Any]:
         raise InputError(f"not valid TOML: {error}") from None
     found: dict[str, Any] = check(tables)
     return found
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON holds it: arrays as lists, keys as text; a number that is not finite becomes null."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def check(tree: Any) -> Any:

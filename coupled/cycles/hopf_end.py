@@ -5,15 +5,20 @@ The parameter is found by the secant method on the real part; the last "cycle" i
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from scipy.linalg import expm
 from scipy.optimize import newton
 
 from thermofem.arrays import Array
 
-from .orbit import Orbit
+from .orbit import CycleProblem, Orbit
 from .path import FreeParameters, Place
 from .scheme import scheme
+
+if TYPE_CHECKING:
+    from ..equilibria.steady import Internal
 
 
 def hopf_near(family: FreeParameters, place: Place) -> Place | None:
@@ -46,9 +51,8 @@ def _mean_energy(orbit: Orbit) -> float:
 
 def _pair(family: FreeParameters, value: float, energy: float, omega: float) -> tuple[Array, complex, Array]:
     """The fixed point nearest to an energy, its eigenvalue nearest to i omega, and its Jacobian."""
-    from ..equilibria import balance, spectrum
+    from ..equilibria import balance
     from ..equilibria.steady import absorbable, internal
-    from ..kernels import equations as eq
 
     p = family.at(np.array([value]))
     at = internal(p.ring, p.model, absorbable(p.ring, p.power))
@@ -57,15 +61,17 @@ def _pair(family: FreeParameters, value: float, energy: float, omega: float) -> 
         p.at.detuning, *rest, balance.turning_points(balance.reach(p.at.detuning, *rest), *rest)
     )
     k = int(np.argmin(np.abs(U - energy)))
-    y, _ = spectrum.state(U[k], D[k], at.rates, at.fcd, p.at.thermal, at.static)
-    gamma = float(balance.balances(U[k : k + 1], at.rates, at.fcd, at.static)[5, 0])
-    y[:2] = np.sqrt(U[k]) * turned(gamma, D[k])
-    J = eq.jacobian(y, p.at.detuning, p.at.rates, p.at.fcd, p.at.thermal)
+    y, J = at_rest(p, at, U[k], D[k])
     values = np.linalg.eigvals(J).astype(complex)
-    return y, complex(values[np.argmin(np.abs(values - 1j * omega))]), np.asarray(J)
+    return y, complex(values[np.argmin(np.abs(values - 1j * omega))]), J
 
 
-def turned(gamma: float, D: float) -> Array:
-    """The direction of the field (Re, Im) at a fixed point under a real pump: that of i/(gamma - i D)."""
-    turn = 1j / (gamma - 1j * D)
-    return np.array([turn.real, turn.imag]) / abs(turn)
+def at_rest(p: CycleProblem, at: Internal, U: float, D: float) -> tuple[Array, Array]:
+    """The fixed point (U, D) of a problem, and its Jacobian; under a real pump the field turns as i/(gamma - i D)."""
+    from ..equilibria import balance, spectrum
+    from ..kernels import equations as eq
+
+    y, _ = spectrum.state(U, D, at.rates, at.fcd, p.at.thermal, at.static)
+    turn = 1j / (float(balance.balances(np.array([U]), at.rates, at.fcd, at.static)[5, 0]) - 1j * D)
+    y[:2] = np.sqrt(U) * (np.array([turn.real, turn.imag]) / abs(turn))
+    return y, np.asarray(eq.jacobian(y, p.at.detuning, p.at.rates, p.at.fcd, p.at.thermal))

@@ -18,7 +18,7 @@ from thermofem.checks import InputError
 
 from ..heaters import turned_by
 from .branch import follow, follow_along, outwards, relative_range
-from .hopf_end import turned
+from .hopf_end import at_rest
 from .orbit import FEWEST, CycleProblem, Orbit
 from .parameters import LASER, under_laser, value_of
 from .path import FreeParameters, Place, corrected, first_place, weights
@@ -51,17 +51,14 @@ def laser_of(guess: Any, turn: float = 0.0) -> tuple[float, float]:
 
 def hopf_point(p: CycleProblem, guess: Any) -> HopfPoint:
     """The Hopf point of a problem that a point of a Hopf curve names by its energy and frequency."""
-    from ..equilibria import balance, spectrum
+    from ..equilibria import balance
     from ..equilibria.steady import absorbable, internal
     from ..kernels import equations as eq
 
     at = internal(p.ring, p.model, absorbable(p.ring, p.power))
     U, frequency = float(guess["energy"]) / eq.FJ, float(guess["frequency"])
-    _, _, _, shift, _, gamma, _ = balance.balances(np.array([U]), at.rates, at.fcd, at.static)[:, 0]
-    D = shift - p.at.detuning
-    y, _ = spectrum.state(U, D, at.rates, at.fcd, p.at.thermal, at.static)
-    y[:2] = np.sqrt(U) * turned(gamma, D)  # `state` has a real field, a problem a real pump
-    J = eq.jacobian(y, p.at.detuning, p.at.rates, p.at.fcd, p.at.thermal)
+    shift = balance.balances(np.array([U]), at.rates, at.fcd, at.static)[3, 0]
+    y, J = at_rest(p, at, U, shift - p.at.detuning)
     values, vectors = np.linalg.eig(J)
     omega = 2 * np.pi * eq.NS * frequency
     k = int(np.argmin(np.abs(values - 1j * omega)))

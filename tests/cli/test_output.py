@@ -17,7 +17,8 @@ import coupled
 import surrogate
 import thermofem as th
 from thermofem.cli import app, doctor
-from thermofem.cli.detuning import C, detuning_of
+from thermofem.cli.detuning import detuning_of
+from thermofem.constants import c as C  # noqa: N812
 
 RING = coupled.borghi2021()
 COMMANDS = get_command(app).commands

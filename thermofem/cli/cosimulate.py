@@ -13,7 +13,7 @@ from .bar import Bar
 from .drives import HEATER, heaters
 from .files import DEFAULT_RING, check_outputs, ring_of, say_ring, working
 from .kinds import expect
-from .models import pulsing_numbers, verdict
+from .models import pulsing_numbers, say_pulsing, verdict
 from .output import say
 from .solve_options import times_of
 
@@ -98,9 +98,7 @@ def _predictor(given: str | None, path: Path | None) -> ThermalModel | None:
 def _report(run: Any, found: Any) -> dict[str, Any]:
     """Regime, convergence and cost, in four lines."""
     a = run.attrs
-    say(f"{found.regime}: {found.reason}")
-    if found.regime == "self-pulsing":
-        say(f"period {found.period * 1e9:.1f} ns, duty {found.duty:.3f}, swing {found.swing:.2f} K")
+    say_pulsing(found)
     say(
         f"{a['windows']} windows, {a['passes']} passes, largest discrepancy {a['largest_discrepancy'] * 1e3:.2g} mK, "
         f"heat imbalance {a['heat_imbalance']:.0e}"

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 from .. import quantity, units
 from ..checks import InputError
+from ..constants import c
 
 if TYPE_CHECKING:
     from coupled import RingResonator
 
-C = 299_792_458.0  # m/s
 HELP = "Laser minus cold resonance, as a frequency ('-10 GHz') or a wavelength ('80 pm', to the red)."
 
 
@@ -32,7 +32,7 @@ def detuning_of(text: str, ring: RingResonator, name: str = "--detuning") -> flo
         known = None
     if known is None or known.dimensions != (("m", 1),):
         return quantity.parse(text, "Hz", name=name)
-    distance, wavelength = quantity.parse(text, "m", name=name), C / ring.frequency
+    distance, wavelength = quantity.parse(text, "m", name=name), c / ring.frequency
     if not abs(distance) < 0.1 * wavelength:
         raise InputError(f"{name} = {text!r} is far beyond the resonance at {wavelength * 1e9:.5g} nm", 'e.g. "80 pm"')
-    return float(C / (wavelength + distance) - ring.frequency)
+    return float(c / (wavelength + distance) - ring.frequency)

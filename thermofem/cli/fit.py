@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .. import checks, quantity
+from .. import checks, quantity, trees
 from ..checks import InputError
 from . import options
 from .files import check_outputs
@@ -68,7 +68,7 @@ def fit(
         with working("training"):
             found = _trained(kind, training, order, transfer or None)
     provenance = {**found.provenance, **({"assumed": assumed} if assumed else {})}
-    surrogate.save_model(found.model, output, provenance=_finite(provenance))
+    surrogate.save_model(found.model, output, provenance=trees.plain(provenance))
     _print(found, kind, "V" if any(VOLTS in line for line in assumed) else "K")
     if figure is not None:
         _draw(found, training[0], figure)
@@ -107,13 +107,6 @@ def _draw(found: Any, data: xr.Dataset, path: Path) -> None:
     from ..plot import save_figure
 
     save_figure(plot_fit(found, data.isel(probe=0) if "probe" in data.delta_T.dims else data)[0], path)
-
-
-def _finite(value: Any) -> Any:
-    """Provenance as JSON holds it: null for a standard error that is not known."""
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    return None if isinstance(value, float) and value != value else value
 
 
 def _trained(kind: str, training: list[xr.Dataset], order: int | None, transfer: bool | None) -> Any:

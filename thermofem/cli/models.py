@@ -244,9 +244,7 @@ def simulate(
 
         traced = run.dataset()
         save_figure(plot_sweep(traced) if swept else plot_traces(traced), figure)
-    say(f"{found.regime}: {found.reason}")
-    if found.regime == "self-pulsing":
-        say(f"period {found.period * 1e9:.1f} ns, duty {found.duty:.3f}, swing {found.swing:.2f} K")
+    say_pulsing(found)
     probes = _probes(run)
     for one in probes:
         low, high = (f"{one[name] * 1e3:.4g}" for name in ("drop_low", "drop_high"))
@@ -277,6 +275,13 @@ def verdict(run: Any, duration: str) -> Any:
             f"--duration = {duration} is over after {steps} steps, too few for a cycle; make it longer"
         )
     return pulsing(run)
+
+
+def say_pulsing(found: Any) -> None:
+    """Regime and cycle of a trace in words."""
+    say(f"{found.regime}: {found.reason}")
+    if found.regime == "self-pulsing":
+        say(f"period {found.period * 1e9:.1f} ns, duty {found.duty:.3f}, swing {found.swing:.2f} K")
 
 
 def pulsing_numbers(found: Any) -> dict[str, Any]:

@@ -11,17 +11,15 @@ import functools
 import inspect
 import json
 import logging
-import math
 import os
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from .. import checks
+from .. import checks, trees
 from .apart import check_apart
 
 if TYPE_CHECKING:
@@ -121,7 +119,8 @@ def speaking(function: Callable[..., Numbers | None]) -> Callable[..., None]:
             numbers = function(**options)
             _release()
         if json_:
-            print(_as_json({"command": function.__name__.strip("_"), **(numbers or {})}))
+            said = trees.plain({"command": function.__name__.strip("_"), **(numbers or {})})
+            print(json.dumps(said, allow_nan=False, default=str))
         if numbers and numbers.get("passed") is False:
             raise typer.Exit(1)
 
@@ -165,22 +164,3 @@ def threads_wanted() -> int | None:
     """The number given with --threads, or None."""
     given = os.environ.get("NUMBA_NUM_THREADS", "")
     return int(given) if given.isdigit() else None
-
-
-def _as_json(numbers: Numbers) -> str:
-    return json.dumps(_plain(numbers), allow_nan=False)
-
-
-def _plain(value: Any) -> Any:
-    """The value as JSON can hold it; a number that is not finite becomes null."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, Path):
-        return str(value)
-    if hasattr(value, "tolist"):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value if isinstance(value, bool | int | str) or value is None else str(value)

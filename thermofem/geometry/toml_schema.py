@@ -154,37 +154,45 @@ def _material(name: str, table: Any) -> Material:
 
 def write_text(geometry: CrossSection) -> str:
     """The text of a geometry file that reads back as an equal CrossSection."""
-    lines = [
-        f"name = {_quoted(geometry.name)}",
-        f"outer_radius = {_quantity(geometry.outer_radius, 'm')}",
-        f"ambient = {_quantity(geometry.ambient, 'K')}",
-    ]
+    lengths = {"outer_radius": _quantity(geometry.outer_radius, "m"), "ambient": _quantity(geometry.ambient, "K")}
+    tables = [_table({"name": _quoted(geometry.name), **lengths})]
     for layer in geometry.layers:
-        lines += ["", "[[layer]]", f"name = {_quoted(layer.name)}", f"material = {_quoted(layer.material)}"]
-        lines += [f"thickness = {_quantity(layer.thickness, 'm')}"] + ["datum = true"] * layer.datum
-    for part in geometry.parts:
-        lines += ["", "[[part]]", *_part_lines(part)]
+        words = {"name": _quoted(layer.name), "material": _quoted(layer.material)}
+        flag = {"datum": "true"} if layer.datum else {}
+        tables.append(_table({**words, "thickness": _quantity(layer.thickness, "m"), **flag}, "[[layer]]"))
+    tables += [_table(_part_values(part), "[[part]]") for part in geometry.parts]
     for interface in geometry.interfaces:
-        lines += ["", "[[interface]]", f"part = {_quoted(interface.part)}"]
-        lines += [f"resistance = {_quantity(interface.resistance, 'm^2*K/W')}"]
+        resistance = _quantity(interface.resistance, "m^2*K/W")
+        tables.append(_table({"part": _quoted(interface.part), "resistance": resistance}, "[[interface]]"))
     for probe in geometry.probes:
-        lines += ["", "[[probe]]", f"name = {_quoted(probe.name)}", f"part = {_quoted(probe.part)}"]
         sizes = {"shell": probe.shell, "distance": probe.distance}
-        lines += [f"{key} = {_quantity(value, 'm')}" for key, value in sizes.items() if value is not None]
-    lines += ["", "[boundary]"]
-    for side in ("bottom", "top", "outer"):
-        boundary: Boundary = getattr(geometry, side)
-        unit, written = Boundary.KINDS[boundary.kind], _quoted(boundary.kind)
-        if unit is not None:
-            written = f"{{ {boundary.kind} = {_quantity(boundary.coefficient, unit)} }}"
-        lines += [f"{side} = {written}"]
-    for material in geometry.materials:
-        lines += ["", f"[material.{_quoted(material.name)}]", *_material_lines(material)]
-    return "\n".join(lines) + "\n"
+        lengths = {key: _quantity(value, "m") for key, value in sizes.items() if value is not None}
+        tables.append(_table({"name": _quoted(probe.name), "part": _quoted(probe.part), **lengths}, "[[probe]]"))
+    sides = {side: _boundary_text(getattr(geometry, side)) for side in _BOUNDARY}
+    tables.append(_table(sides, "[boundary]"))
+    for m in geometry.materials:
+        conductivity, specific_heat = (write_property(m, key, _UNITS[key]) for key in ("conductivity", "specific_heat"))
+        values = {
+            "conductivity": conductivity,
+            "density": _quantity(m.density, "kg/m^3"),
+            "specific_heat": specific_heat,
+        }
+        tables.append(_table({**values, "source": _quoted(m.source)}, f"[material.{_quoted(m.name)}]"))
+    return "\n\n".join(tables) + "\n"
 
 
-def _part_lines(part: Part) -> list[str]:
-    lines = [f"name = {_quoted(part.name)}", f"material = {_quoted(part.material)}"]
+def _table(values: dict[str, str], head: str = "") -> str:
+    return "\n".join([*([head] if head else []), *(f"{key} = {value}" for key, value in values.items())])
+
+
+def _boundary_text(boundary: Boundary) -> str:
+    unit = Boundary.KINDS[boundary.kind]
+    if unit is None:
+        return _quoted(boundary.kind)
+    return f"{{ {boundary.kind} = {_quantity(boundary.coefficient, unit)} }}"
+
+
+def _part_values(part: Part) -> dict[str, str]:
     radius = float(f"{(part.inner_radius + part.outer_radius) / 2:.12g}")
     width = float(f"{part.outer_radius - part.inner_radius:.12g}")
     if part.inner_radius and (radius - width / 2, radius + width / 2) == (part.inner_radius, part.outer_radius):
@@ -192,19 +200,11 @@ def _part_lines(part: Part) -> list[str]:
     else:
         sizes = {"inner_radius": part.inner_radius, "outer_radius": part.outer_radius}
     sizes |= {"bottom": part.bottom, "height": part.height}
-    lines += [f"{key} = {_quantity(value, 'm')}" for key, value in sizes.items()]
+    values = {"name": _quoted(part.name), "material": _quoted(part.material)}
+    values |= {key: _quantity(value, "m") for key, value in sizes.items()}
     if part.sidewall_angle != VERTICAL:
-        lines += [f"sidewall_angle = {_quantity(part.sidewall_angle, 'rad')}"]
-    return lines + ["heated = true"] * part.heated
-
-
-def _material_lines(material: Material) -> list[str]:
-    return [
-        f"conductivity = {write_property(material, 'conductivity', 'W/m/K')}",
-        f"density = {_quantity(material.density, 'kg/m^3')}",
-        f"specific_heat = {write_property(material, 'specific_heat', 'J/kg/K')}",
-        f"source = {_quoted(material.source)}",
-    ]
+        values["sidewall_angle"] = _quantity(part.sidewall_angle, "rad")
+    return values | ({"heated": "true"} if part.heated else {})
 
 
 def _quantity(value: float, unit: str) -> str:

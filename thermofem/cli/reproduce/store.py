@@ -21,9 +21,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from ... import checks, dataset, files
+from ... import dataset, files, trees
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -87,7 +85,7 @@ class StageStore:
             surrogate.save_model(model, self.folder / f"{stage}.{name}.json", provenance={"stage": stage, "key": key})
             for name, model in result.models.items()
         ]
-        numbers = json.loads(json.dumps(_plain(result.numbers)))
+        numbers = json.loads(json.dumps(trees.plain(result.numbers)))
         content = {
             "format": FORMAT,
             "stage": stage,
@@ -109,7 +107,7 @@ def slug(name: str) -> str:
 
 def key_of(stage: str, settings: Mapping[str, Any], inputs: Iterable[str]) -> str:
     """Hash of everything that decides a stage's result."""
-    return files.digest_tree([FORMAT, stage, _plain(dict(settings)), list(inputs), _code()])
+    return files.digest_tree([FORMAT, stage, trees.plain(dict(settings)), list(inputs), _code()])
 
 
 @functools.cache
@@ -125,23 +123,3 @@ def _code() -> str:
     for path in counted:
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest() + json.dumps([platform.python_version(), *(version(name) for name in LIBRARIES)])
-
-
-def _plain(value: Any) -> Any:
-    """A value as JSON holds it; a number that is not finite becomes null."""
-    match value:
-        case Mapping():
-            return {str(key): _plain(item) for key, item in value.items()}
-        case np.ndarray():
-            return _plain(value.tolist())
-        case list() | tuple():
-            return [_plain(item) for item in value]
-        case bool() | np.bool_():
-            return bool(value)
-        case int() | np.integer():
-            return int(value)
-        case float() | np.floating():
-            return float(value) if np.isfinite(value) else None
-        case str() | None:
-            return value
-    raise checks.InputError(f"a stage gave {type(value).__name__}; numbers must be what JSON holds")
