@@ -52,8 +52,10 @@ def check_power(power: float, name: str = "power") -> float:
 
 def _check_alone(name: str, value: Any) -> None:
     """InputError for several values where there is one laser."""
-    if np.size(value) > 1 and not isinstance(value, str):
-        raise checks.InputError(f"{name} holds {np.size(value)} values; there is one laser here; {SEVERAL}")
+    several = isinstance(value, list | tuple | range)
+    count = value.size if isinstance(value, np.ndarray) else len(value) if several else 1
+    if count > 1:
+        raise checks.InputError(f"{name} holds {count} values; there is one laser here; {SEVERAL}")
 
 
 def check_detuning(detuning: float, name: str = "detuning") -> float:

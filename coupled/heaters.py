@@ -60,12 +60,12 @@ def channels(
     free = [name for name in system.inputs if name not in names]
     for name in names:
         checks.choice("heaters", name, system.inputs)
-    own = checks.choice("heated", heated or (free or system.inputs)[0], system.inputs)
+    own = checks.choice("heated", heated, system.inputs, default=(free or system.inputs)[0])
     if own in names:
         raise checks.InputError(f"heaters holds {own!r}, which the light heats; give the power of other parts")
     if read is None and own not in system.outputs:
         raise checks.InputError(f"model does not read {own!r}; say with read= which of {system.outputs} detunes it")
-    out = checks.choice("read", read or own, system.outputs)
+    out = checks.choice("read", read, system.outputs, default=own)
     small = compact(system.channel(own, out))
     return Channels(small, {name: system.channel(name, out).dynamics for name in names})
 
@@ -111,7 +111,7 @@ def heating(found: Channels, heaters: Mapping[str, Any] | None, duration: float,
 
     ``heaters`` maps names to numbers, waveforms, or lists of them, which add; W.
     """
-    powers = {name: _power(name, value, duration) for name, value in (heaters or {}).items()}
+    powers = {name: _power(name, value, duration) for name, value in checks.mapping("heaters", heaters).items()}
     if not powers:
         return Heating({}, {}, 0.0)
     rises = [_rise(found.transfers[name], power, SHARE * rtol) for name, power in powers.items()]
@@ -202,7 +202,7 @@ def constant(
     Raises InputError: as `channels`, and a power that is no number or out of range.
     """
     found = channels(model, heaters, heated, read)
-    powers = {name: heater_power(name, value) for name, value in (heaters or {}).items()}
+    powers = {name: heater_power(name, value) for name, value in checks.mapping("heaters", heaters).items()}
     rise = sum(found.transfers[name].thermal_resistance * power for name, power in powers.items())
     return ConstantHeating(found.model, float(rise), powers)
 

@@ -118,7 +118,9 @@ class RingResonator:
             volume = getattr(self, f"{kind}_volume")
             checks.between(f"{kind}_volume", volume, 1e-22, 1e-12, unit="m^3", hint=_VOLUME_HINT)
         for name in ("loss_rate", "drop_rate", "scattering_rate"):  # zero, or in a range that excludes errors of units
-            if getattr(self, name) != 0 and not (name == "drop_rate" and self.drop_rate is None):
+            if name == "drop_rate" and self.drop_rate is None:
+                continue
+            if checks.finite(name, getattr(self, name), unit="1/s", hint=_RATE_HINT) != 0:
                 checks.between(name, getattr(self, name), 1e5, 1e13, unit="1/s", hint=_RATE_HINT)
         hint = "silicon has 4.5e-18 m^2/W"
         checks.between("kerr_coefficient", self.kerr_coefficient, -1e-15, 1e-15, unit="m^2/W", hint=hint)

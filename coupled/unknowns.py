@@ -86,7 +86,7 @@ def unknowns(
     Raises InputError: a parameter of a family that is not free, or not positive; an unknown, repeated or fixed name,
         names of two thermal laws, or bounds that are not positive and in order.
     """
-    if isinstance(free, str) or not free:
+    if not isinstance(free, list | tuple | set | dict) or not free:
         raise checks.InputError(f"free = {free!r} must be a list of names, such as ['kappa', 'tau_f', 'tau_s', 'eta']")
     family = model if isinstance(model, ThermalFamily) else None
     laws = {*SECOND_ORDER, *NEWTON, *POLES, HEAT_CAPACITY}
@@ -112,8 +112,7 @@ def unknowns(
     low, high = values / SPAN, values * SPAN
     for k, name in enumerate(names):
         low[k], high[k] = ranges.get(name, (low[k], high[k]))
-    checks.has("bounds", bounds or {}, "items", hint='a mapping is needed, such as {"kappa": (1e5, 1e7)}')
-    for name, pair in (bounds or {}).items():
+    for name, pair in checks.mapping("bounds", bounds, hint='such as {"kappa": (1e5, 1e7)}').items():
         checks.choice("a name in bounds", name, names)
         ends = np.asarray(pair)
         if not (ends.shape == (2,) and ends.dtype.kind in "iuf" and 0 < pair[0] < pair[1] < np.inf):

@@ -148,7 +148,7 @@ def _event(event: Event | None) -> Array:
     """Number of the quantity to watch (0: nothing), its level in internal units, and whether to stop there."""
     from .kernels import equations as eq
 
-    if not event:
+    if event is None:
         return np.zeros(3)
     if not isinstance(event, Event):
         raise checks.InputError(f"event = {event!r} is no coupled.Event, such as coupled.Event('delta_T', 5.0)")

@@ -71,7 +71,7 @@ def _equal(one: HeatProblem, other: HeatProblem) -> bool:
 
 
 def _check_heaters(heat: HeatProblem, heaters: Sequence[str], part: str) -> None:
-    names = (heaters,) if isinstance(heaters, str) else tuple(heaters)
+    names = checks.instances("heaters", (heaters,) if isinstance(heaters, str) else heaters, str)
     for name in names:
         checks.choice("heaters", name, [other for other in heat.heated if other != part])
     if len(set(names)) < len(names):

@@ -190,7 +190,7 @@ def _rise(model: Foster | OutputMap, drive: Drive) -> Array:
 
 def _bounds(family: Family, free: Ranges | None) -> tuple[Array, Array]:
     low, high = family.box.low.copy(), family.box.high.copy()
-    for name, pair in (free or {}).items():
+    for name, pair in checks.mapping("free", free).items():
         a, b = inside(family, name, pair)
         low[family.names.index(name)], high[family.names.index(name)] = a, b
     return low, high

@@ -271,8 +271,8 @@ class Training:
         transfer: bool | None = None,
     ) -> Training:
         """Read Datasets; ``impose`` their static gain and, unless it is a ``transfer`` channel, positive gains."""
+        drives = drives_of(data)
         datasets = [at_probe(d) for d in (data if isinstance(data, Sequence) else [data])]
-        drives = drives_of(datasets)
         if thermal_resistance is not None:
             hint = "it is in K/W (7.87 K/mW is 7870)"
             thermal_resistance = checks.positive("thermal_resistance", thermal_resistance, unit="K/W", hint=hint)

@@ -109,7 +109,7 @@ def train_all(
     """
     checks.positive("power", power, unit="W", at_most=10, hint="powers are in W (did you mean 2e-3 for 2 mW?)")
     checks.has("heat", heat, "heated", "channels", hint="th.assemble(geometry) makes the HeatProblem")
-    part = checks.choice("heated", heated or heat.heated[0], heat.heated)
+    part = checks.choice("heated", heated, heat.heated, default=heat.heated[0])
     read = read or part
     system = heat.channels(part, read)
     fine = reduce(system, REFERENCE)

@@ -76,10 +76,11 @@ def uncertainty(
 
     Source: I. M. Sobol, Math. Comput. Simul. 55, 271 (2001); estimators of `scipy.stats.sobol_indices`.
     """
-    names = _checked(family, distributions, fixed or {}, samples)
+    fixed = checks.mapping("fixed", fixed)
+    names = _checked(family, checks.mapping("distributions", distributions), fixed, samples)
     dists = [distributions[name] for name in names]
     one = Property(family, quantity, optics)
-    sampled = _Sampled(_many(one, names, fixed or {}), _clip(family, names), lambda: one.reason)
+    sampled = _Sampled(_many(one, names, fixed), _clip(family, names), lambda: one.reason)
     attrs: dict[str, Any] = {"quantity": word(quantity), "samples": samples}
     if interpolate is not None:
         low, high = np.array(_box(family, names)).T
@@ -104,8 +105,8 @@ def _checked(
         checks.choice("parameter", name, family.names)
     for name, one in distributions.items():
         checks.has(name, one, "ppf", hint="a distribution of scipy.stats with its numbers is needed")
-    if samples < 2 or samples & (samples - 1):
-        raise checks.InputError(f"samples = {samples} must be a power of two")
+    if not isinstance(samples, int | np.integer) or samples < 2 or samples & (samples - 1):
+        raise checks.InputError(f"samples = {checks.shown(samples)} must be a power of two")
     return names
 
 

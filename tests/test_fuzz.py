@@ -59,3 +59,10 @@ def test_a_short_audit_finds_nothing(audit):
     for tried, wrong in (audit.damage(60, seed=5), audit.models(60, seed=5), audit.random_trees(60, seed=5)):
         assert tried >= 60
         assert wrong == 0
+
+
+def test_a_few_calls_with_wrong_things_end_in_documented_errors():
+    calls = loaded("calls")
+    done, wrong = calls.tried(calls.calls(), 300, 60.0, seed=3)
+    assert done > 50
+    assert not wrong

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from decimal import Decimal
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ MODEL = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
 TIMES = np.geomspace(1e-9, 1e-5, 30)
 DATA = th.dataset.build(TIMES, 1e-3 * MODEL.step_response(TIMES), th.Constant(1e-3), read=("core",))
 RING = coupled.borghi2021()
+STRIP = th.strip_ring()
 LIGHT = {"power": 1e-3, "detuning": 0.0, "duration": 1e-7}
 
 
@@ -140,6 +142,18 @@ def test_what_names_no_file_no_part_and_no_numbers(call, words, heat, tmp_path, 
             lambda: coupled.identify(RING, [TRACE], free=["kappa"], bounds=3),
             "bounds is a int; a mapping is needed",
         ),
+        (lambda: dataclasses.replace(STRIP, layers=[3]), "layers holds 3, which is no Layer"),
+        (lambda: dataclasses.replace(STRIP, parts=STRIP.parts[0]), "parts = Part.* must be a list of Part"),
+        (lambda: dataclasses.replace(STRIP, top="x"), "the boundary holds 'x', which is no Boundary"),
+        (lambda: th.Layer("a", np.zeros(2), 1e-6), "material = .* must be text"),
+        (lambda: th.Telegraph(Decimal("1e-3"), 1e-6, 1e-5), "power = Decimal.* is not a number"),
+        (lambda: coupled.Circuit([RING], lasers=3), "lasers = 3 must be a list of LaserPort"),
+        (lambda: coupled.spectrum(3, [0.0]), "circuit is a int; a coupled.Circuit is needed"),
+        (lambda: surrogate.fit_newton(range(10**12)), "is no Dataset, nor a list"),
+        (lambda: surrogate.fit_newton(DATA, method=np.zeros(2)), "method = array"),
+        (lambda: coupled.stability_map(RING, MODEL, [1e-3], [0.0], heaters=np.ones(2)), "heaters is a ndarray; a map"),
+        (lambda: coupled.steady_states(RING, MODEL, power=1e-3, detuning=0.0, heated=np.ones(2)), "heated = array"),
+        (lambda: th.load("\ud800.nc"), "half of a Unicode pair"),
         (lambda: coupled.State("a", 0.0, [0.0]), "field = 'a' is not a complex number"),
         (lambda: dataclasses.replace(RING, carriers=None), "carriers is a NoneType; ShockleyReadHall"),
         (lambda: dataclasses.replace(RING, loss_rate=None), "loss_rate = None is not a number"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import os
 import re
 from collections.abc import Iterable, Mapping
 from decimal import Decimal
@@ -201,23 +202,31 @@ def text(name: str, value: Any) -> str:
     return value
 
 
-def instances(name: str, values: Any, kind: type) -> tuple[Any, ...]:
-    """Return a list as a tuple, or raise InputError unless all that it holds is of one kind."""
-    if isinstance(values, kind) or not isinstance(values, Iterable):
-        raise InputError(f"{name} = {shown(values)} must be a list of {kind.__name__}")
-    found = tuple(values)
-    for item in found:
-        if not isinstance(item, kind):
-            raise InputError(f"{name} holds {shown(item)}, which is no {kind.__name__}")
-    return found
+def instances(name: str, values: Any, *kinds: type) -> tuple[Any, ...]:
+    """Return a list as a tuple, or raise InputError unless all that it holds is of these kinds."""
+    words = " or ".join(kind.__name__ for kind in kinds)
+    try:
+        if isinstance(values, str):
+            raise TypeError
+        items = iter(values)
+    except TypeError:
+        raise InputError(f"{name} = {shown(values)} must be a list of {words}") from None
+    found = []
+    for item in items:
+        if not isinstance(item, kinds):
+            raise InputError(f"{name} holds {shown(item)}, which is no {words}")
+        found.append(item)
+    return tuple(found)
 
 
 def mapping(name: str, value: Any, *, hint: str = "") -> dict[str, Any]:
     """Return a mapping from text as a dict, empty for None, or raise InputError."""
     if value is None:
         return {}
-    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
-        raise InputError(f"{name} = {shown(value)} must map names to values", hint)
+    if not isinstance(value, Mapping):
+        raise InputError(f"{name} is a {type(value).__name__}; a mapping is needed", hint)
+    if not all(isinstance(key, str) for key in value):
+        raise InputError(f"{name} = {shown(value)} holds a key that is no name", hint)
     return dict(value)
 
 
@@ -227,8 +236,11 @@ def path(name: str, value: Any) -> Path:
         found = Path(value)
     except TypeError:
         raise InputError(f"{name} = {shown(value)} is no name of a file; give a text or a pathlib.Path") from None
-    if "\0" in str(found):
-        raise InputError(f"{name} = {shown(value)} is no name of a file; it holds a NUL character")
+    try:
+        if b"\0" in os.fsencode(found):
+            raise InputError(f"{name} = {shown(value)} is no name of a file; it holds a NUL character")
+    except UnicodeEncodeError:
+        raise InputError(f"{name} = {shown(value)} is no name of a file; it holds half of a Unicode pair") from None
     return found
 
 
@@ -245,9 +257,9 @@ def seed(value: Any) -> int:
     return int(value)
 
 
-def choice(name: str, value: str, choices: Iterable[str], *, hint: str = "") -> str:
-    """Return ``value``, or raise InputError naming the nearest of ``choices``."""
-    known = sorted(choices)
+def choice(name: str, value: Any, choices: Iterable[str], *, default: str | None = None, hint: str = "") -> str:
+    """Return ``value``, ``default`` for None, or raise InputError naming the nearest of ``choices``."""
+    known, value = sorted(choices), default if value is None else value
     if isinstance(value, str) and value in known:
         return value
     near = difflib.get_close_matches(shown(value).strip("'"), known, n=1, cutoff=0.5)

@@ -153,7 +153,7 @@ def _check(heat: HeatProblem, wave: Waveform, heated: str | None, method: str) -
     if isinstance(wave, type) or not hasattr(wave, "breakpoints"):
         raise checks.InputError(f"wave = {wave!r} is no waveform; e.g. th.Pulse(power=2e-3, width=20e-6)")
     checks.choice("method", method, ("auto", "stepping"))
-    return checks.choice("heated", heated or heat.heated[0], heat.heated)
+    return checks.choice("heated", heated, heat.heated, default=heat.heated[0])
 
 
 def _record(

@@ -107,12 +107,12 @@ def read_csv(
 
 def _given(units: Mapping[str, str] | None) -> dict[str, str]:
     """The units that the caller states, by role."""
-    checks.has("units", units or {}, "items", hint='a mapping is needed, such as {"time": "us"}')
-    for role, unit in (units or {}).items():
+    given = checks.mapping("units", units, hint='such as {"time": "us"}')
+    for role, unit in given.items():
         checks.choice("units: key", role, _ROLES)
         if not isinstance(unit, str):
             raise InputError(f'units["{role}"] = {checks.shown(unit)} must be text, such as "{_EXAMPLES[role]}"')
-    return dict(units or {})
+    return given
 
 
 def _numbers(table: Columns, role: str, name: str, given: Mapping[str, str]) -> Array:

@@ -88,7 +88,8 @@ def autonomous(
     """A circuit under constant light, or InputError."""
     if not isinstance(circuit, Circuit):
         raise checks.InputError(f"circuit is a {type(circuit).__name__}; it must be a Circuit")
-    for what, values in (("inputs", inputs), ("heaters", heaters or {}), ("detuning", {"": detuning})):
+    heaters = checks.mapping("heaters", heaters)
+    for what, values in (("inputs", inputs), ("heaters", heaters), ("detuning", {"": detuning})):
         checks.has(what, values, "items", hint="give numbers by name, {'in': 1e-3}")
         for name, value in values.items():
             if not isinstance(value, int | float | np.number):

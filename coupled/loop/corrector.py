@@ -82,7 +82,7 @@ class FEM:
         self.problem = heat if isinstance(heat, HeatProblem) else None
         names = heat.heated if isinstance(heat, HeatProblem) else heat.inputs
         self.heaters = checks.mapping("heaters", heaters, hint="e.g. {'heater': th.Constant(5e-3)}")
-        self.heated = checks.choice("heated", heated or names[0], names)
+        self.heated = checks.choice("heated", heated, names, default=names[0])
         for name, wave in self.heaters.items():
             checks.choice("heaters", name, names)
             if name == self.heated:

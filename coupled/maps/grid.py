@@ -71,8 +71,7 @@ def grid_of(
     check_ring(ring)
     laser = {"power": check_axis("powers", powers), "detuning": check_axis("detunings", detunings)}
     own: dict[str, Array] = {}
-    checks.has("vary", vary or {}, "items", hint='a mapping is needed, such as {"bus_rate": [3e10, 4e10]}')
-    for name, values in (vary or {}).items():
+    for name, values in checks.mapping("vary", vary, hint='such as {"bus_rate": [3e10, 4e10]}').items():
         checks.choice("a name in vary", name, optical_names(ring))
         own[name] = checks.array(f"vary[{name!r}]", values)
         if np.any(np.diff(own[name]) <= 0):

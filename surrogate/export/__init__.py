@@ -65,11 +65,11 @@ def export_model(
     name, _ = FORMATS[checks.choice("to", to, FORMATS)]
     check_target(path)
     checks.has("model", model, "inputs", "outputs", hint="a thermal model is needed, such as thermofem.Foster or a fit")
-    checks.has("provenance", provenance or {}, "items", hint="a mapping is needed, such as the .provenance of a fit")
+    provenance = checks.mapping("provenance", provenance, hint="such as the .provenance of a fit")
     if provenance is None:
         provenance = model.provenance if isinstance(model, HasModel) else getattr(model, "origin", None)
     model = bare(model)
-    lines = header(model, provenance or {})
+    lines = header(model, provenance)
     if to == "fmu":
         from .fmu import write
 

@@ -168,7 +168,7 @@ class Box:
 
     def _plain(self, values: Mapping[str, Any]) -> Array | None:
         """Plain numbers inside the box, in their order; None where anything else is given."""
-        if values.keys() != set(self.names) or not all(isinstance(v, float) or type(v) is int for v in values.values()):
+        if values.keys() != set(self.names) or not all(isinstance(v, float) for v in values.values()):
             return None
         row = np.array([values[name] for name in self.names], dtype=float)
         return row if bool(((row >= self.low) & (row <= self.high)).all()) else None

@@ -203,7 +203,7 @@ class Family:
             self.members.member(row).modes().step_response(np.maximum(t.ravel(), 0.0), a, b)
             for row in rows.reshape(-1, self.box.size)
         ]
-        return np.asarray(each).reshape(*rows.shape[:-1], *t.shape)
+        return np.asarray(each).reshape((*rows.shape[:-1], *t.shape))
 
     def predicted_error(self, **values: float) -> float:
         """Relative error expected of one member, in R_th and in the step response from 1 ns on.
@@ -289,9 +289,9 @@ class Family:
         return files.save(self, path)
 
     def _channel(self, heated: str | None, read: str | None) -> tuple[int, int]:
-        a = checks.choice("heated", heated or self.inputs[0], self.inputs)
+        a = checks.choice("heated", heated, self.inputs, default=self.inputs[0])
         default = a if a in self.outputs else self.outputs[0]
-        b = checks.choice("read", read or default, self.outputs)
+        b = checks.choice("read", read, self.outputs, default=default)
         return self.ports.index(a), self.ports.index(b)
 
     def _foster(self, modes: MemberModes, a: int, b: int) -> Foster:

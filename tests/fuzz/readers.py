@@ -11,12 +11,13 @@ from __future__ import annotations
 
 import contextlib
 import json
+import random
 import sys
 import tempfile
 import time
 import traceback
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -170,6 +171,7 @@ def regrown(draw: Any, files: list[str]) -> str:
     return json.dumps(grow(json.loads(draw(st.sampled_from(files)))))
 
 
+ONCE = 400  # systematic replacements of each kind in a round
 QUIET: dict[str, Any] = {"deadline": None, "database": None, "suppress_health_check": list(HealthCheck)}
 
 
@@ -195,6 +197,15 @@ def survives(name: str, text: str, known: dict[str, str]) -> None:
             raise
 
 
+def replaced(name: str, texts: list[str]) -> Iterator[str]:
+    """Every valid file with one line of TOML or one node of JSON replaced, left out or there twice, in random order."""
+    for text in texts:
+        if name in ("model", "waveform"):
+            yield from map(json.dumps, hostile.replaced_leaves(json.loads(text)))
+        elif name in ("geometry", "campaign", "ring"):
+            yield from hostile.replaced_lines(text)
+
+
 def fuzz(minutes: float) -> dict[str, str]:
     """Rounds of a few hundred files for each target until the time is over; place of each failure -> input."""
     found: dict[str, str] = {}
@@ -203,8 +214,17 @@ def fuzz(minutes: float) -> dict[str, str]:
     for name, texts in files.items():
         for text in texts:
             TARGETS[name](text)  # they are valid
+    systematic = {name: list(replaced(name, texts)) for name, texts in files.items()}
+    for name, texts in systematic.items():
+        random.Random(0).shuffle(texts)
     while time.monotonic() < end:
         for name in TARGETS:
+            for text in systematic[name][ONCE * rounds : ONCE * (rounds + 1)]:
+                try:
+                    survives(name, text, found)
+                except Exception as error:
+                    found[place(error)] = text
+                    print(f"{name}: {place(error)}\n    {text!r}"[:1500], flush=True)
             inputs = edited(files[name])
             if name in ("model", "waveform"):
                 inputs = st.one_of(inputs, regrown(files[name]))

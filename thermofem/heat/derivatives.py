@@ -84,8 +84,9 @@ def derivatives(
     >>> (d.thermal_resistance * d.value / heat.thermal_resistance()).round(2).values
     array([ 0.37, -0.98])
     """
-    heated = checks.choice("heated", heated or heat.heated[0], heat.heated)
-    read = checks.choice("read", read or heated, heat.readable)
+    checks.has("heat", heat, "heated", "readable", "mesh", hint="th.assemble(geometry) makes the HeatProblem")
+    heated = checks.choice("heated", heated, heat.heated, default=heat.heated[0])
+    read = checks.choice("read", read, heat.readable, default=heated)
     changes = changes_of(heat, parameters)
     t = None if times is None else checks.array("times", times)
     if t is not None and t.min() < 0:
@@ -99,7 +100,7 @@ def derivatives(
 
 def changes_of(heat: HeatProblem, parameters: Parameter | Sequence[Parameter]) -> list[Change]:
     """The `Change` of each parameter; InputError where one is named twice."""
-    each = [parameters] if isinstance(parameters, str) else list(parameters)
+    each = checks.instances("parameters", [parameters] if isinstance(parameters, str) else parameters, str, tuple, list)
     if not each:
         raise checks.InputError("parameters is empty; name at least one path, e.g. 'part.core.radius'")
     changes = [change(heat.geometry, one) for one in each]

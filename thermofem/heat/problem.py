@@ -277,8 +277,8 @@ class HeatProblem:
         return mesh, domain
 
     def _channel(self, heated: str | None, read: str | None) -> tuple[str, str]:
-        heated = checks.choice("heated", heated or self.heated[0], self.heated)
-        return heated, checks.choice("read", read or heated, self.readable)
+        heated = checks.choice("heated", heated, self.heated, default=self.heated[0])
+        return heated, checks.choice("read", read, self.readable, default=heated)
 
     def field(self, state: ArrayLike) -> Array:
         """Temperature rise in K at every vertex of the mesh, from states of shape (..., unknowns) of the system."""
@@ -328,7 +328,8 @@ def _names(
     """One or several names, each checked against the known ones."""
     if not isinstance(given, str | Iterable | None):
         raise checks.InputError(f"{argument} = {given!r} is no name; give one or several of {', '.join(known)}")
-    names = tuple(default) if given is None else (given,) if isinstance(given, str) else tuple(given)
+    each = default if given is None else (given,) if isinstance(given, str) else given
+    names = checks.instances(argument, each, str)
     if not names:
         raise checks.InputError(f"{argument} is empty; give at least one of {', '.join(known)}")
     twice = next((name for k, name in enumerate(names) if name in names[:k]), None)

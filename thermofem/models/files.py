@@ -69,7 +69,7 @@ def save_model(model: ThermalModel, path: str | Path, *, provenance: Mapping[str
     name = type(kind).__name__
     if KINDS.get(name) is not type(kind):
         raise checks.InputError(f"a {name} has no JSON form; the kinds that have one: {', '.join(sorted(KINDS))}")
-    checks.has("provenance", provenance or {}, "items", hint="a mapping is needed, such as the .provenance of a fit")
+    provenance = checks.mapping("provenance", provenance, hint="such as the .provenance of a fit")
     content = {
         "format": FORMAT,
         "schema": SCHEMA,
@@ -77,7 +77,7 @@ def save_model(model: ThermalModel, path: str | Path, *, provenance: Mapping[str
         "inputs": list(kind.inputs),
         "outputs": list(kind.outputs),
         **kind.to_json(),
-        "provenance": dict(provenance or {}),
+        "provenance": provenance,
     }
     try:
         text = json.dumps(content, indent=2, allow_nan=False, default=_plain)

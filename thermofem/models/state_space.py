@@ -80,8 +80,8 @@ class StateSpace:
 
     def channel(self, heated: str | None = None, read: str | None = None) -> StateSpace:
         """The subsystem of one input and one output (default: the first of each)."""
-        i = self.inputs.index(checks.choice("heated", heated or self.inputs[0], self.inputs))
-        j = self.outputs.index(checks.choice("read", read or self.outputs[0], self.outputs))
+        i = self.inputs.index(checks.choice("heated", heated, self.inputs, default=self.inputs[0]))
+        j = self.outputs.index(checks.choice("read", read, self.outputs, default=self.outputs[0]))
         names: dict[str, Any] = {"inputs": (self.inputs[i],), "outputs": (self.outputs[j],)}
         return StateSpace(self.E, self.A, self.B[:, [i]], self.C[[j]], origin=self.origin, **names)
 

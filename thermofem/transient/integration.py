@@ -74,7 +74,7 @@ def integrate(
 def check_run(times: ArrayLike, snapshots: ArrayLike, rtol: float) -> tuple[Array, Array]:
     """Times and snapshots of a run from t = 0 as arrays; InputError as of `integrate`."""
     times = checks.array("times", times, increasing=True)
-    kept = checks.array("snapshots", snapshots, increasing=True) if np.size(snapshots) else np.empty(0)
+    kept = checks.array("snapshots", snapshots, increasing=True, empty=True)
     checks.between("rtol", rtol, 1e-10, 0.1)
     if times[0] < 0 or (kept.size and kept[0] < 0):
         raise checks.InputError(
