@@ -62,6 +62,7 @@ gdsfactory: .venv-gdsfactory/installed
 MINUTES ?= 60
 fuzz: .venv/installed-dev
 	$(BIN)/python tests/fuzz/readers.py $(MINUTES)
+	$(BIN)/python tests/fuzz/calls.py $(MINUTES)
 
 # the promises, broken on purpose: damaged files, kills, random trees; bounds of random reductions; MINUTES=10 for a short one
 audit: .venv/installed-dev

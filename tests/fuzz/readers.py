@@ -215,7 +215,7 @@ def fuzz(minutes: float) -> dict[str, str]:
         for text in texts:
             TARGETS[name](text)  # they are valid
     systematic = {name: list(replaced(name, texts)) for name, texts in files.items()}
-    for name, texts in systematic.items():
+    for texts in systematic.values():
         random.Random(0).shuffle(texts)
     while time.monotonic() < end:
         for name in TARGETS:
