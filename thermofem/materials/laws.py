@@ -134,23 +134,16 @@ class Table:
 
     def factor(self, T: ArrayLike) -> Array:
         """f(T)."""
-        return self.value(T) / float(self.value(self.reference))
+        return _evaluated(_pieces(self, 0.0, integrated=False), T)
 
     def integral(self, start: float, rise: ArrayLike) -> Array:
         """From the cubics' antiderivative, with straight continuations."""
-        knots, coefficients = _area(self, start)
-        x = np.asarray(rise, dtype=float)
-        k = knots[1:-1].searchsorted(x, side="right")
-        u, total = x - knots[k], coefficients[0].take(k)
-        for row in coefficients[1:]:
-            total *= u
-            total += row.take(k)
-        return np.asarray(total)
+        return _evaluated(_pieces(self, start, integrated=True), rise)
 
 
 @lru_cache(maxsize=64)
-def _area(table: Table, start: float) -> tuple[Array, Array]:
-    """Integral of f from ``start`` as a function of the rise: quartics with a knot at 0, where nothing cancels.
+def _pieces(table: Table, start: float, *, integrated: bool) -> tuple[Array, Array]:
+    """f, or its integral from ``start``, as a function of the rise over ``start``; a knot at 0: nothing cancels there.
 
     Knots in K and coefficients, highest power first: an integration asks so often that SciPy's checks would count.
     """
@@ -161,9 +154,22 @@ def _area(table: Table, start: float) -> tuple[Array, Array]:
     left = knots[:-1]
     inside = (left >= T[0]) & (left < T[-1])
     slopes = [np.where(inside, table._curve(left, k), 0.0) / math.factorial(k) for k in (3, 2, 1)]
-    area = PPoly(np.stack([*slopes, table.value(left)]), knots - start).antiderivative()
-    area.c[-1] -= area(0.0)
-    return area.x, np.ascontiguousarray(area.c) / float(table.value(table.reference))
+    curve = PPoly(np.stack([*slopes, table.value(left)]), knots - start)
+    if integrated:
+        curve = curve.antiderivative()
+        curve.c[-1] -= curve(0.0)
+    return curve.x, np.ascontiguousarray(curve.c) / float(table.value(table.reference))
+
+
+def _evaluated(pieces: tuple[Array, Array], at: ArrayLike) -> Array:
+    """Piecewise polynomials; the first and the last hold beyond their ends."""
+    knots, coefficients = pieces
+    x = np.asarray(at, dtype=float)
+    k = knots[1:-1].searchsorted(x, side="right")
+    u, total = x - knots[k], coefficients[0].take(k)
+    for row in coefficients[1:]:
+        total = total * u + row.take(k)
+    return np.asarray(total)
 
 
 CONSTANT = PowerLaw()

@@ -37,12 +37,15 @@ from ..waveforms import Constant, Waveform
 from .curvature import Curvature, curvature
 from .esdirk import EMBEDDED, GAMMA, STAGE_TIMES, STAGES, WEIGHTS, Stepper
 from .fast_part import FastPart, Piece
-from .integration import between, hermite
+from .integration import between
 from .newton_stages import GUESS, NewtonStepper
 from .nonlinear import NonlinearEquations, NonlinearLedger
 from .trajectory import Ledger
 
 SHARE = 0.2  # of the tolerance, for each of the three errors of a step
+# coefficients of the cubic of `Inside` from its four numbers
+CUBIC = np.linalg.inv(np.stack([np.arange(4) == 0, STAGE_TIMES[3] ** np.arange(4), np.ones(4), np.arange(4)]))
+LOOKED_AT = [1, 2]  # stages that it is compared with
 SLOWER = 1 / 8  # with k(T) the error of the interpolation falls with less than the fourth power of a step (measured)
 FINEST = 20  # rungs of 4 below a window before it is given up
 ROUNDS = 4  # of dz/dt = dw/dt - 2 content[z, dz/dt]; each leaves a share of c_p's relative change
@@ -73,13 +76,22 @@ class FieldState:
     heat_out: float = 0.0
 
 
-class Ends(NamedTuple):
-    """Both ends of a step: an array of the remainder r, or of its outputs, and h dr/dt."""
+class Inside(NamedTuple):
+    """The remainder r in a step, or its outputs: a cubic through both ends, the third stage and the slope at the end.
+
+    The slope at the beginning has no part: it holds what the last step left of fast modes, and what the cubics of the
+    power differ by, which is gone after a small part of the step.
+    """
 
     first: Array
+    middle: Array
     last: Array
-    first_rate: Array
-    last_rate: Array
+    rate: Array
+    """h dr/dt at the end."""
+
+    def __call__(self, u: ArrayLike) -> Array:
+        """At the fractions u of the step, shape (*u.shape, components)."""
+        return np.asarray((np.asarray(u)[..., None] ** np.arange(4)) @ CUBIC @ np.stack(self))
 
 
 class Advanced(NamedTuple):
@@ -87,8 +99,8 @@ class Advanced(NamedTuple):
 
     begin: FieldState
     fast: FastPart
-    steps: list[tuple[float, float, Ends]]
-    """Start and length in s, and the outputs of the remainder at both ends."""
+    steps: list[tuple[float, float, Inside]]
+    """Start and length in s, and the outputs of the remainder."""
     end: FieldState
     fields: Array
 
@@ -199,12 +211,12 @@ class FieldIntegrator:
                 self.stepper.rejected += 1
                 done, count = 4 * done, 4 * count
                 continue
-            state, error, ends, whole = step
+            state, error, inside, whole = step
             read, kept = between(times, t, t + h), between(keep, t, t + h)
-            outputs[read] += hermite((times[read] - t) / h, *ends)
-            taken.append((t, h, ends))
+            outputs[read] += inside((times[read] - t) / h)
+            taken.append((t, h, inside))
             if kept.size:
-                fields[kept] += hermite((keep[kept] - t) / h, *whole())
+                fields[kept] += whole()((keep[kept] - t) / h)
             done += 1
             if error * 4**4 < 1 and done % 4 == 0 and count % 4 == 0:
                 done, count = done // 4, count // 4
@@ -226,9 +238,9 @@ class FieldIntegrator:
         new = self._fast(first, waves, times)
         outputs = new.z(times) @ (C @ V).T
         outputs[0] += C @ first.r
-        for t, h, ends in steps:
+        for t, h, inside in steps:
             read = between(times, t, t + h)
-            outputs[read] += hermite((times[read] - t) / h, *ends)
+            outputs[read] += inside((times[read] - t) / h)
         z, before, slope = new.values[-1], old.values[-1], end.slope
         if self.newton is not None:
             flow, _ = self.curved(np.stack([z, before]), np.stack([z, before]))
@@ -265,8 +277,8 @@ class FieldIntegrator:
 
     def _step(
         self, fast: FastPart, state: FieldState, t: float, h: float
-    ) -> tuple[FieldState, float, Ends, Callable[[], Ends]] | None:
-        """One step: the new state, its error in units of what is allowed, and its ends in the outputs and in r."""
+    ) -> tuple[FieldState, float, Inside, Callable[[], Inside]] | None:
+        """One step: the new state, its error in units of what is allowed, and what the outputs and r are inside."""
         piece = fast.piece(t, h)
         missed = float(piece.leftover @ self.missed(h)) / (SHARE * self.tolerance)
         if missed > 1:
@@ -279,20 +291,21 @@ class FieldIntegrator:
         if self.newton is None:
             slopes[0] = state.slope + self.jump @ jump
             self._linear(piece, h, slopes, rests)
-            rates = [slopes[0], slopes[-1]]
-            read, estimate = [C @ rate for rate in rates], h * ((WEIGHTS - EMBEDDED) @ slopes)
+            rate = slopes[-1]
+            read, estimate = C @ rate, h * ((WEIGHTS - EMBEDDED) @ slopes)
         else:
             slopes[0] = state.slope + self.forcing @ jump
             if not self._nonlinear(self.newton, piece, z, h, slopes, rests):
                 return None
-            rates = [self._load(self.newton, piece, z[k], rests[k], slopes[k], k) for k in (0, -1)]
-            read, estimate = [self.readers @ rate for rate in rates], s.solve(0.0, h * ((WEIGHTS - EMBEDDED) @ slopes))
+            rate = self._load(self.newton, piece, z[-1], rests[-1], slopes[-1])
+            read, estimate = self.readers @ rate, s.solve(0.0, h * ((WEIGHTS - EMBEDDED) @ slopes))
         s.steps += 1
-        ends = Ends(C @ rests[0], C @ rests[-1], h * read[0], h * read[1])
-        step, inside = self._errors(estimate, C @ rests[3] - hermite(STAGE_TIMES[[3]], *ends)[0])
-        if not max(missed, step, inside) <= 1:
+        at = rests @ C.T
+        inside = Inside(at[0], at[3], at[5], h * read)
+        step, between_ = self._errors(estimate, at[LOOKED_AT] - inside(STAGE_TIMES[LOOKED_AT]))
+        if not max(missed, step, between_) <= 1:
             return None
-        error = max(missed, step, inside * (1.0 if self.newton is None else SLOWER))
+        error = max(missed, step, between_ * (1.0 if self.newton is None else SLOWER))
         V, out = self.basis.vectors, float(self.direct @ piece.energy)
         if self.newton is not None and self.ledger:
             out += self.ledger.outflow(h, WEIGHTS, z @ V.T + rests, slopes)
@@ -305,11 +318,10 @@ class FieldIntegrator:
             state.heat_in + float(piece.energy.sum()), state.heat_out + out,
         )  # fmt: skip
 
-        def whole() -> Ends:
-            solved = rates if self.newton is None else [s.solve(0.0, rate) for rate in rates]
-            return Ends(rests[0], rests[-1], h * solved[0], h * solved[1])
+        def whole() -> Inside:
+            return Inside(rests[0], rests[3], rests[5], h * (rate if self.newton is None else s.solve(0.0, rate)))
 
-        return new, error, ends, whole
+        return new, error, inside, whole
 
     def _linear(self, piece: Piece, h: float, slopes: Array, rests: Array) -> None:
         """Stages E s = forcing [P, z] - K r."""
@@ -336,14 +348,14 @@ class FieldIntegrator:
             slopes[i] = (s.system.content(x) - follows[i] - known) / shift
         return True
 
-    def _load(self, s: NewtonStepper, piece: Piece, z: Array, r: Array, slope: Array, end: int) -> Array:
-        """E dr/dt at one end of a step, from H'(x) dx/dt = slope + E V d(z + e)/dt, its inverse taken node by node."""
+    def _load(self, s: NewtonStepper, piece: Piece, z: Array, r: Array, slope: Array) -> Array:
+        """E dr/dt at the end of a step, from H'(x) dx/dt = slope + E V d(z + e)/dt, its inverse taken node by node."""
         content = s.system.content
         if not content.laws:
             return slope
         x, curved, one = self.basis.vectors @ z + r, self.curved, z[None]
         moving = (
-            self.basis.heating @ piece.stages[end, : piece.energy.size] - self.basis.rate * z - curved(one, one)[0][0]
+            self.basis.heating @ piece.stages[-1, : piece.energy.size] - self.basis.rate * z - curved(one, one)[0][0]
         )
         rate = moving
         for _ in range(ROUNDS):

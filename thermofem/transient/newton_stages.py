@@ -221,26 +221,26 @@ class _Nodal:
     """A `NodalOperator` at each node where the neighbours do the same: its laws, weighted by the diagonal."""
 
     def __init__(self, operator: NodalOperator, diagonal: Array) -> None:
-        self.ambient, self.size = operator.ambient, diagonal.size
+        self.operator, self.size = operator, diagonal.size
         self.laws = []
         start = diagonal.size
-        for law, at in operator.laws:
+        for _, at in operator.laws:
             block = operator.matrix[:, start : start + at.size].tocsr()
-            self.laws.append((law, at, np.asarray(block[at, np.arange(at.size)]).ravel() / diagonal[at]))
+            self.laws.append((at, np.asarray(block[at, np.arange(at.size)]).ravel() / diagonal[at]))
             start += at.size
 
     def slope(self, x: Array) -> Array:
         """Derivative at each node."""
         total = np.ones(self.size)
-        for law, at, weight in self.laws:
-            total[at] += weight * (law.factor(self.ambient + x[at]) / law.factor(self.ambient) - 1)
+        for (at, weight), slope in zip(self.laws, self.operator.slopes(x), strict=True):
+            total[at] += weight * (slope - 1)
         return total
 
     def integral(self, extended: Array) -> Array:
         """Its integral from ambient in K, from what `NodalOperator.extended` gives."""
         x, start = extended[: self.size], self.size
         total = x.copy()
-        for _, at, weight in self.laws:
+        for at, weight in self.laws:
             total[at] += weight * (extended[start : start + at.size] - x[at])
             start += at.size
         return total
@@ -250,39 +250,35 @@ class _Neighbour:
     """The symmetric approximation of the derivative of a `NodalOperator`, as values in the places of a `Pencil`."""
 
     def __init__(self, operator: NodalOperator, pencil: Pencil) -> None:
-        self.ambient, self.laws = operator.ambient, []
+        self.operator, self.laws = operator, []
         n, start = operator.matrix.shape[0], operator.matrix.shape[0]
         rows, columns = pencil.rows_and_columns
         self.rest = np.zeros(rows.size)
         self._add(pencil, operator.matrix[:, :n], self.rest)
-        for law, at in operator.laws:
+        for _, at in operator.laws:
             block = operator.matrix[:, start : start + at.size].tocsc()
             start += at.size
             where, values = pencil.places(_spread(block, at, n))
             local = np.zeros(n, dtype=np.intp)
             local[at] = np.arange(at.size)
-            self.laws.append((law, at, where, values, local[rows[where]], local[columns[where]]))
-        self.slopes = [np.ones(at.size) for _, at, *_ in self.laws]
+            self.laws.append((where, values, local[rows[where]], local[columns[where]]))
+        self.slopes = [np.ones(at.size) for _, at in operator.laws]
 
     @staticmethod
     def _add(pencil: Pencil, matrix: Any, total: Array) -> None:
         where, values = pencil.places(matrix)
         total[where] += values
 
-    def _slopes(self, x: Array) -> list[Array]:
-        T0 = self.ambient
-        return [law.factor(T0 + x[at]) / law.factor(T0) for law, at, *_ in self.laws]
-
     def drift(self, x: Array) -> float:
         """Largest relative change of a derivative since `at`."""
-        new = self._slopes(x)
+        new = self.operator.slopes(x)
         return max((float(np.abs(a / b - 1).max()) for a, b in zip(new, self.slopes, strict=True)), default=0.0)
 
     def at(self, x: Array) -> Array:
         """The values at ``x``."""
-        self.slopes = self._slopes(x)
+        self.slopes = self.operator.slopes(x)
         total = self.rest.copy()
-        for (_, _, where, values, i, j), slope in zip(self.laws, self.slopes, strict=True):
+        for (where, values, i, j), slope in zip(self.laws, self.slopes, strict=True):
             root = np.sqrt(slope)
             total[where] += values * root[i] * root[j]
         return total

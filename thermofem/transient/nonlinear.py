@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -40,12 +41,22 @@ class NodalOperator:
     laws: tuple[tuple[Law, NDArray[np.intp]], ...]
     ambient: float
 
+    @cached_property
+    def references(self) -> list[float]:
+        """Every law at the ambient temperature."""
+        return [float(law.factor(self.ambient)) for law, _ in self.laws]
+
+    def slopes(self, x: Array) -> list[Array]:
+        """Derivative of every g at its nodes, from x of shape (n,)."""
+        both = zip(self.laws, self.references, strict=True)
+        return [law.factor(self.ambient + x[at]) / reference for (law, at), reference in both]
+
     def extended(self, x: Array) -> Array:
         """[x, g_1(x), g_2(x), ...] in K, from x of shape (..., n)."""
         if not self.laws:
             return x
-        T0 = self.ambient
-        laws = [law.integral(T0, x[..., at]) / law.factor(T0) for law, at in self.laws]
+        both = zip(self.laws, self.references, strict=True)
+        laws = [law.integral(self.ambient, x[..., at]) / reference for (law, at), reference in both]
         return np.concatenate([x, *laws], axis=-1)
 
     def __call__(self, x: Array) -> Array:  # noqa: D102 - the class says what it is
@@ -56,15 +67,13 @@ class NodalOperator:
         from scipy.sparse import csr_matrix, identity, vstack
 
         blocks = [identity(x.size, format="csr")]
-        for law, at in self.laws:
-            slope = law.factor(self.ambient + x[at]) / law.factor(self.ambient)
+        for (_, at), slope in zip(self.laws, self.slopes(x), strict=True):
             blocks.append(csr_matrix((slope, (np.arange(at.size), at)), shape=(at.size, x.size)))
         return self.matrix @ vstack(blocks, format="csr")
 
     def derivative(self, x: Array) -> Callable[[Array], Array]:
         """The derivative at ``x`` as a function of the direction, without its matrix."""
-        T0 = self.ambient
-        slopes = [(law.factor(T0 + x[at]) / law.factor(T0), at) for law, at in self.laws]
+        slopes = [(slope, at) for (_, at), slope in zip(self.laws, self.slopes(x), strict=True)]
         return lambda v: np.asarray(self.matrix @ np.concatenate([v, *(slope * v[at] for slope, at in slopes)]))
 
 
