@@ -26,6 +26,7 @@ TURN = 0.3  # of the largest values, what the stages may change in a step
 EASY, HARD = 3, 5  # steps of Newton's method
 SMALL = 0.05  # relative range of the carriers where a branch that shrinks ends in a Hopf point
 SLOWEST = 30.0  # times the shortest period of the branch, where it runs into a saddle
+AT = 1e-3  # distance of a multiplier from where it has to be
 HOPF = "Hopf"
 KINDS = ("fold", "period doubling", "torus")
 
@@ -173,7 +174,7 @@ def _between(
     for kind, test in zip(KINDS, (fold, doubling, torus), strict=True):
         if kind in kinds and test(place) * test(ahead) < 0:
             found = _located(family, place, tangent, step, test)
-            if found is not None and (kind != "torus" or _has_a_pair(found)):
+            if found is not None and _is_there(kind, found):
                 out.append(Found(found, kind))
     return sorted(out, key=lambda f: _distance(family, place, f.place, tangent))
 
@@ -198,10 +199,14 @@ def _located(
         return None
 
 
-def _has_a_pair(place: Place) -> bool:
-    """Whether the multipliers whose product is 1 are complex, so that the cycle sheds a torus."""
+def _is_there(kind: str, place: Place) -> bool:
+    """Whether the multipliers are what the sign of a test says: beside a saddle they may change it through infinity."""
     mu = nontrivial(place.orbit)
-    return bool(np.any((np.abs(np.abs(mu) - 1) < 1e-3) & (np.abs(mu.imag) > 1e-3)))
+    if kind == "period doubling":
+        return bool(np.abs(1 + mu).min() < AT)
+    if kind == "torus":  # a complex pair whose product is 1
+        return bool(np.any((np.abs(np.abs(mu) - 1) < AT) & (np.abs(mu.imag) > AT)))
+    return True
 
 
 def _distance(family: FreeParameters, place: Place, other: Place, tangent: Array) -> float:

@@ -25,7 +25,7 @@ import numpy as np
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.models import ThermalModel
 
-from ..arguments import check_axis, check_ring
+from ..arguments import check_axis, check_ring, one_laser
 from ..resonator import RingResonator
 from .steady import absorbable, internal
 
@@ -62,6 +62,7 @@ class _Piece(NamedTuple):
     meets: tuple[bool, bool]  # whether it starts, and ends, where the two sheets meet
 
 
+@one_laser
 def hopf_curves(
     ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike
 ) -> list[xr.Dataset]:  # fmt: skip
@@ -126,6 +127,7 @@ def _hopf(plane: _Plane) -> Iterator[tuple[Array, Array, Array, list[bool], Arra
             yield U, D, omega, leading, np.array([g for g, _ in found])
 
 
+@one_laser
 def fold_curves(
     ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike
 ) -> list[xr.Dataset]:  # fmt: skip

@@ -10,7 +10,7 @@ from thermofem import checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.models import ThermalModel
 
-from ..arguments import check_detuning, check_power, check_ring
+from ..arguments import check_detuning, check_power, check_ring, one_laser
 from ..resonator import RingResonator
 from .steady import Internal, absorbable, internal, observables, provenance
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 POINTS = 600  # of a curve
 
 
+@one_laser
 def transmission(
     ring: RingResonator,
     model: ThermalModel,
@@ -95,6 +96,7 @@ def transmission(
     return found
 
 
+@one_laser
 def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike, detuning: ArrayLike) -> Array:
     """Return the bus power (W) that a steady drop power needs: the transmission turned round, which has one value.
 
@@ -146,6 +148,7 @@ def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike,
     return np.asarray(U * (gamma**2 + D**2) / eq.internal_pump(ring, 1.0) ** 2).reshape(wanted.shape)
 
 
+@one_laser
 def sweep(
     ring: RingResonator,
     model: ThermalModel,

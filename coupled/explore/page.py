@@ -18,7 +18,7 @@ from thermofem.dataset import write_whole
 from thermofem.models import ThermalModel
 from thermofem.version import __version__
 
-from ..arguments import check_detuning, check_power
+from ..arguments import check_detuning, check_power, one_laser
 from ..heaters import heater_power
 from ..parameters.borghi2021 import borghi2021
 from ..parameters.vanvaerenbergh2012 import vanvaerenbergh2012
@@ -65,6 +65,7 @@ class Page:
         return f'<iframe srcdoc="{text}" style="width:100%;height:900px;border:0" title="ring"></iframe>'
 
 
+@one_laser
 def explore(
     ring: RingResonator,
     models: ThermalModel | Mapping[str, ThermalModel] | None = None,

@@ -39,7 +39,7 @@ ROWS = 1000  # steps of the light beyond which a window does not double
 SHORTEST = 1e-12  # s; windows below are given up
 STARTS = 10.0  # largest discrepancies by which the first value of a window may differ from the last accepted one
 HOTTEST = 1e5  # K; no solid is
-CLOSE = 0.1  # of the largest discrepancy: what the FEM's temperature may still move, since later windows magnify it
+CLOSE = 0.05  # of the largest discrepancy: what the FEM's temperature may still move, since later windows magnify it
 KNOTS = 0.02  # share of the largest discrepancy that thinning the discrepancy may cost
 
 

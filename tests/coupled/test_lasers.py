@@ -189,7 +189,13 @@ def test_several_lasers_are_refused_where_there_is_one(name, light):
         ONE_LASER[name](**HERE | SEVERAL[light])
 
 
-@pytest.mark.parametrize("map_of", [coupled.stability_map, coupled.pulsing_map])
-def test_maps_have_one_laser(map_of):
+PLANES = (
+    coupled.stability_map, coupled.pulsing_map, coupled.hopf_curves, coupled.fold_curves, coupled.cycle_fold_curves,
+    coupled.transmission, coupled.sweep, coupled.power_for_drop, coupled.explore,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("map_of", PLANES)
+def test_maps_and_curves_have_one_laser(map_of):
     with pytest.raises(th.InputError, match=rf"{map_of.__name__} has one laser.*simulate\(..., lasers="):
         map_of(RING, NETWORK, [1e-3, 2e-3], [0.0, 1e9], lasers=[coupled.Laser(1e-3)])

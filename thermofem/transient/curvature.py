@@ -9,7 +9,7 @@ for F and H of `nonlinear`. The inverse of the enthalpy's slope is 1 - inverse[z
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +20,7 @@ from ..materials.laws import Law
 from .nonlinear import NodalOperator, NonlinearEquations
 
 # K; of 5, 10 and 15 K the one with fewest solves for a ring that pulses up to 10 K; it changes the work alone
-HOT = 15.0
+HOT = 10.0
 ROWS = 4096  # of amplitudes whose products are held at once
 
 
@@ -59,6 +59,20 @@ def curvature(system: NonlinearEquations, V: Array) -> Curvature:
         content += _chord(law, T0) * form
         inverse += (1 - law.factor(T0) / law.factor(T0 + HOT)) / HOT * form
     return Curvature(flow, content, inverse)
+
+
+def flow_of(system: NonlinearEquations, V: Array) -> Callable[[Array], Array]:
+    """Return the quadratic part of F(V z) - K V z as a function of products z z^T, (m, k, k) to (m, n)."""
+    n, k = V.shape
+    parts = [(_chord(law, system.flow.ambient) * block, at) for law, at, block in operators(system.flow)]
+
+    def flow(products: Array) -> Array:
+        m = len(products)
+        wide = (V @ products.transpose(1, 0, 2).reshape(k, m * k)).reshape(n, m, k)  # one product of matrices
+        squares = np.einsum("nmk,nk->nm", wide, V)
+        return np.asarray(sum((block @ squares[at] for block, at in parts), np.zeros_like(squares)).T)
+
+    return flow
 
 
 def _chord(law: Law, T0: float) -> float:

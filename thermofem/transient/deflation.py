@@ -14,17 +14,16 @@ With k(T) and c_p(T) the amplitudes obey d(z + e)/dt = -rate z - f + heating P w
 
     d/dt [H(x) - E V (z + e)] = (B - E V V^T B) P - D z + K V z + E V f - F(x).
 
-Within a step the power enters r through its best cubic approximation P_3, which preserves the energy. The difference
-P - P_3 changes the output by at most about max|P - P_3| |H - H_V|(1/(gamma h)), the part of the impedance that V does
-not contain, at the time scales of the step and below. This error, the embedded error estimate and the error of the
-interpolation at the third stage are each kept below a fixed share of the tolerance.
+Within a step the power enters r through its best cubic approximation P_3, which preserves the energy, and so does what
+is quadratic in z. The difference P - P_3 changes the output by at most about max|P - P_3| |H - H_V|(1/(gamma h)), the
+part of the impedance that V does not contain, at the time scales of the step and below. This error, the embedded error
+estimate and the distance of the interpolation from two further stages are each kept below a share of the tolerance.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 
@@ -34,75 +33,22 @@ from ..algebra.krylov import Basis
 from ..algebra.system import LinearSystem
 from ..arrays import Array, ArrayLike
 from ..waveforms import Constant, Waveform
-from .curvature import Curvature, curvature
+from .curvature import Curvature, curvature, flow_of
 from .esdirk import EMBEDDED, GAMMA, STAGE_TIMES, STAGES, WEIGHTS, Stepper
 from .fast_part import FastPart, Piece
+from .field_state import Advanced, FieldState, Inside
 from .integration import between
 from .newton_stages import GUESS, NewtonStepper
 from .nonlinear import NonlinearEquations, NonlinearLedger
 from .trajectory import Ledger
 
 SHARE = 0.2  # of the tolerance, for each of the three errors of a step
-# coefficients of the cubic of `Inside` from its four numbers
-CUBIC = np.linalg.inv(np.stack([np.arange(4) == 0, STAGE_TIMES[3] ** np.arange(4), np.ones(4), np.arange(4)]))
-LOOKED_AT = [1, 2]  # stages that it is compared with
+LOOKED_AT = [1, 2]  # stages that the cubic of `Inside` is compared with
 SLOWER = 1 / 8  # with k(T) the error of the interpolation falls with less than the fourth power of a step (measured)
 FINEST = 20  # rungs of 4 below a window before it is given up
 ROUNDS = 4  # of dz/dt = dw/dt - 2 content[z, dz/dt]; each leaves a share of c_p's relative change
 SETTLED = 1e-3  # of the tolerance, that the iteration of the fast part may leave
 FINER = 4.0 ** -np.arange(4)  # scales below a step at which what the basis leaves of the impedance is looked at
-
-
-@dataclass(frozen=True, eq=False)
-class FieldState:
-    """A field at one time: x = V z + r, and what the next step needs.
-
-    time [s]
-    z, r [shape (k,) and (n,)]
-    slope [shape (n,)]: the time derivative in the equation of the module at the end of the last step: E^-1 times it
-        where the system is linear, in W where it is not.
-    source [shape (inputs + k,)]: the P and z that this slope was computed with.
-    step [s]: length of the last step; 0 before the first.
-    heat_in, heat_out [J]: since the start.
-    """
-
-    time: float
-    z: Array
-    r: Array
-    slope: Array
-    source: Array
-    step: float = 0.0
-    heat_in: float = 0.0
-    heat_out: float = 0.0
-
-
-class Inside(NamedTuple):
-    """The remainder r in a step, or its outputs: a cubic through both ends, the third stage and the slope at the end.
-
-    The slope at the beginning has no part: it holds what the last step left of fast modes, and what the cubics of the
-    power differ by, which is gone after a small part of the step.
-    """
-
-    first: Array
-    middle: Array
-    last: Array
-    rate: Array
-    """h dr/dt at the end."""
-
-    def __call__(self, u: ArrayLike) -> Array:
-        """At the fractions u of the step, shape (*u.shape, components)."""
-        return np.asarray((np.asarray(u)[..., None] ** np.arange(4)) @ CUBIC @ np.stack(self))
-
-
-class Advanced(NamedTuple):
-    """A window that was advanced, for `FieldIntegrator.revised`."""
-
-    begin: FieldState
-    fast: FastPart
-    steps: list[tuple[float, float, Inside]]
-    """Start and length in s, and the outputs of the remainder."""
-    end: FieldState
-    fields: Array
 
 
 class FieldIntegrator:
@@ -137,7 +83,7 @@ class FieldIntegrator:
         self.forcing = np.column_stack([s.B - self.EV @ basis.heating, self.EV * basis.rate - KV])
         self.curved = Curvature(*np.zeros((3, *(V.shape[1],) * 3)))
         if isinstance(system, NonlinearEquations):
-            self.curved = curvature(system, V)
+            self.curved, self.flow = curvature(system, V), flow_of(system, V)
             self.loads = np.column_stack([KV, self.forcing, self.EV])
             self.readers = np.stack([s.solve(0.0, row) for row in np.asarray(linear.C)])
         else:
@@ -283,8 +229,8 @@ class FieldIntegrator:
         missed = float(piece.leftover @ self.missed(h)) / (SHARE * self.tolerance)
         if missed > 1:
             return None
-        s, C = self.stepper, self.linear.C
-        slopes, rests = np.empty((6, state.r.size)), np.empty((6, state.r.size))
+        s, C, V = self.stepper, self.linear.C, self.basis.vectors
+        slopes, rests, correction = np.empty((6, state.r.size)), np.empty((6, state.r.size)), np.zeros(6)
         rests[0], jump = state.r, piece.stages[0] - state.source
         z = fast.z(t + h * STAGE_TIMES)
         z[4] = piece.stages[4, piece.energy.size :]  # the fifth stage lies beyond the step
@@ -294,19 +240,20 @@ class FieldIntegrator:
             rate = slopes[-1]
             read, estimate = C @ rate, h * ((WEIGHTS - EMBEDDED) @ slopes)
         else:
-            slopes[0] = state.slope + self.forcing @ jump
-            if not self._nonlinear(self.newton, piece, z, h, slopes, rests):
+            correction = self._correction(fast, z, t, h)
+            slopes[0] = state.slope + self.forcing @ jump + (correction[0] - state.correction)
+            if not self._nonlinear(self.newton, piece, z, h, slopes, rests, correction):
                 return None
             rate = self._load(self.newton, piece, z[-1], rests[-1], slopes[-1])
             read, estimate = self.readers @ rate, s.solve(0.0, h * ((WEIGHTS - EMBEDDED) @ slopes))
         s.steps += 1
         at = rests @ C.T
         inside = Inside(at[0], at[3], at[5], h * read)
-        step, between_ = self._errors(estimate, at[LOOKED_AT] - inside(STAGE_TIMES[LOOKED_AT]))
-        if not max(missed, step, between_) <= 1:
+        step, apart = self._errors(estimate, at[LOOKED_AT] - inside(STAGE_TIMES[LOOKED_AT]))
+        if not max(missed, step, apart) <= 1:
             return None
-        error = max(missed, step, between_ * (1.0 if self.newton is None else SLOWER))
-        V, out = self.basis.vectors, float(self.direct @ piece.energy)
+        error = max(missed, step, apart * (1.0 if self.newton is None else SLOWER))
+        out = float(self.direct @ piece.energy)
         if self.newton is not None and self.ledger:
             out += self.ledger.outflow(h, WEIGHTS, z @ V.T + rests, slopes)
         elif isinstance(self.ledger, Ledger):
@@ -315,7 +262,7 @@ class FieldIntegrator:
             out += float(self.ledger.drain_E @ (V @ (z[-1] - z[0])))
         new = FieldState(
             t + h, z[-1], rests[-1], slopes[-1], piece.stages[-1], h,
-            state.heat_in + float(piece.energy.sum()), state.heat_out + out,
+            state.heat_in + float(piece.energy.sum()), state.heat_out + out, correction[-1],
         )  # fmt: skip
 
         def whole() -> Inside:
@@ -331,12 +278,14 @@ class FieldIntegrator:
             slopes[i] = s.solve(GAMMA * h, s.A @ known + self.forcing @ piece.stages[i])
             rests[i] = known + GAMMA * h * slopes[i]
 
-    def _nonlinear(self, s: NewtonStepper, piece: Piece, z: Array, h: float, slopes: Array, rests: Array) -> bool:
+    def _nonlinear(
+        self, s: NewtonStepper, piece: Piece, z: Array, h: float, slopes: Array, rests: Array, correction: Array
+    ) -> bool:  # fmt: skip
         """Stages with k(T) and c_p(T), in the unknown x = V z + r; False where one does not converge. Slopes in W."""
         shift, fields = GAMMA * h, z @ self.basis.vectors.T
         flow, held = self.curved(z, z)
         follows = (z + held) @ self.EV.T
-        targets = follows + shift * (np.hstack([z, piece.stages, flow]) @ self.loads.T)
+        targets = follows + shift * (np.hstack([z, piece.stages, flow]) @ self.loads.T + correction)
         s.tolerance = 0.02 * SHARE * self.tolerance / max(s.rise, self.tolerance)
         start = s.system.content(fields[0] + rests[0]) - follows[0]
         for i in range(1, 6):
@@ -347,6 +296,15 @@ class FieldIntegrator:
             rests[i] = x - fields[i]
             slopes[i] = (s.system.content(x) - follows[i] - known) / shift
         return True
+
+    def _correction(self, fast: FastPart, z: Array, t: float, h: float) -> Array:
+        """What the stages miss of E V f - [F(V z) - K V z] in a step, W, shape (6, n), to second order in z.
+
+        Its products z_j z_k enter by their best cubics, as the power does: else pulses of z between the stages would
+        leave their heat out.
+        """
+        missed = self.flow(fast.products(t, h) - z[:, :, None] * z[:, None, :])
+        return np.asarray(missed @ self.basis.vectors @ self.EV.T - missed)
 
     def _load(self, s: NewtonStepper, piece: Piece, z: Array, r: Array, slope: Array) -> Array:
         """E dr/dt at the end of a step, from H'(x) dx/dt = slope + E V d(z + e)/dt, its inverse taken node by node."""

@@ -147,17 +147,27 @@ class FastPart:
 
     def piece(self, t: float, h: float) -> Piece:
         """The step from ``t`` to ``t + h``."""
-        inside = self.grid[(self.grid > t + 1e-9 * h) & (self.grid < t + h * (1 - 1e-9))]
-        edges = (np.concatenate([[t], inside, [t + h]]) - t) / h
-        width = np.diff(edges)
-        u = (edges[:-1, None] + width[:, None] * NODES).ravel()
-        weight = (width[:, None] * WEIGHTS).ravel()
+        u, weight = self._nodes(t, h)
         at = t + h * u
         power = self.powers(at)
         shapes = _legendre(u)
         moments = shapes.T @ (weight[:, None] * np.concatenate([power, self.z(at)], axis=1))
         left = power - shapes @ moments[:, : power.shape[1]]
         return Piece(_AT_STAGES @ moments, np.abs(left).max(axis=0), h * (weight @ power))
+
+    def products(self, t: float, h: float) -> Array:
+        """All z_j z_k at the stages of the step from ``t`` to ``t + h``, as their best cubics, shape (6, k, k)."""
+        u, weight = self._nodes(t, h)
+        z = self.z(t + h * u)
+        moments = (weight[:, None] * _legendre(u)).T @ (z[:, :, None] * z[:, None, :]).reshape(u.size, -1)
+        return np.asarray((_AT_STAGES @ moments).reshape(len(_AT_STAGES), z.shape[1], z.shape[1]))
+
+    def _nodes(self, t: float, h: float) -> tuple[Array, Array]:
+        """Gauss points of every grid interval of a step, as fractions of it, and their weights."""
+        inside = self.grid[(self.grid > t + 1e-9 * h) & (self.grid < t + h * (1 - 1e-9))]
+        edges = (np.concatenate([[t], inside, [t + h]]) - t) / h
+        width = np.diff(edges)
+        return (edges[:-1, None] + width[:, None] * NODES).ravel(), (width[:, None] * WEIGHTS).ravel()
 
 
 def _followed(z: Array, decay: Array, forcing: Array) -> Array:
