@@ -6,7 +6,6 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
-from browser import chromium
 
 import coupled
 import thermofem as th
@@ -19,16 +18,15 @@ SAME = 1e-6  # the aim of the comparison; what is measured stands at each test
 
 
 @pytest.fixture(scope="module")
-def js():
+def js(browser):
     """A function that evaluates a JavaScript function with an argument, in a page that holds the modules."""
-    with chromium() as browser:
-        page = browser.new_page()
-        page.goto("about:blank")
-        page.evaluate("globalThis.d3 = {}; document.addEventListener = () => {};")  # the page itself is not started
-        source = bundle.script().replace("else start();", "")
-        page.evaluate(f"() => {{ {source} }}")
-        page.evaluate("tables => { globalThis.tables = tables }", bundle.tableaus())
-        yield page.evaluate
+    page = browser.new_page()
+    page.goto("about:blank")
+    page.evaluate("globalThis.d3 = {}; document.addEventListener = () => {};")  # the page itself is not started
+    source = bundle.script().replace("else start();", "")
+    page.evaluate(f"() => {{ {source} }}")
+    page.evaluate("tables => { globalThis.tables = tables }", bundle.tableaus())
+    return page.evaluate
 
 
 def ring_and_model(seed):

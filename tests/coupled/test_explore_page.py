@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from browser import chromium, opened, run_in_a_shell, settled
+from browser import opened, run_in_a_shell, settled
 
 import coupled
 import thermofem as th
@@ -22,12 +22,6 @@ MODELS = {
     "slow heat": th.Foster(R=[600, 1500, 2000, 2200, 1500], tau=[20e-9, 100e-9, 400e-9, 2e-6, 12e-6]),
     HOSTILE: th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6]),
 }  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as running:
-        yield running
 
 
 @pytest.fixture(scope="module")
@@ -192,7 +186,8 @@ def test_nothing_is_wider_than_the_window(browser, file, width, scheme):
     page.close()
 
 
-@pytest.mark.parametrize(("width", "scheme"), [(390, "dark"), (1300, "light")])
+@pytest.mark.parametrize("width", [390, 1300])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_accessible_by_the_rules_of_axe(browser, file, width, scheme):
     axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed")
     page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme, bypass_csp=True)

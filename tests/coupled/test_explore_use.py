@@ -9,7 +9,7 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
-from browser import chromium, opened, run_in_a_shell, settled
+from browser import opened, run_in_a_shell, settled
 
 import coupled
 import surrogate
@@ -20,12 +20,6 @@ pytestmark = pytest.mark.slow
 
 WIDE, PHONE = {"width": 1300, "height": 900}, {"width": 390, "height": 844}
 CONTROLS = "input:not([type=hidden]), select, button, summary, #plane"
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as running:
-        yield running
 
 
 @pytest.fixture(scope="module")
