@@ -43,6 +43,35 @@ SCRIPTS = {
         const nu = Float64Array.from({ length: 40 }, (_, j) => p.turnOf((-30 + 60 * j / 39) * 1e9));
         for (let i = 0; i < 40; i++) p.survey(nu, p.driveOf(system, 2e-3 * 5 ** (i / 39)), system);""",
 }
+# a slider that moves at every frame for 3 s: frames and new traces in a second
+MOVING = """async ([name, low, high]) => {
+    const slider = document.getElementById(`${name}-slider`), seen = new Set();
+    let frames = 0;
+    const begin = performance.now();
+    while (performance.now() - begin < 3000) {
+        const phase = (performance.now() - begin) / 3000;
+        slider.value = Math.round(Number(slider.max) * (low + (high - low) * phase));
+        slider.dispatchEvent(new Event("input"));
+        await new Promise(requestAnimationFrame);
+        frames++;
+        seen.add(ringPage.shown.trace);
+    }
+    return [frames / 3, seen.size / 3];
+}"""
+# from another carrier lifetime to the coarse and to the fine plane, ms
+PLANE = """async (lifetime) => {
+    const field = document.getElementById("lifetime"), times = [];
+    field.value = lifetime;
+    const begin = performance.now();
+    field.dispatchEvent(new Event("input"));
+    for (let map = ringPage.shown.map; times.length < 3; ) {
+        await new Promise(requestAnimationFrame);
+        if (ringPage.shown.map === map) continue;
+        map = ringPage.shown.map;
+        times.push(performance.now() - begin);
+    }
+    return times;
+}"""
 
 
 def in_python(model: th.Foster) -> dict[str, Callable[[], Any]]:
@@ -73,6 +102,14 @@ def main(repeats: int) -> None:
             f"first answer after opening: {time.perf_counter() - begin:.2f} s; file {path.stat().st_size / 1e3:.0f} kB"
         )
         page.wait_for_timeout(4000)
+        for name, low, high in (("power", 0.5, 0.8), ("detuning", 0.4, 0.6), ("lifetime", 0.5, 0.7)):
+            for _ in range(2):
+                frames, traces = page.evaluate(MOVING, [name, low, high])
+            print(f"{name} slider moves: {frames:.0f} frames and {traces:.0f} traces a second")
+            page.wait_for_timeout(3000)
+        planes = np.array([page.evaluate(PLANE, 20 + k % 3) for k in range(repeats)])
+        times = [f"{np.median(column):.0f} ({column.min():.0f})" for column in planes.T]
+        print(f"plane: coarse after {times[0]} ms, fine after {times[2]} ms")
         for k, (poles, model) in enumerate(models.items()):
             python = in_python(model)
             for name, script in SCRIPTS.items():

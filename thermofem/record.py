@@ -37,6 +37,11 @@ class Column(NamedTuple):
         """Number of dimensions."""
         return self.values.ndim
 
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Type of the values."""
+        return self.values.dtype
+
 
 @dataclass(frozen=True, eq=False)
 class Record:

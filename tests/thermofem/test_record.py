@@ -56,3 +56,12 @@ def test_fast_commands_import_neither_xarray_nor_what_it_imports(command, needed
     code += "app(standalone_mode=False); print({'xarray', 'pandas', 'dask', 'pint', 'surrogate'} & {*sys.modules})"
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == str(needed or "set()")
+
+
+def test_models_are_trained_on_a_record_as_on_its_dataset():
+    """Fits read types and units of either; `thermofem explore` of a geometry trains on records."""
+    exact, step = th.Foster(R=[2e3, 5e3], tau=[1e-7, 1e-6]), th.Constant(2e-3)
+    times = np.geomspace(1e-9, 1e-4, 61)
+    record = th.dataset.build.record(times, exact.response(step, times), step)
+    mine, theirs = (surrogate.fit_foster(data, 2).model for data in (record, record.dataset()))
+    assert (mine.R.tolist(), mine.tau.tolist()) == (theirs.R.tolist(), theirs.tau.tolist())

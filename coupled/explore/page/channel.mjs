@@ -2,6 +2,8 @@
 
 import { engineOf } from "./engine.mjs";
 
+const LISTEN = 30; // ms between two looks for a newer request
+
 /** Answer one request; `report` is called for every part, `stale` says whether a newer request has come. */
 async function answer(engine, request, report, stale) {
   const result = engine[request.kind](request);
@@ -9,10 +11,13 @@ async function answer(engine, request, report, stale) {
     report(result, true);
     return;
   }
+  let since = performance.now();
   for (const part of result) {
     if (part) report(part, false);
-    await new Promise((resume) => setTimeout(resume));
+    if (performance.now() - since < LISTEN) continue;
+    await new Promise((resume) => setTimeout(resume)); // 4 ms at least, for a browser
     if (stale()) return;
+    since = performance.now();
   }
   report(null, true);
 }

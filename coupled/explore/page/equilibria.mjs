@@ -12,15 +12,25 @@ const SPACING = 0.02;
 const CLOSE = 4e-16;
 const pair = new Float64Array(2);
 
-/** Everything at a fixed point of energy U that does not depend on the laser, and its derivatives by U. */
-export function balance(U, sys) {
+const carried = new Float64Array(4);
+
+/** N, dN/dU, gamma and dgamma/dU at a fixed point of energy U, written to `carried`. */
+function carry(U, sys) {
   const k = sys.tau0 * sys.g * U * U;
   const p = 1 - sys.a * k;
   const root = Math.sqrt(p * p + 4 * sys.b * k);
   const N = p > 0 ? (2 * k) / (p + root) : (root - p) / (2 * sys.b);
   const NSlope = (2 * sys.tau0 * sys.g * U * (1 + sys.a * N)) / root;
-  const gamma = sys.loss + sys.fca * N + sys.tpa * U;
-  const gammaSlope = sys.fca * NSlope + sys.tpa;
+  carried[0] = N;
+  carried[1] = NSlope;
+  carried[2] = sys.loss + sys.fca * N + sys.tpa * U;
+  carried[3] = sys.fca * NSlope + sys.tpa;
+}
+
+/** Everything at a fixed point of energy U that does not depend on the laser, and its derivatives by U. */
+export function balance(U, sys) {
+  carry(U, sys);
+  const [N, NSlope, gamma, gammaSlope] = [carried[0], carried[1], carried[2], carried[3]];
   const z = sys.R * absorbedPower(U, N, sys);
   const lift = 1 + 2 * sys.curvature * z;
   const dT = z + sys.curvature * z * z;
@@ -35,17 +45,20 @@ export function balance(U, sys) {
 export function energy(s, drive, sys) {
   const target = 2 * (Math.log(drive) - Math.log(Math.cosh(s)));
   let high = target - 2 * Math.log(sys.loss);
-  let low = target - 2 * Math.log(balance(Math.exp(high), sys).gamma);
+  carry(Math.exp(high), sys);
+  let low = target - 2 * Math.log(carried[2]);
   let x = high;
   for (let i = 0; i < 200; i++) {
-    const at = balance(Math.exp(x), sys);
-    const f = x + 2 * Math.log(at.gamma) - target;
+    const U = Math.exp(x);
+    carry(U, sys);
+    const gamma = carried[2];
+    const f = x + 2 * Math.log(gamma) - target;
     if (f >= 0) high = x;
     if (f <= 0) low = x;
     const before = x;
-    x -= f / (1 + (2 * Math.exp(x) * at.gammaSlope) / at.gamma);
+    x -= f / (1 + (2 * U * carried[3]) / gamma);
     if (!(low <= x && x <= high)) x = 0.5 * (low + high);
-    if (Math.abs(x - before) < 1e-15 * (1 + Math.abs(x))) break;
+    if (Math.abs(x - before) < 1e-9 * (1 + Math.abs(x))) break; // the step squares the error
   }
   return Math.exp(x);
 }
@@ -129,31 +142,38 @@ export function turningPoints(end, drive, sys) {
   return out;
 }
 
-function crossing(left, right, detuning, drive, sys) {
-  const falling = tilted(left, drive, sys).detuning > detuning;
-  let s = 0.5 * (left + right);
-  let at = null;
+/** Pieces of the curve that hold every detuning up to `farthest` at most once: their ends, and the last s found in each. */
+function branchesOf(farthest, drive, sys) {
+  const s = turningPoints(reach(farthest, drive, sys), drive, sys);
+  return { s, ends: s.map((x) => tilted(x, drive, sys).detuning), last: new Float64Array(s.length).fill(NaN) };
+}
+
+/** The point of piece k at a detuning; a search begins at the point that was found there before. */
+function crossing({ s: at, ends, last }, k, detuning, drive, sys) {
+  const falling = ends[k] > detuning;
+  let [left, right] = [at[k], at[k + 1]];
+  let s = left < last[k] && last[k] < right ? last[k] : 0.5 * (left + right);
+  let point = null;
   for (let i = 0; i < 200; i++) {
-    at = tilted(s, drive, sys);
-    const f = at.detuning - detuning;
+    point = tilted(s, drive, sys);
+    const f = point.detuning - detuning;
     if (f > 0 === falling) left = s;
     else right = s;
     const before = s;
-    s = at.slope !== 0 ? s - f / at.slope : left;
+    s = point.slope !== 0 ? s - f / point.slope : left;
     if (!(left < s && s < right)) s = 0.5 * (left + right);
     if (f === 0 || Math.abs(s - before) <= CLOSE * (1 + Math.abs(s))) break;
   }
-  return at;
+  last[k] = s;
+  return point;
 }
 
-/** Every fixed point { U, D } at a detuning (rad/ns), in the order of s; pieces by turningPoints. */
-export function fixedPoints(detuning, drive, sys, pieces) {
+/** Every fixed point { U, D } at a detuning (rad/ns), in the order of s; branches by branchesOf. */
+function fixedPoints(detuning, drive, sys, branches) {
+  const { ends } = branches;
   const out = [];
-  let above = tilted(pieces[0], drive, sys).detuning > detuning;
-  for (let k = 0; k + 1 < pieces.length; k++) {
-    const after = tilted(pieces[k + 1], drive, sys).detuning > detuning;
-    if (above !== after) out.push(crossing(pieces[k], pieces[k + 1], detuning, drive, sys));
-    above = after;
+  for (let k = 0; k + 1 < ends.length; k++) {
+    if (ends[k] > detuning !== ends[k + 1] > detuning) out.push(crossing(branches, k, detuning, drive, sys));
   }
   return out;
 }
@@ -312,8 +332,7 @@ export function kindOf({ re, im }) {
 
 /** Every fixed point of one laser setting by increasing energy, with N, dT and kind; detuning in rad/ns. */
 export function steadyStates(drive, detuning, sys) {
-  const pieces = turningPoints(reach(detuning, drive, sys), drive, sys);
-  return fixedPoints(detuning, drive, sys, pieces)
+  return fixedPoints(detuning, drive, sys, branchesOf(Math.abs(detuning), drive, sys))
     .sort((p, q) => p.U - q.U)
     .map((p) => ({ U: p.U, D: p.D, N: p.N, dT: p.dT, ...kindOf(spectrumAt(p.U, p.D, sys)) }));
 }
@@ -322,17 +341,17 @@ export function steadyStates(drive, detuning, sys) {
 export function survey(detunings, drive, sys) {
   const m = 3 + sys.gain.length;
   const farthest = detunings.reduce((most, x) => Math.max(most, Math.abs(x)), 0);
-  const pieces = turningPoints(reach(farthest, drive, sys), drive, sys);
-  const near = pieces.map(() => null);
+  const branches = branchesOf(farthest, drive, sys);
+  const near = branches.s.map(() => null);
   const fixed = new Int8Array(detunings.length);
   const stable = new Int8Array(detunings.length);
   const growth = new Float64Array(detunings.length);
   detunings.forEach((detuning, j) => {
     growth[j] = Infinity;
-    const points = fixedPoints(detuning, drive, sys, pieces);
+    const points = fixedPoints(detuning, drive, sys, branches);
     fixed[j] = points.length;
     points.forEach(({ U, D }, k) => {
-      const branch = points.length > 1 || D > 0 ? k : pieces.length - 1;
+      const branch = points.length > 1 || D > 0 ? k : near.length - 1;
       let z = near[branch];
       if (!z || !follow(z.re, z.im, U, D, sys)) z = near[branch] = spectrumAt(U, D, sys);
       let first = -Infinity;
