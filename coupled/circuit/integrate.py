@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -197,7 +197,8 @@ def integrate(
     )  # fmt: skip
     was, plain = np.zeros(L, np.complex128), np.zeros(n)
     other, other_new, missed = np.zeros(n), np.zeros(n), np.zeros(n)
-    course, known = Course(np.zeros(3), np.zeros((3, n)), np.zeros(n), np.zeros(n)), np.int64(1)
+    course = Course(np.zeros(3), np.zeros((3, n)), np.zeros(n), np.zeros(n))
+    known: Any = np.int64(1)
     past, cubics = np.empty((1024 if D > 0 else 1, 2)), np.zeros((1024 if D > 0 else 1, D, 4), np.complex128)
     filled, row = np.int64(0), np.int64(0)  # no literals: what is called with one is compiled twice
     nodes, gathered = np.zeros((4, Q), np.complex128), np.zeros((Q if average else 0) + corner.size)

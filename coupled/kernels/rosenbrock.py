@@ -242,9 +242,10 @@ def integrate(
     space = _workspace(n, thermal)
     k, total = np.zeros((stages, 3 + n)), np.empty(stages)
     pump, detuning, slopes = np.empty(stages), np.empty(stages), np.zeros(2)
-    wanted, filled = times.size, np.int64(0)  # no literals: what is called with one is compiled twice
+    zero: Any = np.int64(0)  # no literal: what is called with one is compiled twice
+    wanted, filled = times.size, zero
     rows = np.empty((wanted if wanted > 0 else 4096, 5))
-    probe, start = np.empty((1, 5)), np.int64(0)
+    probe = np.empty((1, 5))
     crossings, crossed, kind = np.empty(16), 0, int(event[0])
     t, end = laser.edges[0], laser.edges[-1]
     z_new = read(y, thermal)
@@ -304,7 +305,7 @@ def integrate(
                     low, high = 0.0, 1.0
                     for _ in range(40):  # bisection of the dense output
                         x = 0.5 * (low + high)
-                        _between(probe, start, t, x, y, out, z, z_new, k, total, method.dense, thermal)
+                        _between(probe, zero, t, x, y, out, z, z_new, k, total, method.dense, thermal)
                         if _watched(kind, probe[0, 1], probe[0, 2], probe[0, 3], probe[0, 4]) < event[1]:
                             low = x
                         else:

@@ -182,7 +182,8 @@ def integrate(
     J, order, k = np.empty((size, size)), np.empty(size, np.int64), np.zeros((stages, size))
     s, ds, d, dd = np.empty((fields, 2)), np.empty((fields, 2)), np.empty(fields), np.empty(fields)
     s1, ds1, d1, dd1 = np.empty((fields, 2)), np.empty((fields, 2)), np.empty(fields), np.empty(fields)
-    wanted, filled, wide = times.size, np.int64(0), 5 + 2 * (fields - 1)
+    zero: Any = np.int64(0)  # no literal: what is called with one is compiled twice
+    wanted, filled, wide = times.size, zero, 5 + 2 * (fields - 1)
     rows = np.empty((wanted if wanted > 0 else 4096, wide))
     largest = brightest(lasers)
     t, end, cautious = lasers.edges[0], lasers.edges[-1], 1e-2 / modes[0, LOSS]

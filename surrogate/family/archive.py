@@ -21,7 +21,8 @@ HASH = "hash"  # name of the array that holds it
 def pack(arrays: Mapping[str, Any], *, deflated: bool = True) -> bytes:
     """The archive of named arrays."""
     memory = io.BytesIO()
-    (np.savez_compressed if deflated else np.savez)(memory, **arrays, **{HASH: np.array(_hash(arrays))})
+    named: dict[str, Any] = {**arrays, HASH: np.array(_hash(arrays))}
+    (np.savez_compressed if deflated else np.savez)(memory, **named)
     return memory.getvalue()
 
 
