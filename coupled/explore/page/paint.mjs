@@ -9,7 +9,10 @@ import { bordersOf, modelOf, ringOf } from "./state.mjs";
 import { errorFigure, spectrumFigure, stepFigure } from "./thermal.mjs";
 import { $, page, put, shown, widthOf } from "./view.mjs";
 
+const HEAT_EVERY = 150; // ms between two drawings of the figures of heat while a slider moves, so that traces keep 30 frames a second
 let drawn = false;
+let heatDrawn = 0;
+let later = 0;
 
 /** The stretch of time that the figures of the trace show: two settled cycles, the last cycles, or all from cold. */
 export function stretch() {
@@ -62,7 +65,13 @@ function paint() {
     const range = [2.5 * window.detuning[0], 1.2 * window.detuning[1]];
     put("transmission", transmissionFigure(widthOf("transmission"), 330, { points: shown.points, states: shown.states, state: page.state, drop, window: range }, colours));
   }
-  paintHeat(colours);
+  clearTimeout(later);
+  const moving = shown.trace !== null && shown.trace.request.quick;
+  if (moving && performance.now() - heatDrawn < HEAT_EVERY) later = setTimeout(draw, HEAT_EVERY);
+  else {
+    paintHeat(colours);
+    heatDrawn = performance.now();
+  }
 }
 
 function present() {
