@@ -139,12 +139,7 @@ def array(
 
     Nothing, such as (), is an InputError, too, unless ``empty``.
     """
-    try:
-        result = np.atleast_1d(_floats(name, value, hint))
-    except InputError:
-        raise
-    except (TypeError, ValueError, OverflowError, RecursionError):
-        raise InputError(f"{name} is not an array of numbers", hint) from None
+    result = np.atleast_1d(_floats(name, value, hint))
     if empty and result.size == 0:
         return np.empty(0)
     if result.ndim != 1 or result.size == 0:
@@ -160,24 +155,19 @@ def array(
 
 def numbers(name: str, value: ArrayLike, *, hint: str = "") -> NDArray[np.float64]:
     """Return ``value`` as a float array of its own shape, or raise InputError where one of them is not finite."""
-    try:
-        result = _floats(name, value, hint)
-    except InputError:
-        raise
-    except (TypeError, ValueError, OverflowError, RecursionError):
-        raise InputError(f"{name} is not an array of numbers", hint) from None
+    result = _floats(name, value, hint)
     if not np.all(np.isfinite(result)):
         raise InputError(f"{name} holds {result[~np.isfinite(result)][0]}, which is not finite", hint)
     return result
 
 
 def _floats(name: str, value: ArrayLike, hint: str) -> NDArray[np.float64]:
-    """A float array; TypeError for text, which NumPy would read as numbers; InputError for what is no real number."""
-    if isinstance(value, range) and len(value) > MOST:
-        raise InputError(f"{name} holds {len(value)} numbers; at most {MOST:g} fit into memory", hint)
-    if np.ma.is_masked(value):
-        raise InputError(f"{name} holds masked values; leave them out", hint)
+    """A float array; InputError for what is no real number, text among it, which NumPy would read as numbers."""
     try:
+        if isinstance(value, range) and len(value) > MOST:
+            raise InputError(f"{name} holds {len(value)} numbers; at most {MOST:g} fit into memory", hint)
+        if np.ma.is_masked(value):
+            raise InputError(f"{name} holds masked values; leave them out", hint)
         found = np.asarray(value)
         if found.dtype.kind in "USmM":
             raise TypeError
@@ -185,8 +175,12 @@ def _floats(name: str, value: ArrayLike, hint: str) -> NDArray[np.float64]:
             kind = "complex" if found.dtype.kind == "c" else "true or false"
             raise InputError(f"{name} holds values that are {kind}; real numbers are needed", hint)
         return np.asarray(found, dtype=float)
+    except InputError:
+        raise
     except MemoryError:
         raise InputError(f"{name} holds more numbers than fit into memory", hint) from None
+    except (TypeError, ValueError, OverflowError, RecursionError):
+        raise InputError(f"{name} is not an array of numbers", hint) from None
 
 
 def has(name: str, value: Any, *attributes: str, hint: str) -> None:

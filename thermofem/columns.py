@@ -58,6 +58,16 @@ class Columns:
         checks.choice(f"{argument}: column", name, dict.fromkeys([*self.names, *short]))
         return -1  # not reached: `choice` raises
 
+    def numbers(self, place: int, name: str = "") -> Array:
+        """The numbers of a column; InputError where one is empty or not finite."""
+        values = self.values[:, place]
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            more = f" ({bad.size} rows in all)" if bad.size > 1 else ""
+            what = f"{name or self.names[place]!r} is empty or not finite{more}; take such rows out"
+            raise InputError(f"line {self.lines[bad[0]]}: {what}")
+        return values
+
 
 def parse(text: str) -> Columns:
     """Find the table in a text; InputError when there are no numbers or a row breaks off.

@@ -118,11 +118,7 @@ def _given(units: Mapping[str, str] | None) -> dict[str, str]:
 def _numbers(table: Columns, role: str, name: str, given: Mapping[str, str]) -> Array:
     """A column in SI."""
     k = table.column(role, name)
-    values = table.values[:, k]
-    bad = np.flatnonzero(~np.isfinite(values))
-    if bad.size:
-        more = f" ({bad.size} rows in all)" if bad.size > 1 else ""
-        raise InputError(f"line {table.lines[bad[0]]}: {name!r} is empty or not finite{more}; take such rows out")
+    values = table.numbers(k, name)
     offset, factor = _line(role, name, given.get(role, table.units[k]))
     return offset + factor * values if role != "temperature" else measured(table, k, offset + factor * values)
 

@@ -120,7 +120,8 @@ def _columns(table: Columns, time: str | None, temperature: str | None) -> tuple
         if len(table.names) != 2:
             raise InputError(f"{len(table.names)} columns ({listed}); name two with --time and --temperature")
         return 0, 1
-    chosen = [None if name is None else table.column(role, name) for role, name in _roles(time, temperature)]
+    roles = (("time", time), ("temperature", temperature))
+    chosen = [None if name is None else table.column(role, name) for role, name in roles]
     if None in chosen:
         if len(table.names) != 2:
             missing = "--time" if time is None else "--temperature"
@@ -141,21 +142,9 @@ def _split(table: Columns, name: str | None) -> tuple[str | None, str]:
     return name, ""
 
 
-def _roles(time: str | None, temperature: str | None) -> list[tuple[str, str | None]]:
-    return [("time", time), ("temperature", temperature)]
-
-
-def _values(table: Columns, place: int) -> Array:
-    values = table.values[:, place]
-    bad = np.flatnonzero(~np.isfinite(values))
-    if bad.size:
-        raise InputError(f"line {table.lines[bad[0]]}: {table.names[place]!r} is empty or not finite")
-    return values
-
-
 def _time(table: Columns, place: int, given: str | None, said: list[str]) -> Array:
     """Times in s, increasing."""
-    values, unit = _values(table, place), header_unit(given or table.units[place])
+    values, unit = table.numbers(place), header_unit(given or table.units[place])
     name = table.names[place]
     if not unit:
         if np.ptp(values) > LONGEST:
@@ -176,7 +165,7 @@ def _rise(
     table: Columns, place: int, given: str, sensitivity: float | None, said: list[str], warned: list[str]
 ) -> Array:
     """Temperatures in K; a voltage is divided by the sensitivity in V/K, and without one 1 V counts as 1 K."""
-    values, unit = _values(table, place), header_unit(given or table.units[place])
+    values, unit = table.numbers(place), header_unit(given or table.units[place])
     name = table.names[place]
     if not unit:
         said.append(f"column {name!r} states no unit: {'kelvin' if sensitivity is None else 'volts'}")
