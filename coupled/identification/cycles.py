@@ -103,14 +103,7 @@ def observe(trace: xr.Dataset, name: str = "trace") -> Observed:
     if t.size < 64 or t.size != drop.size:
         raise checks.InputError(f"{name} has {drop.size} values at {t.size} times; at least 64 of both are needed")
     absolute = trace["drop"].attrs.get("units", "W") == "W"
-    begin = t[-1] - SETTLED_SHARE * (t[-1] - t[0])
-    late = t >= begin
-    steps = np.diff(t[late])
-    if late.sum() >= 64 and np.ptp(steps) <= 1e-3 * steps.mean():
-        t, drop = t[late], drop[late]
-    else:
-        grid = np.linspace(begin, t[-1], 16 * SAMPLES)
-        t, drop = grid, np.interp(grid, t, drop)
+    t, drop = _second_half(t, drop)
     clock = _repetition(t, drop)
     if not np.isfinite(clock):
         pieces = np.zeros((8, HARMONICS + 1), dtype=complex)
@@ -122,11 +115,24 @@ def observe(trace: xr.Dataset, name: str = "trace") -> Observed:
     return seen
 
 
-def cycle_of(run: xr.Dataset, *, whole: bool = False) -> Cycle:
+def _second_half(t: Array, drop: Array) -> tuple[Array, Array]:
+    """The part of a trace that is compared, evenly sampled."""
+    begin = t[-1] - SETTLED_SHARE * (t[-1] - t[0])
+    late = t >= begin
+    steps = np.diff(t[late])
+    if late.sum() >= 64 and np.ptp(steps) <= 1e-3 * steps.mean():
+        return t[late], drop[late]
+    grid = np.linspace(begin, t[-1], 16 * SAMPLES)
+    return grid, np.interp(grid, t, drop)
+
+
+def cycle_of(run: xr.Dataset, *, at: Array | None = None, whole: bool = False) -> Cycle:
     """The mean cycle of a noiseless trace of `simulate`.
 
-    ``whole`` takes all cycles of its second half by one clock, as `observe` does with a measured trace of that length:
-    what has not settled is then in both. Otherwise the last three count, each by its own clock.
+    ``at`` are the times in s at which a measured trace was sampled: straight lines between samples cut the corners of a
+    cycle, which must be the same ones in both. ``whole`` takes all cycles of the second half by one clock, as `observe`
+    does with a measured trace of that length: what has not settled is then in both. Otherwise the last three count,
+    each by its own clock.
     """
     found = pulsing(run)
     t, drop, N = (run[name].values for name in ("time", "drop", "carriers"))
@@ -136,11 +142,14 @@ def cycle_of(run: xr.Dataset, *, whole: bool = False) -> Cycle:
         still = np.zeros(HARMONICS + 1, dtype=complex)
         still[0] = np.interp(np.linspace(t[0] + 0.75 * (t[-1] - t[0]), t[-1], 512), t, drop).mean()
         return Cycle(float("nan"), still)
-    clock, begin = float(np.mean(np.diff(edges))), t[-1] - SETTLED_SHARE * (t[-1] - t[0])
-    if not whole or t[-1] - begin < 2 * clock:
+    clock = float(np.mean(np.diff(edges)))
+    if at is not None:
+        t, drop = at, np.interp(at, t, drop)
+    if not whole or SETTLED_SHARE * (t[-1] - t[0]) < 2 * clock:
         return Cycle(clock, _pieces(t, drop, edges, SAMPLES).mean(axis=0))
+    t, drop = _second_half(t, drop)
     for _ in range(2):
-        marks = begin + clock * np.arange((t[-1] - begin) / clock)
+        marks = t[0] + clock * np.arange((t[-1] - t[0]) / clock)
         mean = Observed(clock, _pieces(t, drop, marks, SAMPLES), absolute=True).mean()
         clock = mean.period
     return mean

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 STEP = 1e-3  # of a logarithm, for derivatives: far above what the step control of the integration leaves
 RTOL = 1e-5
 LONGEST = 40e-6  # s simulated for a trace that is longer
+MOST = 50_000  # samples of a simulated trace
+STEPS = 5e-9  # s at most between two samples of the carriers, so that their spikes are seen
 IMPOSSIBLE = 1e3  # residual where the parameters make no model
 STAGES = (2, 6, HARMONICS)  # harmonics that count, one after the other
 EVALUATIONS = 15  # steps of least squares in each
@@ -36,6 +38,8 @@ class Target(NamedTuple):
     power: float
     detuning: float
     duration: float
+    times: Array
+    """At which the trace was sampled, until ``duration``; s from its start."""
     whole: bool = True
     """Whether ``duration`` is that of the trace, so that the same cycles are compared."""
 
@@ -54,17 +58,24 @@ def targets_of(traces: xr.Dataset | Sequence[xr.Dataset]) -> list[Target]:
             raise checks.InputError(f"{name} does not say its drive; set its attrs 'power' (W) and 'detuning' (Hz)")
         power = check_power(power, f"the power of {name}")
         detuning = check_detuning(trace.attrs["detuning"], f"the detuning of {name}")
-        length = float(trace["time"].values[-1] - trace["time"].values[0])
-        targets.append(Target(observed, power, detuning, min(length, LONGEST), length <= LONGEST))
+        times = np.asarray(trace["time"].values, dtype=float)
+        times = times - times[0]
+        length = float(times[-1])
+        kept = times[times <= LONGEST]
+        if kept.size > MOST:
+            kept = np.linspace(0.0, kept[-1], MOST)
+        targets.append(Target(observed, power, detuning, float(kept[-1]), kept, length <= LONGEST))
     return targets
 
 
 def simulated(ring: RingResonator, model: Compact, target: Target) -> Cycle:
-    """The cycle of the model under the drive of a trace."""
+    """The cycle of the model under the drive of a trace, sampled as the trace is."""
+    at, end = target.times, target.duration
+    times = np.unique(np.concatenate([at, np.linspace(0.0, end, int(end / STEPS) + 1)]))
     run = simulate(
-        ring, model, power=target.power, detuning=target.detuning, duration=target.duration, rtol=RTOL
+        ring, model, power=target.power, detuning=target.detuning, duration=target.duration, rtol=RTOL, times=times
     )  # fmt: skip
-    return cycle_of(run, whole=target.whole)
+    return cycle_of(run, at=at, whole=target.whole)
 
 
 def residuals(what: Unknowns, targets: list[Target], wanted: list[Cycle], x: Array) -> Array:
@@ -97,14 +108,14 @@ def polished(
 
     A steep edge of a cycle that is out of place by more than its own length gives no direction, and with all harmonics
     at once the way leads through a narrow, bent valley: 40 steps do not reach an end that 11 in stages do (measured,
-    Newton's law).
+    Newton's law). Few harmonics may leave a direction open, along which a good start is lost: where the end is worse
+    than the start, the last stage begins there again.
     """
     from scipy.optimize import least_squares
 
-    x = start
-    for harmonics in stages:
+    def stage(x: Array, harmonics: int) -> tuple[Array, float]:
         best = least_squares(
-            lambda x, n=harmonics: coarse(residuals(what, targets, wanted, x), n).ravel(),
+            lambda x: coarse(residuals(what, targets, wanted, x), harmonics).ravel(),
             x,
             bounds=(what.low - 1e-9, what.high + 1e-9),
             diff_step=STEP / np.maximum(np.abs(what.start), 1e-3),
@@ -112,8 +123,14 @@ def polished(
             ftol=1e-5,
             max_nfev=EVALUATIONS,
         )
-        x = np.clip(best.x, what.low, what.high)
-    return x, float(2 * best.cost)
+        return np.clip(best.x, what.low, what.high), float(2 * best.cost)
+
+    x, cost = start, np.inf
+    for harmonics in stages:
+        x, cost = stage(x, harmonics)
+    if np.sum(coarse(residuals(what, targets, wanted, start), stages[-1]) ** 2) < cost:
+        return stage(start, stages[-1])
+    return x, cost
 
 
 def deviations(what: Unknowns, targets: list[Target], x: Array) -> Array:

@@ -243,6 +243,7 @@ def test_dask_is_imported_nowhere_else():
         (('geometry = "ring.toml"', ""), "geometry is missing"),
         (("ring.toml", "rung.toml"), "rung.toml"),
         (("[[drive]]", "[[drives]]"), "did you mean 'drive'"),
+        (("[[drive]]", 400 * "[[drive]]\n"), "[[drive]]: 400 tables are more than 300"),
         (("count", "cuont"), "did you mean 'count'"),
         (("count = 4", ""), "oxide has a range to draw from"),
         (("count = 4", "count = 1"), "count = 1 must be a whole number"),

@@ -12,6 +12,7 @@ from sections import CELL, NM, core, on_oxide, random_parts, says
 
 from thermofem.checks import InputError
 from thermofem.geometry import CrossSection, disc, heated_ring, rib_ring, strip_ring
+from thermofem.geometry.cross_section import MOST
 from thermofem.geometry.parts import OPEN, Boundary, Part, Probe
 from thermofem.mesh import content_hash
 
@@ -207,6 +208,22 @@ def test_impossible_parts(change, words):
     with pytest.raises(InputError) as error:
         core(**change)
     says(error, "part 'core'", *words)
+
+
+def test_too_many_parts_are_one_line():
+    """3000 parts took minutes to cut; the square of their number counts, in time and memory."""
+    many = [replace(core(), name=f"p{k}", inner_radius=k * 1e-8, outer_radius=(k + 1) * 1e-8) for k in range(MOST)]
+    with pytest.raises(InputError, match=f"has {MOST + 1} parts, more than {MOST}; join"):
+        on_oxide(core(), *many)
+
+
+def test_pieces_that_touch_in_a_chain_hold_each_other():
+    """A tower on the stack, its parts in an order that mixes them: each touches only its neighbours."""
+    floors = [core(bottom=1e-6 + k * 400 * NM, heated=False) for k in range(5)]
+    tower = [replace(floors[k], name=f"t{k}") for k in (0, 3, 1, 4, 2)]
+    assert len(on_oxide(core(), *tower).region_names) == 9
+    with pytest.raises(InputError, match="touches no side"):
+        on_oxide(core(), *(part for part in tower if part.name != "t1"))
 
 
 def test_void_cannot_be_heated():

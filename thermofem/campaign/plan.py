@@ -22,7 +22,7 @@ from ..display import shown
 from ..geometry.paths import place, write_table
 from ..version import __version__
 from . import schema
-from .vary import LARGEST, Schedule, Value, Variation, check_taken
+from .vary import LARGEST, Schedule, Value, Variation, check_number, check_taken
 
 if TYPE_CHECKING:
     from .run import Summary
@@ -83,6 +83,7 @@ class Campaign:
         checks.between("accuracy", self.accuracy, 1e-5, 1e-2)
         checks.between("rtol", self.rtol, 1e-10, 0.1)
         for what, names in (("drive", self.schedules), ("vary", self.variations)):
+            check_number(what, len(names))
             seen = [item.name for item in names]
             twice = next((name for name in seen if seen.count(name) > 1), None)
             if twice is not None:

@@ -20,7 +20,7 @@ from .. import checks, quantity, toml_file, waveforms
 from ..checks import InputError, shown
 from ..geometry.paths import write_table
 from ..names import check_name, check_names
-from .vary import LARGEST, Schedule, Value, Variation
+from .vary import LARGEST, Schedule, Value, Variation, check_number
 
 _TOP = ("name", "geometry", "samples", "seed", "accuracy", "rtol", "vary", "drive", "probes")
 _VARY = ("path", "name", "values", "from", "to", "count", "spacing")
@@ -72,6 +72,7 @@ def _tables(top: dict[str, Any], key: str) -> list[dict[str, Any]]:
     items = top.get(key, [])
     if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
         raise InputError(f"{key} must be tables, each opened by a line [[{key}]]")
+    check_number(key, len(items))
     return items
 
 

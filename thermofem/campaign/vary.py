@@ -13,6 +13,7 @@ from ..checks import InputError
 from ..names import check_name
 
 LARGEST = 1_000_000  # geometries of one campaign
+MOST = 300  # drives, and varied quantities: each drive takes some 20 ms and a group in the file of every geometry
 # variables and dimensions of the index and the training collection, beside those of the drives
 _INDEX = """case key status reason probe thermal_resistance unknowns discretization_error domain_error feature features
 feature_unit"""
@@ -72,6 +73,12 @@ class Variation:
     def text(self, value: Value) -> str:
         """A value as the geometry file writes it."""
         return value if isinstance(value, str) else quantity.write(value, self.unit)
+
+
+def check_number(what: str, count: int) -> None:
+    """InputError where there are more drives or varied quantities than `MOST`."""
+    if count > MOST:
+        raise InputError(f"[[{what}]]: {count} tables are more than {MOST}; share them out between several campaigns")
 
 
 def check_taken(variations: tuple[Variation, ...], schedules: tuple[Schedule, ...]) -> None:

@@ -25,6 +25,7 @@ from .parts import INSULATED, ISOTHERMAL, OPEN, Boundary, Interface, Layer, Part
 from .regions import Subdivision, check_held, check_places, subdivide
 
 _LISTS = {"layers": Layer, "parts": Part, "interfaces": Interface, "materials": Material, "probes": Probe}
+MOST = 300  # layers, parts, ... each: 300 parts take seconds to cut and mesh, and the square of their number counts
 
 
 @shown
@@ -72,6 +73,11 @@ class CrossSection:
         checks.text("name", self.name)
         for field, kind in _LISTS.items():
             object.__setattr__(self, field, checks.instances(field, getattr(self, field), kind))
+            count = len(getattr(self, field))
+            if count > MOST:
+                raise checks.InputError(
+                    f"{self.name!r} has {count} {field}, more than {MOST}; join neighbours of one material to one"
+                )
         checks.instances("the boundary", (self.bottom, self.top, self.outer), Boundary)
         length("outer_radius", self.outer_radius, typical=60e-6)
         checks.between("ambient", self.ambient, 1, 3000, unit="K")

@@ -112,10 +112,11 @@ def subdivide(geometry: CrossSection) -> Subdivision:
 
     found = outlines(geometry)
     shapes = {name: shapely.Polygon(np.rint(outline / GRID)) for name, outline in found.items()}
+    polygons, voids = list(shapely.polygonize(_visible_edges(geometry, shapes)).geoms), _voids(geometry)
     faces = [
         (owner, orient(shapely.normalize(polygon)))
-        for polygon in shapely.polygonize(_visible_edges(geometry, shapes)).geoms
-        if (owner := _owner(geometry, shapes, polygon)) is not None
+        for polygon, owner in zip(polygons, _owners(shapes, polygons), strict=True)
+        if owner is not None and owner not in voids
     ]
     order = list(found)
     faces.sort(key=lambda face: (order.index(face[0]), face[1].bounds))
@@ -142,11 +143,11 @@ def _visible_edges(geometry: CrossSection, shapes: dict[str, Any]) -> list[Any]:
 
     lines = shapely.unary_union([shape.exterior for shape in shapes.values()], grid_size=1)
     owners: dict[tuple[Any, ...], list[str | None]] = {}
-    shown = set()
-    for cell in shapely.polygonize([lines]).geoms:
-        shown.add(_owner(geometry, shapes, cell, void=True))
+    cells = list(shapely.polygonize([lines]).geoms)
+    shown, voids = _owners(shapes, cells), _voids(geometry)
+    for cell, owner in zip(cells, shown, strict=True):
         for edge in _edges(cell):
-            owners.setdefault(edge, []).append(_owner(geometry, shapes, cell))
+            owners.setdefault(edge, []).append(None if owner in voids else owner)
     for part in geometry.parts:
         if part.name in shapes and part.name not in shown:
             later = [other.name for other in geometry.parts if shapes[other.name].intersects(shapes[part.name])]
@@ -157,12 +158,21 @@ def _visible_edges(geometry: CrossSection, shapes: dict[str, Any]) -> list[Any]:
     ]
 
 
-def _owner(geometry: CrossSection, shapes: dict[str, Any], polygon: Any, *, void: bool = False) -> str | None:
-    """The last part, or else the layer, that contains the polygon; None for a void unless asked."""
-    inside = polygon.representative_point()
-    name = next((name for name in reversed(shapes) if shapes[name].contains(inside)), None)
-    hole = any(part.name == name and part.material == VOID for part in geometry.parts)
-    return None if hole and not void else name
+def _owners(shapes: dict[str, Any], polygons: list[Any]) -> list[str | None]:
+    """For each polygon the last part, or else the layer, that contains it; None outside all of them."""
+    import shapely
+
+    inside = [polygon.representative_point() for polygon in polygons]
+    which, of = shapely.STRtree(list(shapes.values())).query(inside, predicate="within")
+    last = np.zeros(len(polygons), dtype=int)
+    np.maximum.at(last, which, of + 1)
+    names = [None, *shapes]
+    return [names[k] for k in last]
+
+
+def _voids(geometry: CrossSection) -> set[str]:
+    """Names of the parts that are holes."""
+    return {part.name for part in geometry.parts if part.material == VOID}
 
 
 def _edges(polygon: Any) -> list[tuple[Any, ...]]:
@@ -255,13 +265,19 @@ def check_places(geometry: CrossSection) -> None:
 def check_held(geometry: CrossSection) -> None:
     """Raise InputError unless every connected piece touches a side that holds the temperature."""
     faces = geometry.subdivision.faces
-    piece = list(range(len(faces)))
+    above = list(range(len(faces)))  # another face of the same piece, or the face itself
     seen: dict[Any, int] = {}
+
+    def first(k: int) -> int:
+        while above[k] != k:
+            above[k] = k = above[above[k]]
+        return k
+
     for k, face in enumerate(faces):
-        for edge in face.edges():
-            other = seen.setdefault(frozenset(map(tuple, edge.tolist())), k)
-            old, new = piece[k], piece[other]
-            piece = [new if p == old else p for p in piece]
+        for edge in face.edges().tolist():
+            other = seen.setdefault(frozenset(map(tuple, edge)), k)
+            above[first(k)] = first(other)
+    piece = [first(k) for k in range(len(faces))]
     held = set()
     for side, boundary in (("bottom", geometry.bottom), ("top", geometry.top), ("outer", geometry.outer)):
         if boundary.holds:
