@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import coupled
 import surrogate
 import thermofem as th
-from coupled.cycles.branch import follow_along
+from coupled.cycles.branch import _is_there, follow_along
 from coupled.cycles.hopf_start import born
 from coupled.cycles.orbit import problem
 from coupled.cycles.path import FreeParameters
@@ -161,3 +163,17 @@ def test_bad_input():
         coupled.continue_cycle(LUMPED, NEWTON, "detuning", (1e9, 2e9), power=POWER)
     with pytest.raises(th.InputError, match="tau9"):
         coupled.continue_cycle(LUMPED, NEWTON, "tau9", (1e-9, 2e-9), power=POWER)
+
+
+@pytest.mark.parametrize(
+    ("kind", "multipliers", "there"),
+    [
+        ("period doubling", (1.0, -1.0 + 1e-9, 0.2), True),
+        ("period doubling", (1.0, 1e7, 0.2), False),  # beside a saddle the largest goes from -inf to inf
+        ("torus", (1.0, np.exp(0.4j), np.exp(-0.4j)), True),
+        ("torus", (1.0, 4.0, 0.25), False),
+    ],
+)
+def test_a_sign_change_alone_is_no_bifurcation(kind, multipliers, there):
+    orbit = SimpleNamespace(multipliers=np.array(multipliers, dtype=complex))
+    assert _is_there(kind, SimpleNamespace(orbit=orbit)) == there
