@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
 
 from thermofem.checks import choice
-from thermofem.plot_style import BLUE, CYCLE, GREEN, INK, PURPLE, VERMILION, axes, takes
+from thermofem.plot_style import BLUE, CYCLE, GREEN, INK, PURPLE, SIZE, VERMILION, axes, takes
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
     from .circuit import Circuit
 
+PANELS = 8  # of a figure; further lines share the last one
 PITCH, RADIUS, BUS = 2.4, 0.7, 0.85  # distance and size of the rings, and height of the buses above and below
 _SIDES = {"in": (-0.75, -BUS), "through": (0.75, -BUS), "add": (0.75, BUS), "drop": (-0.75, BUS)}
 _SPLITTER = {"in 1": (-0.4, -0.2), "in 2": (-0.4, 0.2), "out 1": (0.4, -0.2), "out 2": (0.4, 0.2)}
@@ -73,23 +75,40 @@ def _outside(ax: Axes, name: str, place: tuple[float, float], colour: str, *, in
 
 
 def plot_rings(run: xr.Dataset, name: str = "delta_T", ax: Axes | None = None) -> Axes:
-    """One quantity of every ring against time (us)."""
+    """One quantity of every ring against time (us): a panel for each, or all in given Axes."""
     takes("run", run, "time", "ring", what="a Dataset of coupled.simulate_circuit")
     choice("name", name, [str(k) for k in run.data_vars if "ring" in run[k].dims])
     return _lines(ax, run[name], "ring", f"{run[name].attrs['long_name']} ({run[name].attrs['units']})")
 
 
 def plot_ports(run: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Power (mW) at every port against time (us)."""
+    """Power (mW) at every port against time (us): a panel for each, or all in given Axes."""
     takes("run", run, "time", "port", "output", what="a Dataset of coupled.simulate_circuit")
     return _lines(ax, run["output"] * 1e3, "port", "power (mW)")
 
 
 def _lines(ax: Axes | None, values: xr.DataArray, over: str, label: str) -> Axes:
-    """A line against time (us) for every ring or port."""
-    ax = axes(ax)
-    for k, one in enumerate(values[over].values):
-        ax.plot(values["time"] * 1e6, values.sel({over: one}), color=CYCLE[k % len(CYCLE)], label=str(one), lw=1)
-    ax.set(xlabel="time (µs)", ylabel=label)
-    ax.legend(frameon=False, fontsize="small")
-    return ax
+    """A line against time (us) for every ring or port, in panels of one scale, of which the first is returned.
+
+    Pulses of several rings in one panel cover each other.
+    """
+    names = values[over].values
+    if ax is None:
+        panels = min(names.size, PANELS)
+        size = (SIZE[0], 0.9 + 1.1 * panels)
+        figure, column = plt.subplots(
+            panels, 1, figsize=size, sharex=True, sharey=True, squeeze=False, layout="constrained"
+        )
+        every = [column[min(k, panels - 1), 0] for k in range(names.size)]
+        figure.supylabel(label, fontsize="medium")
+    else:
+        every = [axes(ax)] * names.size
+        every[0].set(ylabel=label)
+    for k, (one, panel) in enumerate(zip(names, every, strict=True)):
+        panel.plot(values["time"] * 1e6, values.sel({over: one}), color=CYCLE[k % len(CYCLE)], label=str(one), lw=1)
+    for panel in dict.fromkeys(every):
+        beside = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)} if ax is None else {}
+        panel.legend(frameon=False, fontsize="small", **beside)
+        panel.margins(x=0)
+    every[-1].set(xlabel="time (µs)")
+    return every[0]

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
-RUN = "a Dataset of coupled.simulate or coupled.cosimulate"
+RUN = "a Dataset of coupled.simulate or coupled.cosimulate; coupled.plot_circuit draws those of simulate_circuit"
 OTHERS = (GREEN, PURPLE, ORANGE)
 OUTPUTS = {
     "drop": "drop power",

@@ -108,7 +108,7 @@ def pulsing(run: xr.Dataset | Record) -> Pulsing:
     ----------
     run : xarray.Dataset
         time (s), carriers (1/m^3), drop (W) and delta_T (K), at 8 times or more. A ring without a drop port is judged
-        by its energy instead.
+        by its energy instead, and so is one ring of a circuit, ``run.sel(ring="ring 1")``.
 
     Returns
     -------
@@ -123,7 +123,11 @@ def pulsing(run: xr.Dataset | Record) -> Pulsing:
 
     Source of the duty cycle: Borghi et al., Opt. Express 29, 4363 (2021), caption of Fig. 6.
     """
-    t, N, drop, dT = (_values(run, name) for name in ("time", "carriers", "drop", "delta_T"))
+    if getattr(run, "sizes", {}).get("ring"):
+        names = run["ring"].values
+        raise checks.InputError(f"run holds {names.size} rings; pick one of them, run.sel(ring={str(names[0])!r})")
+    of_circuit = "ring" in getattr(run, "coords", {})  # the drop power of a ring is its energy times a constant
+    t, N, drop, dT = (_values(run, n) for n in ("time", "carriers", "energy" if of_circuit else "drop", "delta_T"))
     if not drop.any() and "energy" in run.variables:
         drop = _values(run, "energy")
     steps = int(run.attrs.get("steps", 0))

@@ -24,8 +24,8 @@ def plot_crosstalk(array: ArrayReduction, ax: Axes | None = None) -> Axes:
     picture = ax.imshow(matrix, cmap="magma_r", norm=LogNorm(vmin=matrix.min() / 2, vmax=matrix.max()), aspect="equal")
     if matrix.size <= 64:
         for (i, j), value in np.ndenumerate(matrix):
-            dark = value > np.sqrt(matrix.max() * matrix.min())
-            colour = "white" if dark else INK
+            red, green, blue, _ = picture.cmap(picture.norm(value))
+            colour = "white" if 0.299 * red + 0.587 * green + 0.114 * blue < 0.5 else INK  # luma of ITU-R BT.601
             ax.text(j, i, f"{value:.2g}", ha="center", va="center", fontsize="x-small", color=colour)
     ax.set_xticks(range(len(array.model.inputs)), array.model.inputs, rotation=60, ha="right", fontsize="small")
     ax.set_yticks(range(array.rings), array.model.outputs, fontsize="small")

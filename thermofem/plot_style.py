@@ -37,6 +37,10 @@ def time_unit(longest: float) -> tuple[float, str]:
     )
 
 
+def _method(inside: Any, value: Any, name: str) -> bool:
+    return bool(inside) and callable(getattr(value, name))
+
+
 def takes(name: str, value: Any, *needed: str, what: str) -> Any:
     """``value`` if it has the needed variables (of a Dataset) or attributes; InputError with what is taken if not.
 
@@ -46,7 +50,8 @@ def takes(name: str, value: Any, *needed: str, what: str) -> Any:
     """
     variables = getattr(value, "variables", None)
     inside: Any = variables if hasattr(variables, "keys") else {}
-    missing = [one for one in needed if one not in inside and not hasattr(value, one)]
+    # a method of a Dataset, such as xarray's own `drop`, is not the variable of that name
+    missing = [one for one in needed if one not in inside and (not hasattr(value, one) or _method(inside, value, one))]
     if not missing and not isinstance(value, type):
         return value
     kind = value.__name__ if isinstance(value, type) else type(value).__name__

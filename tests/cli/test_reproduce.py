@@ -20,6 +20,7 @@ import surrogate
 import thermofem as th
 from thermofem.cli.reproduce import Settings, run
 from thermofem.cli.reproduce.claims import RAISED, Claim, claims, marked_up, plain
+from thermofem.cli.reproduce.plan import STAGES, stages_of
 from thermofem.cli.reproduce.store import Result, StageStore, key_of
 
 pytestmark = pytest.mark.slow
@@ -29,7 +30,7 @@ CODE = """
 import sys
 from pathlib import Path
 from thermofem.cli.reproduce import Settings, run
-run(Path(sys.argv[1]), {})
+run(Path(sys.argv[1]), {}, processes=int(sys.argv[2]))
 """
 LOWERED = {raised: ordinary for ordinary, raised in RAISED.items()}
 VOID = {"meta", "link", "img", "br"}
@@ -72,7 +73,7 @@ def outcome(tmp_path_factory):
     """A run killed once it has trained, some of its files damaged, then run to its end."""
     out = tmp_path_factory.mktemp("reproduce") / "out"
     command = [sys.executable, "-c", CODE.format(TINY), str(out)]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as first:
+    with subprocess.Popen([*command, "1"], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as first:
         while not (out / "data" / "training.json").exists() and first.poll() is None:
             time.sleep(0.05)
         first.send_signal(signal.SIGKILL)
@@ -86,7 +87,7 @@ def outcome(tmp_path_factory):
     (data / "pulse.json").write_text(json.dumps(pulse))
     stacks = json.loads((data / "stacks.json").read_text())
     (data / "stacks.json").write_text(json.dumps({**stacks, "key": "stale"}))
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = subprocess.run([*command, "2"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return out, before, done.stdout
 
@@ -111,6 +112,12 @@ def test_a_killed_run_goes_on_and_trusts_nothing_damaged(outcome):
     assert numbers(out, "pulse")["rise_K"] == pytest.approx(15.4, abs=0.05)
     assert th.load(out / "data" / "squares.1us.nc").attrs["kind"] == "periodic"
     assert int(re.search(r"\((\d+) taken", printed)[1]) == sum(name.count(".") == 1 for name in before) - 3
+
+
+def test_what_the_second_process_computes_stands_alone():
+    used = {name for stage in STAGES for name in stage.inputs}
+    assert not any(stage.inputs or stage.name in used for stage in STAGES if stage.aside)
+    assert not any(stage.aside for stage in stages_of(Settings(quick=True)))  # a minute needs no second process
 
 
 def test_numbers_are_those_of_independent_codes(outcome):

@@ -183,9 +183,10 @@ def reproduce(
 
     Started again, it goes on where it was, however it ended.
     """
+    from .output import threads_wanted
     from .reproduce import Settings, run
 
-    return run(output, Settings(quick=quick))
+    return run(output, Settings(quick=quick), processes=threads_wanted() or os.cpu_count() or 1)
 
 
 @app.command(rich_help_panel=RESULTS)

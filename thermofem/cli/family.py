@@ -17,7 +17,7 @@ from . import options
 from .files import assigned, check_outputs, ring_of, working
 from .kinds import expect
 from .maps import grid
-from .output import note, say
+from .output import note, say, written
 from .quantities import cycle_property, optics_of, pulsing_points, pulsing_range
 
 if TYPE_CHECKING:
@@ -112,16 +112,24 @@ def design(
     with working("searching"):
         common: dict[str, Any] = {"fixed": _fixed(found, fix), "optics": optics_of(found, optics, ring), "seed": seed}
         result = surrogate.design(found, target=target, **common)
-    say(result.message)
-    for name, unit in zip(found.names, found.box.units, strict=True):
-        say(f"{name} = {quantity.write(result.values[name], unit)}")
-    say(f"its own mesh: R_th = {result.certified.thermal_resistance:.6g} K/W, off by {result.certified.error:.1e}")
+    of_target = {
+        name: unit for name, (_, text, unit, _) in zip(result.achieved, (a for a in asked if a[1]), strict=True)
+    }
+    units = {**dict(zip(found.names, found.box.units, strict=True)), **of_target}
+    say("reached" if result.reached else "no member of this family does that; the nearest one:")
+    for name, wanted in zip(result.achieved, target.values(), strict=True):
+        say(f"{name} = {written(result.achieved[name], units[name])}, wanted {written(wanted, units[name])}")
+    for name in found.names:
+        end = " (end of its range)" if name in result.active else ""
+        say(f"{name} = {written(result.values[name], units[name])}{end}")
+    own = written(result.certified.thermal_resistance, "K/W")
+    say(f"its own mesh: R_th = {own}, off by {result.certified.error:.1e}")
     front = None
     if result.front is not None:
-        front = {name: column.values.tolist() for name, column in result.front.items()}
+        front = {str(name): column.values.tolist() for name, column in result.front.items()}
         say(f"members that no other beats in all targets ({', '.join(result.achieved)}):")
         for k in _some(result.front.sizes["member"]):
-            say("  ".join(f"{name} = {values[k]:.5g}" for name, values in front.items()))
+            say("  ".join(f"{name} = {written(values[k], units[name])}" for name, values in front.items()))
     return {
         "values": result.values,
         "achieved": result.achieved,
@@ -178,6 +186,15 @@ def uncertainty(
         "optics": optics_of(found, optics, ring),
     }
     common["seed"] = seed
+    held = {n: v for n, v in zip(found.names, found.box.middle, strict=True) if n not in spreads}
+    held.update(common["fixed"])
+    if held:
+        units = dict(zip(found.names, found.box.units, strict=True))
+        words = ", ".join(f"{name} = {written(float(value), units[name])}" for name, value in held.items())
+        note(f"held: {words}; --fix and --spread change that")
+    if period and interpolate is None:
+        count = samples * (len(spreads) + 2)
+        note(f"{count} settled cycles, some minutes; with --interpolate 150 only 150, interpolated, some seconds")
     with working("sampling"):
         data = surrogate.uncertainty(found, spreads, what, interpolate=interpolate, **common)
     if map_:
@@ -186,11 +203,10 @@ def uncertainty(
         say(f"{unsure:.0%} of the points pulse with a probability between 5 and 95 %; wrote {map_}")
         return {"map": map_, "unsure": unsure, "probability": data["mean"].values.tolist()}
     unit = "s" if period else "K/W"
-    say(f"mean {data.attrs['mean']:.6g} {unit}")
-    say(
-        f"standard deviation {data.attrs['standard_deviation']:.3g} {unit}; 5 to 95 %: "
-        f"{data.attrs['quantile_05']:.6g} .. {data.attrs['quantile_95']:.6g} {unit}"
+    mean, deviation, low, high = (
+        written(data.attrs[name], unit) for name in ("mean", "standard_deviation", "quantile_05", "quantile_95")
     )
+    say(f"mean {mean}, standard deviation {deviation}; 5 to 95 %: {low} .. {high}")
     for name, first, total in zip(data.parameter.values, data.first_order.values, data.total_order.values, strict=True):
         say(f"{name}: first-order Sobol index {first:.3f}, total {total:.3f}")
     if interpolate:
@@ -229,7 +245,7 @@ def calibrate(
         result = surrogate.calibrate(found, [dataset.load(path) for path in data], noise=noise)
     for name, unit in zip(found.names, found.box.units, strict=True):
         value, error = result.values[name], result.standard_errors[name]
-        say(f"{name} = {value:.5g} +- {error:.2g} {unit}" + (" (end of its range)" if name in result.active else ""))
+        say(f"{name} = {written(value, unit, error)}" + (" (end of its range)" if name in result.active else ""))
     say(f"residual {result.residual:.3g} K rms")
     for text in result.unseen:
         say(f"not determined by the data: {text}")

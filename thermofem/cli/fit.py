@@ -12,7 +12,7 @@ from ..checks import InputError
 from . import options
 from .files import check_outputs
 from .kinds import expect, kind_of
-from .output import note, say, working
+from .output import note, say, working, written
 from .solve_options import waveform
 
 if TYPE_CHECKING:
@@ -193,11 +193,11 @@ def _print(found: Any, kind: str, kelvin: str) -> None:
     rows = []
     if kind == "spectrum":
         for r, tau in zip(found.model.R, found.model.tau, strict=True):
-            rows.append(("R", f"{_written(float(r), 'K/W')} at tau = {_written(float(tau), 's')}"))
+            rows.append(("R", f"{written(float(r), 'K/W')} at tau = {written(float(tau), 's')}"))
     elif kind != "sindy":
         errors = found.standard_errors
-        rows += [(name, _written(value, _unit(name), errors[name])) for name, value in found.parameters.items()]
-    rows.append(("R_th", _written(found.model.thermal_resistance, "K/W")))
+        rows += [(name, written(value, _unit(name), errors[name])) for name, value in found.parameters.items()]
+    rows.append(("R_th", written(found.model.thermal_resistance, "K/W")))
     rows.append(("misfit", f"{found.residual:.3g} K rms, {100 * found.relative_residual:.2g} % of the swing"))
     for name, text in rows:
         say(
@@ -205,16 +205,6 @@ def _print(found: Any, kind: str, kelvin: str) -> None:
         )
     for line in getattr(found, "notes", ()):
         say(f"{'note':>22} : {line}")
-
-
-def _written(value: float, unit: str, error: float | None = None) -> str:
-    """A fitted number and its standard error to the digits that matter, with one prefix for both."""
-    text = quantity.write(float(f"{value:.4g}"), unit) if unit in quantity.SI else f"{value:.4g} {unit}"
-    if error is None:
-        return text
-    number, _, prefixed = text.partition(" ")
-    shown = float(f"{error * (float(number) / value if value else 1.0):.2g}")
-    return f"{number} ± {shown:g} {prefixed}".rstrip()
 
 
 def _unit(parameter: str) -> str:

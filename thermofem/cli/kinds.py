@@ -13,6 +13,7 @@ KINDS = {
     "ring": ("the optics of a ring", "thermofem simulate, cosimulate, map, stability and explore take it with --ring"),
     "campaign": ("a campaign", "thermofem campaign takes it"),
     "model": ("a thermal model", "thermofem simulate, map, stability, validate, explore, export and cite take it"),
+    "family": ("a family of rings", "thermofem design, uncertainty, calibrate and explore take it"),
     "data": ("data (netCDF)", "thermofem fit and cite take it"),
     "table": ("a table of numbers", "thermofem.read_csv makes training data of it, in Python"),
 }
@@ -40,8 +41,11 @@ def kind_of(path: Path) -> str | None:
     """One of `KINDS`, or None for what is none of them, cannot be read or is damaged."""
     try:
         with files.regular(path).open("rb") as file:
-            if file.read(6) == b"\x89HDF\r\n":
-                return "data"
+            first = file.read(6)
+        if first == b"\x89HDF\r\n":
+            return "data"
+        if first[:4] == b"PK\x03\x04" and path.suffix.lower() == ".json":
+            return "family"
         if path.suffix.lower() == ".toml":
             return _of_toml(set(trees.from_toml(files.read_text(path, "TOML"))))
         if path.suffix.lower() == ".json":

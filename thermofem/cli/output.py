@@ -164,3 +164,15 @@ def threads_wanted() -> int | None:
     """The number given with --threads, or None."""
     given = os.environ.get("NUMBA_NUM_THREADS", "")
     return int(given) if given.isdigit() else None
+
+
+def written(value: float, unit: str, error: float | None = None) -> str:
+    """A number for people, and its standard error, to the digits that matter, with one prefix for both."""
+    from .. import quantity
+
+    text = quantity.write(float(f"{value:.4g}"), unit) if unit in quantity.SI else f"{value:.4g} {unit}"
+    if error is None:
+        return text
+    number, _, prefixed = text.partition(" ")
+    shown = float(f"{error * (float(number) / value if value else 1.0):.2g}")
+    return f"{number} ± {shown:g} {prefixed}".rstrip()

@@ -21,8 +21,8 @@ LOOP = ("accuracy", "run")
 MAPS = ("grid", "duration")
 STAGES = (
     Stage("elements", "finite elements and their reduction", heat_stages.elements, (), FEM, 1, quick=True),
-    Stage("stacks", "the ring in other stacks", heat_stages.stacks, (), FEM, 5),
-    Stage("hot", "k(T) and c_p(T)", heat_stages.hot, (), FEM, 3),
+    Stage("stacks", "the ring in other stacks", heat_stages.stacks, (), FEM, 5, aside=True),
+    Stage("hot", "k(T) and c_p(T)", heat_stages.hot, (), FEM, 3, aside=True),
     Stage("pulse", "Fig. 5(a): 20 µs pulse", heat_stages.pulse, (), FEM, 2, quick=True),
     Stage("squares", "square waves of 1 and 0.8 µs", heat_stages.squares, (), FEM, 2, quick=True),
     Stage("training", "training on the FEM", training_stages.training, ("elements", "squares"), FEM, 4, quick=True),
@@ -31,10 +31,12 @@ STAGES = (
     Stage("carriers", "Fig. 3(b): carrier lifetime", carrier_stages.carriers, (), (), 0.2, quick=True),
     Stage("periods", "Fig. 7: period error", training_stages.periods, ("elements", "training"), FEM, 1, quick=True),
     Stage("traces", "self-pulsing at (8 dBm, 0 GHz)", pulsing_stages.traces, TRAINED[:2], (), 2, quick=True),
-    Stage("runs", "the paper's own models", paper_stages.runs, (), (), 1),
-    Stage("readings", "the print at its word", paper_stages.readings, (), ("grid",), 3),
-    Stage("heating", "Fig. 5(b): the heat of self-pulsing", pulsing_stages.heating, (), (*FEM, "cycle"), 7),
-    Stage("stacks_explained", "stacks that explain the experiment", stack_stages.explained, (), ("cycle",), 15),
+    Stage("runs", "the paper's own models", paper_stages.runs, (), (), 1, aside=True),
+    Stage("readings", "the print at its word", paper_stages.readings, (), ("grid",), 3, aside=True),
+    Stage("heating", "Fig. 5(b): the heat of self-pulsing", pulsing_stages.heating, (), (*FEM, "cycle"), 7, aside=True),
+    Stage(
+        "stacks_explained", "stacks that explain the experiment", stack_stages.explained, (), ("cycle",), 15, aside=True
+    ),
     Stage("loop", "FEM in the loop", loop_stages.loop, ("elements",), (*LOOP, "fitted"), 15),
     Stage("loop_map", "FEM in the loop: a map", loop_stages.loop_map, ("elements",), (*LOOP, "grid", "loop_every"), 40),
     Stage("fits", "Fig. 4(d): models fitted to traces", pulsing_stages.fits, ("loop",), ("runs",), 25),

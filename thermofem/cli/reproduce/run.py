@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-import logging
 from collections.abc import Mapping, Sequence
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rich.table import Table
 
@@ -17,16 +15,13 @@ from ..output import console as terminal
 from .claims import Claim, claims, known, plain
 from .page import page, shown
 from .plan import stages_of
+from .second import quiet, run_all
 from .sections import Section, read
 from .settings import Settings
-from .stages import run_stages
 from .store import Result, StageStore
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
-
-def run(out: Path, settings: Settings | None = None) -> dict[str, Any]:
+def run(out: Path, settings: Settings | None = None, *, processes: int = 1) -> dict[str, Any]:
     """Reproduce the paper into ``out``: data/, figures/ and report.html; returns what was made.
 
     What an earlier run left there under the same settings and code is taken, not computed again.
@@ -36,8 +31,8 @@ def run(out: Path, settings: Settings | None = None) -> dict[str, Any]:
     settings, console = settings or Settings(), terminal(err=False)
     data, figures = (files.make_folder(files.make_folder(out) / name) for name in ("data", "figures"))
     stages = stages_of(settings)
-    with _quiet():
-        done = run_stages(stages, settings, StageStore(data), console)
+    with quiet():
+        done = run_all(stages, settings, StageStore(data), console, processes)
     results = done.results
     lead, sections = _words(settings, results)
     rows = [claim for claim in claims() if claim.known(results)]
@@ -119,15 +114,3 @@ def _printed(claims: Sequence[Claim], results: Mapping[str, Result]) -> Table:
         if claim.key:
             table.add_row(claim.quantity, claim.paper, plain(claim.ours, results))
     return table
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Suppress the warning on the finite domain: the reference stack ends where that of the paper does."""
-    log = logging.getLogger("thermofem")
-    before = log.level
-    log.setLevel(logging.ERROR)
-    try:
-        yield
-    finally:
-        log.setLevel(before)

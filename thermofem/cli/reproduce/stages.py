@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -37,6 +37,7 @@ class Stage:
     uses: fields of Settings.
     weight [s]: about how long it takes.
     quick: whether it belongs to the one-minute version.
+    aside: whether a second process may compute it: it has no inputs, and no stage has it as an input.
     """
 
     name: str
@@ -46,6 +47,11 @@ class Stage:
     uses: tuple[str, ...] = ("accuracy",)
     weight: float = 1.0
     quick: bool = False
+    aside: bool = False
+
+    def used(self, settings: Settings) -> dict[str, Any]:
+        """Settings that decide the result, by name."""
+        return {name: getattr(settings, name) for name in self.uses}
 
 
 @dataclass(frozen=True)
@@ -67,8 +73,7 @@ def run_stages(stages: Sequence[Stage], settings: Settings, store: StageStore, c
         before = 0.0
         for stage in stages:
             progress.update(task, description=stage.words, completed=before)
-            used = {name: getattr(settings, name) for name in stage.uses}
-            key = keys[stage.name] = key_of(stage.name, used, (keys[name] for name in stage.inputs))
+            key = keys[stage.name] = key_of(stage.name, stage.used(settings), (keys[name] for name in stage.inputs))
             known = store.load(stage.name, key)
             if known is None:
                 begin = time.process_time()

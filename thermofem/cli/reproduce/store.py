@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from ...models import ThermalModel
 
 FORMAT = 1
-WORDS = ("claims", "page", "plan", "run", "sections")  # modules that compute nothing
+WORDS = ("claims", "page", "plan", "run", "second", "sections")  # modules that compute nothing
 LIBRARIES = ("numpy", "scipy", "scikit-fem", "numba", "pysindy")
 
 

@@ -1,0 +1,44 @@
+"""What one sees of a run of several rings: panels, one ring's pulses, and what functions for one ring say of all."""
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+import xarray as xr
+
+import coupled
+import surrogate
+import thermofem as th
+from coupled.plot import plot_traces
+from coupled.plot_circuit import plot_ports, plot_rings
+
+mpl.use("Agg")
+
+
+@pytest.fixture(scope="module")
+def run() -> xr.Dataset:
+    """Two rings on a bus; the first one takes the light, and the second one what it leaves."""
+    ring, model = coupled.borghi2021(), surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)
+    return coupled.simulate_circuit(coupled.bus([ring, ring]), model, inputs={"in": 6.31e-3}, duration=8e-6)
+
+
+def test_a_ring_of_a_circuit_pulses_as_it_does_alone(run):
+    found = coupled.pulsing(run.sel(ring="ring 1"))
+    model = surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)
+    alone = coupled.pulsing(coupled.simulate(coupled.borghi2021(), model, power=6.31e-3, duration=8e-6))
+    assert found.regime == alone.regime == "self-pulsing"
+    # no heat and no light comes back to the first ring; both runs have rtol 1e-6
+    np.testing.assert_allclose([found.period, found.duty], [alone.period, alone.duty], rtol=1e-4)
+    with pytest.raises(th.InputError, match=r"holds 2 rings; pick one of them, run.sel\(ring='ring 1'\)"):
+        coupled.pulsing(run)
+
+
+@pytest.mark.parametrize(("plot", "count"), [(plot_rings, 2), (plot_ports, 3)])
+def test_every_line_has_its_panel(run, plot, count):
+    first = plot(run)
+    assert [len(panel.lines) for panel in first.figure.axes] == [1] * count
+    assert len(plot(run, ax=first.figure.axes[-1]).lines) == count + 1
+
+
+def test_traces_of_one_ring_refuse_a_circuit(run):
+    with pytest.raises(th.InputError, match=r"without 'drop'.*coupled\.plot_circuit draws those of"):
+        plot_traces(run)
