@@ -88,7 +88,7 @@ SCHEMA: dict[str, dict[str, str]] = {
 
 REFERENCE = """# Geometry file reference
 
-Made from the schema that reads the file; [describing a geometry](geometry.md) has a complete example. Quantities are
+This page is generated from the schema that reads the file; [describing a geometry](geometry.md) has a complete example. Quantities are
 text with a unit; any unit of the right dimension will do. A key that is not listed is an error that names the nearest.
 """
 LAWS = """
@@ -225,7 +225,7 @@ _SUFFIX = {
 
 COMMANDS = """# Commands
 
-What `--help` after each command says, too. Quantities are text with a unit, as `"8 dBm"`, `"-10 GHz"`, `"20 us"`. A
+`--help` after each command prints the same text. Quantities are text with a unit, as `"8 dBm"`, `"-10 GHz"`, `"20 us"`. A
 mistake is one line that names it, and exit code 2. `thermofem --version` prints the version. A detuning is a frequency
 or, as `"80 pm"`, a distance in wavelength; a longer wavelength is a negative detuning.
 

@@ -18,7 +18,8 @@ Contract of a `Waveform` (anything that satisfies it can drive every model):
 
 To add a waveform, write one file in this folder: a frozen dataclass that keeps the contract, with the decorator
 `contract.stored` where its fields are numbers and arrays. It is found by itself: as ``th.Name``, in files and in the
-tests of every model (which take ``Name.example()`` where it has one).
+tests of readers (which take ``Name.example()`` where it has one). One instance of it goes into
+tests/test_every_waveform.py, which drives every model with it.
 """
 
 from __future__ import annotations
