@@ -88,8 +88,9 @@ SCHEMA: dict[str, dict[str, str]] = {
 
 REFERENCE = """# Geometry file reference
 
-This page is generated from the schema that reads the file; [describing a geometry](geometry.md) has a complete example. Quantities are
-text with a unit; any unit of the right dimension will do. A key that is not listed is an error that names the nearest.
+This page is generated from the schema that reads the file; [describing a geometry](geometry.md) has a complete example.
+Quantities are text with a unit; any unit of the right dimension will do.
+A key that is not listed is an error that names the nearest.
 """
 LAWS = """
 ## Laws of temperature
@@ -225,9 +226,9 @@ _SUFFIX = {
 
 COMMANDS = """# Commands
 
-`--help` after each command prints the same text. Quantities are text with a unit, as `"8 dBm"`, `"-10 GHz"`, `"20 us"`. A
-mistake is one line that names it, and exit code 2. `thermofem --version` prints the version. A detuning is a frequency
-or, as `"80 pm"`, a distance in wavelength; a longer wavelength is a negative detuning.
+`--help` after each command prints the same text. Quantities are text with a unit, as `"8 dBm"`, `"-10 GHz"`, `"20 us"`.
+A mistake is one line that names it, and exit code 2. `thermofem --version` prints the version.
+A detuning is a frequency or, as `"80 pm"`, a distance in wavelength; a longer wavelength is a negative detuning.
 
 | exit code | meaning |
 |---|---|
