@@ -191,10 +191,7 @@ def drives_of(data: xr.Dataset | Sequence[xr.Dataset]) -> list[Drive]:
     InputError
         an empty list; a trace that stands twice, which would make the standard errors too small.
     """
-    datasets: Any = [data] if isinstance(data, Record) or hasattr(data, "delta_T") else data
-    if not isinstance(datasets, list | tuple):
-        raise checks.InputError(f"data = {checks.shown(data)} is no Dataset, nor a list of them")
-    drives = [drive_of(one) for one in datasets]
+    drives = [drive_of(one) for one in (data if isinstance(data, list | tuple) else [data])]
     if not drives:
         raise checks.InputError("data is empty; give at least one Dataset")
     seen: dict[bytes, int] = {}

@@ -131,13 +131,13 @@ def in_si(data: xr.Dataset) -> xr.Dataset:
     for name, variable in data.variables.items():
         field = _field(str(name))
         given = variable.attrs.get("units")
-        if field is not None and variable.dtype.kind == "c":
+        if field is not None and variable.values.dtype.kind == "c":
             raise InputError(f"variable {name!r} holds complex values; real numbers are needed")
         if field is None or given is None or (isinstance(given, str) and given == field.unit):
             continue
         if not isinstance(given, str):
             raise InputError(f"variable {name!r} has the unit {shown(given)}, which is no text")
-        if given in ("", "1") or variable.dtype.kind not in "fiu":
+        if given in ("", "1") or variable.values.dtype.kind not in "fiu":
             if given in ("", "1") and field.unit not in ("", "1"):
                 raise InputError(f"variable {name!r} states the unit {given!r}; {field.unit} is needed")
             continue

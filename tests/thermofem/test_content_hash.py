@@ -10,6 +10,7 @@ import pytest
 
 import surrogate
 import thermofem as th
+from thermofem.record import Record, column
 
 TIMES = np.linspace(0, 10e-6, 50)
 WORDS = "changed after thermofem wrote it"
@@ -71,3 +72,12 @@ def test_a_trace_that_is_given_twice_is_refused(data):
     for fit in (surrogate.fit_newton, lambda two: surrogate.fit_foster(two, order=1)):
         with pytest.raises(th.InputError, match=r"data\[1\] is the same trace as data\[0\]"):
             fit([data, data.copy()])
+
+
+def test_records_of_the_commands_are_fitted():
+    """What `th.solve.record` returns has no attribute delta_T; `explore` of a geometry fits it."""
+    model = th.Foster(R=[5e3], tau=[3e-6])
+    rise = ("time", model.response(th.Constant(1e-3), TIMES), {"units": "K"})
+    columns = {"delta_T": column(*rise), "power": column("time", np.full(TIMES.size, 1e-3), {"units": "W"})}
+    record = Record(columns, {"time": column("time", TIMES, {"units": "s"})}, {})
+    assert surrogate.fit_newton(record).model.tau[0] == pytest.approx(3e-6, rel=1e-3)
