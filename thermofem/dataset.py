@@ -191,7 +191,8 @@ def drives_of(data: xr.Dataset | Sequence[xr.Dataset]) -> list[Drive]:
     InputError
         an empty list; a trace that stands twice, which would make the standard errors too small.
     """
-    drives = [drive_of(one) for one in (data if isinstance(data, list | tuple) else [data])]
+    datasets: Any = data if isinstance(data, list | tuple) else [data]
+    drives = [drive_of(one) for one in datasets]
     if not drives:
         raise checks.InputError("data is empty; give at least one Dataset")
     seen: dict[bytes, int] = {}
