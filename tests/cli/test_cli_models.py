@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from commands import thermofem
 
 import surrogate
 import thermofem as th
+from thermofem import quantity
 
 
 @pytest.fixture(scope="module")
@@ -25,19 +27,29 @@ def folder(tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    ("kind", "units"),
+    ("kind", "fit", "units"),
     [
-        ("second-order", {"kappa": "1/s", "tau_f": "s", "tau_s": "s"}),
-        ("newton", {"tau_th": "s", "heat_capacity": "J/K"}),
-        ("foster", {"R_1": "K/W", "tau_1": "s"}),
+        ("second-order", surrogate.fit_second_order, {"kappa": "1/s", "tau_f": "s", "tau_s": "s"}),
+        ("newton", surrogate.fit_newton, {"tau_th": "s", "heat_capacity": "J/K"}),
+        ("foster", partial(surrogate.fit_foster, order=1), {"R_1": "K/W", "tau_1": "s"}),
     ],
 )
-def test_fit_prints_units(folder, kind, units):
-    """Of all but the ratios eta and heat_capacity_ratio."""
+def test_fit_prints_numbers_errors_and_units(folder, kind, fit, units):
+    """Of all but the ratios eta and heat_capacity_ratio; four digits, and two of the error."""
     order = ["--order", "1"] if kind == "foster" else []
     done = thermofem("fit", "square.nc", "--kind", kind, *order, "-o", f"{kind}.json", cwd=folder)
     words = [line.split() for line in done.stdout.splitlines() if "±" in line]
-    assert {word[0]: word[5] for word in words if len(word) == 6} == units
+    printed = {name: (f"{value} {unit}", f"{error} {unit}") for name, _, value, _, error, unit in filter(six, words)}
+    assert printed.keys() == units.keys()
+    found = fit(th.load(folder / "square.nc"))
+    for name, (value, error) in printed.items():
+        assert quantity.parse(value, units[name]) == pytest.approx(found.parameters[name], rel=1e-3)
+        assert quantity.parse(error, units[name]) == pytest.approx(found.standard_errors[name], rel=0.05)
+
+
+def six(words):
+    """Whether a line is name = value ± error unit."""
+    return len(words) == 6
 
 
 def test_fit_and_reduce_write_models(folder):

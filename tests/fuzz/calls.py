@@ -7,8 +7,10 @@ Prints each place once at which another error comes up; the exit code is then 1.
 
 from __future__ import annotations
 
+import contextlib
 import random
 import sys
+import tempfile
 import time
 import traceback
 import warnings
@@ -131,20 +133,21 @@ def tried(
 ) -> tuple[int, dict[str, str]]:
     """Run jobs; how many, and the places of errors that are not documented with the call that led there."""
     end, done, wrong = time.monotonic() + seconds, 0, dict[str, str]()
-    for name, argument, thing in jobs(table, seed)[:count]:
-        if time.monotonic() > end:
-            break
-        function, given = table[name]
-        done += 1
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                function(**{**given, argument: thing})
-        except (th.InputError, th.MissingLibraryError) as error:
-            if "\n" in str(error):
-                wrong[f"two lines of {name}"] = f"{argument}: {error}"
-        except Exception as error:
-            wrong[place(error)] = f"{name}({argument}={thing!r:.80}): {error!s:.80}".replace("\n", " ")
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):  # some calls write files
+        for name, argument, thing in jobs(table, seed)[:count]:
+            if time.monotonic() > end:
+                break
+            function, given = table[name]
+            done += 1
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")
+                    function(**{**given, argument: thing})
+            except (th.InputError, th.MissingLibraryError) as error:
+                if "\n" in str(error):
+                    wrong[f"two lines of {name}"] = f"{argument}: {error}"
+            except Exception as error:
+                wrong[place(error)] = f"{name}({argument}={thing!r:.80}): {error!s:.80}".replace("\n", " ")
     return done, wrong
 
 
