@@ -23,9 +23,9 @@ def plot_crosstalk(array: ArrayReduction, ax: Axes | None = None) -> Axes:
     matrix = array.crosstalk / 1e3
     picture = ax.imshow(matrix, cmap="magma_r", norm=LogNorm(vmin=matrix.min() / 2, vmax=matrix.max()), aspect="equal")
     if matrix.size <= 64:
+        luma = picture.to_rgba(matrix)[..., :3] @ (0.299, 0.587, 0.114)  # ITU-R BT.601
         for (i, j), value in np.ndenumerate(matrix):
-            red, green, blue, _ = picture.cmap(picture.norm(value))
-            colour = "white" if 0.299 * red + 0.587 * green + 0.114 * blue < 0.5 else INK  # luma of ITU-R BT.601
+            colour = "white" if luma[i, j] < 0.5 else INK
             ax.text(j, i, f"{value:.2g}", ha="center", va="center", fontsize="x-small", color=colour)
     ax.set_xticks(range(len(array.model.inputs)), array.model.inputs, rotation=60, ha="right", fontsize="small")
     ax.set_yticks(range(array.rings), array.model.outputs, fontsize="small")

@@ -65,11 +65,10 @@ def export_model(
     name, _ = FORMATS[checks.choice("to", to, FORMATS)]
     check_target(path)
     checks.has("model", model, "inputs", "outputs", hint="a thermal model is needed, such as thermofem.Foster or a fit")
-    provenance = checks.mapping("provenance", provenance, hint="such as the .provenance of a fit")
     if provenance is None:
         provenance = model.provenance if isinstance(model, HasModel) else getattr(model, "origin", None)
+    lines = header(bare(model), checks.mapping("provenance", provenance, hint="such as the .provenance of a fit"))
     model = bare(model)
-    lines = header(model, provenance)
     if to == "fmu":
         from .fmu import write
 

@@ -188,7 +188,7 @@ def test_what_is_refused_says_what_to_do():
         ({"heaters": {"core": 1e-3}, "heated": "core"}, "which the light heats"),
         ({"heaters": {"heater": -1e-3}}, "heater.* = -0.001 must"),
         ({"heaters": {"heater": "hot"}}, "heater"),
-        ({"heaters": [1e-3]}, "must map names"),
+        ({"heaters": [1e-3]}, "a mapping is needed"),
         ({"heated": "heater"}, "does not read 'heater'"),
     ):
         with pytest.raises(th.InputError, match=words):
