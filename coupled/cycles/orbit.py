@@ -24,7 +24,7 @@ GROWTH = 1.5  # of a mesh at most
 SLACK = 8.0  # by how much the worst interval may exceed it
 RESOLVED = 1e-5  # of the multiplier along the orbit, which is 1: a pulse much shorter than the period may be missed
 CLOSE_ENOUGH = 1e-7  # a step of Newton's method that small leaves less than its square times a hundred
-TRACE_RTOL = 1e-5
+TRACE_RTOL, FINE_RTOL = 1e-5, 1e-7  # of traces; the second for pulses some thousand times shorter than the period
 SHOTS, FEW_SHOTS, STEPS = 12, 8, 12  # of Newton's method along traces, the same for a rough orbit, and on a mesh
 UNKNOWN = np.empty((0, 0))
 
@@ -105,19 +105,21 @@ def around(p: CycleProblem, y: Array, T: float, pulses: int) -> tuple[Array, Arr
 
 
 def shoot(
-    p: CycleProblem, y: Array, T: float, pulses: int = 1, rough: bool = False, M: Array = UNKNOWN
-) -> Orbit | None:
+    p: CycleProblem, y: Array, T: float, pulses: int = 1, rough: bool = False, M: Array = UNKNOWN, *,
+    rtol: float = TRACE_RTOL,
+) -> Orbit | None:  # fmt: skip
     """Close an orbit from a state on it whose carriers rise, near ``T`` ns; None where Newton's method finds none.
 
     Far from the orbit every step integrates anew until the carriers return, so that the pulses stay where the equations
     put them; near it the stages of a fixed mesh move. A ``rough`` orbit is one on the mesh of the trace, whose period
     errs by less than 1e-6. ``M`` is the derivative of the return map of a neighbour, from which few steps are taken.
+    ``rtol`` is that of the traces.
     """
     from ..kernels import orbit_return
 
     share, step = ROUGH if rough else FIRST
     start, Y, tau, T, M, move = uninterrupted(
-        orbit_return.near, y, T, pulses, M, p.at, p.floor, scheme(), tableau(Method.RODAS4), TRACE_RTOL, share, step,
+        orbit_return.near, y, T, pulses, M, p.at, p.floor, scheme(), tableau(Method.RODAS4), rtol, share, step,
         FEW_SHOTS if rough else SHOTS, new_watch(),
     )  # fmt: skip
     if not move < np.inf:

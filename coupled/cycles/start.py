@@ -15,7 +15,7 @@ from thermofem.arrays import Array, NDArray
 from thermofem.checks import InputError
 
 from ..heaters import turned_by
-from .orbit import CycleProblem, Orbit, around, run, shoot
+from .orbit import FINE_RTOL, CycleProblem, Orbit, around, run, shoot
 
 FIRST, LONGEST = 4e3, 2e6  # ns
 SLOWEST = 30  # of the slowest heat, what a transient may take where that is longer
@@ -112,6 +112,8 @@ def _close(
         orbit = shoot(p, y, T, pulses, rough)
         if orbit is None and pulses == 1 and (pulses := _repeats(p, y, T)) > 1:
             orbit = shoot(p, y, T, pulses, rough)
+            if orbit is None and (orbit := shoot(p, y, T, 1, rough, rtol=FINE_RTOL)) is not None:
+                pulses = 1
         if orbit is None:
             return None, said or "the pulses do not repeat", bool(said)
         if _range(orbit) <= FLAT * orbit.Y[:, :, 2].max():

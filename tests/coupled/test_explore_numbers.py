@@ -276,14 +276,19 @@ def test_settled_cycles(js, count):
     assert traced <= 1 + count // 20
 
 
-def test_a_pulse_much_shorter_than_its_period():
-    """A duty of .0024: on the first mesh the multiplier along the orbit is 1e-4 off, and the period 6.5e-6."""
-    ring, model, power, detuning = pulsing_case(182)
+@pytest.mark.parametrize("seed", [182, 89])
+def test_a_pulse_much_shorter_than_its_period(seed):
+    """Duties of .0024 and .0004.
+
+    The first one's multiplier along the orbit is 1e-4 off on the first mesh, and its period 6.5e-6; the second one was
+    not found from traces at the usual tolerance.
+    """
+    ring, model, power, detuning = pulsing_case(seed)
     cycle = coupled.limit_cycle(ring, model, power=power, detuning=detuning)
     run = coupled.simulate(ring, model, power=power, detuning=detuning, duration=60e-6, rtol=1e-8)
     # the last crossings lie between steps whose cubics err by some 1e-7 of the short pulse
     assert cycle.attrs["period"] == pytest.approx(coupled.pulsing(run).period, rel=2e-7)
-    assert np.abs(cycle["multipliers"].values - 1).min() < 1e-6
+    assert np.abs(cycle["multipliers"].values - 1).min() < 1e-5  # what `limit_cycle` refines its mesh for
 
 
 def under_a_heater(seed):
