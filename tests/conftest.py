@@ -10,6 +10,7 @@ import hypothesis
 import order
 import pytest
 from paths import ROOT
+from validation_rows import merged
 
 ROWS = pytest.StashKey[list]()
 VALIDATION = ROOT / "docs" / "validation.json"
@@ -63,14 +64,6 @@ def pytest_terminal_summary(terminalreporter, exitstatus, config):
     for row in left:
         fate = "kept" if row in rows else "dropped"
         terminalreporter.write_line(f"  {fate}, no test measured it: {row['subject']}: {row['what']}")
-
-
-def merged(old, new, *, drop):
-    """Old rows in their order with what the new ones say, then the rest of the new; and what nothing measured."""
-    fresh = {(row["subject"], row["what"]): row for row in sorted(new, key=lambda row: (row["subject"], row["what"]))}
-    left = [row for row in old if (row["subject"], row["what"]) not in fresh]
-    rows = [fresh.pop((row["subject"], row["what"]), row) for row in old if not (drop and row in left)]
-    return [*rows, *fresh.values()], left
 
 
 @pytest.fixture(scope="session")

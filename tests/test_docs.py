@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 from paths import ROOT
+from validation_rows import merged
 
 import coupled
 import surrogate
@@ -150,8 +151,6 @@ def test_generated_pages_are_up_to_date():
 
 
 def test_validated_numbers_of_a_part_of_the_tests_join_the_others():
-    from conftest import merged
-
     old = [{"subject": s, "what": w, "ours": 1} for s, w in (("Ring", "a"), ("Ring", "b"), ("Light", "c"))]
     new = [{"subject": "Light", "what": "c", "ours": 2}, {"subject": "Heat", "what": "d", "ours": 2}]
     rows, left = merged(old, new, drop=False)
