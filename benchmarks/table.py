@@ -64,7 +64,11 @@ is symmetric; that is what most of the ratio buys. Their order is ours for 1e-4 
         """Radius 4 to 12 µm, width 400 to 600 nm, box 1 to 3 µm. The error is the largest of the step response from 1
 ns to 100 µs over random members that neither has seen, on meshes of accuracy 1e-4. scikit-learn's way, as one writes it
 first: logarithms of as many solved step responses, 12 principal components, a Gaussian process for each; it gives no
-network and no bound.""",
+network and no bound.
+
+A campaign of 1000 of these rings, a step at 41 times each, accuracy 1e-3, two workers, takes 44 s with its start.
+Before meshes moved with the geometry it took 118 s (commit 24c6f54). Both ran in turns on an idle machine with two
+cores, the new code twice (44.4 and 44.5 s).""",
     ),
     "coupled": (
         "Coupled dynamics: 20 µs of self-pulsing",
