@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -200,9 +201,7 @@ def _print(found: Any, kind: str, kelvin: str) -> None:
     rows.append(("R_th", written(found.model.thermal_resistance, "K/W")))
     rows.append(("misfit", f"{found.residual:.3g} K rms, {100 * found.relative_residual:.2g} % of the swing"))
     for name, text in rows:
-        say(
-            f"{name:>22} = {text.replace('K/', kelvin + '/').replace('/K', '/' + kelvin).replace(' K ', f' {kelvin} ')}"
-        )
+        say(f"{name:>22} = {re.sub(r'K(?![a-z])', kelvin, text)}")
     for line in getattr(found, "notes", ()):
         say(f"{'note':>22} : {line}")
 
