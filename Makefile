@@ -38,8 +38,8 @@ docs: .venv/installed-dev
 	$(BIN)/python docs/generate.py
 	$(BIN)/python -m mkdocs build --strict -d out/site
 
-# sdist, a wheel from it, and the paper's short version in an environment that has nothing else; of its 10000 files few
-# are imported, and an import compiles what is not
+# sdist, a wheel from it, and the paper's short version in an environment that has nothing else. Python compiles the few
+# files that it imports; compiling all 10000 would take longer
 wheel:
 	rm -rf out/dist out/build out/fresh
 	$(PYTHON) -m venv out/build

@@ -26,7 +26,7 @@ TURN = 0.3  # of the largest values, what the stages may change in a step
 EASY, HARD = 3, 5  # steps of Newton's method
 SMALL = 0.05  # relative range of the carriers where a branch that shrinks ends in a Hopf point
 SLOWEST = 30.0  # times the shortest period of the branch, where it runs into a saddle
-AT = 1e-3  # distance of a multiplier from where it has to be
+AT = 1e-3  # largest distance of the multiplier of a bifurcation from -1 or from the unit circle
 HOPF = "Hopf"
 KINDS = ("fold", "period doubling", "torus")
 
@@ -200,7 +200,10 @@ def _located(
 
 
 def _is_there(kind: str, place: Place) -> bool:
-    """Whether the multipliers are what the sign of a test says: beside a saddle they may change it through infinity."""
+    """Whether a multiplier is where a change of sign says that it is.
+
+    Near a saddle a multiplier can pass through infinity; the sign changes then, too.
+    """
     mu = nontrivial(place.orbit)
     if kind == "period doubling":
         return bool(np.abs(1 + mu).min() < AT)

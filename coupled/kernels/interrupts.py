@@ -29,10 +29,9 @@ def new_watch(*kernels: int) -> NDArray[np.float64]:
 
 
 def uninterrupted(kernel: Any, *arguments: Any) -> Any:
-    """Call a kernel, or a function of several; Ctrl-C takes effect when it returns, or at once: a second one, or one
-    while anything compiles.
+    """Call a short kernel, or a function that calls several; Ctrl-C takes effect when it returns.
 
-    For what returns soon: nothing is cheaper.
+    A second Ctrl-C, or one during a compilation, takes effect at once.
     """
     if threading.current_thread() is not threading.main_thread():  # signals go to the main thread only
         return kernel(*arguments)

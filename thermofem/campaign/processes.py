@@ -33,6 +33,11 @@ def context() -> BaseContext:
     return found
 
 
+def cpus() -> int:
+    """CPUs that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def begin() -> None:
     """Start the server process, so that it imports the libraries while this process reads files."""
     if context().get_start_method() == "forkserver":

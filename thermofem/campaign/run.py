@@ -7,7 +7,6 @@ that kills its worker is found and recorded while the others go on.
 
 from __future__ import annotations
 
-import os
 import time
 from collections import deque
 from collections.abc import Callable
@@ -19,7 +18,7 @@ from typing import TYPE_CHECKING
 from .. import checks
 from ..checks import InputError, MissingLibraryError
 from .collect import Row, write_collections
-from .processes import begin, context, one_thread
+from .processes import begin, context, cpus, one_thread
 from .store import ResultStore
 from .work import Outcome, compute, prepare, ready
 
@@ -101,18 +100,13 @@ def run(
         loop = _Loop(campaign, store, report or (lambda summary: None), Summary(len(cases)))
         waiting = loop.sort(cases, retry_failed)
         if waiting:
-            count = workers or _cpus()
+            count = workers or cpus()
             if executor is None:
                 begin()
             with one_thread():
                 loop.work(waiting, _Workers(campaign, executor, count))
         write_collections(store, loop.rows)
     return loop.summary
-
-
-def _cpus() -> int:
-    """CPUs that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @dataclass

@@ -183,10 +183,11 @@ def reproduce(
 
     Started again, it goes on where it was, however it ended.
     """
+    from ..campaign.processes import cpus
     from .output import threads_wanted
     from .reproduce import Settings, run
 
-    return run(output, Settings(quick=quick), processes=threads_wanted() or os.cpu_count() or 1)
+    return run(output, Settings(quick=quick), processes=threads_wanted() or cpus())
 
 
 @app.command(rich_help_panel=RESULTS)

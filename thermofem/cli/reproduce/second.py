@@ -54,7 +54,7 @@ def _second(settings: Settings, folder: Path) -> Iterator[None]:
 
 def _compute(settings: Settings, folder: Path) -> None:
     """What the second process does, until the first one ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the first one hears of Ctrl-C
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # only the first process handles Ctrl-C
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with quiet():
         alone = [stage for stage in stages_of(settings) if stage.aside]
