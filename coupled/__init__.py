@@ -4,20 +4,20 @@ from importlib import import_module as _import_module
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 from typing import Any as _Any
 
-from .carriers import ShockleyReadHall
+from .carriers.lifetime import ConstantLifetime
+from .carriers.shockley_read_hall import ShockleyReadHall
 from .explore.page import explore
 from .inputs import Sweep
 from .kernels.tableaus import Method
-from .lasers import Laser
-from .lifetime import ConstantLifetime
 from .noise import frequency_noise, intensity_noise
 from .parameters.borghi2021 import borghi2021
 from .parameters.vanvaerenbergh2012 import vanvaerenbergh2012
-from .pulsing import Pulsing, Regime, pulsing
 from .resonator import RingResonator
-from .simulate import simulate
+from .runs.lasers import Laser
+from .runs.pulsing import Pulsing, Regime, pulsing
+from .runs.simulate import simulate
+from .runs.window import Event
 from .states import State
-from .window import Event
 
 __all__ = [
     "FEM", "NO_PREDICTOR", "CarrierFit", "Circuit", "ConstantLifetime", "Corrector", "Detector", "Event",
@@ -31,6 +31,7 @@ __all__ = [
 ]  # fmt: skip
 
 if _TYPE_CHECKING:
+    from .carriers.pump_probe import CarrierFit, carrier_decay, fit_carrier_decay
     from .circuit import (
         Circuit,
         Detector,
@@ -60,7 +61,6 @@ if _TYPE_CHECKING:
     from .loop.cosimulate import NO_PREDICTOR, cosimulate
     from .maps.pulsing_map import overlap, pulsing_map
     from .maps.stability_map import stability_map
-    from .pump_probe import CarrierFit, carrier_decay, fit_carrier_decay
 
 # imported when first used, so that a command which needs none of them starts fast
 _LATE = {
@@ -76,7 +76,7 @@ _LATE = {
     ".loop.cosimulate": "NO_PREDICTOR cosimulate",
     ".maps.pulsing_map": "overlap pulsing_map",
     ".maps.stability_map": "stability_map",
-    ".pump_probe": "CarrierFit carrier_decay fit_carrier_decay",
+    ".carriers.pump_probe": "CarrierFit carrier_decay fit_carrier_decay",
     ".cycles.continue_cycle": "continue_cycle",
     ".cycles.cycle_folds": "cycle_fold_curves",
     ".cycles.derivatives": "cycle_derivatives",

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from thermofem import checks, toml_file
+from thermofem import checks, dataset, toml_file
 from thermofem.constants import c, hbar
 from thermofem.display import shown
 
 from . import ring_toml
-from .carriers import ShockleyReadHall
-from .lifetime import ConstantLifetime
+from .carriers.lifetime import ConstantLifetime
+from .carriers.shockley_read_hall import ShockleyReadHall
 
 _RATE_HINT = "amplitude rates are in 1/s (did you mean 43e9?)"
 DERIVED = ("eta_fca", "eta_tpa", "g_tpa", "kerr_shift", "thermal_shift")
@@ -351,3 +352,8 @@ def published(ring: Callable[[], RingResonator]) -> Callable[[], RingResonator]:
     """Decorate the function of a published ring: a ring file may then take it as its base."""
     PUBLISHED[ring.__name__] = ring
     return ring
+
+
+def origin(kind: str, ring: RingResonator) -> dict[str, Any]:
+    """Attributes of every Dataset of the package: its kind and its ring."""
+    return dataset.stamp(kind) | {"ring": ring.name, "ring_parameters": json.dumps(asdict(ring))}

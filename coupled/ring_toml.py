@@ -37,8 +37,8 @@ from thermofem.checks import InputError
 from thermofem.constants import c, e, k
 from thermofem.toml_file import TABLE, TABLES, TEXT, read_table
 
-from .carriers import ShockleyReadHall
-from .lifetime import ConstantLifetime
+from .carriers.lifetime import ConstantLifetime
+from .carriers.shockley_read_hall import ShockleyReadHall
 
 Ring = TypeVar("Ring", bound=Any)  # a RingResonator, which imports this module
 

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicHermiteSpline
 import coupled
 import surrogate
 import thermofem as th
-from coupled.window import advance
+from coupled.runs.window import advance
 from thermofem.waveforms import Cubic
 
 RING, POWER = coupled.borghi2021(), 6.31e-3

@@ -11,7 +11,7 @@ import numpy as np
 import coupled
 import surrogate
 from coupled.plot import plot_map
-from coupled.plot_cycles import plot_branch
+from coupled.plot.cycles import plot_branch
 
 ring, newton, power = coupled.borghi2021().with_lumped_fcd(), surrogate.newton(tau_th=275e-9), 5e-3
 figure, (left, right) = plt.subplots(1, 2, figsize=(10.5, 3.9), layout="constrained")

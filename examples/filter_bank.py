@@ -12,7 +12,7 @@ import numpy as np
 import coupled
 import surrogate
 import thermofem as th
-from surrogate.plot_array import plot_crosstalk
+from surrogate.plot import plot_crosstalk
 from thermofem.plot_style import CYCLE
 
 plt.rcParams["axes.prop_cycle"] = plt.cycler(color=CYCLE)  # the colours of all figures

@@ -12,7 +12,7 @@ import numpy as np
 import coupled
 import surrogate
 import thermofem as th
-from coupled.plot_circuit import plot_circuit, plot_ports, plot_rings
+from coupled.plot.circuit import plot_circuit, plot_ports, plot_rings
 
 one = coupled.borghi2021()
 array = surrogate.reduce_array(

@@ -6,26 +6,26 @@ from thermofem.models.cauer import Cauer, cauer, foster_of, structure_function
 from thermofem.models.lumped import BORGHI2021_HEAT_CAPACITY, newton, second_order
 from thermofem.models.network import Network, gate
 
-from .array import ArrayReduction, reduce_array
-from .calibrate import Calibration, calibrate
-from .decay import Decay, fit_decay
-from .design import Design, design
+from .arrays.array import ArrayReduction, reduce_array
 from .export import export_model
 from .family import Certified, Family, load_family, train_family
-from .fit import Fit, fit_foster, fit_newton, fit_second_order
-from .ladder import Ladder, judge, train_all, verdict
-from .output_map import fit_output_map, output_map
-from .pareto import pareto_front
-from .pole_derivatives import pole_derivatives
-from .quadratic import QuadraticReduction, reduce_quadratic
-from .quantities import Optics
-from .reduce import Reduction, reduce
-from .sindy import SindyFit, fit_sindy
-from .sindy_quadratic import fit_sindy_quadratic
-from .spectrum import fit_spectrum
-from .truncate import Truncation, balanced_truncation
-from .uncertainty import uncertainty
-from .validate import compare, held_out_drives, period_error, square_waves, valid_range, validity
+from .fitting.decay import Decay, fit_decay
+from .fitting.fit import Fit, fit_foster, fit_newton, fit_second_order
+from .fitting.sindy import SindyFit, fit_sindy
+from .fitting.sindy_quadratic import fit_sindy_quadratic
+from .fitting.spectrum import fit_spectrum
+from .judging.ladder import Ladder, judge, train_all, verdict
+from .judging.validate import compare, held_out_drives, period_error, square_waves, valid_range, validity
+from .reduction.output_map import fit_output_map, output_map
+from .reduction.pole_derivatives import pole_derivatives
+from .reduction.quadratic import QuadraticReduction, reduce_quadratic
+from .reduction.reduce import Reduction, reduce
+from .reduction.truncate import Truncation, balanced_truncation
+from .studies.calibrate import Calibration, calibrate
+from .studies.design import Design, design
+from .studies.pareto import pareto_front
+from .studies.quantities import Optics
+from .studies.uncertainty import uncertainty
 
 __all__ = [
     "BORGHI2021_HEAT_CAPACITY", "ArrayReduction", "Calibration", "Cauer", "Certified", "Decay", "Design", "Family",

@@ -33,10 +33,10 @@ def imported(path: Path) -> set[str]:
 
 # library -> the only place that may import it
 HOMES = {
-    "matplotlib": re.compile(r"(.*/)?plot\w*\.py"),
+    "matplotlib": re.compile(r"(.*/)?plot(\w*|/\w+)\.py"),
     "gmsh": re.compile(r"thermofem/mesh/generate\.py"),
     "pygmsh": re.compile(r"thermofem/mesh/generate\.py"),
-    "pysindy": re.compile(r"surrogate/sindy\.py"),
+    "pysindy": re.compile(r"surrogate/fitting/sindy\.py"),
     "surrogate": re.compile(r"surrogate/.*|thermofem/cli/.*"),
     "coupled": re.compile(r"coupled/.*|thermofem/cli/.*"),
 }

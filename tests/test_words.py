@@ -61,7 +61,7 @@ def test_a_drive_is_a_power_over_time():
 
 def test_only_reductions_lift():
     homes = {where.split(":")[0] for where, node in functions() if node.name == "lift"}
-    assert homes == {"surrogate/reduce.py", "surrogate/truncate.py"}
+    assert homes == {"surrogate/reduction/reduce.py", "surrogate/reduction/truncate.py"}
 
 
 @pytest.mark.parametrize(

@@ -11,9 +11,9 @@ from thermofem.arrays import Array, NDArray
 
 from ..inputs import Pieces, pieces
 from ..kernels.tableaus import Method
+from ..runs.window import advance
 from ..states import State
 from ..thermal import compact
-from ..window import advance
 from .circuit import Circuit
 from .heat import _model_of
 from .network import Light
@@ -46,7 +46,7 @@ def run_alone(
 ) -> tuple[Array, Array, NDArray[np.int64]]:
     """Rows as of `integrate.integrate`, that of the start included, the final state, and the counts."""
     from ..kernels import equations as eq
-    from ..window import units
+    from ..runs.window import units
 
     ring, port = circuit.resonators[0], circuit.lasers[0]
     share = abs(port.transmission) ** 2

@@ -11,7 +11,7 @@ from thermofem import checks
 from thermofem.arrays import Array
 
 from ..kernels.tableaus import Method, tableau
-from ..window import MAX_STEPS
+from ..runs.window import MAX_STEPS
 from .circuit import Circuit
 from .equilibria import _flow, autonomous
 from .simulate import simulate_circuit

@@ -14,8 +14,8 @@ from thermofem.arrays import Array, ArrayLike
 from ..arguments import check_duration, check_times
 from ..inputs import Input
 from ..kernels.tableaus import Method, tableau
-from ..simulate import check_method
-from ..window import LONG, MAX_STEPS, check_end
+from ..runs.simulate import check_method
+from ..runs.window import LONG, MAX_STEPS, check_end
 from .alone import is_alone, run_alone
 from .circuit import Circuit
 from .drive import corners, warn_of_fast_streams

@@ -11,7 +11,7 @@ import numpy as np
 from thermofem.arrays import Array, NDArray
 
 from ..inputs import Input, Pieces
-from ..window import floor_of
+from ..runs.window import floor_of
 from .circuit import Circuit
 from .drive import detuning_of, internal_drive, powers_of
 from .heat import RingHeat, heater_offsets, ring_heat

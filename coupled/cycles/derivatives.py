@@ -23,8 +23,8 @@ from thermofem.models import ThermalModel
 from ..arguments import check_detuning, check_power, check_ring, one_laser
 from ..equilibria.steady import provenance
 from ..heaters import constant
-from ..pulsing import DUTY_LEVEL
 from ..resonator import RingResonator
+from ..runs.pulsing import DUTY_LEVEL
 from .guess import from_guess
 from .measures import ENERGY, HEAT, measure
 from .orbit import CycleProblem, Orbit, problem, settle

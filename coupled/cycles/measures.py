@@ -16,7 +16,7 @@ import numpy as np
 
 from thermofem.arrays import Array, NDArray
 
-from ..pulsing import DUTY_LEVEL
+from ..runs.pulsing import DUTY_LEVEL
 from .orbit import CycleProblem, Orbit
 from .scheme import scheme
 

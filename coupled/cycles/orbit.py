@@ -8,12 +8,12 @@ import numpy as np
 
 from thermofem.arrays import Array, NDArray
 
-from .. import window
 from ..heaters import turned_by
 from ..kernels.collocation import Ring
 from ..kernels.interrupts import new_watch, uninterrupted
 from ..kernels.tableaus import Method, tableau
 from ..resonator import RingResonator
+from ..runs import window
 from ..thermal import Compact
 from .scheme import scheme
 

@@ -9,10 +9,10 @@ import numpy as np
 from thermofem import Foster, OutputMap, Quadratic, checks
 from thermofem.arrays import Array
 
-from .. import window
 from ..arguments import check_power
 from ..heaters import turned_by
 from ..resonator import RingResonator
+from ..runs import window
 from ..thermal import Compact
 from ..unknowns import LIFETIMES, optical_names, varied
 from .orbit import CycleProblem, problem

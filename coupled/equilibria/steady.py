@@ -12,8 +12,7 @@ from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring, one_laser
 from ..heaters import constant
-from ..record import origin
-from ..resonator import RingResonator
+from ..resonator import RingResonator, origin
 from ..thermal import Compact, attributes, compact
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ import numpy as np
 from thermofem import checks
 from thermofem.arrays import Array, Complex, NDArray
 
-from ..pulsing import Regime, crossings, pulsing
+from ..runs.pulsing import Regime, crossings, pulsing
 
 if TYPE_CHECKING:
     import xarray as xr

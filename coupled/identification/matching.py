@@ -12,7 +12,7 @@ from thermofem.arrays import Array
 
 from ..arguments import check_detuning, check_power
 from ..resonator import RingResonator
-from ..simulate import simulate
+from ..runs.simulate import simulate
 from ..thermal import Compact
 from ..unknowns import Unknowns
 from .cycles import HARMONICS, Cycle, Observed, cycle_of, misfit, observe

@@ -13,11 +13,11 @@ from thermofem.models import NonlinearSystem, ThermalModel
 from thermofem.waveforms import Constant, Function, Waveform, storable
 
 from ..arguments import check_run, detuning_in_time, one_laser, power_in_time
-from ..record import heater_powers, provenance, traces
 from ..resonator import RingResonator
+from ..runs.record import heater_powers, provenance, traces
+from ..runs.window import Window
 from ..states import State
 from ..thermal import Compact, compact
-from ..window import Window
 from .beginning import beginning
 from .corrector import FEM, Corrector
 from .relaxation import Passed, Relaxation

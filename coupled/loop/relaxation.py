@@ -26,9 +26,9 @@ from thermofem import checks
 from thermofem.waveforms import Cubic
 
 from ..resonator import RingResonator
+from ..runs.window import Window, advance
 from ..states import State
 from ..thermal import Compact
-from ..window import Window, advance
 from .corrector import Corrector
 
 Array = NDArray[np.float64]

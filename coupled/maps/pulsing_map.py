@@ -22,8 +22,8 @@ from ..bar import bar
 from ..equilibria.steady import provenance
 from ..heaters import constant
 from ..kernels.interrupts import new_watch
-from ..pulsing import Regime
 from ..resonator import RingResonator
+from ..runs.pulsing import Regime
 from ..states import State
 from ..thermal import Compact, long_enough
 from .grid import Grid, Point, grid_of

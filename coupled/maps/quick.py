@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from thermofem import checks
 
-from .. import window
 from ..equilibria.steady import Internal, absorbable, internal
 from ..kernels.interrupts import new_watch
 from ..kernels.tableaus import Method, tableau
-from ..pulsing import Pulsing, Regime, classify, lasting
 from ..resonator import RingResonator
-from ..resting import Rest, rest_of
+from ..runs import window
+from ..runs.pulsing import Pulsing, Regime, classify, lasting
+from ..runs.resting import Rest, rest_of
 from ..states import State
 
 Array = NDArray[np.float64]

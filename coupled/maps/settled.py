@@ -20,7 +20,7 @@ from ..cycles.start import RestError, Settled, settled, stable_points
 from ..equilibria.steady import absorbable, internal
 from ..kernels.interrupts import uninterrupted
 from ..kernels.tableaus import Method, tableau
-from ..pulsing import DUTY_LEVEL, Regime
+from ..runs.pulsing import DUTY_LEVEL, Regime
 from .grid import Point
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ and "FEM" are the origins that the tables give.
 
 from __future__ import annotations
 
-from ..carriers import ShockleyReadHall
+from ..carriers.shockley_read_hall import ShockleyReadHall
 from ..resonator import RingResonator, published
 from .laws import NewtonParameters, SecondOrderParameters
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from thermofem.constants import c
 
-from ..lifetime import ConstantLifetime
+from ..carriers.lifetime import ConstantLifetime
 from ..resonator import RingResonator, published
 from .laws import NewtonParameters
 

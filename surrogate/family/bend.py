@@ -19,10 +19,10 @@ from thermofem import Foster, HeatProblem, OutputMap, Pulse, checks, solve
 from thermofem.arrays import Array
 from thermofem.models import NonlinearSystem
 
-from ..interpolant import smooth
-from ..output_map import output_map
+from ..reduction.output_map import output_map
 from .affine import LineEngine
 from .box import Box
+from .interpolant import smooth
 from .moved import MovedEngine
 from .solving import Solver
 

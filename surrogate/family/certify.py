@@ -9,7 +9,7 @@ import numpy as np
 from thermofem import CrossSection, HeatProblem, StateSpace, assemble
 from thermofem.display import shown
 
-from ..reduce import Projected, project
+from ..reduction.reduce import Projected, project
 from .reduced import MemberModes, difference
 
 FINER = 0.2  # accuracy of the member's own mesh over the tolerance of the family

@@ -15,7 +15,7 @@ from thermofem.display import shown
 from thermofem.heat.projected import ModalDerivative
 from thermofem.netcdf import DAMAGE
 
-from ..reduce import reduce
+from ..reduction.reduce import reduce
 from . import files
 from .bend import Bend
 from .box import Box

@@ -294,7 +294,7 @@ def test_a_picture_has_every_ring_port_and_laser():
     import matplotlib as mpl
 
     mpl.use("Agg")
-    from coupled.plot_circuit import plot_circuit
+    from coupled.plot.circuit import plot_circuit
 
     ax = plot_circuit(coupled.scissor([RING] * 3, delay=1e-9))
     words = {text.get_text() for text in ax.texts}

@@ -9,7 +9,7 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.plot import plot_traces
-from coupled.plot_circuit import plot_ports, plot_rings
+from coupled.plot.circuit import plot_ports, plot_rings
 
 mpl.use("Agg")
 

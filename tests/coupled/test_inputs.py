@@ -18,7 +18,7 @@ from coupled.inputs import Pieces, bounds, pieces
 from coupled.kernels import equations as eq
 from coupled.kernels.rosenbrock import light, step
 from coupled.kernels.tableaus import tableau
-from coupled.window import advance, laser_of
+from coupled.runs.window import advance, laser_of
 
 NS, MW, GHZ = 1e-9, 1e-3, 1e9
 UNIT = np.array([np.sqrt(eq.FJ), np.sqrt(eq.FJ), eq.DENSITY, 1, 1])

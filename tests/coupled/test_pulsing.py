@@ -13,7 +13,7 @@ from audit import verdicts
 import coupled
 import surrogate
 import thermofem as th
-from coupled.pulsing import amplitude_limit, crossings
+from coupled.runs.pulsing import amplitude_limit, crossings
 
 PERIOD = 0.7e-6
 DURATION = 20e-6

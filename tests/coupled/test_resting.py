@@ -9,7 +9,7 @@ from audit import verdicts
 
 import coupled
 import thermofem as th
-from coupled.resting import Rest, rest_of_run, ring_in
+from coupled.runs.resting import Rest, rest_of_run, ring_in
 from thermofem import dataset
 
 RING = coupled.borghi2021()

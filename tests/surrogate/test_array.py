@@ -10,7 +10,7 @@ from scipy.sparse.linalg import splu
 
 import surrogate
 import thermofem as th
-from surrogate.array_certificate import FLOOR
+from surrogate.arrays.certificate import FLOOR
 
 PITCH = 20e-6
 SQUARE = [(0.0, 0.0), (PITCH, 0.0), (PITCH, PITCH), (0.0, PITCH), (3 * PITCH, 0.0)]
@@ -204,7 +204,7 @@ def test_pictures_hold_the_numbers(array):
     import matplotlib as mpl
 
     mpl.use("Agg")
-    from surrogate.plot_array import plot_crosstalk, plot_time_scales
+    from surrogate.plot import plot_crosstalk, plot_time_scales
 
     matrix = plot_crosstalk(array)
     assert np.array_equal(matrix.images[0].get_array(), array.crosstalk / 1e3)

@@ -9,8 +9,8 @@ from surrogate_systems import strip
 
 import surrogate
 import thermofem as th
-from surrogate.fit import Training
-from surrogate.projection import polish
+from surrogate.fitting.fit import Training
+from surrogate.fitting.projection import polish
 
 
 @pytest.fixture(scope="module")

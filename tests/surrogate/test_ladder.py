@@ -60,7 +60,7 @@ def test_a_model_that_cannot_be_trained_is_named_and_does_not_stop_the_others(mo
         raise th.InputError("it is not stable")
 
     for name in ("_sindy", "fit_foster", "balanced_truncation"):
-        monkeypatch.setattr(f"surrogate.ladder.{name}", refuse)
+        monkeypatch.setattr(f"surrogate.judging.ladder.{name}", refuse)
     ladder = surrogate.train_all(th.assemble(th.strip_ring()))
     assert ladder.refused["SINDy"] == "it is not stable"
     assert "Newton" in ladder.models

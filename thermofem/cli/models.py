@@ -238,7 +238,7 @@ def simulate(
     found = verdict(run, duration)
     dataset.save(run, output)
     if figure:
-        from coupled.plot_runs import plot_sweep, plot_traces
+        from coupled.plot.runs import plot_sweep, plot_traces
 
         from ..plot import save_figure
 
@@ -267,7 +267,7 @@ def _probes(run: Any) -> list[dict[str, float]]:
 
 def verdict(run: Any, duration: str) -> Any:
     """What `coupled.pulsing` says of a run; InputError where it has too few steps to say anything."""
-    from coupled.pulsing import FEWEST, pulsing
+    from coupled.runs.pulsing import FEWEST, pulsing
 
     steps = run["time"].values.size - 1
     if steps + 1 < FEWEST:

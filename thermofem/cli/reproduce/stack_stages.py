@@ -8,7 +8,7 @@ import xarray as xr
 import coupled
 import surrogate
 from coupled.parameters import borghi2021 as paper
-from surrogate.interpolant import smooth
+from surrogate.family.interpolant import smooth
 
 from ... import checks
 from ...arrays import Array, NDArray

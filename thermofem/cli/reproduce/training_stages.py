@@ -8,7 +8,7 @@ import numpy as np
 
 import surrogate
 from coupled.parameters import borghi2021 as paper
-from surrogate.ladder import shells
+from surrogate.judging.ladder import shells
 
 from ...dataset import build
 from ...models import Foster, StateSpace

@@ -1,0 +1,1 @@
+"""Lifetimes of the free carriers, and their measurement by pump and probe."""

@@ -1,0 +1,192 @@
+"""Decay of free carriers after a pump pulse, their lifetime over time, and the fit of a measured decay."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from thermofem import checks
+from thermofem.arrays import Array, ArrayLike
+from thermofem.display import shown
+
+from .shockley_read_hall import ShockleyReadHall
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+FEWEST = 8  # samples of a decay
+HALF_GAP = 0.56  # eV, of silicon: trap levels lie within it
+
+
+def carrier_decay(carriers: ShockleyReadHall, initial: float, times: ArrayLike) -> xr.Dataset:
+    """Return the carrier density after a short pump pulse, without light.
+
+        dN/dt = -N/tau(N),    t/tau0 = ln(N0/N) + (a - b)/b ln((1 + b N0)/(1 + b N))
+
+    Parameters
+    ----------
+    carriers : ShockleyReadHall
+    initial : float, 1/m^3
+        N0, the density that the pulse leaves.
+    times : array, s
+        increasing, from 0 on.
+
+    Returns
+    -------
+    xarray.Dataset
+        over time (s): carriers (1/m^3) and lifetime (s), tau(N) = -N/(dN/dt) at that instant.
+
+    Raises
+    ------
+    InputError
+        a density or time out of range.
+
+    Exact to round-off: the closed form is inverted by Newton's method in ln N.
+
+    Source: Borghi et al., Opt. Express 29, 4363 (2021), Eq. 1 and Fig. 3.
+
+    >>> import coupled
+    >>> found = carrier_decay(coupled.borghi2021().carriers, 1e23, [0, 50e-9, 300e-9])
+    >>> print([f"{v * 1e9:.1f} ns" for v in found["lifetime"].values])
+    ['57.3 ns', '57.0 ns', '40.9 ns']
+    """
+    import xarray as xr
+
+    from thermofem import dataset
+
+    hint = "densities are in 1/m^3 (1e17 cm^-3 is 1e23)"
+    N0 = checks.positive("initial", initial, unit="1/m^3", at_most=1e28, hint=hint)
+    checks.has("carriers", carriers, "tau0", "lifetime", hint="the .carriers of a ring are needed")
+    t = checks.array("times", times, increasing=True, hint="times are in s")
+    checks.between("times[0]", t[0], 0, 1, unit="s", hint="times count from the pulse on")
+    checks.between("times[-1]", t[-1], 0, 1, unit="s", hint="did you mean 50e-9 for 50 ns?")
+    N = _density(t, N0, carriers.tau0, carriers.a, carriers.b)
+    return xr.Dataset(
+        {
+            "carriers": ("time", N, dataset.describe("carriers")),
+            "lifetime": ("time", carriers.lifetime(N), {"units": "s", "long_name": "carrier lifetime"}),
+        },
+        coords={"time": ("time", t, dataset.describe("time"))},
+        attrs={"kind": "carrier decay", "initial_density": N0, "tau0": carriers.tau0, "a": carriers.a, "b": carriers.b},
+    )
+
+
+@shown
+@dataclass(frozen=True, eq=False)
+class CarrierFit:
+    """Result of `fit_carrier_decay`.
+
+    Attributes
+    ----------
+    carriers : ShockleyReadHall
+        with the fitted lifetimes.
+    parameters, standard_errors : dict of str to float
+        "tau0" and "tau_high" (s), the lifetimes at vanishing and at high density, which a decay determines; "tau_n" and
+        "tau_p" (s) that follow from them at the given trap energy; "trap_energy" (eV), with an infinite standard error;
+        and "initial_density" (1/m^3).
+    trap_energies : (float, float), eV
+        the range within the band gap in which some tau_n and tau_p give this very decay.
+    residual : float
+        rms of ln(N/N_fit).
+    """
+
+    carriers: ShockleyReadHall
+    parameters: dict[str, float]
+    standard_errors: dict[str, float]
+    trap_energies: tuple[float, float]
+    residual: float
+
+
+def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFit:
+    """Fit the lifetimes of Shockley-Read-Hall recombination to a measured decay, by least squares in ln N.
+
+    The lifetime runs from tau0 = [tau_p (n0 + n1) + tau_n (p0 + p1)]/(n0 + p0) to tau_n + tau_p, and turns where
+    N = n0 + p0, which the doping fixes. So a decay determines two numbers, and (tau_n, tau_p, E_t) are three: every
+    trap energy in a range fits equally well. It is taken from ``material``, and the range returned.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        carriers (1/m^3, larger than 0) over time (s), 8 or more.
+    material : ShockleyReadHall
+        n_i, p0, kT and the trap energy to hold; its lifetimes do not matter.
+
+    Raises
+    ------
+    InputError
+        a variable missing or not positive, or a decay that no tau_n, tau_p > 0 has at the trap energy given.
+
+    Source: Borghi et al., Opt. Express 29, 4363 (2021), Fig. 3(b) and Appendix B, whose E_t is a fit as well.
+    """
+    from scipy.optimize import least_squares
+
+    for name in ("time", "carriers"):
+        if name not in getattr(data, "variables", {}):
+            raise checks.InputError(f"data has no variable {name!r}; it needs carriers (1/m^3) over time (s)")
+    t = checks.array("data.time", data["time"].values, increasing=True, hint="times are in s")
+    N = checks.array("data.carriers", data["carriers"].values)
+    if t.size != N.size or t.size < FEWEST or np.min(N) <= 0:
+        raise checks.InputError(
+            f"data has {N.size} densities from {np.min(N):g} 1/m^3 on at {t.size} times; at least {FEWEST}, all above 0"
+        )
+
+    def misfit(x: Array) -> Array:
+        N0, low, high = np.exp(x)
+        return np.log(_density(t - t[0], N0, low, high / low * material.b, material.b) / N)
+
+    third = t.size // 3
+    slopes = [np.polyfit(t[part], np.log(N[part]), 1)[0] for part in (slice(third), slice(-third, None))]
+    early, late = -1 / np.minimum(slopes, -1e-3 / (t[-1] - t[0]))
+    start, reach = np.log([N[0], late, early]), np.log(30)
+    best = least_squares(misfit, start, bounds=(start - reach, start + reach), xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    N0, low, high = np.exp(best.x)
+    covariance = np.linalg.inv(best.jac.T @ best.jac) * (2 * best.cost / (t.size - 3))
+    held = material.trap_energy
+    tau_n, tau_p, rows = _lifetimes(material, held, low, high)
+    energies = np.linspace(-HALF_GAP, HALF_GAP, 1121)
+    possible = [E for E in energies if min(_lifetimes(material, E, low, high)[:2]) > 0]
+    if min(tau_n, tau_p) <= 0:
+        said = f"only {possible[0]:.3g} to {possible[-1]:.3g} eV do" if possible else "no trap energy does"
+        raise checks.InputError(
+            f"trap_energy = {held:g} eV gives no positive lifetimes for this decay (tau0 = {low:.3g} s, tau_high = "
+            f"{high:.3g} s); {said}"
+        )
+    scale = np.diag([N0, low, high])
+    absolute = scale @ covariance @ scale  # of N0, tau0, tau_high
+    errors = np.sqrt(np.diag(absolute))
+    of_n, of_p = (float(np.sqrt(s @ absolute[1:, 1:] @ s)) for s in rows)
+    names = ("initial_density", "tau0", "tau_high", "tau_n", "tau_p", "trap_energy")
+    return CarrierFit(
+        replace(material, tau_n=tau_n, tau_p=tau_p),
+        dict(zip(names, (float(N0), float(low), float(high), tau_n, tau_p, held), strict=True)),
+        dict(zip(names, (*errors.tolist(), of_n, of_p, float("inf")), strict=True)),
+        (float(possible[0]), float(possible[-1])),
+        float(np.sqrt(2 * best.cost / t.size)),
+    )
+
+
+def _density(t: Array, N0: float, tau0: float, a: float, b: float) -> Array:
+    """N(t), by Newton's method in u = ln(N/N0), whose iterates are monotone."""
+    k = a / b - 1
+    u = -t / (tau0 * max(a / b, 1))  # the decay at the longest lifetime
+    for _ in range(100):
+        N = N0 * np.exp(u)
+        f = u + k * (np.log1p(b * N) - np.log1p(b * N0)) + t / tau0
+        step = f / (1 + k * b * N / (1 + b * N))
+        u = u - step
+        if np.max(np.abs(step)) < 1e-14 * (1 + np.max(np.abs(u))):
+            break
+    return np.asarray(N0 * np.exp(u))
+
+
+def _lifetimes(material: ShockleyReadHall, trap: float, low: float, high: float) -> tuple[float, float, Array]:
+    """tau_n and tau_p of a trap energy, and their derivatives by (tau0, tau_high), rows tau_n and tau_p."""
+    n0, p0 = material.intrinsic_density**2 / material.hole_density, material.hole_density
+    boltzmann = np.exp(trap / material.thermal_energy)
+    electrons, holes = n0 + material.intrinsic_density * boltzmann, p0 + material.intrinsic_density / boltzmann
+    by_low, by_high = np.array([n0 + p0, -electrons]) / (holes - electrons)  # of tau_n
+    slopes = np.array([[by_low, by_high], [-by_low, 1 - by_high]])
+    tau_n, tau_p = slopes @ [low, high]
+    return float(tau_n), float(tau_p), slopes

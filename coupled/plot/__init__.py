@@ -1,0 +1,167 @@
+"""Figures of fits and equilibria; those of maps are in `plot.maps`, of runs in `plot.runs`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from thermofem.checks import choice
+from thermofem.plot_style import GREEN, PURPLE, takes
+from thermofem.plot_style import axes as new_axes
+
+from .axes import HEAT, LIGHT, dbm
+from .maps import plot_map, plot_maps
+from .runs import plot_sweep, plot_traces
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+
+    from ..identification.identify import Identification
+
+__all__ = [
+    "plot_carrier_decay",
+    "plot_identification",
+    "plot_map",
+    "plot_maps",
+    "plot_newton_traces",
+    "plot_sweep",
+    "plot_traces",
+    "plot_transmission",
+]
+
+
+def plot_identification(found: Identification, axes: Sequence[Axes] | None = None) -> np.ndarray:
+    """Draw the measured mean cycle of every trace and the model's over it, each with its drive and the two periods.
+
+    found: from `identify`.
+    axes: one for each trace; a new row of them by default.
+    """
+    takes("found", found, "cycles", "residuals", what="the result of coupled.identify")
+    cycles, errors = found.cycles, found.residuals
+    n = cycles.sizes["trace"]
+    if axes is None:
+        _, row = plt.subplots(1, n, figsize=(2.7 * n + 0.6, 2.7), layout="constrained", sharey=True, squeeze=False)
+        axes = list(row[0])
+    for k, ax in enumerate(axes):
+        one, at = cycles.isel(trace=k), errors.isel(trace=k)
+        first = int(one["drop"].values.argmin())  # the cycle begins where the drop power is lowest
+        phase, unit = one["phase"].values, 1e3
+        measured, model = (np.roll(one[name].values, -first) * unit for name in ("drop", "drop_model"))
+        ax.plot(phase, measured, color="#111111", linewidth=2.4, alpha=0.45, label="measured")
+        ax.plot(phase, model, color=HEAT, linewidth=1.3, label="model")
+        drive = f"{dbm(at['power'].values):.0f} dBm, {float(at['detuning']) * 1e-9:.0f} GHz"
+        periods = f"{float(at['period']) * 1e9:.0f} ns, model {float(at['period_model']) * 1e9:.0f} ns"
+        ax.set_title(f"{drive}\n{periods}", fontsize="small")
+        ax.set(xlabel="fraction of the period", xlim=(0, 1))
+    axes[0].set_ylabel("drop power (mW)")
+    axes[0].legend(frameon=False, fontsize="small")
+    return np.array(axes)
+
+
+def plot_newton_traces(found: xr.Dataset, ax: Axes | None = None, *, reference: float | None = None) -> Axes:
+    """Draw heat capacity against lifetime of Newton's law, a dot for each trace, coloured by its period.
+
+    found: from `fit_newton_per_trace`.
+    reference [J/K]: heat capacity m c_p to divide by; without it the axis is in pJ/K.
+    """
+    takes("found", found, "tau_th", "heat_capacity", what="a Dataset of coupled.fit_newton_per_trace")
+    ax = new_axes(ax, (4.6, 3.4))
+    unit = reference or 1e-12
+    tau, capacity = found["tau_th"].values * 1e9, found["heat_capacity"].values / unit
+    ends = np.array([np.nanmin(tau), np.nanmax(tau)])
+    line = (found.attrs["slope"] * ends * 1e-9 + found.attrs["intercept"]) / unit
+    ax.plot(ends, line, color="#777777", linewidth=1, zorder=1)
+    dots = ax.scatter(tau, capacity, c=found["period"].values * 1e9, cmap="viridis", s=22, edgecolor="white", lw=0.4)
+    ax.figure.colorbar(dots, ax=ax, label="period (ns)")
+    label = "heat capacity / (m c$_{p,ref}$)" if reference else "heat capacity (pJ/K)"
+    ax.set(xlabel="thermal lifetime (ns)", ylabel=label)
+    ax.set_title(f"correlation {found.attrs['correlation']:.2f}", fontsize="small", loc="left")
+    return ax
+
+
+def plot_carrier_decay(decay: xr.Dataset, axes: Sequence[Axes] | None = None) -> np.ndarray:
+    """Draw a carrier decay with the exponentials of its first and last lifetime, and the lifetime against density.
+
+    decay: from `carrier_decay`.
+    """
+    takes("decay", decay, "time", "carriers", "lifetime", what="a Dataset of coupled.carrier_decay")
+    if axes is None:
+        _, axes = plt.subplots(1, 2, figsize=(7.6, 3.1), layout="constrained")
+    left, right = axes
+    t, N, tau = (decay[name].values for name in ("time", "carriers", "lifetime"))
+    left.semilogy(t * 1e9, N * 1e-6, color="#111111", linewidth=1.6)
+    for at, where in ((0, "first"), (-1, "last")):
+        line = N[at] * np.exp(-(t - t[at]) / tau[at]) * 1e-6
+        left.semilogy(t * 1e9, line, color=HEAT, linestyle="--", linewidth=1)
+        style: dict[str, Any] = {
+            "textcoords": "offset points",
+            "fontsize": "small",
+            "color": HEAT,
+            "ha": "right" if at else "left",
+        }
+        offset = (-14, 8) if at else (8, -20)
+        left.annotate(f"{where}: {tau[at] * 1e9:.0f} ns", (t[at] * 1e9, N[at] * 1e-6), offset, **style)
+    left.set(xlabel="time (ns)", ylabel="carrier density (cm$^{-3}$)", xlim=(t[0] * 1e9, t[-1] * 1e9))
+    left.set_ylim(0.6 * N[-1] * 1e-6, 1.6 * N[0] * 1e-6)
+    right.semilogx(N * 1e-6, tau * 1e9, color="#111111", linewidth=1.6)
+    right.set(xlabel="carrier density (cm$^{-3}$)", ylabel="lifetime (ns)")
+    return np.array([left, right])
+
+
+def plot_transmission(
+    curve: xr.Dataset,
+    show: str = "drop",
+    ax: Axes | None = None,
+    *,
+    sweeps: Mapping[str, xr.Dataset] | None = None,
+) -> Axes:
+    """Draw one output against detuning or power: stable stretches solid, unstable ones dotted, sweeps over them.
+
+    curve: from `transmission`.
+    show: "drop", "through", "absorbed", "delta_T" or "carriers".
+    sweeps [mapping of a name to a Dataset of `sweep` or of `simulate` with a swept laser]: drawn over the curve, each
+        in its colour.
+    """
+    labels = {
+        "drop": (1e3, "drop power (mW)"),
+        "through": (1e3, "through power (mW)"),
+        "absorbed": (1e3, "absorbed power (mW)"),
+        "delta_T": (1.0, "temperature rise (K)"),
+        "carriers": (1e-6, "carrier density (cm$^{-3}$)"),
+    }
+    takes("curve", curve, "detuning", "power", "regime", what="a Dataset of coupled.transmission")
+    choice("show", show, labels)
+    ax = new_axes(ax, (5.0, 3.4))
+    unit, label = labels[show]
+    by_power = np.ptp(curve["detuning"].values) == 0
+    name, scale = ("power", 1e3) if by_power else ("detuning", 1e-9)
+    x, y = curve[name].values * scale, curve[show].values * unit
+    stable = curve["regime"].values == "stable"
+    ends = _leaves(x, y)
+    x, y, stable = np.insert(x, ends, np.nan), np.insert(y, ends, np.nan), np.insert(stable, ends, False)
+    touching = stable | np.concatenate([stable[:1], stable[:-1]])  # so that the two styles meet
+    ax.plot(x, np.where(touching, y, np.nan), color="#111111", linewidth=1.4, label="stable")
+    dots: dict[str, Any] = {"color": "#111111", "linewidth": 1.2, "linestyle": (0, (1, 1.5))}
+    ax.plot(x, np.where(stable, np.nan, y), **dots, label="unstable")
+    for (title, run), colour in zip((sweeps or {}).items(), (LIGHT, HEAT, GREEN, PURPLE), strict=False):
+        ax.plot(run[name].values * scale, run[show].values * unit, color=colour, linewidth=1.1, alpha=0.85, label=title)
+    ax.set(xlabel="power (mW)" if by_power else "detuning (GHz)", ylabel=label, xlim=(np.nanmin(x), np.nanmax(x)))
+    ax.set_ylim(bottom=0)
+    ax.legend(frameon=False, fontsize="small")
+    return ax
+
+
+def _leaves(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Where a curve leaves the range of x and comes back at the same edge: indices to break its line before.
+
+    The points of a curve lie at equal distances along it; a step of ten times the usual height, at an edge, is no part
+    of the curve.
+    """
+    steps, span = np.abs(np.diff(y)), np.ptp(x)
+    middle = (x[1:] + x[:-1]) / 2
+    edge = np.minimum(middle - x.min(), x.max() - middle) < 0.02 * span
+    return np.flatnonzero(edge & (steps > 10 * np.quantile(steps, 0.95))) + 1

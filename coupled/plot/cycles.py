@@ -1,0 +1,71 @@
+"""Figures of branches of cycles."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thermofem.plot_style import axes, takes
+
+from .axes import HEAT, readable
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+
+MARKS = {"fold": ("s", "fold of cycles"), "period doubling": ("D", "period doubling"), "torus": ("^", "torus"),
+         "Hopf": ("o", "Hopf point")}  # fmt: skip
+_DOTS = (0, (1, 1.5))
+
+
+def plot_branch(branch: xr.Dataset, ax: Axes | None = None, *, fixed: xr.Dataset | None = None) -> Axes:
+    """Draw the lowest and highest drop power of a branch of cycles: stable stretches solid, others dotted.
+
+    branch: from `continue_cycle`.
+    ax: drawn into; a new figure by default.
+    fixed: from `transmission` over the same parameter: the fixed points, drawn below the cycles.
+    """
+    takes("branch", branch, "stability", what="a Dataset of coupled.continue_cycle")
+    ax = axes(ax, (5.6, 3.6))
+    name = str(branch.attrs["parameter"])
+    factor, label = _axis(branch, name)
+    if fixed is not None:
+        stable = fixed["regime"].values == "stable"
+        _two_styles(ax, fixed[name].values * factor, fixed["drop"].values * 1e3, stable, "#111111", "fixed point")
+    stable = branch["stability"].values == "stable"
+    x = branch[name].values * factor
+    for k, edge in enumerate(("drop_high", "drop_low")):
+        _two_styles(ax, x, branch[edge].values * 1e3, stable, HEAT, "" if k else "cycle, highest and lowest")
+    for kind, (marker, words) in MARKS.items():
+        at = branch["special"].values == kind
+        style: dict[str, Any] = {"marker": marker, "linestyle": "", "markersize": 5.5, "zorder": 4}
+        for k, edge in enumerate(("drop_high", "drop_low")):
+            if at.any():
+                ax.plot(x[at], branch[edge].values[at] * 1e3, color="#7B2D8B", label="" if k else words, **style)
+    ax.set(xlabel=label, ylabel="drop power (mW)")
+    ax.set_ylim(bottom=0)
+    ax.legend(frameon=False, fontsize="small")
+    return ax
+
+
+def _two_styles(ax: Axes, x: np.ndarray, y: np.ndarray, stable: np.ndarray, colour: str, words: str) -> None:
+    """A line, solid where stable and dotted elsewhere."""
+    touching = stable | np.roll(stable, 1)  # so that the two styles meet
+    touching[:1] = stable[:1]
+    if stable.any():
+        ax.plot(x, np.where(touching, y, np.nan), color=colour, linewidth=1.5, label=words and f"{words}, stable")
+    if not stable.all():
+        other = np.where(stable, np.nan, y)
+        ax.plot(x, other, color=colour, linewidth=1.3, linestyle=_DOTS, label=words and f"{words}, unstable")
+
+
+def _axis(branch: xr.Dataset, name: str) -> tuple[float, str]:
+    """Factor and label of the parameter's axis."""
+    if name == "detuning":
+        return 1e-9, "detuning (GHz)"
+    if name == "power":
+        return 1e3, "power (mW)"
+    values, unit = readable(branch[name].values, "")
+    largest = np.argmax(np.abs(values))
+    return float(values[largest] / branch[name].values[largest]), f"{name} ({unit}SI)" if unit else name

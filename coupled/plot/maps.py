@@ -1,0 +1,213 @@
+"""Figures of maps over power and detuning, with their curves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.colors import BoundaryNorm, ListedColormap
+
+from thermofem.checks import choice
+from thermofem.plot_style import axes as new_axes
+from thermofem.plot_style import takes
+
+from .axes import LIGHT, dbm, readable
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+
+MAP = "a Dataset of coupled.pulsing_map or coupled.stability_map"
+REGIMES = {  # light to dark, so that the order survives in grey
+    "stable": "#E8EEF4",
+    "bistable": "#A9C8E3",
+    "slow transient": "#F3D9A4",
+    "self-pulsing": "#D8734A",
+    "failed": "#222222",
+}
+_HOPF: dict[str, Any] = {"color": "#111111", "linewidth": 1.3}
+_DASHED = (0, (3.5, 1.8))
+_CYCLE_FOLD: dict[str, Any] = {"color": "#7B2D8B", "linewidth": 1.5, "linestyle": (0, (5, 1.2, 1, 1.2))}
+_FOLD: dict[str, Any] = {"color": LIGHT, "linewidth": 1.3, "linestyle": (0, (1, 1.2))}
+_SCALED = {
+    "period": (1e9, "period (ns)"),
+    "frequency": (1e-6, "pulsing frequency (MHz)"),
+    "duty": (1.0, "duty cycle"),
+    "swing": (1.0, "temperature swing (K)"),
+    "growth_rate": (1e-6, "growth rate (1/µs)"),
+}
+
+
+def plot_map(
+    data: xr.Dataset,
+    show: str = "regime",
+    ax: Axes | None = None,
+    *,
+    hopf: Sequence[xr.Dataset] = (),
+    folds: Sequence[xr.Dataset] = (),
+    limits: tuple[float, float] | None = None,
+    key: bool = True,
+) -> Axes:
+    """Draw one variable of a map over detuning (GHz) and power (dBm), or its own axes, with curves over it.
+
+    data: from `pulsing_map` or `stability_map`; the axes evenly spaced in GHz and dBm.
+    show: "regime", "period", "duty", "swing", "growth_rate", or "frequency", which is 1/period where there is a period.
+    ax: drawn into; a new figure by default.
+    hopf, folds: from `hopf_curves` (solid where supercritical, dashed where subcritical, thinly dotted where another
+        mode grows already), and `fold_curves` (blue, dotted) or `cycle_fold_curves` (purple, dash-dotted).
+    limits [(float, float)]: ends of the colour scale, in the units that are drawn; by default those of the data.
+    key: whether to draw the legend or the colour bar.
+    Raises InputError: an unknown name.
+    """
+    takes("data", data, "regime", what=MAP)
+    choice("show", show, ["regime", *(name for name in _SCALED if name in data or name == "frequency")])
+    ax = new_axes(ax, (5, 3.8))
+    (y_axis, y_label), (x_axis, x_label) = (_drawn_axis(data, str(dim)) for dim in data["regime"].dims)
+    x, y = _edges(x_axis), _edges(y_axis)
+    if show == "regime":
+        _draw_regimes(data, ax, x, y)
+        if key:
+            ax.legend(*_regime_key([data]), fontsize="x-small", loc="upper right", framealpha=0.9)
+    else:
+        factor, label = _SCALED[show]
+        values = 1 / data["period"] if show == "frequency" and "period" in data else data[show]
+        low, high = limits or (None, None)
+        cells = ax.pcolormesh(x, y, values.values * factor, cmap="viridis", vmin=low, vmax=high, rasterized=True)
+        if key:
+            ax.figure.colorbar(cells, ax=ax, label=label)
+        ax.set_facecolor(REGIMES["stable"])
+    for curve in hopf:
+        nu, power = curve["detuning"].values * 1e-9, dbm(curve["power"].values)
+        leading, hard = curve["leading"].values, curve["lyapunov"].values > 0
+        for style, part in (("-", leading & ~hard), (_DASHED, leading & hard), (":", ~leading)):
+            drawn = part | np.roll(part, 1) if part.any() else part  # so that the styles meet
+            drawn[0] = part[0] if part.size else False
+            if drawn.any():
+                ax.plot(nu, np.where(drawn, power, np.nan), **{**_HOPF, "linestyle": style})
+    for curve in folds:
+        nu, power = curve["detuning"].values * 1e-9, dbm(curve["power"].values)
+        ax.plot(nu, power, **(_CYCLE_FOLD if _of_cycles(curve) else _FOLD))
+    ax.set(xlabel=x_label, ylabel=y_label, xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
+    return ax
+
+
+def plot_maps(
+    maps: Mapping[str, xr.Dataset],
+    *,
+    show: Sequence[str] = ("regime", "frequency", "duty"),
+    hopf: Mapping[str, Sequence[xr.Dataset]] | None = None,
+    folds: Mapping[str, Sequence[xr.Dataset]] | None = None,
+) -> np.ndarray:
+    """Draw the maps of several models side by side, a row for each variable with one colour scale; return the Axes.
+
+    The variables of a single map stand side by side.
+
+    maps [mapping from the model's name to a Dataset of `pulsing_map`]
+    show: what to draw, as in `plot_map`.
+    hopf, folds [mapping from the model's name to its curves]
+    """
+    for data in takes("maps", maps, "items", "values", what="a mapping from names to maps").values():
+        takes("maps", data, "regime", what=f"a mapping from names to maps, each {MAP}")
+    handles, names = _maps_key(maps, show, hopf or {}, folds or {})
+    rows, across = (len(show), len(maps)) if len(maps) > 1 else (1, len(show))  # one map: side by side, as on a slide
+    width = (3.4 if rows > 1 else 3.9) * across + 0.9
+    columns = int(width // 1.8)  # inches that the longest name takes
+    size = (width, (2.6 if rows > 1 else 3.4) * rows + 0.2 + 0.2 * -(-len(names) // columns))
+    figure, axes = plt.subplots(
+        rows, across, figsize=size, layout="constrained", sharex=True, sharey=True, squeeze=False
+    )
+    axes = axes.reshape(len(show), len(maps))
+    for row, name in zip(axes, show, strict=True):
+        limits = _common_limits(maps, name)
+        for ax, (title, data) in zip(row, maps.items(), strict=True):
+            over = {"hopf": (hopf or {}).get(title, ()), "folds": (folds or {}).get(title, ())}
+            last = ax is row[-1] and name != "regime"
+            plot_map(data, name, ax, limits=limits, key=last, hopf=over["hopf"], folds=over["folds"])
+            ax.label_outer()
+    for ax, title in zip(axes[0], maps, strict=True):
+        if rows > 1:
+            ax.set_title(title, fontsize="medium")
+        else:
+            figure.suptitle(title, fontsize="medium")
+    if rows == 1:
+        for ax, name in zip(axes[:, 0], show, strict=True):
+            ax.set_title("regime" if name == "regime" else _SCALED[name][1].partition(" (")[0], fontsize="small")
+    if names:
+        figure.legend(
+            handles, names, loc="outside lower center", ncols=columns, frameon=False, fontsize="small", borderpad=0
+        )
+    return axes
+
+
+def _maps_key(
+    maps: Mapping[str, xr.Dataset],
+    show: Sequence[str],
+    hopf: Mapping[str, Sequence[xr.Dataset]],
+    folds: Mapping[str, Sequence[xr.Dataset]],
+) -> tuple[list[Any], list[str]]:
+    """Legend handles and labels of the regimes and curves that the maps contain."""
+    handles, names = _regime_key(list(maps.values())) if "regime" in show else ([], [])
+    lines = [curve for several in hopf.values() for curve in several]
+    soft, hard = (any(np.any(np.sign(c["lyapunov"].values) == sign) for c in lines) for sign in (-1, 1))
+    for wanted, name, style in (
+        (soft, "Hopf, supercritical", _HOPF),
+        (hard, "Hopf, subcritical", {**_HOPF, "linestyle": _DASHED}),
+        (any(not _of_cycles(c) for several in folds.values() for c in several), "fold", _FOLD),
+        (any(_of_cycles(c) for several in folds.values() for c in several), "fold of cycles", _CYCLE_FOLD),
+    ):
+        if wanted:
+            handles, names = [*handles, plt.Line2D([], [], **style)], [*names, name]
+    return handles, names
+
+
+def _of_cycles(curve: xr.Dataset) -> bool:
+    """Whether a curve is one of folds of cycles."""
+    return bool(curve.attrs.get("kind") == "fold-of-cycles curve")
+
+
+def _common_limits(maps: Mapping[str, xr.Dataset], name: str) -> tuple[float, float] | None:
+    """Smallest and largest drawn value over several maps."""
+    if name == "regime":
+        return None
+    factor = _SCALED[name][0]
+    drawn = [1 / m["period"] if name == "frequency" and "period" in m else m[name] for m in maps.values()]
+    values = factor * np.concatenate([v.values.ravel() for v in drawn])
+    return (float(np.nanmin(values)), float(np.nanmax(values))) if np.any(np.isfinite(values)) else None
+
+
+def _draw_regimes(data: xr.Dataset, ax: Axes, x: np.ndarray, y: np.ndarray) -> None:
+    """Cells in the colour of their regime."""
+    names, regime = list(REGIMES), data["regime"].values
+    index = np.select([regime == name for name in names], list(range(len(names))), default=len(names) - 1)
+    colours, norm = ListedColormap(list(REGIMES.values())), BoundaryNorm(np.arange(len(names) + 1) - 0.5, len(names))
+    ax.pcolormesh(x, y, index, cmap=colours, norm=norm, rasterized=True)
+
+
+def _regime_key(maps: Sequence[xr.Dataset]) -> tuple[list[Any], list[str]]:
+    """Legend handles and names of the regimes that occur."""
+    seen = [name for name in REGIMES if any(np.any(data["regime"].values == name) for data in maps)]
+    handles = [
+        plt.Rectangle((0, 0), 1, 1, facecolor=REGIMES[name], edgecolor="#555555", linewidth=0.5) for name in seen
+    ]
+    return handles, seen
+
+
+def _drawn_axis(data: xr.Dataset, name: str) -> tuple[np.ndarray, str]:
+    """Values of a map's axis in the drawn unit, and the label."""
+    values = data[name].values
+    if name == "detuning":
+        return values * 1e-9, "detuning (GHz)"
+    if name == "power":
+        return dbm(values), "power (dBm)"
+    scaled, unit = readable(values, data[name].attrs["units"])
+    return scaled, f"{data[name].attrs['long_name']} ({unit})"
+
+
+def _edges(centres: np.ndarray) -> np.ndarray:
+    """Edges of cells around increasing centres."""
+    if centres.size == 1:
+        return centres[0] + np.array([-0.5, 0.5])
+    middle = (centres[1:] + centres[:-1]) / 2
+    return np.concatenate([[2 * centres[0] - middle[0]], middle, [2 * centres[-1] - middle[-1]]])

@@ -1,0 +1,151 @@
+"""Figures of single runs: traces against time, with what drives them, and sweeps against detuning or power."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from thermofem.checks import InputError, choice
+from thermofem.plot_style import GREEN, ORANGE, PURPLE, axes, takes
+
+from .axes import HEAT, LIGHT, readable
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+
+RUN = "a Dataset of coupled.simulate or coupled.cosimulate; coupled.plot.circuit draws those of simulate_circuit"
+OTHERS = (GREEN, PURPLE, ORANGE)
+OUTPUTS = {
+    "drop": "drop power",
+    "through": "through power",
+    "absorbed": "absorbed power",
+    "delta_T": "temperature rise",
+}
+
+
+def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
+    """Draw the drop power and the temperature rise against time.
+
+    In a figure of its own each has a panel; the drop power of other resonances has one below, and so have laser power,
+    heater powers and detuning where they vary.
+    In given Axes the temperature rise has the right axis.
+
+    run: from `simulate` or `cosimulate`.
+    ax: drawn into, without panels below; a new figure by default.
+    Returns: the one with the drop power.
+    """
+    takes("run", run, "time", "drop", "delta_T", what=RUN)
+    t, time_unit = readable(run["time"].values, "s")
+    drop, power_unit = readable(run["drop"].values, "W")
+    if ax is None:
+        drives = _drives(run)
+        heights = [1.9, 1.9, *(1.2 for _ in drives)]
+        _, column = plt.subplots(
+            len(heights), 1, figsize=(7, sum(heights)), height_ratios=heights, sharex=True, layout="constrained"
+        )
+        style: Any = "-"
+        ax, right = column[0], column[1]
+        for below, (label, curves) in zip(column[2:], drives, strict=True):
+            _draw_drive(below, t, label, curves)
+        column[-1].set_xlabel(f"time ({time_unit})")
+        right.spines["right"].set_visible(False)
+        ax.spines["right"].set_visible(False)
+        column[0].figure.align_ylabels(column)
+    else:
+        right, style = ax.twinx(), (0, (5, 1))
+        ax.set_xlabel(f"time ({time_unit})")
+    ax.plot(t, drop, color=LIGHT, linewidth=1.1)
+    ax.set_ylabel(f"drop power ({power_unit})", color=LIGHT)
+    ax.set_xlim(t[0], t[-1])
+    right.plot(t, run["delta_T"].values, color=HEAT, linewidth=1.1, linestyle=style)
+    right.set_ylabel("temperature rise (K)", color=HEAT)
+    for one in (ax, right):
+        one.set_ylim(bottom=0)
+        one.spines["top"].set_visible(False)
+    return ax
+
+
+def _drives(run: xr.Dataset) -> list[tuple[str, dict[str, np.ndarray]]]:
+    """Other resonances, and inputs that vary in time: a label and curves for each panel."""
+    powers: dict[str, np.ndarray] = {}
+    if "input_power" in run and np.ptp(run["input_power"].values) > 0:
+        powers["laser"] = run["input_power"].values
+    if "heater_power" in run:
+        for name in run["heater"].values:
+            one = run["heater_power"].sel(heater=name).values
+            if np.ptp(one) > 0:
+                powers[str(name)] = one
+    panels = []
+    if "probe_drop" in run:
+        names = [f"{at / 1e12:.3f} THz" for at in run["resonance"].values]
+        panels.append(("probe power", dict(zip(names, run["probe_drop"].values, strict=True))))
+    if powers:
+        panels.append(("power", powers))
+    if "detuning" in run and np.ptp(run["detuning"].values) > 0:
+        panels.append(("detuning", {"laser": run["detuning"].values}))
+    return panels
+
+
+def _draw_drive(ax: Axes, t: np.ndarray, label: str, curves: dict[str, np.ndarray]) -> None:
+    """One panel of what drives a run."""
+    unit = "Hz" if label == "detuning" else "W"
+    together, shown = readable(np.concatenate(list(curves.values())), unit)
+    colours = (LIGHT, *OTHERS)
+    for k, (name, values) in enumerate(zip(curves, np.split(together, len(curves)), strict=True)):
+        colour = colours[(k + (name != "laser" and "laser" not in curves)) % len(colours)]
+        ax.plot(t, values, color=colour, linewidth=1.1, label=name)
+    ax.set_ylabel(f"{label} ({shown})" if len(label) < 10 else f"{label}\n({shown})")
+    if label != "detuning":
+        ax.set_ylim(bottom=0)
+        ax.legend(frameon=False, fontsize="x-small", loc="center left", bbox_to_anchor=(1.0, 0.5))
+    ax.spines[["top", "right"]].set_visible(False)
+
+
+def plot_sweep(run: xr.Dataset, show: str = "drop", ax: Axes | None = None) -> Axes:
+    """Draw one output of a run against the detuning or power that is swept, with the direction of every stretch.
+
+    run: from `simulate` with a detuning or power that varies; the detuning counts where both do.
+    show: "drop", "through", "absorbed" or "delta_T".
+    Raises InputError: nothing is swept, or an unknown name.
+    """
+    takes("run", run, "time", "drop", what=RUN)
+    choice("show", show, OUTPUTS)
+    swept = [name for name in ("detuning", "input_power") if name in run and np.ptp(run[name].values) > 0]
+    if not swept:
+        raise InputError("run has a constant laser; a sweep needs a detuning or power that varies")
+    ax = axes(ax, (5.4, 3.6))
+    x, x_unit = readable(run[swept[0]].values, "Hz" if swept[0] == "detuning" else "W")
+    y, y_unit = readable(run[show].values, "K" if show == "delta_T" else "W")
+    rising = np.append(np.diff(x) >= 0, np.diff(x)[-1] >= 0)
+    turns = np.flatnonzero(np.diff(rising.astype(int)) != 0) + 1
+    seen = set()
+    for part in np.split(np.arange(x.size), turns):
+        whole = np.append(part, part[-1] + 1) if part[-1] + 1 < x.size else part
+        up = bool(rising[part[0]])
+        style: dict[str, Any] = {"color": HEAT if up else LIGHT, "linewidth": 1.1, "alpha": 0.9}
+        ax.plot(x[whole], y[whole], label=None if up in seen else ("upwards" if up else "downwards"), **style)
+        seen.add(up)
+        _arrow(ax, x[whole], y[whole], style["color"])
+    ax.set(
+        xlabel=f"{'detuning' if swept[0] == 'detuning' else 'power'} ({x_unit})", ylabel=f"{OUTPUTS[show]} ({y_unit})"
+    )
+    ax.set_xlim(x.min(), x.max())
+    ax.set_ylim(0, 1.15 * y.max() or None)  # room for the arrows
+    ax.legend(frameon=False, fontsize="small")
+    ax.spines[["top", "right"]].set_visible(False)
+    return ax
+
+
+def _arrow(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str) -> None:
+    """An arrow along a stretch of a sweep, between the curves and the top of the axes."""
+    if x.size < 2 or abs(x[-1] - x[0]) == 0:
+        return
+    span, up = x[-1] - x[0], x[-1] > x[0]
+    height = 0.93 if up else 0.97
+    ends = [(x[0] + share * span, height) for share in (0.35, 0.65)]
+    arrow = {"arrowstyle": "->", "color": colour, "lw": 1.3}
+    where = ax.get_xaxis_transform()
+    ax.annotate("", ends[1], ends[0], xycoords=where, textcoords=where, arrowprops=arrow, annotation_clip=False)

@@ -1,0 +1,1 @@
+"""Traces of one ring in time: integration, record, and the regime that a trace ends in."""

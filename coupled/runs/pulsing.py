@@ -1,0 +1,396 @@
+"""Classify a trace, and measure period, duty cycle and swing of its pulses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from thermofem import checks
+from thermofem.arrays import Array
+from thermofem.display import shown
+from thermofem.record import Record
+
+from ..arguments import LONGEST
+from .resting import Rest, resistance_of_run, rest_of_run
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+DUTY_LEVEL = 0.45  # of the drop power between its minimum and its maximum; the paper's definition, caption of Fig. 6
+QUIET = 1e-4  # relative range of the carriers that is no oscillation (at least ten times rtol)
+SETTLED = 0.02  # relative change of an amplitude, or of the carriers at the end, that counts as none
+EIGHTHS = np.linspace([1 / 4, 1 / 8], [1 / 8, 0], 64, axis=1)  # of a trace, before its end: the last but one, the last
+GROWS = 1e-3  # relative movement of the carriers in the last eighth that counts where it was smaller before: 10 QUIET
+FAR = 0.1  # relative change of the period per cycle above which no period is given: seven such cycles double it
+STEADY_PERIOD = 1e-5  # relative change of the period from cycle to cycle that counts as none
+GONE = 0.2  # share of the last amplitude: an oscillation whose limit is smaller decays to rest
+FEWEST = 8  # samples of a trace
+FINE = 12  # samples that a cycle needs at least
+THINNED = 40  # steps of the integration to one sample: fewer samples may show a slow beat instead of the pulses
+LONGEST_PATTERN = 4  # unequal pulses that repeat together
+LEAVES = 20  # e-foldings in which what is left of a transient, some 1e-9, becomes as large as the ring allows
+LONGER = 10  # times as long, where a trace does not tell how much of it is missing
+
+
+class Regime(StrEnum):
+    """The behaviour of a trace at its end."""
+
+    SELF_PULSING = "self-pulsing"
+    STABLE = "stable"
+    SLOW_TRANSIENT = "slow transient"
+    DRIVEN = "driven"
+    """Power, detuning or a heater varies in the half of the trace that is judged: what is seen is the answer to it."""
+
+
+@shown
+@dataclass(frozen=True)
+class Pulsing:
+    """Result of `pulsing`.
+
+    Attributes
+    ----------
+    regime : Regime
+        equal to "self-pulsing", "stable", "slow transient" or "driven".
+    reason : str
+        why, in words.
+    period : float, s
+        of the last cycle, or of the last pattern where unequal pulses alternate; nan unless it pulses.
+    duty : float
+        fraction of the last cycle with the drop power above min + 0.45 (max - min); nan unless it pulses.
+    swing : float, K
+        largest minus smallest temperature rise in the last cycle; in the last half of the trace unless it pulses.
+    cycles : int
+        complete cycles in the trace.
+    extinction : float, dB
+        largest to smallest drop power of the last cycle; nan unless it pulses.
+    pattern : int
+        pulses in a period: 1, or more where large and small ones alternate. Two that differ by 0.1 to 2 % count as a
+        pattern where the difference has not decayed over five cycles; below 0.1 % a trace does not tell, and the
+        multipliers of `limit_cycle` do.
+    drift : float
+        relative change of the period from the last one to the one before; nan unless it pulses. `limit_cycle` has the
+        period that it leads to.
+    suggested_duration : float, s
+        how long a run should be that is to show what becomes of a slow transient; nan for others.
+    """
+
+    regime: Regime
+    reason: str
+    period: float
+    duty: float
+    swing: float
+    cycles: int
+    extinction: float = float("nan")
+    pattern: int = 1
+    drift: float = float("nan")
+    suggested_duration: float = float("nan")
+
+
+def pulsing(run: xr.Dataset | Record) -> Pulsing:
+    """Classify a trace of `simulate` by its carriers and measure its last cycle.
+
+    A cycle begins where the carriers rise through the middle of their range, because the drop power has two maxima per
+    cycle. The trace is self-pulsing if it has two complete cycles, oscillates until its end, and its amplitude does not
+    fall. It is a slow transient if the oscillation still decays, if the last movement of the carriers grows, if a cycle
+    differs from the last in length by more than a tenth, or if the trace is shorter than two periods.
+    It is stable if it rests, or its oscillation dies away, within 2 % of a stable fixed point of the ring, the heat and
+    the light that its attributes name; farther away, or next to an unstable one, it is a slow transient. Traces without
+    these attributes (measured ones, co-simulations, several lasers) do not tell whether slow heat starts pulses later:
+    the reason says so, and `steady_states` or a longer run tells.
+    A run whose light or heaters vary in its second half is driven. The period is that of the last cycle of a transient;
+    ``drift`` says by how much it still moves, and the reason where the mean rise is more than 2 % from its final value.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        time (s), carriers (1/m^3), drop (W) and delta_T (K), at 8 times or more. A ring without a drop port is judged
+        by its energy instead, and so is one ring of a circuit, ``run.sel(ring="ring 1")``.
+
+    Returns
+    -------
+    Pulsing
+
+    Raises
+    ------
+    InputError
+        a variable is missing, the trace is too short, or its samples are too far apart to show its cycles.
+
+    Measured on accepted steps at rtol = 1e-6 against 1e-10, six rings: period to 2e-7, duty to 5e-5, swing to 6e-5.
+
+    Source of the duty cycle: Borghi et al., Opt. Express 29, 4363 (2021), caption of Fig. 6.
+    """
+    if getattr(run, "sizes", {}).get("ring"):
+        names = run["ring"].values
+        raise checks.InputError(f"run holds {names.size} rings; pick one of them, run.sel(ring={str(names[0])!r})")
+    of_circuit = "ring" in getattr(run, "coords", {})  # the drop power of a ring is its energy times a constant
+    t, N, drop, dT = (_values(run, n) for n in ("time", "carriers", "energy" if of_circuit else "drop", "delta_T"))
+    if not drop.any() and "energy" in run.variables:
+        drop = _values(run, "energy")
+    steps = int(run.attrs.get("steps", 0))
+    if steps > THINNED * t.size:
+        raise checks.InputError(
+            f"run has {t.size} samples of {steps} steps; the sampling is too coarse to tell pulses from their beat: "
+            f"ask for {steps // THINNED} times or more, or for none, which keeps every step"
+        )
+    rtol = float(run.attrs.get("rtol", 0))
+    found = classify(t, N, drop, dT, rtol=rtol, every_step=steps == t.size - 1)
+    moving = _varying(run, t)
+    if not moving:
+        if found.regime == Regime.SELF_PULSING:
+            return warming(found, run, t, dT)
+        if found.regime != Regime.STABLE:
+            return found
+        energy = _values(run, "energy") if "energy" in run.variables else drop
+        return lasting(found, t, energy, dT, rest_of_run(run))
+    answer = f"{found.cycles} cycles in the answer" if found.regime == Regime.SELF_PULSING else found.reason
+    return replace(
+        found, regime=Regime.DRIVEN, reason=f"{moving} {'vary' if ' and ' in moving else 'varies'}: {answer}"
+    )
+
+
+def lasting(found: Pulsing, t: Array, energy: Array, dT: Array, rest: Rest | None) -> Pulsing:
+    """A stable trace, unless the fixed point at its end is unstable or still far; ``rest`` is None if unknown."""
+    if rest is None:
+        return replace(found, reason=f"{found.reason}, as far as the trace alone tells: slow heat may start pulses yet")
+    passed = float(t[-1] - t[0])
+    last = np.linspace(t[-1] - passed / 8, t[-1], 64)
+    here = [float(np.interp(last, t, values).mean()) for values in (energy, dT)]
+    k, off = rest.nearest(*here)
+    growth = float(rest.growth[k])
+    if growth < 0:
+        wanted = passed + max(passed, np.log(max(off, SETTLED) / (0.1 * SETTLED)) / -growth)
+        words = f"{found.reason}, but slow heat still moves the ring: {here[1]:.3g} K of {rest.delta_T[k]:.3g} K"
+        return found if off <= SETTLED else _slow(words, wanted, found.swing, found.cycles)
+    which = "the fixed point there is not" if np.any(rest.growth < 0) else "no fixed point is"
+    wanted = max(LONGER * passed, passed + LEAVES / max(growth, 1e-300))
+    return _slow(f"{found.reason}, but {which} stable", wanted, found.swing, found.cycles)
+
+
+def warming(found: Pulsing, run: xr.Dataset | Record, t: Array, dT: Array) -> Pulsing:
+    """A self-pulsing trace, with a note where the mean rise of its last cycle is not yet that of the absorbed power.
+
+    A linear model settles to <dT> = R_th <P> over a cycle, whatever its time constants.
+    """
+    resistance = resistance_of_run(run)
+    if resistance is None or "absorbed" not in run.variables:
+        return found
+    last = np.append(t[-1] - found.period, t[t > t[-1] - found.period])
+    absorbed, rise = (np.trapezoid(np.interp(last, t, v), last) for v in (_values(run, "absorbed"), dT))
+    final = resistance * absorbed
+    if not abs(rise - final) > SETTLED * final:
+        return found
+    note = f"the mean rise is {rise / final:.0%} of what the absorbed power leads to, so slow heat will move the period"
+    return replace(found, reason=f"{found.reason}; {note}: limit_cycle has the settled one")
+
+
+def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, every_step: bool = False) -> Pulsing:
+    """`pulsing` for arrays: time (s), carriers, drop power and temperature rise (K).
+
+    ``rtol`` is the tolerance behind them; ``every_step`` says that they are the accepted steps of an integration, which
+    are as dense as the trace needs.
+    """
+    swing = float(np.ptp(dT[t >= (t[0] + t[-1]) / 2]))
+    noise = min(max(QUIET, 10 * rtol), SETTLED)
+    for share in (1 / 2, 1 / 4):  # a slow drift may hide a small oscillation
+        late = N[t >= t[-1] - share * (t[-1] - t[0])]
+        if np.ptp(late) <= noise * late.max():
+            return _rests(f"the carriers are constant over the last {share:.0%}", swing)
+        up = crossings(t, N, (late.min() + late.max()) / 2)
+        waits = np.diff(up, append=t[-1])  # the last one is still running
+        if up.size >= 3 and waits[-2] <= 1.5 * waits[-6:-2].max() and waits[-1] <= 1.5 * waits[-6:-1].max():
+            break
+    else:
+        return _under_way(t, N, swing, max(up.size - 1, 0))
+    edges = np.searchsorted(t, up)
+    samples = float(np.median(np.diff(edges)))
+    if samples < FINE and not every_step:
+        raise checks.InputError(f"a cycle has {samples:.0f} samples; the sampling is too coarse, {FINE} are needed")
+    heights = np.array([np.ptp(N[i:j]) for i, j in pairwise(edges)])
+    together = pattern(heights, waits[:-1])
+    tops = heights[heights.size % together :].reshape(-1, together).max(axis=1)
+    limit, seen = amplitude_limit(tops), f"{heights.size} cycles of "
+    if limit < GONE * tops[-1]:
+        return _rests(seen + "an oscillation that dies away", swing, heights.size)
+    wanted = _until_settled(tops, float(t[-1] - t[0]))
+    if not abs(limit / tops[-1] - 1) <= SETTLED or tops[-1] < (1 - SETTLED) * tops[-2:].max():
+        return _slow(f"{seen}an oscillation still falling, to where is not clear", wanted, swing, heights.size)
+    if together == 1 and _alternate(heights):
+        return _slow(f"{seen}unequal pulses, too few to tell whether they repeat", wanted, swing, heights.size)
+    if together == 1 and _doubled(heights, 10 * noise):
+        together = 2
+    change = limit / tops[tops.size // 3] - 1
+    begin, end = float(up[-1 - together]), float(up[-1])
+    before = begin - float(up[-1 - 2 * together]) if up.size > 2 * together else end - begin
+    drift = (end - begin) / before - 1
+    if abs(drift) > (FAR if heights.size > 2 * together else SETTLED):  # the least number of cycles proves less
+        words = f"{seen}cycles whose length still changes by {100 * drift:+.2g} % from one to the next"
+        return _slow(words, wanted, swing, heights.size)
+    unequal = _miss(heights, waits[:-1], together)
+    last = (t >= begin) & (t <= end)
+    low, high = drop[last].min(), drop[last].max()
+    return Pulsing(
+        Regime.SELF_PULSING,
+        seen
+        + ("steady" if abs(change) < SETTLED else "growing" if change > 0 else "still falling")
+        + " amplitude"
+        + (f", in a pattern of {together}" if together > 1 else "")
+        + (f", pulses that still differ by {100 * unequal:.2g} %" if 10 * noise < unequal < np.inf else "")
+        + (f", each cycle {100 * drift:+.2g} % longer than the last" if abs(drift) > STEADY_PERIOD else ""),
+        period=end - begin,
+        duty=_duty(t, drop, begin, end),
+        swing=float(np.ptp(dT[last])),
+        cycles=heights.size,
+        extinction=float(10 * np.log10(high / low)) if low > 0 else float("inf"),
+        pattern=together,
+        drift=drift,
+    )
+
+
+def _until_settled(tops: Array, passed: float) -> float:
+    """Suggested duration in s where amplitudes change by a constant factor; 2 to 50 times that of the run."""
+    steps = np.abs(np.diff(tops[-3:]))
+    ratio = steps[-1] / steps[0] if steps.size == 2 and steps[0] > 0 else 1.0
+    if not 0 < ratio < 1:
+        return LONGER * passed
+    cycles = np.log(0.1 * SETTLED * tops[-1] / max(steps[-1], 1e-300)) / np.log(ratio)
+    return float(f"{passed * min(max(1 + cycles / tops.size, 2.0), 50.0):.1e}")
+
+
+def _alternate(heights: Array) -> bool:
+    """Whether large and small pulses alternate at the end with a difference that does not decay."""
+    steps = np.diff(heights[-4:])
+    turned = steps.size >= 2 and bool(np.all(steps[1:] * steps[:-1] < 0))
+    return turned and abs(steps[-1]) > SETTLED * heights[-1] and abs(steps[-1]) > 0.5 * abs(steps[-2])
+
+
+def _doubled(heights: Array, least: float) -> bool:
+    """Whether large and small pulses have alternated by more than ``least`` for five cycles without decay.
+
+    A difference that decays belongs to a cycle of one pulse; within 2 % from cycle to cycle it stays or grows.
+    """
+    steps = np.diff(heights[-5:])
+    alternate = steps.size == 4 and bool(np.all(steps[1:] * steps[:-1] < 0))
+    size = np.abs(steps)
+    return alternate and size[-1] > least * heights[-1] and bool(np.all(size[1:] > (1 - SETTLED) * size[:-1]))
+
+
+def _varying(run: xr.Dataset | Record, t: Array) -> str:
+    """Names of the inputs that vary in the second half of a run; empty if none does."""
+    late = t >= (t[0] + t[-1]) / 2
+    names = {"input_power": "the power", "detuning": "the detuning"}
+    names |= {
+        str(name): f"the power of {str(name)[12:]}" for name in run.variables if str(name).startswith("input_power_")
+    }
+    moving = [
+        words
+        for name, words in names.items()
+        if name in run.variables and run[name].dims == ("time",) and np.ptp(run[name].values[late]) > 0
+    ]
+    if "heater_power" in run.variables:
+        changes = np.ptp(run["heater_power"].values[:, late], axis=1) > 0
+        moving += [f"the power of {name}" for name in run["heater"].values[changes]]
+    return " and ".join(moving)
+
+
+def pattern(heights: Array, waits: Array) -> int:
+    """Number of cycles that repeat together: the smallest after which heights and lengths return, or 1 if none does.
+
+    Three repetitions are needed, so that a drift is no pattern. Pulses that differ by less than 2 % count as equal: an
+    oscillation that settles looks like a pattern, too.
+    """
+    for together in range(1, LONGEST_PATTERN + 1):
+        if _miss(heights, waits, together) <= SETTLED:
+            return together
+    return 1
+
+
+def _miss(heights: Array, waits: Array, together: int) -> float:
+    """Largest relative change of heights and lengths over ``together`` cycles; infinity where there are too few."""
+    if heights.size < 3 * together:
+        return np.inf
+    pairs = [(x[-2 * together :], x[-3 * together : -together]) for x in (heights, waits)]
+    return max(float(np.max(np.abs(new - old)) / max(new.max(), old.max())) for new, old in pairs)
+
+
+def crossings(t: Array, x: Array, level: float) -> Array:
+    """Times at which ``x`` rises through ``level``, on the cubic through the four samples around each.
+
+    t, x [shape (n,), n >= 4]: times, increasing, and values.
+    """
+    from ..kernels.levels import rises
+
+    return np.asarray(rises(np.ascontiguousarray(t), np.ascontiguousarray(x), float(level), 1.0))
+
+
+def amplitude_limit(heights: Array) -> float:
+    """Where a sequence of amplitudes is heading: C for ``C + A r^k``, from the means of three blocks of equal length.
+
+    The blocks cover the last two thirds, so the cold start does not count. The last amplitude where nothing is lost, or
+    so little that it says nothing about the end; nan where the fall does not slow down as one towards rest does, which
+    is so past an unstable cycle, and may end at rest or in a smaller cycle.
+    """
+    length = max(2 * heights.size // 9, 1)
+    if heights.size < 3:
+        return float(heights[-1]) if heights[-1] > (1 - SETTLED) * heights[0] else 0.0
+    first, middle, last = heights[-3 * length :].reshape(3, length).mean(axis=1)
+    if last > (1 - SETTLED) * first:
+        return float(heights[-1])
+    curvature = (last - middle) - (middle - first)
+    limit = float(last - (last - middle) ** 2 / curvature) if curvature > 0 else -np.inf
+    if limit > -last:
+        return max(limit, 0.0)
+    return float(heights[-1]) if last > 0.9 * first else float("nan")
+
+
+def _duty(t: Array, drop: Array, begin: float, end: float) -> float:
+    """Fraction of [begin, end] with the drop power above min + 0.45 (max - min)."""
+    first, last = np.searchsorted(t, [begin, end])
+    level = drop[first:last].min() + DUTY_LEVEL * np.ptp(drop[first:last])
+    near = slice(max(first - 3, 0), last + 3)
+    t, drop = t[near], drop[near]
+    edges = np.concatenate([crossings(t, drop, level), crossings(t, -drop, -level)])
+    edges = np.sort(np.concatenate([[begin, end], edges[(edges > begin) & (edges < end)]]))
+    above = np.interp((edges[1:] + edges[:-1]) / 2, t, drop) > level
+    return float(np.sum(np.diff(edges)[above]) / (end - begin))
+
+
+def _under_way(t: Array, N: Array, swing: float, cycles: int) -> Pulsing:
+    """Classify a trace with fewer than two cycles, or whose oscillation has ended, as stable or as a slow transient."""
+    wanted = LONGER * float(t[-1] - t[0])
+    tail = N[t >= t[-1] - (t[-1] - t[0]) / 4]
+    before, after = np.diff(np.interp(t[-1] - (t[-1] - t[0]) * np.array([1 / 4, 1 / 8, 0]), t, N))
+    ratio = np.clip(after / before, 0, 0.95) if before else 0.0
+    change = float((np.ptp(tail) + abs(after) * ratio / (1 - ratio)) / tail.max())  # with what an exponential has left
+    if change <= SETTLED:
+        earlier, later = np.ptp(np.interp(t[-1] - (t[-1] - t[0]) * EIGHTHS, t, N), axis=1)
+        if later > max(earlier, GROWS * tail.max()):
+            return _slow("a movement of the carriers that grows instead of dying away", wanted, swing, cycles)
+        words = f"settled: from the last quarter on the carriers move by {100 * change:.1g} %"
+        return _rests(words, swing, cycles)
+    seen = f"{cycles} complete cycle{'s' if cycles != 1 else ''} and no more" if cycles else "no complete cycle"
+    return _slow(f"{seen}, yet still moving", wanted, swing, cycles)
+
+
+def _rests(reason: str, swing: float, cycles: int = 0) -> Pulsing:
+    return Pulsing(Regime.STABLE, reason, float("nan"), float("nan"), swing, cycles)
+
+
+def _slow(reason: str, wanted: float, swing: float, cycles: int) -> Pulsing:
+    """A slow transient, and how long a run is ``wanted``, s; none is longer than `arguments.LONGEST`."""
+    wanted = min(wanted, LONGEST)
+    found = replace(_rests(f"{reason}: simulate {wanted:.2g} s", swing, cycles), suggested_duration=wanted)
+    return replace(found, regime=Regime.SLOW_TRANSIENT)
+
+
+def _values(run: xr.Dataset | Record, name: str) -> Array:
+    """One variable as an array."""
+    if name not in getattr(run, "variables", {}):
+        raise checks.InputError(f"run has no variable {name!r}; give a Dataset from coupled.simulate")
+    values = checks.array(f"run.{name}", run[name].values, increasing=name == "time")
+    if values.size < FEWEST:
+        raise checks.InputError(f"run.{name} has {values.size} samples; at least {FEWEST} are needed to tell a cycle")
+    return values

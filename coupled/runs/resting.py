@@ -1,0 +1,141 @@
+"""The fixed points that a run can come to rest at: those of its own ring, heat and light.
+
+A trace ends near one of them. Slow modes may outlast the trace, so a fixed point that is unstable can look like rest
+for long, and the trace alone does not tell.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from thermofem import Foster, OutputMap, Quadratic
+from thermofem.arrays import Array
+from thermofem.checks import InputError
+from thermofem.record import Record
+
+from ..carriers.lifetime import ConstantLifetime
+from ..carriers.shockley_read_hall import ShockleyReadHall
+from ..equilibria.steady import Internal, absorbable, fixed_points, internal, observables
+from ..resonator import RingResonator
+from ..states import State
+from ..thermal import Compact, compact
+from .window import units
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+NEWTON_STEPS, CLOSE = 30, 1e-10  # steps, and the last one relative to the state
+TINY = 1e-99  # J and K, of a dark ring
+FAR = 2.0  # times the energy: Newton's method has left what the run is near
+
+
+class Rest(NamedTuple):
+    """Every fixed point of a ring under one light."""
+
+    energy: Array
+    """J"""
+    delta_T: Array
+    """K"""
+    growth: Array
+    """1/s, the largest real part of the eigenvalues."""
+
+    def nearest(self, energy: float, delta_T: float) -> tuple[int, float]:
+        """Index of the fixed point that is nearest to a state, and how far it is, relative to the larger values."""
+        off = [
+            np.abs(at - here) / np.maximum(np.abs(at), abs(here) + TINY)
+            for at, here in ((self.energy, energy), (self.delta_T, delta_T))
+        ]
+        k = int(np.argmin(np.maximum(*off)))
+        return k, float(max(off[0][k], off[1][k]))
+
+    def attributes(self) -> dict[str, Array]:
+        """The values as attributes of a Dataset."""
+        return {f"rest_{name}": values for name, values in self._asdict().items()}
+
+
+def rest_of(
+    ring: RingResonator, model: Compact, power: float, detuning: float, *, rise: float = 0.0, at: Internal | None = None
+) -> Rest:
+    """Return the fixed points at a power in W and a detuning in Hz; heaters add ``rise`` in K.
+
+    Raises InputError: as `steady_states`.
+    """
+    at = at or internal(ring, model, absorbable(ring, power))
+    U, D = fixed_points(ring, at, power, detuning + ring.thermal_shift * rise / (2 * np.pi))
+    seen = observables(ring, at, U, D, np.full(U.size, power))
+    return Rest(seen["energy"], seen["delta_T"] + rise, seen["growth_rate"])
+
+
+def rest_near(ring: RingResonator, model: Quadratic, state: State, power: float, detuning: float) -> Rest | None:
+    """Return the fixed point that Newton's method finds from the end of a run; None where it diverges.
+
+    For quadratic models, which are too large for the attributes of a run.
+    """
+    from ..kernels import equations as eq
+
+    unit = units(np.size(state.thermal))
+    rates, fcd = eq.internal_rates(ring)
+    pump, turned, heat = eq.internal_pump(ring, power), eq.internal_detuning(detuning), eq.internal_thermal(model)
+    y = state.as_array() / unit
+    begun, step = y[0] ** 2 + y[1] ** 2, y
+    for _ in range(NEWTON_STEPS):
+        step = np.linalg.solve(
+            eq.jacobian(y, turned, rates, fcd, heat), eq.right_hand_side(y, pump, turned, rates, fcd, heat)
+        )
+        y = y - step
+        if not np.abs(step).max() > CLOSE * np.abs(y).max():
+            break
+    U = y[0] ** 2 + y[1] ** 2
+    if not (np.abs(step).max() <= CLOSE * np.abs(y).max() and begun / FAR < U < begun * FAR):
+        return None
+    growth = np.linalg.eigvals(eq.jacobian(y, turned, rates, fcd, heat)).real.max() / eq.NS
+    return Rest(*(np.array([value]) for value in (U * eq.FJ, model.C @ y[3:], growth)))
+
+
+def rest_of_run(run: xr.Dataset | Record) -> Rest | None:
+    """Return the fixed points under the light at the end of a run; None where its attributes do not tell them.
+
+    They do not for traces that are not of `simulate`, and for several lasers.
+    """
+    attrs = run.attrs
+    try:
+        if "rest_growth" in attrs:
+            return Rest(*(np.atleast_1d(np.asarray(attrs[f"rest_{name}"], dtype=float)) for name in Rest._fields))
+        ring, power, detuning = ring_in(attrs["ring_parameters"]), _last(run, "input_power"), _last(run, "detuning")
+        model: Any = Foster(np.atleast_1d(attrs["model_R"]), np.atleast_1d(attrs["model_tau"]))
+        if "model_coefficient" in attrs:
+            model = OutputMap(model, attrs["model_coefficient"])
+        rise = float(attrs.get("heater_rise", 0.0))
+        if "lasers" in attrs:
+            return None
+        if power == 0:
+            return Rest(np.zeros(1), np.array([rise]), np.array([-np.inf]))
+        return rest_of(ring, compact(model), power, detuning, rise=rise)
+    except (InputError, ValueError, TypeError, KeyError, RecursionError):  # attributes that another program wrote
+        return None
+
+
+def resistance_of_run(run: xr.Dataset | Record) -> float | None:
+    """Return R_th in K/W of the linear model of a run with one laser and no heater; None for all others."""
+    if {"model_coefficient", "heater_rise", "lasers"} & {*run.attrs}:
+        return None
+    try:
+        return float(np.sum(np.asarray(run.attrs["model_R"], dtype=float)))
+    except (KeyError, ValueError, TypeError):  # attributes that another program wrote
+        return None
+
+
+def ring_in(text: str) -> RingResonator:
+    """The ring that `resonator.origin` wrote."""
+    fields = json.loads(text)
+    kind = ShockleyReadHall if "tau_n" in fields["carriers"] else ConstantLifetime
+    pairs = {name: tuple(tuple(pair) for pair in fields[name]) for name in ("fcd", "rates")}
+    return RingResonator(**fields | pairs | {"carriers": kind(**fields["carriers"])})
+
+
+def _last(run: xr.Dataset | Record, name: str) -> float:
+    """An input at the end of a run."""
+    return float(run[name].values[-1] if name in run.variables else run.attrs[name])

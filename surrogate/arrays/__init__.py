@@ -1,0 +1,1 @@
+"""Several rings on one chip as one certified model."""

@@ -1,0 +1,165 @@
+"""One heated ring read at many distances: few poles for all, and a bound of the error of each distance.
+
+The basis holds real rational Krylov fields of the heated ring, which serve the ring itself, and the real and imaginary
+parts of its field at some frequencies w,
+
+    (K + i w M)^-1 c,
+
+which serve the distances: there H_r,d(i w) = H_d(i w) whatever d is. A distance is then bounded against a second
+reduction, which has the copy among its ports and is itself certified at every frequency (`reduction.certificate`):
+
+    |H_d - H_r,d| <= |H_d - H_2,d| + max_w |H_2,d - H_r,d|
+
+Both terms of the maximum are known sums of real poles. As functions of ln w they have features no narrower than a
+decade: `PER_DECADE` samples miss the maximum by less than 1e-3 of it, and `BETWEEN` allows for more.
+
+Errors are relative to H_d(0) + `FLOOR` R_th, R_th being that of the heated ring. The rise of a ring is the sum over all
+rings, and a pair whose heat hardly arrives need not be known to many digits. Far pairs do without the fast poles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thermofem import HeatProblem, InputError, StateSpace
+from thermofem.arrays import Array
+
+from ..reduction.reduce import project
+
+FLOOR = 1e-2  # of R_th, added to the static gain of a pair
+CHUNK = 4  # distances bounded at once: the second reduction has as many ports more
+PER_DECADE, BETWEEN = 60, 1.01
+SHARE = 0.25  # of the tolerance, for the second reduction and for the poles that are left out, each
+FREQUENCIES, TIGHTEN = (3, 4, 5, 6, 8, 10, 14), 6  # tried in turn; from TIGHTEN on with more Krylov fields
+RANGE = (0.3, 100.0)  # of the frequencies, in units of the slowest rate
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """The reduced field of one heated part, read by its own ring and at some distances.
+
+    rate [shape (k,), 1/s]: increasing.
+    source [shape (k,)]: what a watt drives each mode with.
+    read [shape (1 + distances, k)]: the own ring's row first; zero for the fast poles that a far pair does without.
+    bound [shape (1 + distances,)]: of the error, relative to the static gain plus `FLOOR` of the own one.
+    """
+
+    rate: Array
+    source: Array
+    read: Array
+    bound: Array
+
+
+def reduce_pairs(heat: HeatProblem, heated: str, read: Sequence[str], tolerance: float) -> Pairs:
+    """Reduce the response to one heated ring: its own temperature ``read[0]`` and those of its copies, ``read[1:]``.
+
+    Raises InputError: the tolerance is out of reach.
+    """
+    system = heat.channels(heated, tuple(read))
+    own = system.channel(heated, read[0])
+    scale, references = _references(system, own, read, tolerance)
+    for count in FREQUENCIES if len(read) > 1 else (0,):
+        found = project(own, SHARE * tolerance * (0.1 if count > TIGHTEN else 1.0))
+        more = _fields_at_frequencies(system, found.projection.rate[0], count) if count else None
+        pairs = _projected(system, found.basis, more)
+        bound = np.array([_bound(pairs, k, reference) for k, reference in enumerate(references)]) / scale
+        if np.all(bound <= (1 - SHARE) * tolerance):
+            return _without_fast_poles(replace(pairs, bound=bound), scale, tolerance)
+    worst = read[int(bound.argmax())]
+    raise InputError(f"tolerance = {tolerance:g} is out of reach: {bound.max():.1e} is left for {worst!r}; loosen it")
+
+
+def _fields_at_frequencies(system: StateSpace, slowest: float, count: int) -> Array:
+    """Real and imaginary parts of the field of the heated ring at ``count`` frequencies, columns of length 1."""
+    from scipy.sparse import csc_matrix
+    from scipy.sparse.linalg import splu
+
+    E, A, b = csc_matrix(system.E), csc_matrix(system.A), np.asarray(system.B[:, 0]) + 0j
+    low, high = RANGE
+    fields = [
+        splu(1j * w * E - A, permc_spec="MMD_AT_PLUS_A").solve(b) for w in slowest * np.geomspace(low, high, count)
+    ]
+    parts = np.column_stack([part for field in fields for part in (field.real, field.imag)])
+    return np.asarray(parts / np.linalg.norm(parts, axis=0))
+
+
+def _projected(system: StateSpace, basis: Array, more: Array | None) -> Pairs:
+    """The system on a basis and on further fields, in its modes."""
+    from scipy.linalg import eigh
+
+    V = basis
+    if more is not None:
+        for _ in range(2):  # twice is enough, as for Gram and Schmidt
+            more = more - V[:, : basis.shape[1]] @ (basis.T @ (system.E @ more))
+        values, vectors = np.linalg.eigh(more.T @ (system.E @ more))
+        kept = values > 1e-12 * values[-1]
+        V = np.column_stack([V, more @ (vectors[:, kept] / np.sqrt(values[kept]))])
+    stiffness, mass = (V.T @ (matrix @ V) for matrix in (-system.A, system.E))
+    rate, Z = eigh((stiffness + stiffness.T) / 2, (mass + mass.T) / 2)
+    modes = V @ Z
+    return Pairs(rate, modes.T @ np.asarray(system.B[:, 0]), np.asarray(system.C @ modes), np.empty(0))
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelReference:
+    """A reduction that has the copy among its ports: poles, their residues, and the bound of its own error in K/W."""
+
+    rate: Array
+    residue: Array
+    error: float
+
+
+def _references(
+    system: StateSpace, own: StateSpace, read: Sequence[str], tolerance: float
+) -> tuple[Array, list[ChannelReference]]:
+    """The scale of relative errors in K/W, and a certified second reduction of every channel."""
+    references: list[ChannelReference] = []
+    scale = np.empty(len(read))
+    for start in range(0, len(read), CHUNK):
+        rows = range(start, min(start + CHUNK, len(read)))
+        # the own row, added in part, makes the relative errors of `project` those that are wanted here
+        mixed = np.array([system.C[k] + (FLOOR * own.C[0] if k else 0) for k in rows])
+        names = tuple(read[k] for k in rows)
+        chunk = StateSpace(system.E, system.A, system.B, mixed, inputs=system.inputs, outputs=names)
+        found = project(chunk, SHARE * tolerance)
+        rate, b = found.projection.rate, found.basis.T @ np.asarray(system.B[:, 0])
+        for k, top in zip(rows, found.certificate.top, strict=True):
+            residue = b * (found.basis.T @ np.asarray(system.C[k]))
+            references.append(ChannelReference(rate, residue, float(top)))
+            scale[k] = (b * (found.basis.T @ mixed[k - start]) / rate).sum()
+    error = references[0].error
+    rest = [replace(r, error=r.error + FLOOR * error) for r in references[1:]]
+    return np.abs(scale), [references[0], *rest]
+
+
+def _difference(rate: Array, residue: Array, other: ChannelReference) -> float:
+    """The largest |sum of poles - sum of the other's poles| over frequencies, in K/W."""
+    low, high = min(rate[0], other.rate[0]) / 1e3, max(rate[-1], other.rate[-1]) * 1e3
+    s = 1j * np.geomspace(low, high, int(np.log10(high / low) * PER_DECADE))[:, None]
+    gap = (residue / (rate + s)).sum(axis=1) - (other.residue / (other.rate + s)).sum(axis=1)
+    return BETWEEN * float(np.abs(gap).max())
+
+
+def _bound(pairs: Pairs, k: int, reference: ChannelReference) -> float:
+    return reference.error + _difference(pairs.rate, pairs.source * pairs.read[k], reference)
+
+
+def _without_fast_poles(pairs: Pairs, scale: Array, tolerance: float) -> Pairs:
+    """Leave out the fast poles of every pair of rings that the tolerance does not need; static gains stay."""
+    read, bound = pairs.read.copy(), pairs.bound.copy()
+    for k in range(1, len(read)):
+        residue = pairs.source * pairs.read[k]
+        whole = ChannelReference(pairs.rate, residue, 0.0)
+        for kept in range(1, pairs.rate.size):
+            fewer = residue[:kept].copy()
+            fewer[-1] += pairs.rate[kept - 1] * (residue[kept:] / pairs.rate[kept:]).sum()
+            left_out = _difference(pairs.rate[:kept], fewer, whole) / scale[k]
+            if left_out <= min(SHARE * tolerance, tolerance - bound[k]):
+                read[k] = 0.0
+                read[k, :kept] = fewer / pairs.source[:kept]
+                bound[k] += left_out
+                break
+    return replace(pairs, read=read, bound=bound)

@@ -1,0 +1,1 @@
+"""Models fitted to temperatures: measured ones, or those of the FEM."""

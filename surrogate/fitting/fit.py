@@ -1,0 +1,384 @@
+"""Compact thermal models trained on heat data.
+
+Every fit ends in variable projection (`projection` of this folder), whose optimum is unique for the paper's models; the
+particle swarm of the paper can be put before it and then only picks the start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thermofem import Foster, checks, renamed
+from thermofem.arrays import Array
+from thermofem.dataset import at_probe, drives_of
+from thermofem.display import shown
+from thermofem.models import HasModel
+from thermofem.models.lumped import (
+    BORGHI2021_HEAT_CAPACITY,
+    check_heat_capacity,
+    newton,
+    second_order,
+    second_order_parameters,
+)
+
+from .projection import FitProblem, Optimum, optimum, polish
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+METHODS = ("variable projection", "pso")
+EXPLAINED = 0.2  # share of the variance below which data count as noise; the paper's single pole explains 0.9 and more
+TRANSFER = "where another part is read than the one that is heated, give transfer=True"
+CANCELLING = 100.0  # R of a pole over R_th from which poles of opposite sign count as one
+UNSEEN = np.log(2)  # standard deviation of ln(tau) from which a time constant counts as not seen: a factor of two
+
+
+@shown
+@dataclass(frozen=True, eq=False)
+class Fit(HasModel):
+    """A trained model and how well it fits its data.
+
+    Attributes
+    ----------
+    model : Foster
+    parameters : dict of float
+        in SI, by name.
+    standard_errors : dict of float
+        one standard deviation of each parameter, from the Jacobian and the residual's variance.
+    correlations : array, shape (parameters, parameters)
+        in the order of ``parameters``.
+    residual : float, K
+        rms over all samples.
+    relative_residual : float
+        rms of residual over swing, each Dataset by its own swing.
+    training : tuple of str
+        the drive of each Dataset; the parameters mean little without it.
+    notes : tuple of str
+        what makes the data doubtful; time constants that they do not determine.
+    geometry : str or None
+        TOML of the cross-section, where the data carries it.
+    swarm_residual : float or None, K
+        what the particle swarm alone reached, with ``method="pso"``.
+    """
+
+    model: Foster
+    parameters: Mapping[str, float]
+    standard_errors: Mapping[str, float]
+    correlations: Array = field(repr=False)
+    residual: float
+    relative_residual: float
+    training: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+    geometry: str | None = field(default=None, repr=False)
+    swarm_residual: float | None = None
+
+    def _repr_html_(self) -> str:
+        """HTML for notebooks."""
+        from thermofem.display import card
+
+        rows = [(k, f"{v:.4g} ± {self.standard_errors[k]:.1g}") for k, v in self.parameters.items()]
+        rows.append(("misfit", f"{self.residual:.3g} K rms, {self.relative_residual:.2%} of the swing"))
+        rows += [("trained on", text) for text in self.training] + [("note", text) for text in self.notes]
+        return card("Fit", rows, self.model._repr_html_())
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """Provenance that `surrogate.save_model` writes with the model."""
+        return {
+            "method": "fit",
+            "training": list(self.training),
+            "parameters": dict(self.parameters),
+            "standard_errors": dict(self.standard_errors),
+            "residual_K": self.residual,
+            "relative_residual": self.relative_residual,
+            "notes": list(self.notes),
+            "geometry": self.geometry,
+        }
+
+
+def fit_newton(
+    data: xr.Dataset | Sequence[xr.Dataset],
+    *,
+    heat_capacity: float = BORGHI2021_HEAT_CAPACITY,
+    method: str = "variable projection",
+) -> Fit:
+    """Train Newton's law: one pole, dT' = -dT/tau_th + P/(m c_p).
+
+    Parameters
+    ----------
+    data : Dataset or list of them
+        from `thermofem.solve` or `solve_periodic`; each is weighted by its swing.
+    heat_capacity : float, J/K
+        the heated core's own m c_p, for the ratio below.
+    method : "variable projection" or "pso"
+        "pso" lets the paper's particle swarm find the start.
+
+    Returns
+    -------
+    Fit
+        parameters ``tau_th`` (s), ``heat_capacity`` (m c_p of the fit, J/K) and ``heat_capacity_ratio`` (to the core's
+        own: the paper finds about 7, an artefact of the single pole).
+
+    Raises
+    ------
+    InputError
+        data without power or rise, or whose best pole is not stable and heating.
+    """
+    heat_capacity = check_heat_capacity(heat_capacity)
+    training = Training.of(data)
+    found, swarm = training.search(1, method)
+    rate, gain = np.exp(found.log_rate[0]), found.gain[0]
+    if gain <= 0:
+        raise checks.InputError("the best single pole cools when heated; do power and delta_T belong together?")
+    parameters = {"tau_th": 1 / rate, "heat_capacity": 1 / gain, "heat_capacity_ratio": 1 / (gain * heat_capacity)}
+    jacobian = np.array([[-1 / rate, 0], [0, -1 / gain**2], [0, -1 / (gain**2 * heat_capacity)]])
+    return training.fit(newton(tau_th=1 / rate, heat_capacity=1 / gain), parameters, jacobian, found, swarm)
+
+
+def fit_second_order(
+    data: xr.Dataset | Sequence[xr.Dataset],
+    *,
+    heat_capacity: float = BORGHI2021_HEAT_CAPACITY,
+    method: str = "variable projection",
+    transfer: bool | None = None,
+) -> Fit:
+    """Train the paper's second-order equation (Eq. 3): two poles.
+
+    Parameters
+    ----------
+    data : Dataset or list of them
+        from `thermofem.solve` or `solve_periodic`; each is weighted by its swing.
+    heat_capacity : float, J/K
+        m c_p by which kappa and eta are normalised.
+    method : "variable projection" or "pso"
+    transfer : bool, optional
+        as in `fit_foster`; eta may then be negative.
+
+    Returns
+    -------
+    Fit
+        parameters ``kappa`` (1/s), ``tau_f``, ``tau_s`` (s), ``eta``. They depend on the drive far more than on
+        anything else: quote ``training`` with them.
+
+    Raises
+    ------
+    InputError
+        data without power or rise, or that no stable pair of heating poles fits.
+    """
+    heat_capacity = check_heat_capacity(heat_capacity)
+    training = Training.of(data, transfer=transfer)
+    found, swarm = training.search(2, method)
+    (slow, fast), (g_s, g_f) = np.exp(found.log_rate), found.gain
+    c_f, c_s = g_f * heat_capacity, g_s * heat_capacity
+    poles = Foster(R=[g_f / fast, g_s / slow], tau=[1 / fast, 1 / slow], **training.parts)
+    parameters = second_order_parameters(poles, heat_capacity)
+    if min(c_f, c_s) < 0 and not training.transfer:
+        raise checks.InputError(
+            f"the best pair of poles cools when heated (kappa = {parameters['kappa']:.3g} 1/s, eta = "
+            f"{parameters['eta']:.3g}); do power and delta_T belong together? {TRANSFER}"
+        )
+    jacobian = np.array(  # of (kappa, tau_f, tau_s, eta) by (log slow, log fast, g_s, g_f)
+        [
+            [c_f * slow, c_s * fast, heat_capacity * fast, heat_capacity * slow],
+            [0, -1 / fast, 0, 0],
+            [-1 / slow, 0, 0, 0],
+            [0, 0, heat_capacity, heat_capacity],
+        ]
+    )
+    model = poles if training.transfer else second_order(**parameters, heat_capacity=heat_capacity)
+    return training.fit(model, parameters, jacobian, found, swarm)
+
+
+def fit_foster(
+    data: xr.Dataset | Sequence[xr.Dataset],
+    order: int = 5,
+    *,
+    thermal_resistance: float | None = None,
+    method: str = "variable projection",
+    transfer: bool | None = None,
+) -> Fit:
+    """Train a Foster network of ``order`` poles, every R_i >= 0 where the heated part is read.
+
+        dT = sum_i x_i,    dx_i/dt = (R_i P - x_i)/tau_i
+
+    Parameters
+    ----------
+    data : Dataset or list of them
+        each is weighted by its swing. A step sampled evenly in log t shows every time scale equally.
+    order : int, 1 to 12
+    thermal_resistance : float, K/W
+        static gain to impose; default the Datasets' own ``thermal_resistance`` where all agree (`thermofem.solve`
+        writes it), else none.
+    method : "variable projection" or "pso"
+    transfer : bool, optional
+        whether another part is read than the one that is heated, as a core under its heater: the R_i then have either
+        sign, because the rise begins late. By default what the Datasets' ``heated`` and ``read`` say, else False.
+
+    Returns
+    -------
+    Fit
+        parameters ``R_1``.. (K/W), ``tau_1``.. (s), fastest first. Trained on a log-sampled step of the reference strip
+        the rms error over square waves of .1-10 us is 8.5/3.0/1.1/.47/.18/.03 % of the swing for order 2/3/4/5/6/8.
+
+    Raises
+    ------
+    InputError
+        too few samples, an order out of range, data without power or rise, or that no heating pole fits.
+    """
+    if checks.between("order", order, 1, 12) != int(order):
+        raise checks.InputError(f"order = {order!r} must be a whole number of poles")
+    training = Training.of(data, thermal_resistance=thermal_resistance, impose=True, transfer=transfer)
+    found, swarm = training.search(int(order), method)
+    kept = found.gain != 0 if training.transfer else found.gain > 0
+    if not np.any(found.gain > 0):
+        raise checks.InputError(f"no pole of the fit heats; do power and delta_T belong together? {TRANSFER}")
+    rate, gain = np.exp(found.log_rate), found.gain
+    fastest_first = np.flatnonzero(kept)[::-1]
+    R, tau, n = gain / rate, 1 / rate, rate.size
+    parameters, rows = {}, []
+    for position, i in enumerate(fastest_first, start=1):
+        parameters[f"R_{position}"] = R[i]
+        rows.append(np.concatenate([-R[i] * np.eye(n)[i], np.eye(n)[i] / rate[i]]))
+    for position, i in enumerate(fastest_first, start=1):
+        parameters[f"tau_{position}"] = tau[i]
+        rows.append(np.concatenate([-tau[i] * np.eye(n)[i], np.zeros(n)]))
+    model = Foster(R=R[fastest_first], tau=tau[fastest_first], **training.parts)
+    return training.fit(model, parameters, np.array(rows), found, swarm)
+
+
+@dataclass(frozen=True, eq=False)
+class Training:
+    """The training data and the attributes of their Datasets."""
+
+    problem: FitProblem
+    names: tuple[str, ...]
+    geometry: str | None
+    transfer: bool = False
+    parts: Mapping[str, Any] = field(default_factory=dict)
+    """Names of the heated and the read part, of a transfer channel."""
+
+    @classmethod
+    def of(
+        cls,
+        data: xr.Dataset | Sequence[xr.Dataset],
+        *,
+        thermal_resistance: float | None = None,
+        impose: bool = False,
+        transfer: bool | None = None,
+    ) -> Training:
+        """Read Datasets; ``impose`` their static gain and, unless it is a ``transfer`` channel, positive gains."""
+        drives = drives_of(data)
+        datasets = [at_probe(d) for d in (data if isinstance(data, Sequence) else [data])]
+        if thermal_resistance is not None:
+            hint = "it is in K/W (7.87 K/mW is 7870)"
+            thermal_resistance = checks.positive("thermal_resistance", thermal_resistance, unit="K/W", hint=hint)
+        elif impose:
+            thermal_resistance = _common([d.thermal_resistance for d in drives])
+        for drive in drives:
+            if not np.any(drive.wave(drive.times)) and not np.any(drive.wave.before(drive.times)):
+                raise checks.InputError(f"the power of the {drive.name} is zero throughout; what heated it?")
+        geometry = _common([d.attrs.get("geometry") for d in datasets])
+        heated, read = (_common([d.attrs.get(name) for d in datasets]) for name in ("heated", "read"))
+        known = bool(heated and read)
+        if transfer is None:
+            transfer = known and heated != read
+        apart = known and heated != read
+        parts = {"inputs": (heated if apart else "heater",), "outputs": (read if apart else "core",)}
+        problem = FitProblem(drives, thermal_resistance, impose and not transfer)
+        return cls(problem, tuple(d.name for d in drives), geometry, transfer, parts if transfer else {})
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What makes the data doubtful."""
+        return tuple(dict.fromkeys(doubt for drive in self.problem.drives for doubt in drive.doubts))
+
+    def search(self, order: int, method: str) -> tuple[Optimum, float | None]:
+        """The optimum, and the residual of the swarm before it was polished."""
+        if isinstance(method, str) and method == "projection":
+            renamed.warn("method='projection'", "method='variable projection'", up=3)
+            method = "variable projection"
+        checks.choice("method", method, METHODS)
+        residual = None
+        if method == "variable projection":
+            found = optimum(self.problem, order)
+        else:
+            from .swarm import swarm
+
+            start, residual = swarm(self.problem, order)
+            found = polish(self.problem, start)
+        if np.any(found.gain > 0):
+            self.check_explained(found.relative_residual)
+        return found, residual
+
+    def check_explained(self, relative_residual: float) -> None:
+        """Refuse data that even the best poles do not explain."""
+        spread = np.concatenate([(d.rise - d.rise.mean()) / d.swing for d in self.problem.drives])
+        explained = 1 - relative_residual**2 / float(np.mean(spread**2))
+        if explained < EXPLAINED:
+            raise checks.InputError(
+                f"the power explains {max(explained, 0):.0%} of the variation of delta_T: it is noise, or they do not "
+                "belong together"
+            )
+
+    def fit(
+        self,
+        model: Foster,
+        parameters: Mapping[str, float],
+        jacobian: Array,
+        found: Optimum,
+        swarm_residual: float | None,
+    ) -> Fit:
+        """Named parameters with standard errors and correlations by first-order propagation."""
+        covariance = jacobian @ found.covariance @ jacobian.T
+        deviation = np.sqrt(np.maximum(covariance.diagonal(), 0))
+        safe = np.maximum(deviation, np.finfo(float).tiny)
+        fit = Fit(
+            model=model,
+            parameters={name: float(value) for name, value in parameters.items()},
+            standard_errors=dict(zip(parameters, deviation.tolist(), strict=True)),
+            correlations=covariance / np.outer(safe, safe),
+            residual=found.residual,
+            relative_residual=found.relative_residual,
+            training=self.names,
+            notes=(*self.doubts, *_unseen(found, self.problem.span), *_cancelling(model)),
+            geometry=self.geometry,
+            swarm_residual=swarm_residual,
+        )
+        return replace(fit, model=replace(model, origin=fit.provenance))
+
+
+def _common(values: Sequence[Any]) -> Any:
+    """The one value that all Datasets share, or None."""
+    return values[0] if all(v == values[0] for v in values) else None
+
+
+def _cancelling(model: Foster) -> list[str]:
+    """A sentence on poles of opposite sign that are nearly one, as of a transfer channel with too many."""
+    largest, total = float(np.abs(np.asarray(model.R)).max()), abs(model.thermal_resistance)
+    if largest <= CANCELLING * total:
+        return []
+    return [
+        f"poles of up to {largest:.2g} K/W cancel to {total:.2g} K/W: two of them are nearly one, so take one fewer"
+    ]
+
+
+def _unseen(found: Optimum, span: tuple[float, float]) -> list[str]:
+    """Sentences on time constants that the data do not determine."""
+    notes = []
+    deviation = np.sqrt(np.maximum(found.covariance.diagonal()[: found.log_rate.size], 0))
+    for log_rate, gain, sd in zip(found.log_rate[::-1], found.gain[::-1], deviation[::-1], strict=True):
+        tau = np.exp(-log_rate)
+        said = f"tau = {tau:.3g} s"
+        if gain == 0:
+            notes.append(f"{said} is one pole too many: its best gain is zero")
+        elif sd > UNSEEN:
+            notes.append(f"the data can't see {said}: its standard error is a factor of {np.exp(min(sd, 20)):.3g}")
+        elif tau > 3 * span[1]:
+            notes.append(f"{said} is an extrapolation: the data last {span[1]:.3g} s")
+        elif tau < span[0] / 3:
+            notes.append(f"{said} is an extrapolation: the data begin to show times at {span[0]:.3g} s")
+    return notes

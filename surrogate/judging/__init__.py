@@ -1,0 +1,1 @@
+"""Errors of models against a reference, and which model suffices where."""

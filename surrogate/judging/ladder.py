@@ -1,0 +1,297 @@
+"""Train all compact models of one geometry, from one pole to the certified reduction, and compare them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from thermofem import (
+    Constant,
+    Foster,
+    HeatProblem,
+    Probe,
+    Pulse,
+    SquareWave,
+    Telegraph,
+    ThermalModel,
+    assemble,
+    checks,
+    dataset,
+    solve,
+    waveforms,
+)
+from thermofem.arrays import Array, ArrayLike
+from thermofem.dataset import describe
+from thermofem.display import shown
+from thermofem.models import NonlinearSystem, foster
+
+from ..fitting.fit import fit_foster, fit_newton, fit_second_order
+from ..fitting.sindy import fit_sindy
+from ..fitting.sindy_quadratic import fit_sindy_quadratic
+from ..reduction.output_map import output_map
+from ..reduction.quadratic import reduce_quadratic
+from ..reduction.reduce import reduce
+from ..reduction.truncate import balanced_truncation
+from .swings import swings
+from .validate import PERIODS, check_models, error_curve, valid_range
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+SHELLS = (0.1e-6, 0.3e-6, 0.8e-6, 1.8e-6)  # m around the heated part, states of SINDy
+TOLERANCES = (0.1, 0.03, 0.01, 0.001, 1e-4)
+TIMES = np.arange(20_000) * 2e-9  # s, of the telegraphs
+REFERENCE = 1e-6  # certificate of what the others are judged by
+SAMPLES = 301  # of the periodic state that Newton and the second order are trained on
+
+
+@shown
+@dataclass(frozen=True, eq=False)
+class Ladder:
+    """Compact models of one geometry, by name, and the reference model.
+
+    Attributes
+    ----------
+    models : mapping from a name to a ThermalModel
+    reference : ThermalModel
+        the certified reduction to 1e-6; with k(T) the quadratic reduction.
+    reference_error : float
+        certificate of it; with k(T) its largest error over the peak rise, on a 20 us pulse of the full order.
+    refused : mapping from a name to the reason
+        models that could not be trained on this geometry.
+    """
+
+    models: Mapping[str, ThermalModel]
+    reference: ThermalModel
+    reference_error: float
+    refused: Mapping[str, str]
+
+
+def train_all(
+    heat: HeatProblem,
+    *,
+    power: float = 2e-3,
+    duty: float = 1 / 3,
+    hot: float | None = None,
+    names: Sequence[str] | None = None,
+    heated: str | None = None,
+    read: str | None = None,
+) -> Ladder:
+    """Train Newton, second order, SINDy and Foster networks and reduce the FEM to several orders.
+
+    All are trained at small power on one channel, from a heated part to what is read: Newton and second order on the
+    paper's square wave (1 us), Foster networks on a step, SINDy on a telegraph. The drives come from the certified
+    reduction to 1e-6. With k(T) an output map and quadratic SINDy are made for a larger power, SINDy from telegraphs of
+    the quadratic reduction.
+
+    Parameters
+    ----------
+    heat : HeatProblem
+    power : float, W
+        of the training drives.
+    duty : float
+        of the square wave.
+    hot : float, W
+        with k(T): the largest power of interest, which the quadratic models and the output map are made for; default
+        ten times ``power``; 0 leaves k(T) out, of the reference too, and with it a transient of the full order.
+    names : sequence of str
+        the models to train, such as "Newton" or "Foster, trained (5)"; default all of them.
+    heated, read : str, optional
+        part that is heated, default the first that can be; what is read, default the same. SINDy takes no other.
+
+    Raises
+    ------
+    InputError
+        a power or duty out of range, a name that is none of the models', of no heated part, of nothing that is read.
+    """
+    checks.positive("power", power, unit="W", at_most=10, hint="powers are in W (did you mean 2e-3 for 2 mW?)")
+    checks.has("heat", heat, "heated", "channels", hint="th.assemble(geometry) makes the HeatProblem")
+    part = checks.choice("heated", heated, heat.heated, default=heat.heated[0])
+    read = read or part
+    system = heat.channels(part, read)
+    fine = reduce(system, REFERENCE)
+    exact: Foster = fine.model  # type: ignore[assignment]  # one channel
+    wave, times = SquareWave(power, 1e-6, duty), np.geomspace(1e-9, 50 * float(np.max(exact.tau)), 121)
+    channel = {"heated": part, "read": read}
+    periodic = dataset.build(
+        waveforms.period_times(wave, SAMPLES),
+        exact.periodic_response(wave, SAMPLES),
+        wave,
+        periodic=True,
+        attributes=channel,
+    )
+    known = {"thermal_resistance": exact.thermal_resistance, **channel}
+    step = dataset.build(times, exact.response(Constant(power), times), Constant(power), attributes=known)
+    makers: dict[str, Callable[[], ThermalModel]] = {
+        "Newton": lambda: fit_newton(periodic).model,
+        "second order": lambda: fit_second_order(periodic).model,
+        "SINDy": lambda: _sindy(heat, part, read, power),
+        **{f"Foster, trained ({n})": lambda n=n: fit_foster(step, n).model for n in range(3, 9)},  # type: ignore[misc]
+        **{f"balanced truncation ({n})": lambda n=n: balanced_truncation(system, n).model for n in range(3, 9)},  # type: ignore[misc]
+        **{f"certified reduction ({t:g})": lambda t=t: reduce(system, t).model for t in TOLERANCES},  # type: ignore[misc]
+    }
+    reference: ThermalModel = exact
+    error = fine.error_bound
+    if heat.nonlinear and hot != 0:
+        hot = 10 * power if hot is None else checks.positive("hot", hot, unit="W", at_most=10)
+        model: NonlinearSystem = heat.model(part, read)  # type: ignore[assignment]  # heat.nonlinear
+        reference = reduce_quadratic(model, hot).model
+        pulse = solve(heat, Pulse(hot, 2e-5), _pulse_times(), heated=part, read=read)
+        rise = pulse["delta_T"].values
+        error = float(np.abs(reference.response(Pulse(hot, 2e-5), pulse["time"].values) - rise).max() / rise.max())
+        makers["output map"] = lambda: output_map(model, hot)
+        makers["quadratic SINDy"] = lambda: _sindy_quadratic(heat, part, read, hot)
+    models, refused = {}, {}
+    for name in makers if names is None else names:
+        make = makers[checks.choice("names", name, makers)]
+        try:
+            models[name] = make()
+        except (checks.InputError, checks.MissingLibraryError) as reason:
+            refused[name] = str(reason)
+    return Ladder(models, reference, error, refused)
+
+
+def _pulse_times() -> Array:
+    """Log-spaced after both edges of a 20 us pulse."""
+    times = np.geomspace(1e-9, 2e-5, 60)
+    return np.unique(np.concatenate([times, 2e-5 + times]))
+
+
+def _sindy(heat: HeatProblem, part: str, read: str, power: float) -> ThermalModel:
+    """Five states: the heated part and four shells around it."""
+    _check_own(part, read)
+    return fit_sindy(*shells(heat, part, power)).model
+
+
+def shells(heat: HeatProblem, part: str, power: float) -> tuple[xr.Dataset, list[float]]:
+    """Training data of `fit_sindy`: rises of a part and of shells around it, and their static gains in K/W.
+
+    From a certified reduction with all of them as outputs, in closed form, sampled every 2 ns for 40 us.
+    """
+    probed, read = _probed(heat, part)
+    fine = reduce(probed.channels(part, read), 1e-5).model
+    parts = [foster(fine.channel(part, name)) for name in read]  # type: ignore[union-attr]  # several outputs
+    wave = _telegraph(power)
+    rises = np.stack([p.response(wave, TIMES) for p in parts], axis=1)
+    return dataset.build(TIMES, rises, wave, read=read), [p.thermal_resistance for p in parts]
+
+
+def _check_own(part: str, read: str) -> None:
+    """InputError where another part is read than heated."""
+    if read != part:
+        raise checks.InputError(f"SINDy reads the heated part {part!r} and shells around it; {read!r} is another")
+
+
+def _sindy_quadratic(heat: HeatProblem, part: str, read: str, power: float) -> ThermalModel:
+    """Quadratic SINDy network, trained on the quadratic reduction under telegraphs of the power and of half of it."""
+    _check_own(part, read)
+    probed, names = _probed(heat, part)
+    system: NonlinearSystem = probed.model(part, names)  # type: ignore[assignment]  # heat.nonlinear
+    reduced = reduce_quadratic(probed.model(part, part), power)  # type: ignore[arg-type]
+    look = (system.linear.C @ reduced.basis).T
+    data = []
+    for wave in (_telegraph(power), _telegraph(power / 2, seed=2)):
+        rises = reduced.model.states(wave, TIMES)[:, :-1] @ look
+        data.append(dataset.build(TIMES, rises, wave, read=names))
+    static, steady = system.linear.gain[:, 0], system.steady_rise(power)
+    return fit_sindy_quadratic(data, static.tolist(), power=power, steady=steady.tolist()).model
+
+
+def _probed(heat: HeatProblem, part: str) -> tuple[HeatProblem, tuple[str, ...]]:
+    """The heat problem with shells around a part, and the names of the part and the shells."""
+    probes = tuple(Probe(name=f"shell {d * 1e6:g} um", part=part, shell=d) for d in SHELLS)
+    return assemble(replace(heat.geometry, probes=probes), heat.accuracy), (part, *(p.name for p in probes))
+
+
+def _telegraph(power: float, seed: int = 1) -> Telegraph:
+    return Telegraph(power, dwell=5e-7, duration=4e-5, seed=seed)
+
+
+def judge(
+    models: Mapping[str, ThermalModel],
+    reference: ThermalModel,
+    *,
+    powers: Sequence[float] = (2e-3,),
+    periods: ArrayLike = PERIODS,
+    duty: float = 1 / 3,
+) -> xr.Dataset:
+    """Period and swing errors of several models over periods and powers, and where each can be trusted.
+
+    Parameters
+    ----------
+    models : mapping from a name to a ThermalModel
+    reference : ThermalModel
+        also the FEM with k(T), ``heat.model("core", "core")``.
+    powers : sequence of float, W
+        of the square wave; more than one tells something where k depends on temperature.
+    periods : array, s
+        default 13 from .1 to 10 us.
+    duty : float
+
+    Returns
+    -------
+    Dataset
+        over ``model``, ``power`` (W) and ``period`` (s): ``period_error`` (relative, `period_error`) and
+        ``swing_error`` (relative); over model and power: ``shortest`` and ``longest`` period (s) of the range within
+        10 %, nan where there is none; over model: ``states``. ``attrs["verdict"]`` says it in words.
+    """
+    import xarray as xr
+
+    check_models(models)
+    check_models({"reference": reference})
+    if not models:
+        raise checks.InputError("models is empty; surrogate.train_all(heat).models has them all")
+    periods = checks.array("periods", periods, increasing=True)
+    watts = checks.array("powers", powers, increasing=True)
+    shape = (len(models), watts.size, periods.size)
+    error, swing, ends = np.empty(shape), np.empty(shape), np.empty((*shape[:2], 2))
+    for j, power in enumerate(watts):
+        exact = swings(reference, periods, float(power), duty)
+        for i, model in enumerate(models.values()):
+            curve = error_curve(model, exact, periods, float(power), duty)
+            error[i, j], ends[i, j] = curve["relative_error"].values, valid_range(curve)
+            swing[i, j] = curve["swing_model"].values / exact - 1
+    over = ("model", "power", "period")
+    states = [float(getattr(m, "order", np.nan)) for m in models.values()]
+    found = xr.Dataset(
+        {
+            "period_error": (over, error, {"units": "1", "long_name": "period error over period"}),
+            "swing_error": (over, swing, {"units": "1", "long_name": "swing error over swing"}),
+            "shortest": (over[:2], ends[..., 0], {"units": "s", "long_name": "shortest period within 10 %"}),
+            "longest": (over[:2], ends[..., 1], {"units": "s", "long_name": "longest period within 10 %"}),
+            "states": ("model", states, {"units": "1", "long_name": "number of states"}),
+        },
+        coords={
+            "model": list(models),
+            "power": ("power", watts, describe("power")),
+            "period": ("period", periods, describe("period")),
+        },
+    )
+    return found.assign_attrs(verdict=verdict(found), duty=duty)
+
+
+def verdict(judged: xr.Dataset, *, within: float = 0.1) -> str:
+    """Which model suffices where, one line for each model and power, and the smallest that suffices everywhere."""
+    if not {"period_error", "power"} <= set(getattr(judged, "variables", ())):
+        raise checks.InputError(f"judged is a {type(judged).__name__} without period errors; judge makes one")
+    lines = []
+    low, high = float(judged["period"][0]), float(judged["period"][-1])
+    for power in judged["power"].values:
+        here = judged.sel(power=power)
+        worst = abs(here["period_error"]).max("period")
+        enough = [m for m in here["model"].values if float(worst.sel(model=m)) <= within]
+        said = f"{power * 1e3:g} mW, {low * 1e6:g} to {high * 1e6:g} us, within {within:.0%}: "
+        if enough:
+            least = min(enough, key=lambda m: (float(here["states"].sel(model=m)), float(worst.sel(model=m))))
+            lines.append(said + f"{least} suffices ({here['states'].sel(model=least).item():.0f} states)")
+        else:
+            lines.append(said + "no model suffices everywhere")
+        for m in here["model"].values:
+            if m not in enough:
+                a, b = (float(here[end].sel(model=m)) for end in ("shortest", "longest"))
+                reach = f"{a * 1e6:.3g} to {b * 1e6:.3g} us" if a <= b else "nowhere"
+                lines.append(f"  {m}: {reach}")
+    return "\n".join(lines)

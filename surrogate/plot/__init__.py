@@ -1,0 +1,134 @@
+"""Pictures of compact models and their errors; and of what fits miss.
+
+Every function draws into ``ax`` (a new figure by default), labels its axes with units, and returns the Axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from thermofem.plot_style import BLUE, CYCLE, INK, SKY, takes
+from thermofem.plot_style import axes as _axes
+
+from ..judging.validate import valid_range
+from .array import plot_crosstalk as plot_crosstalk
+from .array import plot_time_scales as plot_time_scales
+from .fit import plot_fit as plot_fit
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+
+    from ..reduction.reduce import Reduction
+
+CURVES = "a mapping from names to Datasets of surrogate.period_error"
+
+
+def plot_period_error(
+    curves: Mapping[str, xr.Dataset], ax: Axes | None = None, *, within: float = 0.1, absolute: bool = False
+) -> Axes:
+    """Period error against period (us), relative in % or absolute in us, the 10 % band shaded: the paper's Fig. 7.
+
+    curves [mapping from the model's name to a Dataset of `surrogate.period_error`]
+    within: half width of the band.
+    absolute: T - T_model itself, as the paper's solid line.
+    """
+    for curve in takes("curves", curves, "items", "values", what=CURVES).values():
+        takes("curve", curve, "period", "relative_error", what="Datasets of surrogate.period_error")
+    ax = _axes(ax)
+    periods = np.sort(np.concatenate([curve["period"].values for curve in curves.values()])) * 1e6
+    band = within * (periods if absolute else 100 * np.ones_like(periods))
+    ax.fill_between(periods, -band, band, color=SKY, alpha=0.18, linewidth=0)
+    ax.axhline(0, color=INK, linewidth=0.6)
+    for k, ((name, curve), colour) in enumerate(zip(curves.items(), _cycle(len(curves)), strict=True)):
+        error = curve["error"].values * 1e6 if absolute else curve["relative_error"].values * 100
+        low, high = valid_range(curve, within=within)
+        words = f"{name}: {low * 1e6:.3g} to {high * 1e6:.3g} µs" if np.isfinite(low) else name
+        shown = np.where(np.isfinite(error), error, np.nan)
+        style = ("-", "--", ":")[k // len(CYCLE) % 3]  # where colours repeat
+        ax.plot(curve["period"].values * 1e6, shown, style, color=colour, label=words)
+    bottom, top = ax.get_ylim()
+    limit = 1.0 if absolute else 100.0
+    ax.set_ylim(max(bottom, -limit), min(top, limit))
+    ax.set(xscale="log", xlabel="period of the reference (µs)", ylabel=f"period error ({'µs' if absolute else '%'})")
+    ax.set_title(f"shaded, and the range named: within {100 * within:g} %", fontsize="small", loc="left", color=INK)
+    ax.xaxis.set_major_formatter("{x:g}")
+    ax.margins(x=0)
+    below: dict[str, Any] = (
+        {"loc": "upper center", "bbox_to_anchor": (0.45, -0.2), "ncols": 2} if len(curves) > len(CYCLE) else {}
+    )
+    ax.legend(frameon=False, fontsize="small", **below)
+    return ax
+
+
+def plot_period_errors(curves: Mapping[str, xr.Dataset], *, within: float = 0.1, title: str = "") -> np.ndarray:
+    """Period error twice, side by side: in %, and its magnitude on a logarithmic axis, where good models differ.
+
+    curves, within: as in `plot_period_error`.
+    title: of the figure.
+    """
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 4.4), layout="constrained", sharex=True)
+    plot_period_error(curves, left, within=within)
+    for line in left.lines[1:]:  # the first is zero
+        error = np.abs(np.asarray(line.get_ydata(), dtype=float))
+        right.loglog(line.get_xdata(), np.where(error > 0, error, np.nan), line.get_linestyle(), color=line.get_color())
+    right.set_ylim(bottom=max(right.get_ylim()[0], 1e-4))  # %; below that is round-off
+    right.axhline(100 * within, color=SKY, linewidth=0.8)
+    right.set(xlabel=left.get_xlabel(), ylabel="magnitude of the period error (%)")
+    right.xaxis.set_major_formatter("{x:g}")
+    right.margins(x=0)
+    legend = left.get_legend()
+    if legend is not None:
+        names = [text.get_text() for text in legend.get_texts()]
+        figure.legend(
+            legend.legend_handles, names, loc="outside lower center", ncols=2, frameon=False, fontsize="small"
+        )
+        legend.remove()
+    if title:
+        figure.suptitle(title, fontsize="medium")
+    return np.array([left, right])
+
+
+def plot_error_against_states(comparison: xr.Dataset, ax: Axes | None = None) -> Axes:
+    """Rms error over swing (%) of every model against its number of states: one dot a model, a line over the drives.
+
+    comparison: from `surrogate.compare`.
+    """
+    takes("comparison", comparison, "states", "rms_relative", what="a Dataset of surrogate.compare")
+    ax = _axes(ax)
+    states, error = comparison["states"].values, 100 * comparison["rms_relative"].values
+    typical = np.sqrt(np.mean(error**2, axis=1))
+    families = [str(name).split(" (")[0] for name in comparison["model"].values]
+    count = len(set(families))
+    crowded = np.array([np.sum(states == n) > 1 for n in states])
+    beside = 0.08 * (np.arange(count) - (count - 1) / 2)  # bars of models with as many states stand side by side
+    for family, shift, colour in zip(dict.fromkeys(families), beside, _cycle(count), strict=True):
+        own = [i for i, f in enumerate(families) if f == family]
+        at = states[own] + shift * crowded[own]
+        ax.vlines(at, error[own].min(axis=1), error[own].max(axis=1), color=colour, linewidth=1, alpha=0.5)
+        ax.plot(at, typical[own], "o-" if len(own) > 1 else "o", color=colour, markersize=5, label=family)
+    ax.set(yscale="log", xlabel="number of states", ylabel="rms error (% of swing)")
+    ax.set_xlim(0, states.max() + 1)
+    ax.legend(frameon=False, fontsize="small")
+    return ax
+
+
+def plot_certificate(rom: Reduction, ax: Axes | None = None) -> Axes:
+    """Guaranteed error of a one-channel reduction (relative to R_th) against frequency, and its tolerance."""
+    takes("rom", rom, "bound", "error_bound", what="a reduction of surrogate.reduce")
+    ax = _axes(ax)
+    shown = rom.bound > 1e-4 * rom.error_bound
+    ax.loglog(rom.frequency[shown], rom.bound[shown], color=BLUE, label=f"bound, {rom.order} states")
+    ax.axhline(rom.tolerance, color=INK, linewidth=0.8, linestyle="--", label="tolerance")
+    ax.set(xlabel="frequency (Hz)", ylabel="error over $R_\\mathrm{th}$")
+    ax.legend(frameon=False, fontsize="small")
+    return ax
+
+
+def _cycle(count: int) -> Sequence[str]:
+    """Enough colours, repeated where there are more lines than colours."""
+    return [CYCLE[i % len(CYCLE)] for i in range(count)]

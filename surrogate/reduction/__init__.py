@@ -1,0 +1,1 @@
+"""Small models computed from the system of the FEM, each with a bound of its error."""

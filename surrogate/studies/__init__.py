@@ -1,0 +1,1 @@
+"""Questions to a family of geometries: design, calibration and uncertainty."""

@@ -1,0 +1,210 @@
+"""Calibration: geometry and materials from measured thermal traces, on a family of models."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from thermofem import CrossSection, Foster, OutputMap, checks, waveforms
+from thermofem.arrays import Array, NDArray
+from thermofem.dataset import Drive, drives_of, warn_of
+from thermofem.display import shown
+
+from ..family import Certified, Family
+from .search import Ranges, family_over, inside
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+STARTS = 4  # of Gauss-Newton
+BLIND = 0.3  # of a range: a combination whose standard error is larger is not seen by the data
+ON_EDGE = 1e-6  # of a range
+
+
+@shown
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """Parameters of a geometry that explain measured traces best.
+
+    Attributes
+    ----------
+    values, standard_errors : dict from parameter to float; SI
+    covariance : array, shape (p, p)
+        in the order of ``values``.
+    residual : float, K
+        rms over all samples.
+    reduced_chi_square : float
+        residual over noise, squared, per degree of freedom; about 1 where ``noise`` is right and the model explains
+        the data. nan without noise.
+    correlation : float
+        of neighbouring residuals: 0 for noise, within 2/sqrt(samples); near 1 where the geometry cannot explain the
+        data.
+    unseen : tuple of str
+        combinations of parameters that the data cannot tell apart, in words.
+    active : tuple of str
+        parameters at an end of their range.
+    certified : Certified
+        the member on its own mesh.
+    family : Family
+    """
+
+    values: dict[str, float]
+    standard_errors: dict[str, float]
+    covariance: Array = field(repr=False)
+    residual: float
+    reduced_chi_square: float
+    correlation: float
+    unseen: tuple[str, ...]
+    active: tuple[str, ...]
+    certified: Certified = field(repr=False)
+    family: Family = field(repr=False)
+
+    @property
+    def model(self) -> Foster | OutputMap:
+        """The thermal model with these parameters."""
+        return self.family.at(self.values)
+
+
+def calibrate(
+    geometry: CrossSection | Family,
+    data: xr.Dataset | Sequence[xr.Dataset],
+    free: Mapping[str, tuple[float, float]] | None = None,
+    *,
+    noise: float | None = None,
+    tolerance: float = 1e-3,
+) -> Calibration:
+    """Fit geometry and material parameters to thermal traces.
+
+        min over the box of sum over samples of (delta_T(t; p) - measured)^2/noise^2,    covariance = noise^2 (J^T J)^-1
+
+    by Gauss-Newton (trust region with bounds, SciPy) from several starts, on the derivatives of a family's members with
+    respect to its parameters.
+
+    Parameters
+    ----------
+    geometry : CrossSection or Family
+        of a CrossSection a family is trained over ``free``.
+    data : Dataset or list of Dataset
+        as `thermofem.load` and `thermofem.read_csv` give them, under any power; from rest or periodic.
+    free : dict from parameter to (low, high), SI
+        default all parameters of a family over their box.
+    noise : float, K
+        standard deviation of a sample; without it that of the residual is taken.
+    tolerance : float
+        of a family that is trained here; keep it below the relative noise of the mean of all samples.
+
+    Raises
+    ------
+    InputError
+        fewer samples than parameters, ranges outside the family's box, or data without a drive.
+    """
+    from scipy.optimize import least_squares
+
+    family = family_over(geometry, free, tolerance)
+    low, high = _bounds(family, free)
+    drives = drives_of(data)
+    warn_of(drives)
+    measured = np.concatenate([drive.rise for drive in drives])
+    if measured.size <= len(low):
+        raise checks.InputError(f"{measured.size} samples do not determine {len(low)} parameters; give more of both")
+    span = _Span(low, high, np.array(family.box.logarithmic) & (low > 0))
+    scale = checks.positive("noise", noise, unit="K") if noise is not None else float(np.std(measured)) or 1.0
+
+    def values_of(x: Array) -> dict[str, float]:
+        row = span.row(x)
+        return {name: float(value) for name, value in zip(family.names, row, strict=True)}
+
+    def misfit(x: Array) -> Array:
+        return (np.concatenate([_rise(family.at(values_of(x)), d) for d in drives]) - measured) / scale
+
+    def jacobian(x: Array) -> Array:
+        row, model = span.row(x), family.at(values_of(x))
+        modal = family.modal_derivative(row)
+        each = np.concatenate([modal.response(d.wave, _times(d), periodic=d.periodic) for d in drives], axis=1)
+        if isinstance(model, OutputMap) and family.bend is not None:  # dT = z + a z^2
+            z = np.concatenate([_rise(model.linear, d) for d in drives])
+            each = (1 + 2 * model.coefficient * z) * each + np.outer(family.bend.slopes(family.box, row), z**2)
+        return np.asarray(each.T * (span.slope(x) / scale))
+
+    shares = np.random.default_rng(0).uniform(0.15, 0.85, (STARTS - 1, len(low)))
+    starts = np.vstack([np.full(len(low), 0.5), shares])
+    ends = [
+        least_squares(misfit, start, jacobian, bounds=(0, 1), xtol=1e-12, ftol=1e-14, gtol=1e-12) for start in starts
+    ]
+    best = min(ends, key=lambda end: float(end.cost))
+    x, left = np.asarray(best.x), np.asarray(best.fun)
+    freedom = measured.size - len(low)
+    variance = 1.0 if noise is not None else float(left @ left) / freedom
+    covariance, unseen = _covariance(jacobian(x), variance, family.names)
+    found = values_of(x)
+    errors = np.sqrt(np.diag(covariance)) * span.slope(x)
+    return Calibration(
+        values=found,
+        standard_errors={name: float(error) for name, error in zip(family.names, errors, strict=True)},
+        covariance=covariance * np.outer(span.slope(x), span.slope(x)),
+        residual=float(np.sqrt(np.mean((left * scale) ** 2))),
+        reduced_chi_square=float(left @ left) / freedom if noise is not None else np.nan,
+        correlation=float(np.mean(left[1:] * left[:-1]) / max(np.mean(left**2), 1e-300)),
+        unseen=unseen,
+        active=tuple(n for n, y in zip(family.names, x, strict=True) if y <= ON_EDGE or y >= 1 - ON_EDGE),
+        certified=family.certify(**found),
+        family=family,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Span:
+    """Map between parameters and 0..1 over their ranges, in the logarithm where the campaign draws them so."""
+
+    low: Array
+    high: Array
+    logarithmic: NDArray[np.bool_]
+
+    @property
+    def _decades(self) -> Array:
+        return np.log(np.where(self.logarithmic, self.high / np.where(self.logarithmic, self.low, 1.0), 1.0))
+
+    def row(self, x: Array) -> Array:
+        """Parameters, held inside the ranges."""
+        share = np.clip(x, 0, 1)
+        linear = self.low + share * (self.high - self.low)
+        return np.asarray(np.where(self.logarithmic, self.low * np.exp(share * self._decades), linear))
+
+    def slope(self, x: Array) -> Array:
+        """d(parameter)/d(share)."""
+        return np.asarray(np.where(self.logarithmic, self.row(x) * self._decades, self.high - self.low))
+
+
+def _times(drive: Drive) -> Array:
+    return waveforms.period_times(drive.wave, drive.times.size) if drive.periodic else drive.times
+
+
+def _rise(model: Foster | OutputMap, drive: Drive) -> Array:
+    if drive.periodic:
+        return model.periodic_response(drive.wave, drive.times.size)
+    return model.response(drive.wave, drive.times)
+
+
+def _bounds(family: Family, free: Ranges | None) -> tuple[Array, Array]:
+    low, high = family.box.low.copy(), family.box.high.copy()
+    for name, pair in checks.mapping("free", free).items():
+        a, b = inside(family, name, pair)
+        low[family.names.index(name)], high[family.names.index(name)] = a, b
+    return low, high
+
+
+def _covariance(J: Array, variance: float, names: Sequence[str]) -> tuple[Array, tuple[str, ...]]:
+    """Covariance in shares of the ranges, and the combinations whose standard error exceeds `BLIND`."""
+    _, s, vt = np.linalg.svd(J, full_matrices=False)
+    size = np.sqrt(variance) / np.maximum(s, 1e-12 * s[0] if s[0] > 0 else 1e-300)
+    covariance = (vt.T * size**2) @ vt
+    unseen = []
+    for error, direction in zip(size, vt, strict=True):
+        if error > BLIND:
+            direction = direction * np.sign(direction[np.abs(direction).argmax()])
+            terms = [f"{value:+.2f} {name}" for name, value in zip(names, direction, strict=True) if abs(value) > 0.1]
+            unseen.append(f"{' '.join(terms)} (shares of the ranges): known to {error:.1g} of the range only")
+    return covariance, tuple(unseen)

@@ -1,0 +1,172 @@
+"""Design: the member of a family with wanted properties."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from thermofem import CrossSection, Foster, OutputMap, checks
+from thermofem.arrays import Array
+from thermofem.display import shown
+
+from ..family import Certified, Family
+from .pareto import front_of
+from .quantities import Optics, Quantity
+from .search import Ranges, Search, family_over, search_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+CANDIDATES = 64  # members looked at before the search; the best of them begins it
+REACHED = 2e-3  # relative misfit of every target below which it counts as reached
+ON_EDGE = 1e-6  # of a range: a parameter as near as this to its end is an active constraint
+STEP = 1e-4  # of a range, of the differences behind the search
+
+
+@shown
+@dataclass(frozen=True, eq=False)
+class Design:
+    """A member of a family, and how well it meets its targets.
+
+    Attributes
+    ----------
+    values : dict from parameter to float
+    achieved, target : dict from quantity to float
+    reached : bool
+        every target to `REACHED`.
+    active : tuple of str
+        parameters at an end of their range.
+    sensitivity : dict from quantity to dict from parameter to float
+        d(quantity)/d(parameter), per SI unit.
+    certified : Certified
+        the member on its own mesh.
+    message : str
+    family : Family
+    front : xarray.Dataset or None
+        the Pareto front, see `surrogate.pareto_front`, where several targets are not reached at once.
+    """
+
+    values: dict[str, float]
+    achieved: dict[str, float]
+    target: dict[str, float]
+    reached: bool
+    active: tuple[str, ...]
+    sensitivity: dict[str, dict[str, float]]
+    certified: Certified = field(repr=False)
+    message: str
+    family: Family = field(repr=False)
+    front: xr.Dataset | None = field(default=None, repr=False)
+
+    @property
+    def model(self) -> Foster | OutputMap:
+        """The thermal model of the member."""
+        return self.family.at(self.values)
+
+
+def design(
+    family: Family | CrossSection,
+    free: Ranges | None = None,
+    *,
+    target: Mapping[Quantity, float],
+    fixed: Mapping[str, float] | None = None,
+    optics: Optics | None = None,
+    tolerance: float = 1e-3,
+    seed: int = 0,
+) -> Design:
+    """Find the member whose properties come nearest to the wanted ones.
+
+        min over the box of sum over targets of (quantity/target - 1)^2
+
+    Parameters
+    ----------
+    family : Family, or a CrossSection of which one is trained over ``free``
+    free : dict from parameter to (low, high), SI
+        default all parameters over their whole range; of a CrossSection paths such as "part.core.width".
+    target : dict from quantity to float
+        "thermal_resistance" (K/W), "rise_time" (s, 10 to 90 %), "time_constant" (s, to 1 - 1/e), or any function of a
+        thermal model: a settled period is
+        ``lambda model: coupled.limit_cycle(ring, model, power=..., detuning=...).attrs["period"]``. A function that
+        raises InputError, for a ring that does not pulse, or returns nan has no such property there.
+    fixed : dict from parameter to float
+        of the parameters that are not free; default the middle of their range.
+    optics : Optics
+        how the optics follow the geometry; functions then take a second argument, the dict of changes.
+    tolerance : float
+        of a family that is trained here.
+    seed : int
+
+    Returns
+    -------
+    Design
+        the nearest member where none reaches the target; ``message`` says so, and ``front`` holds the Pareto front
+        where there are several targets.
+
+    Raises
+    ------
+    InputError
+        a range outside the family's box, an unknown quantity, a target of zero, or no member that has the property.
+    """
+    family = family_over(family, free, tolerance)
+    search = search_of(family, free, target, fixed, optics)
+    for value in search.wanted.values():
+        checks.finite("target", value, hint="words are for surrogate.pareto_front")
+    wanted = {name: float(value) for name, value in search.wanted.items()}
+    x = _nearest(search, seed)
+    got = search.achieved(x)
+    if all(np.isnan(value) for value in got.values()):
+        raise checks.InputError(f"no member of the {CANDIDATES} looked at has {search.missing}")
+    reached = all(abs(got[name] / wanted[name] - 1) <= REACHED for name in got)
+    moving = [family.names[k] for k in search.moving]
+    at = [name for name, y in zip(moving, x, strict=True) if y <= ON_EDGE or y >= 1 - ON_EDGE]
+    found = search.values(x)
+    return Design(
+        values=found,
+        achieved=got,
+        target=wanted,
+        reached=reached,
+        active=tuple(at),
+        sensitivity=_sensitivity(search, found),
+        certified=family.certify(**found),
+        message=_message(reached, got, wanted, at),
+        family=family,
+        front=None if reached or len(got) == 1 else front_of(search, seed=seed),
+    )
+
+
+def _nearest(search: Search, seed: int) -> Array:
+    """Least squares in a unit cube from the best of some candidates."""
+    from scipy.optimize import least_squares
+    from scipy.stats import qmc
+
+    starts = qmc.Sobol(len(search.moving), seed=np.random.default_rng(checks.seed(seed))).random(CANDIDATES)
+    costs = [float(np.sum(search.misfit(x) ** 2)) for x in starts]
+    found = []
+    for k in np.argsort(costs)[:2]:
+        begin = np.clip(starts[k], 1e-3, 1 - 1e-3)
+        options = {"diff_step": STEP, "xtol": 1e-10, "ftol": 1e-12, "max_nfev": 40}
+        found.append(least_squares(search.misfit, begin, bounds=(0, 1), **options))
+    return np.asarray(min(found, key=lambda end: float(end.cost)).x)
+
+
+def _sensitivity(search: Search, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """d(quantity)/d(parameter) by differences that stay inside the box."""
+    family = search.family
+    found: dict[str, dict[str, float]] = {name: {} for name in search.properties}
+    for k in search.moving:
+        name, h = family.names[k], 10 * STEP * (search.high[k] - search.low[k])
+        ends = max(values[name] - h, family.box.low[k]), min(values[name] + h, family.box.high[k])
+        for quantity, one in search.properties.items():
+            down, up = (float(one({**values, name: end})) for end in ends)
+            found[quantity][name] = (up - down) / (ends[1] - ends[0])
+    return found
+
+
+def _message(reached: bool, got: Mapping[str, float], wanted: Mapping[str, float], active: list[str]) -> str:
+    values = ", ".join(f"{name} = {value:.6g} (wanted {wanted[name]:.6g})" for name, value in got.items())
+    edge = f"; at the end of its range: {', '.join(active)}" if active else ""
+    return (
+        f"reached: {values}" if reached else f"no member of this family does that; the nearest gives {values}"
+    ) + edge

@@ -1,0 +1,136 @@
+"""Properties of the members of a family, for design and uncertainty, and how the optics follow the geometry."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from thermofem import Foster, OutputMap, checks
+from thermofem.arrays import ArrayLike
+from thermofem.display import shown
+
+from ..family import Family
+
+Model = Foster | OutputMap
+
+Quantity = str | Callable[..., Any]
+Slope = float | tuple[ArrayLike, ArrayLike]
+
+
+@shown
+@dataclass(frozen=True)
+class Optics:
+    """Dependence of the ring's optical numbers on the parameters of a family.
+
+        change of a number = sum over parameters p of slope_p (p - p_0)   or   table_p(p) - table_p(p_0)
+
+    Parameters
+    ----------
+    slopes : dict from number to dict from parameter to slope
+        d(number)/d(parameter) in SI, ``{"bus_rate": {"width": -1e17}}``; or a table of a mode solver, two arrays with
+        increasing parameters and the number there, between which it is linear.
+    at : dict from parameter to float
+        p_0, where the numbers of the ring hold; default the middle of the ranges.
+    """
+
+    slopes: Mapping[str, Mapping[str, Slope]]
+    at: Mapping[str, float] = field(default_factory=dict)
+
+    def check(self, family: Family) -> None:
+        """Raise InputError for a parameter that the family does not have, or a table that is none."""
+        for name in self.at:
+            checks.choice("optics: parameter", name, family.names)
+        for number, each in self.slopes.items():
+            checks.has(f"optics: slopes of {number}", each, "items", hint="a mapping from parameter to slope is needed")
+            for name, slope in each.items():
+                checks.choice(f"optics: slopes of {number}: parameter", name, family.names)
+                self._between(number, slope, 0.0, 0.0)
+
+    def changes(self, family: Family, values: Mapping[str, float]) -> dict[str, float]:
+        """Change of every number at a member."""
+        middle = dict(zip(family.names, family.box.middle, strict=True))
+        found = {}
+        for number, each in self.slopes.items():
+            parts = (
+                self._between(number, slope, float(self.at.get(name, middle[name])), values[name])
+                for name, slope in each.items()
+            )
+            found[number] = float(sum(parts))
+        return found
+
+    @staticmethod
+    def _between(number: str, slope: Slope, start: float, end: float) -> float:
+        if isinstance(slope, tuple):
+            x, y = (np.asarray(column, dtype=float) for column in slope)
+            if x.ndim != 1 or x.shape != y.shape or x.size < 2 or not np.all(np.diff(x) > 0):
+                raise checks.InputError(f"optics: table of {number} must be two arrays of one length, the first rising")
+            return float(np.interp(end, x, y) - np.interp(start, x, y))
+        return checks.finite(f"optics: slope of {number}", slope) * (end - start)
+
+
+def rise_time(model: Model) -> float:
+    """Time from 10 to 90 % of the static rise after a step, in s."""
+    return _reaches(model, 0.9) - _reaches(model, 0.1)
+
+
+def time_constant(model: Model) -> float:
+    """Time in s after which a step has reached 1 - 1/e of its static rise."""
+    return _reaches(model, -np.expm1(-1.0))
+
+
+def _reaches(model: Model, share: float) -> float:
+    from scipy.optimize import brentq
+
+    linear = model.linear if isinstance(model, OutputMap) else model  # at small power
+    R, tau = np.asarray(linear.R), np.asarray(linear.tau)
+    total = R.sum()
+
+    def missing(t: float) -> float:
+        return float(-np.expm1(-t / tau) @ R / total - share)
+
+    return float(brentq(missing, 1e-4 * tau.min(), 50 * tau.max(), xtol=1e-16, rtol=1e-12))
+
+
+QUANTITIES: dict[str, Callable[[Model], float]] = {
+    "thermal_resistance": lambda model: model.thermal_resistance,
+    "rise_time": rise_time,
+    "time_constant": time_constant,
+}
+
+
+def word(quantity: Quantity) -> str:
+    """Name of a quantity."""
+    return quantity if isinstance(quantity, str) else getattr(quantity, "__name__", "quantity").strip("<>")
+
+
+class Property:
+    """A property as a function of a member's parameters; nan where its computation raises InputError.
+
+    reason: of the last member without it.
+    """
+
+    def __init__(self, family: Family, quantity: Quantity, optics: Optics | None = None) -> None:
+        if optics is not None:
+            checks.instances("optics", (optics,), Optics)[0].check(family)
+        if isinstance(quantity, str):
+            checks.choice("quantity", quantity, QUANTITIES, hint="or give a function of a model")
+        elif not callable(quantity):
+            raise checks.InputError(f"quantity = {quantity!r} is neither a name nor a function of a model")
+        self.family, self.quantity, self.optics = family, quantity, optics
+        self.reason = "none was looked at"
+
+    def __call__(self, values: Mapping[str, float]) -> Any:
+        """The property of the member with these values."""
+        model = self.family.at(values)
+        try:
+            if isinstance(self.quantity, str):
+                return QUANTITIES[self.quantity](model)
+            if self.optics is None:
+                return self.quantity(model)
+            return self.quantity(model, self.optics.changes(self.family, values))
+        except checks.InputError as error:
+            self.reason = str(error)
+            return np.nan
