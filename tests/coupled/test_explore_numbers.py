@@ -351,6 +351,27 @@ def test_heaters(js):
     assert worst < SAME
 
 
+def test_a_cycle_is_followed_from_setting_to_setting(js):
+    """As while a slider moves: the cycle of a run from cold within 1e-5, until the ring comes to rest (5.6e-7 found)."""
+    ring = coupled.borghi2021()
+    model = th.Foster(R=[600, 1500, 2000, 2200, 1500], tau=[20e-9, 100e-9, 400e-9, 2e-6, 12e-6])
+    powers = 1e-3 * 10 ** (np.array([8, 8.05, 8.3, 8.25, -10]) / 10)
+    found = js(
+        """r => { const p = globalThis.ringPage, moving = p.engineOf(tables);
+        return r.powers.map(power => {
+            const at = { ring: r.ring, model: r.model, power, detuning: 0, duration: 20e-6, settled: true };
+            const quick = moving.trace({ ...at, rtol: 1e-5, quick: true, follow: true });
+            const full = p.engineOf(tables).trace({ ...at, rtol: 1e-6, quick: false });
+            const of = ({ followed, pulsing, cycle }) => [!!followed, pulsing.regime, cycle ? cycle.period : 0];
+            return [of(quick), of(full)]; }); }""",
+        argument(ring, model, 0.0, 0.0, powers=powers.tolist()),
+    )
+    assert [quick[0] for quick, _ in found] == [False, True, True, True, False]
+    assert [quick[1] for quick, _ in found] == [*4 * ["self-pulsing"], "stable"]
+    for quick, full in found:
+        assert quick[1:] == [full[1], pytest.approx(full[2], rel=1e-5)]
+
+
 def test_a_settled_cycle_under_a_heater(js):
     tau, B = np.array([55.8e-9, 1.2e-6]), np.array([[1998.1, -100.0], [5786.2, 1100.0]])
     model = th.StateSpace(np.diag(tau), -np.eye(2), B, np.ones((1, 2)), inputs=("core", "heater"), outputs=("core",))

@@ -97,9 +97,9 @@ def test_another_model_keeps_the_member_as_the_judge(browser, family_file):
     """The period errors are those against the member, whichever model computes the traces."""
     with opened(browser, family_file, "#model=2&p0=2.75", viewport=WIDE) as page:
         assert page.evaluate("document.getElementById('model').selectedOptions[0].text") == "Newton's law"
-        names = page.locator("#error svg").text_content()
+        names = page.locator("#error > svg").text_content()
         assert "member of the family" not in names
-        assert "against member of the family" in page.get_attribute("#error svg", "aria-label")
+        assert "against member of the family" in page.get_attribute("#error > svg", "aria-label")
 
 
 def test_every_figure_is_saved(browser, file):
@@ -229,6 +229,21 @@ def test_the_plane_comes_coarse_and_then_fine(browser, file):
             " if (seen.length > 1 && map.n === 140) break; await new Promise(requestAnimationFrame); } return seen; }"
         )
         assert seen == [140, 24, 60, 140]
+
+
+def test_figures_out_of_sight_wait_until_the_slider_rests(browser, file):
+    with opened(browser, file, viewport={"width": 1300, "height": 500}) as page:
+        drawn = page.evaluate(
+            "async () => { const drawn = { traces: [], transmission: [] }, slider = document.getElementById('power-slider');"
+            " for (const id in drawn) new MutationObserver(() => drawn[id].push(ringPage.shown.moving))"
+            " .observe(document.getElementById(id), { childList: true });"
+            " for (let k = 0; k < 20; k++) { slider.value = Number(slider.value) + 1;"
+            " slider.dispatchEvent(new Event('input')); await new Promise(requestAnimationFrame); }"
+            " while (ringPage.shown.moving || !drawn.transmission.length) await new Promise(requestAnimationFrame);"
+            " return drawn; }"
+        )
+        assert True in drawn["traces"]
+        assert True not in drawn["transmission"]
 
 
 @pytest.mark.parametrize(

@@ -266,10 +266,11 @@ function correction(system, drive, detuning, { M, end }, residual) {
  * The settled cycle from a state near it, for N through `level`: { period (ns), y, rows, count, multipliers, duty,
  * swing, residual }, or null where Newton's method does not find one.
  *
- * options: rough and fine { method, rtol }, guess of the period (ns), pattern, exact (multipliers along fine steps).
+ * options: rough and fine { method, rtol }, guess of the period (ns), pattern, exact (multipliers along fine steps), close:
+ * relative residuals at which it is found, and found if they no longer fall.
  */
 export function limitCycle(system, drive, detuning, near, level, options) {
-  const { rough, fine, period, pattern = 1, exact = false } = options;
+  const { rough, fine, period, pattern = 1, exact = false, close = [1e-10, 1e-7] } = options;
   const longest = 3 * period;
   const approach = integrate(system, drive, detuning, near, longest, { ...rough, event: { level, stop: true } });
   if (approach.ended !== EVENT) return null;
@@ -293,7 +294,7 @@ export function limitCycle(system, drive, detuning, near, level, options) {
     before = size;
     size = Math.max(Math.hypot(residual[0], residual[1]) / field, moved / heat);
     if (!(size < 10)) return null;
-    if (accurate === fine && (size < 1e-10 || (size < 1e-7 && size > 0.3 * before))) break;
+    if (accurate === fine && (size < close[0] || (size < close[1] && size > 0.3 * before))) break;
     if (!jet || size > 0.1 * before) {
       const along = accurate === rough ? at : around(system, drive, detuning, y, level, pattern, longest, rough);
       if (!along) return null;
@@ -305,7 +306,7 @@ export function limitCycle(system, drive, detuning, near, level, options) {
     const damped = Math.min(1, (0.5 * heat) / Math.max(grown, 1e-300));
     y = y.map((v, i) => v + damped * step[i]);
   }
-  if (!(size < 1e-6)) return null;
+  if (!(size < 10 * close[1])) return null;
   if (exact || !jet) {
     const along = around(system, drive, detuning, y, level, pattern, longest, exact ? fine : rough);
     jet = monodromy(system, drive, detuning, y, along.steps, (exact ? fine : rough).method, exact);

@@ -1,7 +1,7 @@
 // Answers what the page asks, in a worker or beside it: numbers in, numbers out.
 
 import { lifted, setting } from "./heater.mjs";
-import { integrate } from "./integrate.mjs";
+import { DONE, integrate } from "./integrate.mjs";
 import { methodOf } from "./rosenbrock.mjs";
 import { FJ, NS, UW, absorbedPower, driveOf, turnOf } from "./ring.mjs";
 import { classify, columns, limitCycle, settling } from "./cycle.mjs";
@@ -11,37 +11,64 @@ import { follow, kindOf, reach, spectrumAt, steadyStates, survey, tilted } from 
 export function engineOf(tableaus) {
   const rodas4 = methodOf(tableaus.rodas4);
   const rodas5p = methodOf(tableaus.rodas5p);
+  const known = { cycle: null }; // the last settled one
   return {
-    trace: (request) => trace(request, rodas4, rodas5p),
-    light: (request) => ({ states: states(request), points: transmission(request) }),
+    trace: (request) => trace(request, known, rodas4, rodas5p),
+    light: (request) => ({ states: states(request), points: request.curve === false ? null : transmission(request) }),
     plane: (request) => plane(request),
   };
 }
 
-/** A trace from cold, what it does, and where it is wanted the settled cycle. */
-function trace(request, rodas4, rodas5p) {
+/**
+ * A trace from cold, what it does, and where it is wanted the settled cycle. With `follow` the cycle of the last request is
+ * followed to the present setting, without a trace, as long as it stays stable.
+ */
+function trace(request, known, rodas4, rodas5p) {
   const { system, drive, turn, rise, start } = setting(request);
   const { duration, rtol, settled } = request;
+  if (request.follow && settled && known.cycle) {
+    known.cycle = followed(system, drive, turn, known.cycle, rodas4);
+    if (known.cycle) {
+      const rows = lifted(known.cycle.rows.slice(), rise);
+      const { period, duty, swing, level, pattern } = known.cycle;
+      const pulsing = { regime: "self-pulsing", period, duty, swing, cycles: pattern, begin: 0, end: period, level, pattern };
+      return { ended: DONE, steps: 0, rows, pulsing, cycle: { ...known.cycle, rows }, followed: true };
+    }
+  }
   const run = integrate(system, drive, turn, start, duration / NS, { method: rodas4, rtol });
   const all = columns(run.rows, 0, run.count);
   const found = classify(all, rtol);
   const rows = lifted(run.rows.slice(0, 5 * run.count), rise);
   const out = { ended: run.ended, steps: run.accepted, rows, pulsing: found, cycle: null };
-  if (settled && found.regime === "self-pulsing") {
-    out.cycle = settle(system, drive, turn, run.y, found, request.quick, rodas4, rodas5p);
-    if (out.cycle) lifted(out.cycle.rows, rise);
-  }
+  if (!settled) return out;
+  const pulses = found.regime === "self-pulsing";
+  known.cycle = pulses ? settle(system, drive, turn, run.y, found, accuracyOf(request.quick, rodas4, rodas5p)) : null;
+  if (known.cycle) out.cycle = { ...known.cycle, rows: lifted(known.cycle.rows.slice(), rise) };
   return out;
 }
 
-/** The stable cycle that a pulsing trace tends to, or null; unequal pulses in a pattern are one cycle. */
-function settle(system, drive, turn, y, found, quick, rodas4, rodas5p) {
+/** How accurately a settled cycle is computed. */
+function accuracyOf(quick, rodas4, rodas5p) {
   const rough = { method: rodas4, rtol: 1e-5 };
-  const fine = quick ? { method: rodas4, rtol: 1e-6 } : { method: rodas5p, rtol: 1e-8 };
+  return quick ? { rough, fine: rough, close: [1e-5, 1e-4] } : { rough, fine: { method: rodas5p, rtol: 1e-8 } };
+}
+
+/** The stable cycle that another one becomes when the setting moves a little, or null. */
+function followed(system, drive, turn, { y, rows, count, period, pattern }, rodas4) {
+  if (y.length !== system.gain.length + 3) return null;
+  let [low, high] = [Infinity, 0];
+  for (let i = 0; i < count; i++) [low, high] = [Math.min(low, rows[5 * i + 3]), Math.max(high, rows[5 * i + 3])];
+  const cycle = limitCycle(system, drive, turn, y, (low + high) / 2, { ...accuracyOf(true, rodas4), period, pattern });
+  const slowest = cycle ? settling(cycle.multipliers) : Infinity;
+  return slowest < 1 ? { ...cycle, slowest, pattern } : null;
+}
+
+/** The stable cycle that a pulsing trace tends to, or null; unequal pulses in a pattern are one cycle. */
+function settle(system, drive, turn, y, found, accuracy) {
   let { period, pattern } = found;
   let near = y;
   for (let tries = 0; tries < 3; tries++) {
-    const cycle = limitCycle(system, drive, turn, near, found.level, { rough, fine, period, pattern });
+    const cycle = limitCycle(system, drive, turn, near, found.level, { ...accuracy, period, pattern });
     if (cycle) {
       const slowest = settling(cycle.multipliers);
       if (slowest < 1) return { ...cycle, slowest, pattern };
@@ -49,7 +76,7 @@ function settle(system, drive, turn, y, found, quick, rodas4, rodas5p) {
       if (!re.some((x, k) => x < -1 && im[k] === 0)) return null; // an unstable one is not where the ring settles
       [period, pattern] = [2 * period, 2 * pattern]; // pulses that alternate by less than classify sees
     }
-    near = integrate(system, drive, turn, near, 20 * found.period, rough).y;
+    near = integrate(system, drive, turn, near, 20 * found.period, accuracy.rough).y;
   }
   return null;
 }

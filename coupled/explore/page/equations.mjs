@@ -13,14 +13,14 @@ export function cold(system) {
  * The derivative at a state, written to L: light and carriers by themselves, row-major in 0 .. 8, field by z in 9 and 10,
  * absorbed power by light and carriers in 11 .. 13; then z, D and the damping in 14 .. 16.
  */
-export function linearise(system, detuning, y, L) {
+export function linearise(system, detuning, y, L, near = null) {
   const { loss, absorbed, fca, tpa, g, tau0, a: sa, b: sb, shift: ts, kerr, fcd, curvature } = system;
   const ar = y[0];
   const ai = y[1];
   const N = y[2];
   let z = 0;
   for (let i = 3; i < y.length; i++) z += y[i];
-  dispersion(N, fcd, L);
+  dispersion(N, fcd, L, near);
   const S = L[0];
   const byN = L[1];
   const lift = 1 + 2 * curvature * z;

@@ -44,8 +44,8 @@ export function mapImage({ n, m, stable }, colours) {
   return canvas.toDataURL("image/png");
 }
 
-/** The plane of power and detuning. Returns its SVG and the scales, for the pointer. */
-export function planeFigure(width, height, { window, map, curves, cycles, state }, colours) {
+/** The plane of power and detuning. Returns its SVG, with the laser at the origin, and the scales, for the pointer. */
+export function planeFigure(width, height, { window, map, curves, cycles }, colours) {
   const box = boxOf(width, height, { bottom: 78 });
   const x = linear(window.detuning, [box.left, box.left + box.width]);
   const y = linear(window.power, [box.top + box.height, box.top]);
@@ -71,9 +71,8 @@ export function planeFigure(width, height, { window, map, curves, cycles, state 
     });
   }
   for (const part of cycles || []) content += line(part, colours.folds, "2 3", 2);
-  const [cx, cy] = [x(state.detuning), y(state.power)];
-  content += `<path d="M${cx} ${box.top}V${box.top + box.height}M${box.left} ${cy}H${box.left + box.width}" stroke="${colours.ink}" stroke-opacity=".35"/>`;
-  content += `<circle cx="${cx}" cy="${cy}" r="8" fill="${colours.ground}" stroke="${colours.ink}" stroke-width="2"/><circle cx="${cx}" cy="${cy}" r="3" fill="${colours.ink}"/>`;
+  content += `<g class="laser"><path d="M0 ${-2 * height}V${2 * height}M${-2 * width} 0H${2 * width}" stroke="${colours.ink}" stroke-opacity=".35"/>`;
+  content += `<circle r="8" fill="${colours.ground}" stroke="${colours.ink}" stroke-width="2"/><circle r="3" fill="${colours.ink}"/></g>`;
   let text = panel(box, { scale: x, label: "Detuning (GHz)" }, { scale: y, label: "Power (dBm)" }, content, colours);
   const entries = [
     { name: "stable", colour: colours.stable, mark: "box" },

@@ -20,10 +20,12 @@ import { decoded, drawSection, play } from "./section.mjs";
 import { addFamilyFields, addHeaterFields, hashOf, modelOf, ringOf, stateOf, watts } from "./state.mjs";
 import { say, summary } from "./summary.mjs";
 import { watchButtons } from "./take.mjs";
-import { $, page, resized, shown } from "./view.mjs";
+import { $, inSight, page, resized, shown, watchSight } from "./view.mjs";
 
 let ask = {};
+const LOOK_EVERY = 150; // ms between two traces from cold while a slider moves and the settled cycle is followed
 let timer = 0;
+let lookedAt = -Infinity;
 
 function start() {
   if (!Array.prototype.at || !globalThis.structuredClone || !globalThis.ResizeObserver) return; // older than 2022: the notice stays
@@ -79,6 +81,7 @@ function watchView() {
     resized();
     draw();
   }).observe($("page"));
+  watchSight(draw);
 }
 
 /** Ask for everything that depends on what has changed: rough at once, exact when the slider rests. */
@@ -92,10 +95,14 @@ function changed({ ring = false }) {
     const sizes = [[24, 24], [60, 60], [140, 140]]; // prettier-ignore
     ask.plane({ ...light, kind: "plane", powers: window.power.map(watts), detunings: window.detuning.map((x) => x * 1e9), sizes });
   }
-  ask.trace({ ...trace, rtol: 1e-5, quick: true });
-  ask.light({ ...light, kind: "light", detunings: window.detuning.map((x) => 2.5e9 * x) });
+  shown.moving = true;
+  const points = { ...light, kind: "light", detunings: window.detuning.map((x) => 2.5e9 * x) };
+  const curve = inSight("transmission");
+  ask.trace({ ...trace, rtol: 1e-5, quick: true, follow: performance.now() - lookedAt < LOOK_EVERY });
+  ask.light({ ...points, curve });
   clearTimeout(timer);
   timer = setTimeout(() => {
+    if (!curve) ask.light(points);
     ask.trace({ ...trace, rtol: 1e-6, quick: false });
     try {
       history.replaceState(null, "", `#${hashOf(page.state)}`);
@@ -107,9 +114,11 @@ function changed({ ring = false }) {
 }
 
 function gotTrace(answer, request) {
+  shown.moving = request.quick;
   if (answer.error) return say(`This setting cannot be integrated: ${answer.error}.`);
   shown.trace = { ...answer, request };
   shown.section = null;
+  if (!answer.followed) lookedAt = performance.now();
   say(summary());
   draw();
   return undefined;
@@ -118,7 +127,7 @@ function gotTrace(answer, request) {
 function gotLight(answer) {
   if (answer.error) return;
   shown.states = answer.states;
-  shown.points = answer.points;
+  shown.points = answer.points || shown.points;
   say(summary());
   draw();
 }

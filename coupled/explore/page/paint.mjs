@@ -7,7 +7,7 @@ import { NS, dropRate } from "./ring.mjs";
 import { drawSection } from "./section.mjs";
 import { bordersOf, modelOf, ringOf } from "./state.mjs";
 import { errorFigure, spectrumFigure, stepFigure } from "./thermal.mjs";
-import { $, page, put, shown, widthOf } from "./view.mjs";
+import { $, inSight, page, put, shown, widthOf } from "./view.mjs";
 
 const HEAT_EVERY = 150; // ms between two drawings of the figures of heat while a slider moves, so that traces keep 30 frames a second
 let drawn = false;
@@ -48,30 +48,42 @@ export function draw() {
   });
 }
 
+/** While a slider moves, figures out of sight wait until it rests. */
+const due = (id) => !shown.moving || inSight(id);
+
 function paint() {
   const colours = theme();
-  const window = page.data.rings[page.state.ring].window;
-  if (shown.map && !shown.map.image) shown.map.image = mapImage(shown.map, colours);
-  const w = widthOf("plane");
-  shown.plane = planeFigure(w, Math.round(Math.min(0.86 * w, 470)), { window, map: shown.map, curves: shown.curves, cycles: bordersOf(page.state, page.data), state: page.state }, colours);
-  put("plane", shown.plane.svg);
+  paintPlane(colours);
   const now = stretch();
   const drop = dropRate(ringOf(page.state, page.data)) * NS;
   if (now && now.t.length > 3) {
-    put("traces", tracesFigure(widthOf("traces"), Math.round(Math.min(0.86 * w, 470)), { ...now, drop }, colours));
-    put("phase-portrait", phaseFigure(widthOf("phase-portrait"), 330, { ...now, states: shown.states }, colours));
+    if (due("traces")) put("traces", tracesFigure(widthOf("traces"), heightOfPlane(), { ...now, drop }, colours));
+    if (due("phase-portrait")) put("phase-portrait", phaseFigure(widthOf("phase-portrait"), 330, { ...now, states: shown.states }, colours));
   }
-  if (shown.points.length) {
-    const range = [2.5 * window.detuning[0], 1.2 * window.detuning[1]];
+  if (shown.points.length && due("transmission")) {
+    const { detuning } = page.data.rings[page.state.ring].window;
+    const range = [2.5 * detuning[0], 1.2 * detuning[1]];
     put("transmission", transmissionFigure(widthOf("transmission"), 330, { points: shown.points, states: shown.states, state: page.state, drop, window: range }, colours));
   }
   clearTimeout(later);
-  const moving = shown.trace !== null && shown.trace.request.quick;
-  if (moving && performance.now() - heatDrawn < HEAT_EVERY) later = setTimeout(draw, HEAT_EVERY);
+  if (shown.moving && performance.now() - heatDrawn < HEAT_EVERY) later = setTimeout(draw, HEAT_EVERY);
   else {
     paintHeat(colours);
     heatDrawn = performance.now();
   }
+}
+
+const heightOfPlane = () => Math.round(Math.min(0.86 * widthOf("plane"), 470));
+
+function paintPlane(colours) {
+  if (!due("plane")) return;
+  if (shown.map && !shown.map.image) shown.map.image = mapImage(shown.map, colours);
+  const { window } = page.data.rings[page.state.ring];
+  const cycles = bordersOf(page.state, page.data);
+  shown.plane = planeFigure(widthOf("plane"), heightOfPlane(), { window, map: shown.map, curves: shown.curves, cycles }, colours);
+  put("plane", shown.plane.svg);
+  const { x, y } = shown.plane;
+  $("plane").querySelector(".laser").setAttribute("transform", `translate(${x(page.state.detuning)} ${y(page.state.power)})`);
 }
 
 function present() {
@@ -87,15 +99,15 @@ function paintHeat(colours) {
   const models = drawn.map((k) => (data.models[k].family || k === state.model ? modelOf(state, data, k) : data.models[k]));
   const [chosen, judge] = [state.model, data.judge].map((k) => drawn.indexOf(k));
   const { period, duty } = present();
-  put("step", stepFigure(widthOf("step"), 380, { models, chosen, reference: page.data.reference }, colours));
-  put("spectrum", spectrumFigure(widthOf("spectrum"), 380, { models, chosen, period }, colours));
-  if (!$("error-figure").hidden) {
+  if (due("step")) put("step", stepFigure(widthOf("step"), 380, { models, chosen, reference: page.data.reference }, colours));
+  if (due("spectrum")) put("spectrum", spectrumFigure(widthOf("spectrum"), 380, { models, chosen, period }, colours));
+  if (due("error") && !$("error-figure").hidden) {
     const { svg, now } = errorFigure(widthOf("error"), 380, { models, judge, chosen, period, duty }, colours);
     put("error", svg);
     const percent = (x) => (Number.isFinite(x) ? `${x >= 0 ? "+" : "−"}${Math.abs(100 * x).toFixed(Math.abs(x) < 0.1 ? 1 : 0)} %` : "no such period");
     $("error-now").textContent = now.length ? `At the present period, ${(period * 1e9).toFixed(0)} ns: ${now.map((m) => `${m.name} ${percent(m.error)}`).join("; ")}.` : "The ring does not pulse at this setting.";
   }
-  drawSection();
+  if (due("section")) drawSection();
 }
 
 /** Draw in the colours of another theme. */

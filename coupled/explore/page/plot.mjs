@@ -5,7 +5,6 @@ const THEMES = {
   light: { ink: "#1d2329", soft: "#59626d", line: "#d9dee4", ground: "#ffffff", stable: "#dbe7f0", bistable: "#b9cfe0", pulsing: "#f6c9a0", accent: "#0072b2", warm: "#b04a00", hopf: "#a33c00", fold: "#005a8c", folds: "#7a3e9d" },
   dark: { ink: "#e8ecf0", soft: "#a5afba", line: "#39424c", ground: "#171b20", stable: "#22303c", bistable: "#36506a", pulsing: "#7a4a1e", accent: "#56b4e9", warm: "#f0a060", hopf: "#ffb27d", fold: "#8cc8f0", folds: "#d0a5ea" },
 };
-let serial = 0;
 
 /** Colours of the theme that is in force. */
 export function theme() {
@@ -74,11 +73,10 @@ function decades([low, high], width) {
  */
 export function panel(box, x, y, content, colours) {
   const { left, top, width, height } = box;
-  const id = `clip${serial++}`;
   const wanted = (size, per) => Math.max(2, Math.floor(size / per));
   const ticksOf = (axis, size, per) => (axis.log ? decades(axis.scale.domain(), size) : axis.scale.ticks(wanted(size, per)));
   const format = (axis, size, per) => (axis.log ? timeLabel : axis.scale.tickFormat(wanted(size, per)));
-  let out = `<clipPath id="${id}"><rect x="${left}" y="${top}" width="${width}" height="${height}"/></clipPath>`;
+  let out = "";
   const bottom = top + height;
   const text = `font-size="11.5" fill="${colours.soft}"`;
   const fx = format(x, width, 70);
@@ -94,7 +92,7 @@ export function panel(box, x, y, content, colours) {
     out += `<path d="M${left} ${at}H${left + width}" stroke="${colours.line}"/>`;
     out += `<text x="${left - 6}" y="${n1(y.scale(v) + 4)}" text-anchor="end" ${text}>${escaped(fy(v))}</text>`;
   }
-  out += `<g clip-path="url(#${id})">${content}</g>`;
+  out += `<svg x="${left}" y="${top}" width="${width}" height="${height}" viewBox="${left} ${top} ${width} ${height}">${content}</svg>`;
   out += `<path d="M${left} ${top}V${bottom}H${left + width}" fill="none" stroke="${colours.soft}"/>`;
   if (x.label && !x.hidden) out += `<text x="${left + width / 2}" y="${bottom + 33}" text-anchor="middle" font-size="12.5" fill="${colours.ink}">${escaped(x.label)}</text>`;
   if (y.label) out += `<text transform="translate(${left - 44} ${top + height / 2}) rotate(-90)" text-anchor="middle" font-size="12.5" fill="${colours.ink}">${escaped(y.label)}</text>`;

@@ -27,11 +27,11 @@ export function polynomialsOf({ stages: n, beta, sums }) {
   const mixed = (weights, constant) => {
     const by = (q) => weights[(n - 1) * n + q];
     const x = new Float64Array(width);
-    const s = new Float64Array(n * width); // row j
+    const s = new Float64Array(n * n); // row k: what every push adds to the coefficient of o^k
     x[0] = constant;
     for (let q = 0; q < n; q++) {
       for (let k = 0; k < width; k++) x[k] += by(q) * own[q * width + k];
-      for (let j = 0; j <= q; j++) for (let k = 0; k < width; k++) s[j * width + k] += by(q) * pushed[(q * n + j) * width + k];
+      for (let j = 0; j <= q; j++) for (let k = 0; k < n; k++) s[k * n + j] += by(q) * pushed[(q * n + j) * width + k];
     }
     return { x, s };
   };
@@ -111,16 +111,16 @@ export function stageOf({ stages, polynomials, push, byState, byShare }, q) {
 /** The new states after the last stage; returns the sum of the sizes of their errors. */
 export function finish({ n, stages, polynomials, factor, share, push, q, f }, y, out) {
   const { after, error } = polynomials;
-  const width = stages + 1;
-  for (let k = 0; k < stages; k++) {
-    let a = 0;
-    let b = 0;
-    for (let j = 0; j < stages - k; j++) {
-      a += push[j] * after.s[j * width + k];
-      b += push[j] * error.s[j * width + k];
+  const states = after.s;
+  const errors = error.s;
+  const g0 = push[0], g1 = push[1], g2 = push[2], g3 = push[3], g4 = push[4], g5 = push[5]; // prettier-ignore
+  for (let k = 0, at = 0; k < stages; k++, at += stages) {
+    q[k] = g0 * states[at] + g1 * states[at + 1] + g2 * states[at + 2] + g3 * states[at + 3] + g4 * states[at + 4] + g5 * states[at + 5];
+    f[k] = g0 * errors[at] + g1 * errors[at + 1] + g2 * errors[at + 2] + g3 * errors[at + 3] + g4 * errors[at + 4] + g5 * errors[at + 5];
+    for (let j = FEWEST; j < stages; j++) {
+      q[k] += push[j] * states[at + j];
+      f[k] += push[j] * errors[at + j];
     }
-    q[k] = a;
-    f[k] = b;
   }
   const x = after.x, e = error.x; // prettier-ignore
   const p1 = x[1], p2 = x[2], p3 = x[3], p4 = x[4], p5 = x[5], p6 = x[6]; // prettier-ignore

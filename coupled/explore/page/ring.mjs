@@ -83,6 +83,7 @@ export function systemOf(ring, model) {
     bus: ring.bus_rate * NS,
     drop: dropRate(ring) * NS,
     fcd,
+    series: seriesOf(fcd),
     gain,
     rate,
     curvature: model.coefficient || 0,
@@ -100,20 +101,26 @@ export function turnOf(detuning) {
   return 2 * Math.PI * detuning * NS;
 }
 
-/** Free-carrier dispersion S(N) and its slope, written to out[0] and out[1]. */
-export function dispersion(N, fcd, out) {
+/** Free-carrier dispersion S(N) and its slope, written to out[0] and out[1]; what `dispersionNear` takes goes to `near`. */
+export function dispersion(N, fcd, out, near = null) {
   let shift = 0;
   let slope = 0;
+  if (near) {
+    near[0] = N * N;
+    near[1] = 1 / (N * N + EPSILON * EPSILON);
+  }
   for (let k = 0; k < fcd.length; k += 2) {
     const c = fcd[k];
     const p = fcd[k + 1];
     if (p === 1) {
       shift += c * N;
       slope += c;
+      if (near) near[2 + (k >> 1)] = c;
     } else {
       const square = N * N + EPSILON * EPSILON;
       const factor = c * Math.exp(0.5 * (p - 1) * Math.log(square));
       shift += factor * N;
+      if (near) near[2 + (k >> 1)] = factor;
       slope += factor * (1 + ((p - 1) * N * N) / square);
     }
   }
@@ -129,6 +136,39 @@ export function dispersionShift(N, fcd) {
     shift += fcd[k] * N * (p === 1 ? 1 : Math.exp(0.5 * (p - 1) * Math.log(N * N + EPSILON * EPSILON)));
   }
   return shift;
+}
+
+const TERMS = 10;
+
+/** Coefficients of (1 + x)^((p - 1)/2) in powers of x, for every term of S(N). */
+function seriesOf(fcd) {
+  const series = new Float64Array((TERMS * fcd.length) / 2);
+  for (let k = 0, at = 0; k < fcd.length; k += 2, at += TERMS) {
+    series[at] = 1;
+    for (let i = 1; i < TERMS; i++) series[at + i] = (series[at + i - 1] * ((fcd[k + 1] - 1) / 2 - i + 1)) / i;
+  }
+  return series;
+}
+
+/**
+ * S(N) near another density N', by the binomial series in x = (N^2 - N'^2)/(N'^2 + eps^2), with an error below 1e-12; by
+ * logarithm and exponential farther away. `near` is that of `dispersion` at N'.
+ */
+export function dispersionNear(N, { fcd, series: c }, near) {
+  const x = (N * N - near[0]) * near[1];
+  if (!(x > -0.1 && x < 0.1)) return dispersionShift(N, fcd);
+  const q = x * x;
+  let shift = 0;
+  for (let k = 0, at = 0; k < fcd.length; k += 2, at += TERMS) {
+    const factor = near[2 + (k >> 1)];
+    if (fcd[k + 1] === 1) shift += factor;
+    else {
+      const even = c[at] + q * (c[at + 2] + q * (c[at + 4] + q * (c[at + 6] + q * c[at + 8])));
+      const odd = c[at + 1] + q * (c[at + 3] + q * (c[at + 5] + q * (c[at + 7] + q * c[at + 9])));
+      shift += factor * (even + x * odd);
+    }
+  }
+  return shift * N;
 }
 
 export function absorbedPower(U, N, system) {

@@ -5,7 +5,7 @@
 // c is the derivative of light and carriers by z = sum_i x_i, w that of the absorbed power by light and carriers.
 
 import { linearise } from "./equations.mjs";
-import { dispersionShift } from "./ring.mjs";
+import { dispersionNear } from "./ring.mjs";
 import { finish, polesOf, polynomialsOf, prepare, stageOf } from "./poles.mjs";
 
 /** A tableau of coupled/kernels/tableaus.json as flat arrays, with gamma_qj (sums) and beta = alpha + gamma of its poles. */
@@ -43,13 +43,13 @@ export function machineOf(system, drive, detuning, method) {
     u: new Float64Array(4 * method.stages),
     ends: new Float64Array(3),
     L: new Float64Array(17),
+    near: new Float64Array(2 + s.fcd.length / 2),
   }; // prettier-ignore
 }
 
 /** Take one step of h ns from y to out. */
 export function step(machine, y, h, out) {
-  const { p, method, system, poles, u, ends, L } = machine;
-  const { fcd } = system;
+  const { p, method, system, poles, u, ends, L, near } = machine;
   const { stages, a, c } = method;
   const loss = p[0], absorbed = p[1], fca = p[2], tpa = p[3], g = p[4], tau0 = p[5], sa = p[6], sb = p[7]; // prettier-ignore
   const ts = p[8], kerr = p[9], curvature = p[10], drive = p[11], detuning = p[12], gamma = p[13]; // prettier-ignore
@@ -58,7 +58,7 @@ export function step(machine, y, h, out) {
   const perH = 1 / h;
   const gammaH = gamma * h;
   const G = gamma * prepare(poles, y, h);
-  linearise(system, machine.detuning, y, L);
+  linearise(system, detuning, y, L, near);
   const y0 = y[0];
   const y1 = y[1];
   const y2 = y[2];
@@ -129,7 +129,7 @@ export function step(machine, y, h, out) {
       r2 *= perH;
       left *= perH;
       U = ar * ar + ai * ai;
-      D = -ts * (z + curvature * z * z) - dispersionShift(N, fcd) - kerr * U - detuning;
+      D = -ts * (z + curvature * z * z) - dispersionNear(N, system, near) - kerr * U - detuning;
       damping = loss + fca * N + tpa * U;
     }
     const heat = 2 * (absorbed + fca * N + tpa * U) * U;

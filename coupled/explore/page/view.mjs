@@ -5,9 +5,8 @@ export const $ = (id) => document.getElementById(id);
 /** data: what the file holds; state: what the fields hold; changed: asks for the answers to a new state. */
 export const page = { data: null, state: null, changed: () => {} };
 
-/** Everything the figures show; answers fill it as they come. */
-export const shown = { trace: null, states: [], ring: null, map: null, curves: { folds: [], hopf: [] }, points: [], plane: null, phase: 0, section: null };
-
+/** Everything the figures show; answers fill it as they come. moving: whether the exact answer to the state is still to come. */
+export const shown = { moving: false, trace: null, states: [], ring: null, map: null, curves: { folds: [], hopf: [] }, points: [], plane: null, phase: 0, section: null };
 
 const widths = new Map();
 
@@ -20,6 +19,25 @@ export function widthOf(id) {
 /** Read the widths anew. */
 export const resized = () => widths.clear();
 
+const standing = new Map();
+
+/** Show a figure, unless it is there already. */
 export function put(id, svg) {
+  if (standing.get(id) === svg) return;
+  standing.set(id, svg);
   $(id).innerHTML = svg;
+}
+
+const inWindow = new Set();
+
+/** Whether a figure lies within the window. */
+export const inSight = (id) => inWindow.has(id);
+
+/** Watch which figures lie within the window; `draw` is called when one comes or goes. */
+export function watchSight(draw) {
+  const sight = new IntersectionObserver((entries) => {
+    for (const { target, isIntersecting } of entries) inWindow[isIntersecting ? "add" : "delete"](target.id);
+    draw();
+  });
+  for (const plot of document.querySelectorAll(".plot")) sight.observe(plot);
 }
