@@ -352,7 +352,7 @@ def test_heaters(js):
 
 
 def test_a_cycle_is_followed_from_setting_to_setting(js):
-    """As while a slider moves: the cycle of a run from cold within 1e-5, until the ring comes to rest (5.6e-7 found)."""
+    """As while a slider moves: the cycle of a run from cold within 1e-5 (5.6e-7 found), until the ring rests."""
     ring = coupled.borghi2021()
     model = th.Foster(R=[600, 1500, 2000, 2200, 1500], tau=[20e-9, 100e-9, 400e-9, 2e-6, 12e-6])
     powers = 1e-3 * 10 ** (np.array([8, 8.05, 8.3, 8.25, -10]) / 10)

@@ -234,7 +234,8 @@ def test_the_plane_comes_coarse_and_then_fine(browser, file):
 def test_figures_out_of_sight_wait_until_the_slider_rests(browser, file):
     with opened(browser, file, viewport={"width": 1300, "height": 500}) as page:
         drawn = page.evaluate(
-            "async () => { const drawn = { traces: [], transmission: [] }, slider = document.getElementById('power-slider');"
+            "async () => { const drawn = { traces: [], transmission: [] };"
+            " const slider = document.getElementById('power-slider');"
             " for (const id in drawn) new MutationObserver(() => drawn[id].push(ringPage.shown.moving))"
             " .observe(document.getElementById(id), { childList: true });"
             " for (let k = 0; k < 20; k++) { slider.value = Number(slider.value) + 1;"
