@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import os
 import re
 from collections.abc import Iterable, Mapping
-from decimal import Decimal
-from fractions import Fraction
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+if TYPE_CHECKING:  # NumPy is imported where it is used: --help and errors of usage do without it
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
 
 SYMMETRY = 1e-9  # of the largest entry, in which round-off may leave a matrix asymmetric
 SMALLEST = 1e-150  # of a positive number: its square and the inverse of it are floats
@@ -21,7 +20,6 @@ MESSAGE = 1200  # characters of an error message
 VALUE = 80  # characters of a value in an error message
 _LONG = re.compile(r"\S{300,}")  # no word, name or path of a person
 MOST = 1_000_000_000  # numbers of an array that is counted before it is made, 8 GB
-_NO_NUMBERS = (str, bytes, bool, np.bool_, complex, np.complexfloating, np.ma.core.MaskedConstant, Decimal, Fraction)
 
 
 def one_line(text: str, *, most: int = MESSAGE) -> str:
@@ -100,7 +98,7 @@ class MissingLibraryError(ImportError):
 def finite(name: str, value: Any, *, unit: str = "", hint: str = "") -> float:
     """Return ``value`` as a float, or raise InputError unless it is one finite number."""
     try:
-        if isinstance(value, _NO_NUMBERS):  # "1e-3" would be checked as a number and kept as text
+        if type(value) is not float and isinstance(value, _no_numbers()):
             raise TypeError
         number = float(value)
     except OverflowError:
@@ -110,6 +108,18 @@ def finite(name: str, value: Any, *, unit: str = "", hint: str = "") -> float:
     if not math.isfinite(number):
         raise InputError(_rule(f"{name} = {number} is not finite", unit), hint)
     return number
+
+
+@cache
+def _no_numbers() -> tuple[type, ...]:
+    """Types whose values float() takes and that are no real numbers here: "1e-3" would be kept as text."""
+    from decimal import Decimal
+    from fractions import Fraction
+
+    import numpy as np
+
+    masked = np.ma.core.MaskedConstant
+    return str, bytes, bool, np.bool_, complex, np.complexfloating, masked, Decimal, Fraction
 
 
 def positive(name: str, value: Any, *, unit: str = "", at_most: float = math.inf, hint: str = "") -> float:
@@ -139,6 +149,8 @@ def array(
 
     Nothing, such as (), is an InputError, too, unless ``empty``.
     """
+    import numpy as np
+
     result = np.atleast_1d(_floats(name, value, hint))
     if empty and result.size == 0:
         return np.empty(0)
@@ -155,6 +167,8 @@ def array(
 
 def numbers(name: str, value: ArrayLike, *, hint: str = "") -> NDArray[np.float64]:
     """Return ``value`` as a float array of its own shape, or raise InputError where one of them is not finite."""
+    import numpy as np
+
     result = _floats(name, value, hint)
     if not np.all(np.isfinite(result)):
         raise InputError(f"{name} holds {result[~np.isfinite(result)][0]}, which is not finite", hint)
@@ -163,6 +177,8 @@ def numbers(name: str, value: ArrayLike, *, hint: str = "") -> NDArray[np.float6
 
 def _floats(name: str, value: ArrayLike, hint: str) -> NDArray[np.float64]:
     """A float array; InputError for what is no real number, text among it, which NumPy would read as numbers."""
+    import numpy as np
+
     try:
         if isinstance(value, range) and len(value) > MOST:
             raise InputError(f"{name} holds {len(value)} numbers; at most {MOST:g} fit into memory", hint)
@@ -246,6 +262,8 @@ def progress(value: Any) -> None:
 
 def seed(value: Any) -> int:
     """Return a seed of random numbers, or raise InputError."""
+    import numpy as np
+
     if not isinstance(value, int | np.integer) or value < 0:
         raise InputError(f"seed = {shown(value)} must be a whole number from 0")
     return int(value)
@@ -256,6 +274,8 @@ def choice(name: str, value: Any, choices: Iterable[str], *, default: str | None
     known, value = sorted(choices), default if value is None else value
     if isinstance(value, str) and value in known:
         return value
+    import difflib
+
     near = difflib.get_close_matches(shown(value).strip("'"), known, n=1, cutoff=0.5)
     guess = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
     raise InputError(f"{name} = {shown(value)} is unknown; {guess}", hint)
@@ -263,6 +283,8 @@ def choice(name: str, value: Any, choices: Iterable[str], *, default: str | None
 
 def symmetric(name: str, matrix: Any, *, hint: str = "") -> None:
     """Raise InputError unless a matrix, dense or sparse, is finite, and symmetric up to round-off."""
+    import numpy as np
+
     mirrored = matrix.T
     if getattr(matrix, "format", "") in ("csr", "csc") and matrix.nnz and matrix.has_canonical_format:
         mirrored = mirrored.asformat(matrix.format)

@@ -9,11 +9,9 @@ each result and believe no result without it.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import stat
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -74,6 +72,8 @@ def read_json(path: str | Path, kind: str) -> Any:
 
 def digest(content: bytes | Path) -> str:
     """Hash of bytes, or of the content of a file: 32 hexadecimal digits of SHA-256."""
+    import hashlib
+
     return hashlib.sha256(content.read_bytes() if isinstance(content, Path) else content).hexdigest()[:32]
 
 
@@ -138,6 +138,8 @@ def write_whole(path: str | Path, write: Callable[[Path], Any]) -> Path:
     """Call ``write`` on a temporary file beside ``path`` and rename it: a reader sees the whole file or none."""
     path = check_target(path)
     try:
+        import tempfile
+
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem[:40]}-", suffix=path.suffix)
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror}") from None

@@ -11,8 +11,6 @@ import re
 from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from . import units
 from .checks import SMALLEST, InputError, shown
 
@@ -218,6 +216,7 @@ def _shifted(value: float, given: str) -> float:
 @lru_cache(maxsize=4096)
 def _by_pint(number: float, given: str, unit: str, what: str) -> float:
     """``number`` of a unit that is none of the everyday ones."""
+    import numpy as np
     import pint
 
     registry = _registry()

@@ -9,7 +9,6 @@ reaches pint that the grammar does not hold: pint computes powers of numbers, of
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 from collections.abc import Iterable
@@ -111,6 +110,8 @@ def nearest(name: str, wanted: Iterable[str]) -> str | None:
                 return unit
     if len(name) < LETTERS:  # of three letters each unit is as near as the next
         return None
+    import difflib
+
     return next(iter(difflib.get_close_matches(name, known, n=1, cutoff=0.5)), None)
 
 

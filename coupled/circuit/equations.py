@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels import control, equations, kinds
+from ..kernels import control, equations, kinds, spectrum
 from ..kernels.compiling import compiled, forget_if_older, inlined, inlined_lean
 from ..kernels.control import fastest_growth
 from ..kernels.equations import Array, Rates, absorbed_power, dispersion, optics, optics_jacobian
@@ -129,5 +129,5 @@ def heating(rows: Array, rings: Rings, i: int) -> Array:
 
 
 for kernel in (right_hand_side, jacobian, growing, heating):
-    for module in (equations, control, kinds, layout, waves):
+    for module in (equations, control, kinds, layout, spectrum, waves):
         forget_if_older(kernel, str(module.__file__))

@@ -12,6 +12,7 @@ import numpy as np
 
 from .compiling import compiled, inlined
 from .equations import Array
+from .spectrum import eigenvalues
 
 QUIET = 1e-2  # largest relative change in a step of a state that counts as at rest
 DONE, TOO_MANY_STEPS, STEP_TOO_SMALL, EVENT, STOPPED, TOO_MANY_ROWS = 0, 1, 2, 3, 4, 5  # how an integration ended
@@ -69,7 +70,7 @@ def dense_output(x: float, y0: float, y1: float, k: Array, d: Array) -> float:
 def fastest_growth(J: Array) -> float:
     """Return the modulus of the fastest growing mode of a Jacobian, or 0 where all decay."""
     fastest = 0.0
-    for value in np.linalg.eigvals(J.astype(np.complex128)):
+    for value in eigenvalues(J.astype(np.complex128)):
         if value.real > 0.0:
             fastest = max(fastest, abs(value))
     return fastest

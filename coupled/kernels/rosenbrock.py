@@ -21,7 +21,7 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from . import algebra, control, equations, kinds, laser, quadratic
+from . import algebra, control, equations, kinds, laser, quadratic, spectrum
 from .algebra import inverse
 from .compiling import compiled, forget_if_older, inlined
 from .control import (
@@ -364,5 +364,5 @@ def integrate(
 
 
 for kernel in (step, quadratic.step, growing, integrate):
-    for module in (equations, algebra, control, kinds, laser, quadratic):
+    for module in (equations, algebra, control, kinds, laser, quadratic, spectrum):
         forget_if_older(kernel, str(module.__file__))

@@ -27,7 +27,7 @@ from thermofem import HeatProblem, checks, renamed
 from thermofem.algebra.krylov import CYCLES, krylov
 from thermofem.display import card
 from thermofem.models import Foster, NonlinearSystem, Quadratic, StateSpace, foster
-from thermofem.solve import mesh_hash
+from thermofem.solving import mesh_hash
 from thermofem.transient.deflation import FieldIntegrator
 from thermofem.waveforms import Waveform, to_json
 

@@ -174,7 +174,7 @@ def _dataset(
     import xarray as xr
 
     from thermofem import dataset
-    from thermofem.solve import fields
+    from thermofem.solving import fields
 
     run = _joined(parts)
     kelvin = {"units": "K", "long_name": "largest discrepancy of the temperature"}

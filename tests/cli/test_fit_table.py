@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import inspect
 import json
 
 import numpy as np
 import pytest
+from typer.main import get_command
 from typer.testing import CliRunner
 
 import surrogate
@@ -164,9 +164,9 @@ def test_bad_options_say_what_fits(arguments, words, tmp_path, monkeypatch):
 
 
 def test_every_command_takes_the_shared_options():
-    for command in app.registered_commands:
-        options = inspect.signature(command.callback).parameters
-        assert {"json_", "quiet", "verbose", "threads"} <= set(options), command.callback.__name__
+    for command in get_command(app).commands.values():
+        options = {option.name for option in command.params}
+        assert {"json_", "quiet", "verbose", "threads"} <= options, command.name
 
 
 @pytest.mark.parametrize("name", ["out[red]1.json", "[bold]x.json", "a[/b].json"])

@@ -16,8 +16,9 @@ from typer.testing import CliRunner
 import coupled
 import surrogate
 import thermofem as th
-from thermofem.cli import app, doctor
+from thermofem.cli import app
 from thermofem.cli.detuning import detuning_of
+from thermofem.cli.runs import doctor
 from thermofem.constants import c as C  # noqa: N812
 
 RING = coupled.borghi2021()

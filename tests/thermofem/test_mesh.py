@@ -15,7 +15,7 @@ from thermofem import mesh
 from thermofem.checks import InputError, MissingLibraryError
 from thermofem.geometry import CrossSection, Part, strip_ring
 from thermofem.materials import Material
-from thermofem.mesh import Mesh
+from thermofem.mesh import Mesh, binary, triangles
 from thermofem.sizes import fitted, size_function, sizes
 
 ROUND_OFF = 1e-12  # 16 ulps of the largest coordinate (60 um) over the smallest thickness (100 nm)
@@ -251,6 +251,18 @@ def test_a_mesh_file_gives_back_everything(heater_mesh, tmp_path):
     named.save(tmp_path / "heater.msh")
     assert same(mesh.load(tmp_path / "heater.msh"), named)
     assert os.listdir(tmp_path) == ["heater.msh"]
+
+
+def test_our_own_file_is_read_as_meshio_reads_it(heater_mesh, tmp_path, monkeypatch):
+    path = tmp_path / "heater.msh"
+    heater_mesh.save(path)
+    content, other = binary.read(path.read_bytes()), triangles._read_any(path)
+    assert all(np.array_equal(*pair) for pair in zip(content[:3], other[:3], strict=True))
+    assert content.names == other.names
+    for cut in (100, len(path.read_bytes()) // 2, -20):  # a damaged file is for meshio to refuse
+        assert binary.read(path.read_bytes()[:cut]) is None
+    monkeypatch.setattr(triangles, "_read_any", None)
+    assert same(mesh.load(path), heater_mesh)
 
 
 def test_gmsh_reads_the_file_and_its_names(heater_mesh, tmp_path):

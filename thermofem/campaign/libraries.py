@@ -13,7 +13,9 @@ with contextlib.suppress(ImportError):  # a worker says what is missing
     import shapely
     import skfem
 
-    from .. import solve
+    from .. import solving
     from ..heat import assembly, domain, enrichment
 
-    __all__ = ["assembly", "domain", "enrichment", "h5netcdf", "meshio", "qdldl", "scipy", "shapely", "skfem", "solve"]
+    __all__ = [
+        "assembly", "domain", "enrichment", "h5netcdf", "meshio", "qdldl", "scipy", "shapely", "skfem", "solving",
+    ]  # fmt: skip

@@ -123,7 +123,7 @@ def _assemble(task: Task) -> HeatProblem:
 
 def _solve(task: Task) -> dict[str, Record]:
     """One result for each drive, in the schema of `thermofem.dataset`."""
-    from ..solve import solve, solve_periodic
+    from ..solving import solve, solve_periodic
 
     heat = _assemble(task)
     heated = task.heated or heat.heated[0]

@@ -1,7 +1,7 @@
 """The command line: ``thermofem solve | campaign | fit | reduce | validate | simulate | cosimulate | map | ...``.
 
-This package is the only place that knows thermofem, surrogate and coupled at once. Everything heavy is imported inside
-the commands, so that ``thermofem --help`` answers at once.
+This package is the only place that knows thermofem, surrogate and coupled at once. A command is imported when it is
+asked for (`group`), and everything heavy inside it, so that ``thermofem --help`` answers at once.
 """
 
 from __future__ import annotations
@@ -11,23 +11,45 @@ import io
 import os
 import sys
 import warnings
-from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 import typer
 
 from ..checks import InputError, MissingLibraryError, one_line
-from . import maps, models, output
-from .cite import cite
-from .cosimulate import cosimulate
-from .explore import explore
-from .export import export
-from .family import calibrate, design, family, uncertainty
-from .fit import fit
-from .show import show
-from .solve import solve
+from .group import Commands, Entry, later
+
+HEAT, MODELS, LIGHT, RESULTS = "Heat", "Compact models", "Ring and light", "Results"  # headings of --help
+
+
+class App(Commands):
+    """The commands in the order of --help."""
+
+    table = {  # noqa: RUF012
+        "solve": Entry(HEAT, "solve", "solve"),
+        "campaign": Entry(HEAT, "runs", "campaign"),
+        "fit": Entry(MODELS, "fit", "fit"),
+        "reduce": Entry(MODELS, "models", "reduce"),
+        "validate": Entry(MODELS, "models", "validate"),
+        "family": Entry(MODELS, "family", "family"),
+        "design": Entry(MODELS, "family", "design"),
+        "uncertainty": Entry(MODELS, "family", "uncertainty"),
+        "calibrate": Entry(MODELS, "family", "calibrate"),
+        "simulate": Entry(LIGHT, "models", "simulate"),
+        "map": Entry(LIGHT, "maps", "map_"),
+        "stability": Entry(LIGHT, "maps", "stability"),
+        "cosimulate": Entry(LIGHT, "cosimulate", "cosimulate"),
+        "explore": Entry(LIGHT, "explore", "explore"),
+        "show": Entry(RESULTS, "show", "show"),
+        "export": Entry(RESULTS, "export", "export"),
+        "cite": Entry(RESULTS, "cite", "cite"),
+        "reproduce": Entry(RESULTS, "runs", "reproduce"),
+        "doctor": Entry(RESULTS, "runs", "doctor"),
+    }
+
 
 app = typer.Typer(
+    cls=App,
+    rich_markup_mode=None,
     help="Self-heating of silicon microring resonators: training data, compact models, self-pulsing.",
     epilog="Begin with: thermofem solve --pulse '20 us' --figure heat.png. "
     "Exit codes: 0 done, 1 doctor found something missing, 2 bad input, 130 interrupted.",
@@ -35,10 +57,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-
-HEAT, MODELS, LIGHT, RESULTS = "Heat", "Compact models", "Ring and light", "Results"  # headings of --help
-
-Folder = Annotated[Path, typer.Option("--output", "-o", help="Folder to write.")]
 
 
 def main() -> None:
@@ -50,6 +68,7 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a terminal that knows ASCII alone gets escapes, not a traceback
             stream.reconfigure(errors="backslashreplace")
+    later()
     try:
         with warnings.catch_warnings():
             if not sys.warnoptions:
@@ -138,66 +157,3 @@ def _options(
     ] = False,
 ) -> None:
     """Options of the whole program."""
-
-
-app.command(rich_help_panel=HEAT)(solve)
-
-
-@app.command(rich_help_panel=HEAT)
-def campaign(
-    file: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).")],
-    output: Folder = Path("campaign"),
-    workers: Annotated[int | None, typer.Option(help="Worker processes; default: one for each CPU.")] = None,
-    scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler to compute on.")] = None,
-    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Take geometries that failed again.")] = False,
-) -> dict[str, Any]:
-    """Solve many geometries: one netCDF file for each, one index, one training collection.
-
-    Started again, it goes on where it was, however it ended.
-    """
-    from .campaign import run
-
-    return run(file, output, workers=workers, scheduler=scheduler, retry_failed=retry_failed)
-
-
-for command in (fit, models.reduce, models.validate, family, design, uncertainty, calibrate):
-    app.command(rich_help_panel=MODELS)(command)
-app.command(rich_help_panel=LIGHT)(models.simulate)
-app.command("map", rich_help_panel=LIGHT)(maps.map_)
-app.command(rich_help_panel=LIGHT)(maps.stability)
-app.command(rich_help_panel=LIGHT)(cosimulate)
-app.command(rich_help_panel=LIGHT)(explore)
-app.command(rich_help_panel=RESULTS)(show)
-app.command(rich_help_panel=RESULTS)(export)
-app.command(rich_help_panel=RESULTS)(cite)
-
-
-@app.command(rich_help_panel=RESULTS)
-def reproduce(
-    output: Folder = Path("out"),
-    quick: Annotated[
-        bool, typer.Option("--quick", help="The one-minute version: no maps, no FEM in the loop.")
-    ] = False,
-) -> dict[str, Any]:
-    """Reproduce the paper from our own FEM: report.html with every figure and number, and the data behind it.
-
-    Started again, it goes on where it was, however it ended.
-    """
-    from ..campaign.processes import cpus
-    from .output import threads_wanted
-    from .reproduce import Settings, run
-
-    return run(output, Settings(quick=quick), processes=threads_wanted() or cpus())
-
-
-@app.command(rich_help_panel=RESULTS)
-def doctor() -> dict[str, Any]:
-    """Say what works on this machine, and what is missing for what does not."""
-    from .doctor import run
-
-    return run()
-
-
-for registered in app.registered_commands:  # every command takes --json, --quiet, --verbose and --threads
-    if registered.callback is not None:
-        registered.callback = output.speaking(registered.callback)

@@ -11,7 +11,7 @@ from ..checks import InputError
 from . import options
 from .bar import Bar
 from .drives import HEATER, heaters
-from .files import DEFAULT_RING, check_outputs, ring_of, say_ring, working
+from .files import DEFAULT_RING, check_outputs, ring_of, say_ring, section_of, working
 from .kinds import expect
 from .models import pulsing_numbers, say_pulsing, verdict
 from .output import say
@@ -46,7 +46,6 @@ def cosimulate(
 
     from .. import dataset, quantity
     from ..fields import write_fields
-    from ..geometry import CrossSection, strip_ring
     from ..heat import assemble
 
     model_file = Path(predictor) if predictor and predictor != "none" else None
@@ -66,7 +65,7 @@ def cosimulate(
     if paraview and not settings["field_times"]:
         raise InputError("--paraview writes the fields that are kept; say which with --field-times '1 us, 5 us'")
     with working("meshing and assembling"):
-        heat = assemble(CrossSection.from_toml(geometry) if geometry else strip_ring(), accuracy)
+        heat = assemble(section_of(geometry), accuracy)
     say_ring(resonator, ring)
     with Bar(f"{heat.unknowns} temperatures in the loop", length, stays=True) as progress:
         run = coupled.cosimulate(resonator, heat, duration=length, rtol=rtol, progress=progress, **settings)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -79,6 +78,8 @@ def explore(
 
 def _family(given: list[Path]) -> Any:
     """The family of geometries that is given, or None."""
+    import zipfile
+
     # families are archives of arrays, models are text
     if len(given) != 1 or not zipfile.is_zipfile(files.regular(given[0])):
         return None

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import multiprocessing
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .. import dataset, quantity
+from .. import quantity
 from ..checks import InputError, choice
 from . import options
 from .files import assigned, check_outputs, ring_of, working
@@ -56,6 +54,9 @@ def family(
         stack.enter_context(working("training"))
         pool = None
         if workers > 1:
+            import multiprocessing
+            from concurrent.futures import ProcessPoolExecutor
+
             spawn = multiprocessing.get_context("spawn")
             pool = stack.enter_context(ProcessPoolExecutor(workers, mp_context=spawn))
         hot = None if power is None else quantity.parse(power, "W", name="--power")
@@ -198,6 +199,8 @@ def uncertainty(
     with working("sampling"):
         data = surrogate.uncertainty(found, spreads, what, interpolate=interpolate, **common)
     if map_:
+        from .. import dataset
+
         dataset.save(data, map_)
         unsure = float(((data["mean"] > 0.05) & (data["mean"] < 0.95)).mean())
         say(f"{unsure:.0%} of the points pulse with a probability between 5 and 95 %; wrote {map_}")
@@ -237,6 +240,8 @@ def calibrate(
 ) -> dict[str, Any]:
     """Find the ring of a family that explains thermal traces best, with standard errors."""
     import surrogate
+
+    from .. import dataset
 
     found = surrogate.load_family(file)
     for path in data:

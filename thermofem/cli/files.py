@@ -16,6 +16,7 @@ from .output import working as working
 if TYPE_CHECKING:
     from coupled import RingResonator
 
+    from ..geometry import CrossSection
     from ..models import ThermalModel
 
 DEFAULT_RING = "borghi2021"
@@ -48,6 +49,13 @@ def assigned(option: str, texts: Iterable[str], example: str) -> dict[str, str]:
             raise InputError(f"{option} {name!r} is given twice; give it once")
         found[name] = value
     return found
+
+
+def section_of(path: Path | None) -> CrossSection:
+    """The geometry of a file, or the reference strip."""
+    from ..geometry import CrossSection, strip_ring
+
+    return CrossSection.from_toml(path) if path else strip_ring()
 
 
 def ring_of(given: str) -> RingResonator:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 
 from .. import checks
@@ -101,6 +100,8 @@ def _setting(model: Path, ring: str, power: str, detuning: str, points: str) -> 
 
 def grid(ring: RingResonator, power: str, detuning: str, points: str) -> tuple[Any, Any]:
     """Powers evenly spaced in dBm, and detunings."""
+    import numpy as np
+
     low, high = _ends(power, "W", "--power")
     checks.positive("--power", low, unit="W")
     try:
@@ -141,6 +142,8 @@ def _finish(
     found: Any, figure: Path | None, output: Path, show: tuple[str, ...], ring: RingResonator, warmed: Any
 ) -> dict[str, Any]:
     """Write the map and its figure, and say what it holds."""
+    import numpy as np
+
     import coupled
 
     from .. import dataset

@@ -11,7 +11,7 @@ import typer
 from .. import checks
 from . import drives, options
 from .bar import Bar
-from .files import DEFAULT_RING, check_outputs, model_of, one_channel, ring_of, say_ring
+from .files import DEFAULT_RING, check_outputs, model_of, one_channel, ring_of, say_ring, section_of
 from .kinds import expect
 from .output import say, show, working
 
@@ -38,12 +38,11 @@ def reduce(
 
     import surrogate
 
-    from ..geometry import CrossSection, strip_ring
     from ..heat import assemble
 
     check_outputs([output])
     expect(geometry, "geometry")
-    section = CrossSection.from_toml(geometry) if geometry else strip_ring()
+    section = section_of(geometry)
     with working("meshing, assembling and reducing"):
         heat = assemble(section, accuracy)
         names = [name.strip() for name in heated.split(",")] if heated else [heat.heated[0]]

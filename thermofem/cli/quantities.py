@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from .. import checks, quantity
 from ..checks import InputError
 from .detuning import detuning_of
@@ -18,7 +16,7 @@ if TYPE_CHECKING:
 
 Change = Mapping[str, float]
 
-DETUNINGS = np.linspace(-60e9, 100e9, 161)  # Hz, over which the range of self-pulsing is looked for
+DETUNINGS = -60e9, 100e9, 161  # first and last in Hz, and number, over which the range of self-pulsing is looked for
 
 
 def cycle_property(name: str, ring: str, power: str, detuning: str) -> Callable[..., float]:
@@ -37,16 +35,19 @@ def cycle_property(name: str, ring: str, power: str, detuning: str) -> Callable[
 
 def pulsing_range(ring: str, power: str, detuning: str) -> Callable[..., float]:
     """Range of detunings in Hz over which no state is stable, at one power."""
+    import numpy as np
+
     import coupled
 
     resonator, watts, _ = _drive(ring, power, detuning)
+    detunings = np.linspace(*DETUNINGS)
 
     def range_of_pulsing(model: Any, changes: Change | None = None) -> float:
         moved, _ = _changed(resonator, changes)
-        growth = coupled.stability_map(moved, model, [watts, 1.001 * watts], DETUNINGS).growth_rate.values[0]
+        growth = coupled.stability_map(moved, model, [watts, 1.001 * watts], detunings).growth_rate.values[0]
         low, high = growth[:-1], growth[1:]
         share = np.clip(np.maximum(low, high) / np.maximum(np.abs(high - low), 1e-300), 0.0, 1.0)
-        return float(share.sum() * np.diff(DETUNINGS)[0])
+        return float(share.sum() * np.diff(detunings)[0])
 
     return range_of_pulsing
 

@@ -6,8 +6,6 @@ import hashlib
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from .. import files, quantity
 from ..checks import InputError
 from . import options
@@ -66,6 +64,8 @@ def _poles(model: Any) -> list[dict[str, float]] | None:
 def _resistance(model: Any) -> float | list[list[float]]:
     if (len(model.inputs), len(model.outputs)) == (1, 1):
         return float(model.thermal_resistance)
+    import numpy as np
+
     gains: list[list[float]] = np.asarray(model.gain).tolist()
     return gains
 

@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 
-from .. import checks, dataset, quantity
+from .. import checks, quantity
 from ..checks import InputError
-from ..fields import write_fields
-from ..geometry import CrossSection, strip_ring
-from ..heat import assemble
-from ..mesh import Mesh, mesh_for
-from ..record import Record
-from ..solve import solve as transient
-from ..solve import solve_periodic
 from . import options
 from .bar import Bar
-from .files import check_outputs
+from .files import check_outputs, section_of
 from .kinds import expect
 from .output import console as terminal
 from .output import note, working
 from .solve_options import times_of, waveform
+
+if TYPE_CHECKING:
+    from ..geometry import CrossSection
+    from ..mesh import Mesh
+    from ..record import Record
 
 FRAMES = 60  # of an animation whose times are not given
 
@@ -56,13 +53,20 @@ def solve(
     if no_solve:
         return _preview(geometry, accuracy, preview)
     expect(geometry, "geometry")
-    section = CrossSection.from_toml(geometry) if geometry else strip_ring()
+    section = section_of(geometry)
     wave = waveform(power, pulse, square, duty)
     checks.between("--samples", samples, 2, 1_000_000)
     files = [output, figure, preview, paraview, animation]
     check_outputs(files, images=[figure, preview])
     length = quantity.positive(duration, "s", name="--duration")
     kept = _field_times(field_times or [], length, wanted=bool(paraview or animation), periodic=periodic)
+    import numpy as np
+
+    from .. import dataset
+    from ..heat import assemble
+    from ..solving import solve as transient
+    from ..solving import solve_periodic
+
     with working("meshing and assembling"):
         heat = assemble(section, accuracy)
     if preview:
@@ -107,8 +111,10 @@ def _preview(geometry: Path | None, accuracy: float, path: Path | None) -> dict[
     if path is None:
         raise InputError("--no-solve needs an image to draw; add --preview mesh.png")
     expect(geometry, "geometry")
-    section = CrossSection.from_toml(geometry) if geometry else strip_ring()
+    section = section_of(geometry)
     check_outputs([path], images=[path])
+    from ..mesh import mesh_for
+
     with working("meshing"):
         mesh = mesh_for(section, accuracy)
     _draw_preview(section, mesh, path)
@@ -121,7 +127,7 @@ def _field_times(texts: list[str], duration: float, *, wanted: bool, periodic: b
     given = times_of(texts)
     if periodic and (given or wanted):
         raise InputError("--periodic keeps no fields; leave out --field-times, --paraview and --animation, or it")
-    return tuple(map(float, np.linspace(0, duration, FRAMES + 1)[1:])) if wanted and not given else given
+    return tuple(k * duration / FRAMES for k in range(1, FRAMES + 1)) if wanted and not given else given
 
 
 def _draw_preview(section: CrossSection, mesh: Mesh, path: Path) -> None:
@@ -133,6 +139,8 @@ def _draw_preview(section: CrossSection, mesh: Mesh, path: Path) -> None:
 def _draw(data: Record, figure: Path | None, paraview: Path | None) -> None:
     """Write the picture and the field file that are wanted."""
     if paraview:
+        from ..fields import write_fields
+
         write_fields(data.dataset(), paraview)
     if figure:
         from .. import plot

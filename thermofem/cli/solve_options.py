@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from .. import checks, quantity, waveforms
+from typing import TYPE_CHECKING
+
+from .. import checks, quantity
 from ..checks import InputError
+
+if TYPE_CHECKING:
+    from .. import waveforms
 
 
 def waveform(power: str, pulse: str | None, square: str | None, duty: float | None) -> waveforms.Waveform:
     """The heating waveform that the options describe: a step, unless one of the others is given."""
+    from .. import waveforms
+
     watts = quantity.not_negative(power, "W", name="--power")
     if pulse and square:
         raise InputError(f"--pulse {pulse} and --square {square} exclude each other; give one")

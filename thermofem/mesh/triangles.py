@@ -1,4 +1,4 @@
-"""Triangles in (r, z) with named regions, and their files (written and read through meshio)."""
+"""Triangles in (r, z) with named regions, and their files (those of others read through meshio)."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from .. import checks, files
 from ..checks import InputError
 from ..display import shown
 from ..names import check_names
+from . import binary
 
 KEPT = 20_000  # triangles; of more, the facets are not kept for the next mesh
 FLAT = 1e-10  # height over longest side, of a triangle that has no area
@@ -121,23 +122,28 @@ def load(path: str | Path) -> Mesh:
         no such file, not a gmsh file, one without named groups of triangles, or triangles without area, beyond the axis
         or with points that are not finite.
     """
-    import meshio
-
     path = files.regular(path, "mesh")
-    try:
-        mesh = meshio.gmsh.read(path)
-        blocks = [k for k, block in enumerate(mesh.cells) if block.type == "triangle"]
-        triangles = np.concatenate([mesh.cells[k].data for k in blocks]).astype(np.int64)
-        tags = np.concatenate([mesh.cell_data["gmsh:physical"][k] for k in blocks])
-        points = mesh.points[:, :2].astype(float)
-    except Exception as error:  # meshio raises whatever a damaged file makes it trip over
-        raise InputError(f"mesh file {str(path)!r} cannot be read: {error or type(error).__name__}") from None
-    named = {int(tag): name for name, (tag, dimension) in mesh.field_data.items() if dimension == 2}
+    points, triangles, tags, named = binary.read(files.read_bytes(path, "mesh")) or _read_any(path)
     unnamed = set(map(int, tags)) - set(named)
     if unnamed:
         raise InputError(f"mesh file {str(path)!r}: the physical groups {sorted(unnamed)} have no names")
     used = sorted(set(map(int, tags)))
     try:
-        return Mesh(points, triangles, np.searchsorted(used, tags), tuple(named[tag] for tag in used))
+        return Mesh(points[:, :2].copy(), triangles, np.searchsorted(used, tags), tuple(named[tag] for tag in used))
     except InputError as error:
         raise InputError(f"mesh file {str(path)!r}: {error}") from None
+
+
+def _read_any(path: Path) -> binary.Content:
+    """The triangles of any file of gmsh."""
+    import meshio
+
+    try:
+        mesh = meshio.gmsh.read(path)
+        blocks = [k for k, block in enumerate(mesh.cells) if block.type == "triangle"]
+        triangles = np.concatenate([mesh.cells[k].data for k in blocks]).astype(np.int64)
+        tags = np.concatenate([mesh.cell_data["gmsh:physical"][k] for k in blocks])
+        names = {int(tag): name for name, (tag, dimension) in mesh.field_data.items() if dimension == 2}
+        return binary.Content(mesh.points.astype(float), triangles, tags, names)
+    except Exception as error:  # meshio raises whatever a damaged file makes it trip over
+        raise InputError(f"mesh file {str(path)!r} cannot be read: {error or type(error).__name__}") from None

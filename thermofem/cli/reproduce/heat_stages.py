@@ -17,7 +17,7 @@ from ...geometry.parts import Part
 from ...geometry.rings import disc
 from ...heat import HeatProblem, assemble
 from ...models import NonlinearSystem, StateSpace, foster
-from ...solve import solve, solve_periodic
+from ...solving import solve, solve_periodic
 from ...waveforms import Pulse, SquareWave
 from .settings import CENTRE, HEATING, watts
 from .stages import Job

@@ -13,7 +13,7 @@ import surrogate
 from coupled.parameters import borghi2021 as paper
 
 from ...models import Foster, ThermalModel
-from ...solve import solve_periodic
+from ...solving import solve_periodic
 from ...waveforms import Sampled
 from .heat_stages import elements_of
 from .settings import CENTRE, MARKED, watts

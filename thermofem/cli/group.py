@@ -1,0 +1,174 @@
+"""What a start of the command line pays for: each command is imported and built when it is asked for, no other.
+
+`Commands` is the group that does so. `convert_plainly` reads options without pydantic, which typer imports for that.
+`later` leaves out modules that other libraries import and that no command uses.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+import sys
+from collections.abc import Callable, Iterator, MutableMapping
+from importlib import import_module
+from importlib.machinery import ModuleSpec, PathFinder
+from importlib.util import LazyLoader
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from .output import speaking
+
+# SciPy copies every name of NumPy, f2py and testing among them, .1 CPU s; numba reads its settings from a file of YAML, if any
+UNUSED = ("numpy.f2py", "numpy.testing", "yaml")
+_NUMBERS = {
+    int: re.compile(r"[+-]?[0-9]{1,15}"),
+    float: re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?"),
+}
+
+
+class Entry(NamedTuple):
+    """A command: its heading in --help, its module beside this one, its function there."""
+
+    heading: str
+    module: str
+    function: str
+
+    def load(self) -> Callable[..., Any]:
+        """The function."""
+        found: Callable[..., Any] = getattr(import_module(f".{self.module}", __package__), self.function)
+        return found
+
+
+class Commands(TyperGroup):
+    """The commands of ``table``; --help lists them under their headings."""
+
+    table: dict[str, Entry]
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.commands = _Built(self.table)
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Options of the group, with those of tab completion that typer adds at the end."""
+        return convert_plainly(super().get_params(ctx))
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Names in the order of the table."""
+        return list(self.table)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """One section for each heading: names, and the first sentence of each function."""
+        width = max(map(len, self.table))
+        for heading in dict.fromkeys(entry.heading for entry in self.table.values()):
+            rows = [
+                (name.ljust(width), (inspect.getdoc(entry.load()) or "").partition("\n\n")[0].replace("\n", " "))
+                for name, entry in self.table.items()
+                if entry.heading == heading
+            ]
+            with formatter.section(heading):
+                formatter.write_dl(rows)
+
+
+class _Command(TyperCommand):
+    """One command."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Its arguments and options, --help among them."""
+        return convert_plainly(super().get_params(ctx))
+
+
+class _Built(MutableMapping[str, Any]):
+    """Commands by name, built at the first use."""
+
+    def __init__(self, table: dict[str, Entry]) -> None:
+        self.table, self.built = table, dict[str, Any]()
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self.built:
+            self.built[name] = _build(name, self.table[name])
+        return self.built[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.table
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.table)
+
+    def __len__(self) -> int:
+        return len(self.table)
+
+    def __setitem__(self, name: str, command: Any) -> None:
+        self.built[name] = command
+
+    def __delitem__(self, name: str) -> None:
+        del self.built[name]
+
+
+def _build(name: str, entry: Entry) -> Any:
+    """The command as typer makes it, with the options that every command takes."""
+    single = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+    single.command(name, cls=_Command)(speaking(entry.load()))
+    return typer.main.get_command(single)
+
+
+def convert_plainly(parameters: list[Any]) -> list[Any]:
+    """Give parameters `_Plain`, in versions of typer that convert through pydantic, which takes .15 CPU s."""
+    for parameter in parameters:
+        if getattr(parameter, "_runtime_param", parameter) is None and hasattr(parameter, "type_descriptor"):
+            parameter._runtime_param = _Plain()
+    return parameters
+
+
+class _Plain:
+    """Conversion of an option's text; what is not plainly a value of its type goes to typer's own, errors included."""
+
+    def coerce(self, value: Any, param: Any, ctx: Any) -> Any:
+        """The value of the option's type."""
+        info, wanted = param.type_descriptor.parameter_info, param.type_descriptor.annotation
+        several = param.multiple or param.nargs == -1
+        if value is None:
+            return () if several else None
+        if several and getattr(wanted, "__origin__", None) is list and isinstance(value, tuple | list):
+            found = [_plain(one, wanted.__args__[0], info) for one in value]
+        else:
+            found = [_plain(value, wanted, info)]
+        if any(one is None for one in found):
+            param._runtime_param = None
+            return param.get_runtime_param().coerce(value, param=param, ctx=ctx)
+        return found if several else found[0]
+
+
+def _plain(value: Any, wanted: Any, info: Any) -> Any:
+    """Text as str, Path, int or float, or a default as it stands; None for what needs a closer look."""
+    if info.min is not None or info.max is not None or info.parser is not None or info.exists:
+        return None
+    if wanted in (str, Path, int, float) and type(value) is not bool and isinstance(value, wanted):
+        return value
+    if wanted is Path and isinstance(value, str):
+        return Path(value)
+    if wanted in _NUMBERS and isinstance(value, str) and _NUMBERS[wanted].fullmatch(value):
+        return wanted(value)
+    return None
+
+
+class _Later:
+    """A finder that has the modules of `UNUSED` loaded at their first use."""
+
+    @staticmethod
+    def find_spec(name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
+        """The usual place of such a module, with a loader that waits."""
+        if name not in UNUSED:
+            return None
+        spec = PathFinder.find_spec(name, path, target)
+        if spec is not None and spec.loader is not None:
+            spec.loader = LazyLoader(spec.loader)
+        return spec
+
+
+def later() -> None:
+    """Load the modules of `UNUSED` at their first use, from now on."""
+    if _Later not in sys.meta_path:
+        sys.meta_path.insert(0, _Later)
