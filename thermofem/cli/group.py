@@ -21,7 +21,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from .output import speaking
 
-# SciPy copies every name of NumPy, f2py and testing among them, .1 CPU s; numba reads its settings from a file of YAML, if any
+# SciPy copies every name of NumPy, f2py and testing among them (.1 CPU s); numba reads settings from YAML, if any
 UNUSED = ("numpy.f2py", "numpy.testing", "yaml")
 _NUMBERS = {
     int: re.compile(r"[+-]?[0-9]{1,15}"),
