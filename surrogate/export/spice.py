@@ -31,7 +31,8 @@ def write(model: Any, path: Path, header: list[str]) -> Path:
     """Write the subcircuit named after the file; see `surrogate.export_model`."""
     name = identifiers([path.stem])[0]
     net = network(model, taken=("ambient", "gnd"))
-    lines = [*USAGE, "", *header]
+    pins = " ".join(net.pins) if len(net.pins) <= 8 else "PINS"
+    lines = [*USAGE, f"in a netlist: X1 {pins} 0 {name}, where node 0 is the ambient", "", *header]
     if net.turns is not None:
         body = _coupled(name, net, net.turns)
     else:
@@ -40,9 +41,9 @@ def write(model: Any, path: Path, header: list[str]) -> Path:
         if poles.passive:
             try:
                 body += ["", *_cauer(f"{name}_cauer", net.pins[0], poles)]
-                lines.insert(2, f"{name} is a Foster network, {name}_cauer the same impedance as a Cauer ladder")
+                lines.insert(3, f"{name} is a Foster network, {name}_cauer the same impedance as a Cauer ladder")
             except InputError as error:
-                lines.insert(2, f"{name} is a Foster network, without a Cauer ladder: {error}")
+                lines.insert(3, f"{name} is a Foster network, without a Cauer ladder: {error}")
     text = comment(lines, "*") + "\n" + "\n".join(body) + "\n"
     return write_whole(path, lambda p: p.write_text(text, encoding="ascii"))
 

@@ -301,6 +301,13 @@ def test_every_text_says_what_it_is(tmp_path, to):
         assert words in text
 
 
+def test_a_subcircuit_shows_the_line_that_uses_it(tmp_path):
+    surrogate.export_model(th.Foster(R=[1e3], tau=[1e-6]), tmp_path / "bench ring.cir", to="spice")
+    lines = (tmp_path / "bench ring.cir").read_text().splitlines()
+    _, name, *pins = next(line for line in lines if line.startswith(".subckt")).split()
+    assert f"* in a netlist: X1 {' '.join(pins[:-1])} 0 {name}, where node 0 is the ambient" in lines
+
+
 def test_what_a_format_cannot_hold_is_refused(tmp_path):
     with pytest.raises(th.InputError, match="did you mean 'spice'"):
         surrogate.export_model(ONE, tmp_path / "m", to="spicy")
