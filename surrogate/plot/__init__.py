@@ -55,7 +55,7 @@ def plot_period_error(
     limit = 1.0 if absolute else 100.0
     ax.set_ylim(max(bottom, -limit), min(top, limit))
     ax.set(xscale="log", xlabel="period of the reference (µs)", ylabel=f"period error ({'µs' if absolute else '%'})")
-    ax.set_title(f"shaded: error within {100 * within:g} %; the legend gives the periods", fontsize="small", loc="left", color=INK)
+    ax.set_title(f"shaded: within {100 * within:g} %, for the periods named", fontsize="small", loc="left", color=INK)
     ax.xaxis.set_major_formatter("{x:g}")
     ax.margins(x=0)
     below: dict[str, Any] = (
