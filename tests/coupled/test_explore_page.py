@@ -44,6 +44,14 @@ def test_it_starts_with_the_settled_cycle(page):
     assert page.evaluate("ringPage.shown.trace.cycle.period") == pytest.approx(654.4757930, rel=1e-6)
 
 
+def test_a_ring_that_warms_up_still_moves_towards_its_fixed_point(browser, file):
+    with opened(browser, file, "#power=3.2&detuning=-25&duration=1") as page:
+        text = page.inner_text("#summary")
+        (point,) = page.evaluate("ringPage.shown.states")
+        assert "Still moving after 1 µs: run longer to see whether it comes to rest. 1 fixed point, 1 stable" in text
+        assert float(re.search(r"at ΔT = ([\d.]+) K", text)[1]) == pytest.approx(point["delta_T"], rel=1e-3)
+
+
 def test_names_are_text(page):
     assert page.evaluate("document.querySelectorAll('#page b').length") == 0
     assert HOSTILE in page.evaluate("Array.from(document.querySelectorAll('#model option'), o => o.text)")

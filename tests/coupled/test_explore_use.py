@@ -247,6 +247,28 @@ def test_figures_out_of_sight_wait_until_the_slider_rests(browser, file):
         assert True not in drawn["transmission"]
 
 
+def test_the_newest_request_wins(browser, file):
+    """Ten settings at once: the worker gets two of them, then the newest, rough if it has the time, and exact."""
+    page = browser.new_page(bypass_csp=True, viewport=WIDE)
+    page.add_init_script(
+        "globalThis.sent = []; const post = Worker.prototype.postMessage;"
+        " Worker.prototype.postMessage = function (message) { sent.push(message); post.call(this, message); };"
+    )
+    page.goto(file.as_uri())
+    settled(page)
+    powers = page.evaluate(
+        "() => { const slider = document.getElementById('power-slider'); sent.length = 0; const powers = [];"
+        " for (let k = 0; k < 10; k++) { slider.value = Number(slider.value) + 1;"
+        " slider.dispatchEvent(new Event('input')); powers.push(1e-3 * 10 ** (ringPage.state().power / 10)); }"
+        " return powers; }"
+    )
+    settled(page, f"ringPage.shown.trace.request.power === {powers[-1]!r}")
+    traces = page.evaluate("sent.map(m => m.request).filter(r => r.kind === 'trace').map(r => [r.power, r.quick])")
+    assert traces[:2] == [[powers[0], True], [powers[1], True]]
+    assert traces[2:] in ([[powers[9], True], [powers[9], False]], [[powers[9], False]])
+    page.close()
+
+
 @pytest.mark.parametrize(
     "old",
     ["let broken = #x;", "throw 1;"],  # syntax that an old browser does not know, and a start that fails

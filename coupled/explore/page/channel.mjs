@@ -41,35 +41,31 @@ export function serve(scope) {
   };
 }
 
+const DEPTH = 2; // requests with a worker: it begins the next while the page draws
+
 /**
- * A channel: ask(request) runs the newest request that was asked; what comes meanwhile waits, and only the last of it.
- * `preempt` says that a newer request ends one that runs (its parts are given up between two of them).
+ * A channel: ask(request) runs the newest request that was asked; what comes while the worker has enough to do waits, and only
+ * the last of it. `preempt` says that a newer request ends those that run (their parts are given up between two of them).
  */
 export function channel(code, tableaus, receive, { preempt = false } = {}) {
-  let busy = false;
+  const running = new Map();
   let waiting = null;
   let id = 0;
-  let current = null;
-  const finished = () => {
-    busy = false;
-    if (waiting) {
-      const next = waiting;
-      waiting = null;
-      ask(next);
-    }
-  };
   const arrived = ({ id: of, part, last, error }) => {
-    if (of !== id) return;
-    if (error) receive({ error }, current);
-    else if (part !== null) receive(part, current);
-    if (last) finished();
+    const request = running.get(of);
+    if (!request) return;
+    if (error) receive({ error }, request);
+    else if (part !== null) receive(part, request);
+    if (!last) return;
+    running.delete(of);
+    if (waiting) ask(waiting);
   };
   let post;
   try {
     const url = URL.createObjectURL(new Blob([code], { type: "text/javascript" }));
     const worker = new Worker(url);
     worker.onmessage = ({ data }) => arrived(data);
-    worker.onerror = () => arrived({ id, error: "the worker stopped", last: true });
+    worker.onerror = () => [...running.keys()].forEach((of) => arrived({ id: of, error: "the worker stopped", last: true }));
     worker.postMessage({ tableaus });
     post = (message) => worker.postMessage(message);
   } catch {
@@ -79,13 +75,10 @@ export function channel(code, tableaus, receive, { preempt = false } = {}) {
       setTimeout(() => answer(engine, message.request, (part, last) => arrived({ id: message.id, part, last }), () => message.id !== id).catch((error) => arrived({ id: message.id, error: String(error.message), last: true })));
   }
   function ask(request) {
-    if (busy && !preempt) {
-      waiting = request;
-      return;
-    }
-    busy = true;
-    id += 1;
-    current = request;
+    if (preempt) running.clear();
+    waiting = running.size < DEPTH ? null : request;
+    if (waiting) return;
+    running.set(++id, request);
     post({ id, request });
   }
   return ask;

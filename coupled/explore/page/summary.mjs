@@ -32,6 +32,8 @@ export function summary() {
     return `${what}: period ${now.period.toPrecision(5)} ns, duty ${now.duty.toFixed(3)}, temperature swing ${now.swing.toPrecision(4)} K. ${points}.${memory}${none}`;
   }
   const rest = states.find((p) => p.regime === "stable");
-  if (found.regime === "stable") return `The ring comes to rest${rest ? ` at ΔT = ${shown.trace.rows.at(-1).toPrecision(4)} K` : ""}. ${points}.`;
-  return `Still moving after ${page.state.duration} µs: run longer to see whether it pulses. ${points}.`;
+  const at = (rise) => ` at ΔT = ${rise.toPrecision(4)} K`;
+  if (found.regime === "stable") return `The ring comes to rest${rest ? at(trace.rows.at(-1)) : ""}. ${points}.`;
+  const where = stable === 1 ? at(rest.delta_T) : "";
+  return `Still moving after ${page.state.duration} µs: run longer to see whether it ${rest ? "comes to rest" : "pulses"}. ${points}${where}.`;
 }
