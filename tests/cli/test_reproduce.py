@@ -14,6 +14,7 @@ from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
+from paths import ROOT
 
 import coupled
 import surrogate
@@ -21,7 +22,7 @@ import thermofem as th
 from thermofem.cli.reproduce import Settings, run
 from thermofem.cli.reproduce.claims import RAISED, Claim, claims, marked_up, plain
 from thermofem.cli.reproduce.plan import STAGES, stages_of
-from thermofem.cli.reproduce.store import Result, StageStore, key_of
+from thermofem.cli.reproduce.store import Result, StageStore, computes, key_of
 
 pytestmark = pytest.mark.slow
 
@@ -208,6 +209,14 @@ def test_keys_depend_on_settings_and_inputs():
     key = key_of("maps", {"grid": (4, 5)}, ["a"])
     assert key == key_of("maps", {"grid": (4, 5)}, ["a"])
     assert len({key, key_of("maps", {"grid": (4, 6)}, ["a"]), key_of("maps", {"grid": (4, 5)}, ["b"])}) == 3
+
+
+def test_an_edit_of_a_figure_leaves_the_results_as_they_are():
+    """Every module that draws, wherever it lies, is outside of the keys."""
+    draws = {path: "import matplotlib" in path.read_text() for path in sorted((ROOT / "coupled").rglob("*.py"))}
+    assert sum(draws.values()) > 3
+    assert [path for path, drawing in draws.items() if drawing and computes(path)] == []
+    assert computes(ROOT / "coupled/runs/window.py")
 
 
 def test_a_store_gives_back_what_it_was_given(tmp_path):

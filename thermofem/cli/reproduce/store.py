@@ -110,6 +110,11 @@ def key_of(stage: str, settings: Mapping[str, Any], inputs: Iterable[str]) -> st
     return files.digest_tree([FORMAT, stage, trees.plain(dict(settings)), list(inputs), _code()])
 
 
+def computes(path: Path) -> bool:
+    """Whether a source file may change a number; commands, figures and text do not."""
+    return path.parent.name not in ("cli", "plot") and path.stem not in WORDS and not path.name.startswith("plot")
+
+
 @functools.cache
 def _code() -> str:
     """Hash of the package's sources, without those of figures and text, and of the libraries' versions."""
@@ -118,8 +123,7 @@ def _code() -> str:
 
     roots = [Path(__file__).parents[2], *(Path(str(m.__file__)).parent for m in (coupled, surrogate))]
     sources = [path for root in roots for path in sorted(root.rglob("*.py"))]
-    counted = [p for p in sources if p.parent.name != "cli" and p.stem not in WORDS and not p.name.startswith("plot")]
     digest = hashlib.sha256()
-    for path in counted:
+    for path in filter(computes, sources):
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest() + json.dumps([platform.python_version(), *(version(name) for name in LIBRARIES)])
