@@ -81,6 +81,18 @@ def test_no_import_circles():
     assert list(graphlib.TopologicalSorter(graph).static_order())
 
 
+@pytest.mark.parametrize("package", ["surrogate", "coupled"])
+def test_no_circles_between_rooms(package):
+    """No two folders of a package need each other; a module beside them counts as a room of its own."""
+    graph: dict[str, set[str]] = {}
+    for path, name in zip(SOURCES, MODULES, strict=True):
+        if name.startswith(f"{package}."):
+            rooms = {other.split(".")[1] for other in dependencies(path, name) if other.startswith(f"{package}.")}
+            room = name.split(".")[1]
+            graph.setdefault(room, set()).update(rooms - {room})
+    assert list(graphlib.TopologicalSorter(graph).static_order())
+
+
 def test_imports_stay_light():
     """A bare import loads none of the heavy libraries, so that scripts and --help answer at once."""
     heavy = "gmsh, pygmsh, meshio, skfem, shapely, matplotlib, pint, xarray, numba, pysindy, pymoo, dask, numpy, rich"
