@@ -19,7 +19,7 @@ import time
 import numpy as np
 
 import thermofem as th
-from thermofem.campaign import Schedule, Variation
+from thermofem.campaign import Drive, Variation
 
 
 def campaign(count: int) -> th.Campaign:
@@ -29,7 +29,7 @@ def campaign(count: int) -> th.Campaign:
         Variation("width", ("part.core.width",), "m", low=400e-9, high=600e-9),
         Variation("oxide", ("layer.box.thickness",), "m", low=1e-6, high=3e-6),
     )
-    step = Schedule("step", th.Constant(1e-3), times)
+    step = Drive("step", th.Constant(1e-3), times)
     return th.Campaign(th.strip_ring().to_toml(), variations, (step,), samples=count)
 
 
@@ -38,7 +38,7 @@ def error(plan: th.Campaign, folder: str) -> tuple[float, float]:
     with th.open_campaign(folder) as data:
         rise, resistance = data.delta_T_step[0, :, 0].values, float(data.thermal_resistance[0, 0])
     heat = th.assemble(th.CrossSection.from_toml_text(plan.geometry_of(plan.cases()[0].values)), accuracy=1e-4)
-    fine = th.solve(heat, th.Constant(1e-3), plan.schedules[0].kept, rtol=1e-6)
+    fine = th.solve(heat, th.Constant(1e-3), plan.drives[0].kept, rtol=1e-6)
     exact = heat.thermal_resistance()
     step = np.max(np.abs(rise - fine.delta_T.values)[1:] / fine.delta_T.values[1:])
     return abs(resistance / exact - 1), float(step)

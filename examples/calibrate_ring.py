@@ -20,7 +20,7 @@ import numpy as np
 
 import surrogate
 import thermofem as th
-from thermofem.campaign.vary import Schedule, Variation
+from thermofem.campaign.vary import Drive, Variation
 from thermofem.plot_style import CYCLE
 
 plt.rcParams["axes.prop_cycle"] = plt.cycler(color=CYCLE)  # the colours of all figures
@@ -35,8 +35,8 @@ VARIED = (
 
 def family() -> surrogate.Family:
     """This ring in all stacks."""
-    schedule = Schedule("step", th.Constant(1e-3), (0.0, 1e-6))
-    plan = th.Campaign(th.strip_ring(**measured.GEOMETRY).to_toml(), VARIED, (schedule,), samples=1)
+    drive = Drive("step", th.Constant(1e-3), (0.0, 1e-6))
+    plan = th.Campaign(th.strip_ring(**measured.GEOMETRY).to_toml(), VARIED, (drive,), samples=1)
     return surrogate.train_family(plan, 5e-3, held_out=4)
 
 

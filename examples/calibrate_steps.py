@@ -22,7 +22,7 @@ import numpy as np
 
 import surrogate
 import thermofem as th
-from thermofem.campaign.vary import Schedule, Variation
+from thermofem.campaign.vary import Drive, Variation
 from thermofem.plot_style import CYCLE
 
 plt.rcParams["axes.prop_cycle"] = plt.cycler(color=CYCLE)  # the colours of all figures
@@ -77,8 +77,8 @@ def package() -> th.CrossSection:
 
 def family() -> surrogate.Family:
     """All packages in the ranges of VARIED, to 2 %."""
-    schedule = Schedule("step", th.Constant(WATT), (0.0, 1e-6))
-    return surrogate.train_family(th.Campaign(package().to_toml(), VARIED, (schedule,), samples=1), 2e-2, held_out=4)
+    drive = Drive("step", th.Constant(WATT), (0.0, 1e-6))
+    return surrogate.train_family(th.Campaign(package().to_toml(), VARIED, (drive,), samples=1), 2e-2, held_out=4)
 
 
 def steps(folder: Path | None, packages: surrogate.Family):

@@ -23,7 +23,7 @@ from scipy import stats
 import coupled
 import surrogate
 import thermofem as th
-from thermofem.campaign.vary import Schedule, Variation
+from thermofem.campaign.vary import Drive, Variation
 from thermofem.plot_style import CYCLE
 
 plt.rcParams["axes.prop_cycle"] = plt.cycler(color=CYCLE)  # the colours of all figures
@@ -51,8 +51,8 @@ def family() -> surrogate.Family:
         Variation(name, (PATHS[name],), "m", low=one.mean() - 5 * one.std(), high=one.mean() + 5 * one.std())
         for name, one in SPREAD.items()
     )
-    schedule = Schedule("step", th.Constant(1e-3), (0.0, 1e-6))
-    return surrogate.train_family(th.Campaign(th.strip_ring().to_toml(), vary, (schedule,), samples=1))
+    drive = Drive("step", th.Constant(1e-3), (0.0, 1e-6))
+    return surrogate.train_family(th.Campaign(th.strip_ring().to_toml(), vary, (drive,), samples=1))
 
 
 def settled_period(model: th.Foster, changes: dict[str, float]) -> float:

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 import thermofem as th
-from thermofem.campaign import Schedule, Variation
+from thermofem.campaign import Drive, Variation
 
 TIMES = (0.0, 1e-8, 1e-7)
-STEP = Schedule("step", th.Constant(1e-3), TIMES)
+STEP = Drive("step", th.Constant(1e-3), TIMES)
 OXIDE = "material.SiO2.conductivity"
 FILE = """
 geometry = "ring.toml"

@@ -13,6 +13,7 @@ from paths import ROOT
 import coupled
 import surrogate
 import thermofem as th
+from thermofem.campaign import Drive, Variation
 from thermofem.plot import animate_field
 
 TREES = {
@@ -94,6 +95,22 @@ def test_an_old_keyword_warns_and_works(call, new):
         pytest.raises(th.InputError),
     ):
         call()
+
+
+def test_a_schedule_of_a_campaign_is_a_drive_now():
+    geometry, wide = th.strip_ring().to_toml(), Variation("width", ("part.core.width",), "m", (450e-9, 500e-9))
+    with pytest.warns(
+        DeprecationWarning, match=r"thermofem\.campaign\.Schedule is now thermofem\.campaign\.Drive"
+    ) as seen:
+        from thermofem.campaign import Schedule
+    assert seen[0].filename == __file__
+    step = Schedule("step", th.Constant(1e-3), (0.0, 1e-6))
+    with pytest.warns(DeprecationWarning, match="Campaign: schedules is now drives"):
+        old = th.Campaign(geometry, (wide,), schedules=(step,))
+    new = th.Campaign(geometry, (wide,), drives=(Drive("step", th.Constant(1e-3), (0.0, 1e-6)),))
+    assert [case.key for case in old.cases()] == [case.key for case in new.cases()]
+    with pytest.warns(DeprecationWarning, match=r"Campaign\.schedules is now Campaign\.drives"):
+        assert old.schedules == new.drives
 
 
 def test_the_old_name_of_variable_projection_warns_and_works():

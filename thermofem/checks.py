@@ -66,6 +66,10 @@ class Hint(str):
         return hint
 
 
+POWER_HINT = Hint("powers are in W (did you mean 2e-3 for 2 mW?)")
+MOST_POWER = 10.0  # W
+
+
 class InputError(ValueError):
     """An argument cannot be used; the message names the argument, the value, the rule and a hint.
 
@@ -140,6 +144,13 @@ def between(name: str, value: Any, low: float, high: float, *, unit: str = "", h
     if not low <= number <= high:
         raise InputError(_rule(f"{name} = {number:g} must lie between {low:g} and {high:g}", unit), hint)
     return number
+
+
+def power(name: str, value: Any, *, zero: bool = False) -> float:
+    """Return a power in W as a float, or raise InputError unless it is positive (or zero) and at most `MOST_POWER`."""
+    if zero:
+        return between(name, value, 0, MOST_POWER, unit="W", hint=POWER_HINT)
+    return positive(name, value, unit="W", at_most=MOST_POWER, hint=POWER_HINT)
 
 
 def array(

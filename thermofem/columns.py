@@ -14,12 +14,10 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from . import checks, quantity
+from .arrays import Array, NDArray
 from .checks import InputError
-
-Array = NDArray[np.float64]
 
 SPELLED = {
     "volt": "V", "volts": "V", "second": "s", "seconds": "s", "sec": "s", "kelvin": "K", "millivolt": "mV",

@@ -42,8 +42,8 @@ TWICE = 1e-3  # of the swing, by which both rows of a jump of the power may diff
 
 
 @dataclass(frozen=True, eq=False)
-class Drive:
-    """One drive and the answer to it, as the fits take them.
+class Response:
+    """A drive and the temperature rise under it, as the fits take them.
 
     times, rise [s and K]
     periodic: one period of the periodic state, not a transient from rest.
@@ -144,7 +144,7 @@ def at_probe(data: xr.Dataset, read: str | None = None) -> xr.Dataset:
     return picked
 
 
-def drive_of(data: xr.Dataset) -> Drive:
+def response_of(data: xr.Dataset) -> Response:
     """Read the drive and the response from a Dataset.
 
     Raises InputError: not a Dataset with time, power and delta_T; several probes; numbers that are not finite; no
@@ -180,11 +180,11 @@ def drive_of(data: xr.Dataset) -> Drive:
     periodic = checks.choice("data.attrs['kind']", data.attrs.get("kind", "transient"), KINDS) == "periodic"
     doubts = static_gain.contradictions(data, wave, times, rise, periodic=periodic)
     words = f"{waveforms.words(wave)}, {'periodic state' if periodic else 'from rest'}"
-    return Drive(wave, times, rise, periodic, words, static_gain.static_gain(data), doubts)
+    return Response(wave, times, rise, periodic, words, static_gain.static_gain(data), doubts)
 
 
-def drives_of(data: xr.Dataset | Sequence[xr.Dataset]) -> list[Drive]:
-    """`drive_of` of one Dataset, or of every one of a list.
+def responses_of(data: xr.Dataset | Sequence[xr.Dataset]) -> list[Response]:
+    """`response_of` of one Dataset, or of every one of a list.
 
     Raises
     ------
@@ -192,20 +192,20 @@ def drives_of(data: xr.Dataset | Sequence[xr.Dataset]) -> list[Drive]:
         an empty list; a trace that stands twice, which would make the standard errors too small.
     """
     datasets: Any = data if isinstance(data, list | tuple) else [data]
-    drives = [drive_of(one) for one in datasets]
-    if not drives:
+    responses = [response_of(one) for one in datasets]
+    if not responses:
         raise checks.InputError("data is empty; give at least one Dataset")
     seen: dict[bytes, int] = {}
-    for k, drive in enumerate(drives):
-        first = seen.setdefault(drive.times.tobytes() + drive.rise.tobytes(), k)
+    for k, response in enumerate(responses):
+        first = seen.setdefault(response.times.tobytes() + response.rise.tobytes(), k)
         if first < k:
             raise checks.InputError(f"data[{k}] is the same trace as data[{first}]; give every trace once")
-    return drives
+    return responses
 
 
-def warn_of(drives: Sequence[Drive]) -> None:
+def warn_of(responses: Sequence[Response]) -> None:
     """Log what makes data doubtful, each sentence once."""
-    for doubt in dict.fromkeys(doubt for drive in drives for doubt in drive.doubts):
+    for doubt in dict.fromkeys(doubt for response in responses for doubt in response.doubts):
         log.warning("%s", doubt)
 
 

@@ -59,6 +59,6 @@ def lines_of(text: str, *, most: int = 4000) -> list[str]:
     return [f"{line} ." if line.endswith("\\") else line for line in lines]
 
 
-def ascii_lines(text: str, *, most: int = 4000) -> list[str]:
+def ascii_lines(text: str) -> list[str]:
     """`lines_of` in ASCII, fit for a comment in any program's file."""
-    return [line.encode("ascii", "backslashreplace").decode() for line in lines_of(text, most=most)]
+    return [line.encode("ascii", "backslashreplace").decode() for line in lines_of(text)]

@@ -23,10 +23,22 @@ def keywords(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
         @functools.wraps(function)
         def call(*args: Any, **given: Any) -> R:
             for old in names.keys() & given.keys():
-                warn(f"{function.__qualname__}: {old}", names[old])
-                given.setdefault(names[old], given.pop(old))
+                warn(f"{function.__qualname__.removesuffix('.__init__')}: {old}", names[old])
+                given[names[old]] = given.pop(old)
             return function(*args, **given)
 
         return call
 
     return around
+
+
+def objects(module: str, **names: Any) -> Callable[[str], Any]:
+    """The ``__getattr__`` of a module whose objects also go by their old names: ``objects(__name__, Old=New)``."""
+
+    def find(name: str) -> Any:
+        if name not in names:
+            raise AttributeError(f"module {module!r} has no attribute {name!r}")
+        warn(f"{module}.{name}", f"{module}.{names[name].__name__}")
+        return names[name]
+
+    return find

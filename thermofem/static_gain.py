@@ -47,7 +47,7 @@ def static_gain(data: xr.Dataset) -> float | None:
 def contradictions(data: xr.Dataset, wave: Waveform, times: Array, rise: Array, *, periodic: bool) -> tuple[str, ...]:
     """Doubts about a Dataset in words; InputError where it contradicts the thermal resistance that it states.
 
-    wave, times, rise, periodic: the drive and the response, as `dataset.Drive` has them.
+    wave, times, rise, periodic: the drive and the response, as `dataset.Response` has them.
     Raises InputError: a rise above R_th max P, or whose mean over a period is not R_th mean P, beyond the error of the
         solver, of the sampling and of the noise. Not where conductivity or specific heat depend on temperature.
     """

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import checks, dataset
+from thermofem.arrays import Array
 
 from .circuit import Circuit
 from .system import System, system_of
@@ -16,7 +16,6 @@ from .system import System, system_of
 if TYPE_CHECKING:
     import xarray as xr
 
-Array = NDArray[np.float64]
 
 LARGEST = 500  # states; the Jacobian is dense
 CLOSED = 1e-11  # relative size of the last Newton correction

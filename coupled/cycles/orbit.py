@@ -105,21 +105,20 @@ def around(p: CycleProblem, y: Array, T: float, pulses: int) -> tuple[Array, Arr
 
 
 def shoot(
-    p: CycleProblem, y: Array, T: float, pulses: int = 1, rough: bool = False, M: Array = UNKNOWN, *,
+    p: CycleProblem, y: Array, T: float, pulses: int = 1, rough: bool = False, *,
     rtol: float = TRACE_RTOL,
 ) -> Orbit | None:  # fmt: skip
     """Close an orbit from a state on it whose carriers rise, near ``T`` ns; None where Newton's method finds none.
 
     Far from the orbit every step integrates anew until the carriers return, so that the pulses stay where the equations
     put them; near it the stages of a fixed mesh move. A ``rough`` orbit is one on the mesh of the trace, whose period
-    errs by less than 1e-6. ``M`` is the derivative of the return map of a neighbour, from which few steps are taken.
-    ``rtol`` is that of the traces.
+    errs by less than 1e-6. ``rtol`` is that of the traces.
     """
     from ..kernels import orbit_return
 
     share, step = ROUGH if rough else FIRST
     start, Y, tau, T, M, move = uninterrupted(
-        orbit_return.near, y, T, pulses, M, p.at, p.floor, scheme(), tableau(Method.RODAS4), rtol, share, step,
+        orbit_return.near, y, T, pulses, UNKNOWN, p.at, p.floor, scheme(), tableau(Method.RODAS4), rtol, share, step,
         FEW_SHOTS if rough else SHOTS, new_watch(),
     )  # fmt: skip
     if not move < np.inf:

@@ -118,11 +118,11 @@ def one_step(family: FreeParameters, orbit: Orbit, values: Array, rows: Array, u
     return changes[0], Y - orbit.Y + stages[0], changes[1:], stages[1:], M, move
 
 
-def on_a_good_mesh(family: FreeParameters, place: Place, rows: Array, error: float = POLYNOMIAL) -> Place | None:
+def on_a_good_mesh(family: FreeParameters, place: Place, rows: Array) -> Place | None:
     """The cycle on a mesh that is fine enough, and not much finer."""
-    unit = error ** (1 / (scheme().c.size + 1))
+    unit = POLYNOMIAL ** (1 / (scheme().c.size + 1))
     for _ in range(4):
-        finer, worst, wanted = remeshed(place.orbit, family.base.at.thermal, error)
+        finer, worst, wanted = remeshed(place.orbit, family.base.at.thermal, POLYNOMIAL)
         own = place.orbit.tau.size - 1
         if worst <= SLACK ** (1 / (scheme().c.size + 1)) * unit and own <= 1.5 * wanted:
             return place
@@ -133,10 +133,9 @@ def on_a_good_mesh(family: FreeParameters, place: Place, rows: Array, error: flo
     return place
 
 
-def first_place(family: FreeParameters, orbit: Orbit, rows: Array | None = None) -> Place | None:
-    """A closed orbit as a place of the family; ``rows`` by default hold the parameters."""
+def first_place(family: FreeParameters, orbit: Orbit) -> Place | None:
+    """A closed orbit as a place of the family, with its parameters held."""
     m, q = orbit.start.size, len(family.names)
     values = np.array([value_of(family.base, name) for name in family.names])
-    rows = np.eye(m + 1 + q)[m + 1 :] if rows is None else rows
-    found = corrected(family, orbit, values, rows, weights(family, orbit))
+    found = corrected(family, orbit, values, np.eye(m + 1 + q)[m + 1 :], weights(family, orbit))
     return found[0] if found else None

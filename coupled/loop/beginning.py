@@ -14,10 +14,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thermofem import Quadratic, checks
 from thermofem.algebra.smooth_poles import cubic_pole_responses
+from thermofem.arrays import Array
 from thermofem.waveforms import Cubic
 
 from ..states import State
@@ -27,7 +27,6 @@ from .corrector import FEM
 if TYPE_CHECKING:
     import xarray as xr
 
-Array = NDArray[np.float64]
 
 PERIODS = 6  # of the FEM alone, at most
 ENOUGH = 0.3  # of the largest discrepancy, that the temperature may still change in a period

@@ -21,17 +21,15 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from thermofem import HeatProblem, checks, renamed
 from thermofem.algebra.krylov import CYCLES, krylov
+from thermofem.arrays import Array, ArrayLike
 from thermofem.display import card
 from thermofem.models import Foster, NonlinearSystem, Quadratic, StateSpace, foster
 from thermofem.solving import mesh_hash
 from thermofem.transient.deflation import FieldIntegrator
 from thermofem.waveforms import Waveform, to_json
-
-Array = NDArray[np.float64]
 
 SHARE = 0.3  # of the largest discrepancy of the co-simulation, for the FEM's own steps
 

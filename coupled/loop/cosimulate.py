@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Foster, HeatProblem, OutputMap, Quadratic, StateSpace, checks, renamed
+from thermofem.arrays import Array, ArrayLike
 from thermofem.models import NonlinearSystem, ThermalModel
 from thermofem.waveforms import Constant, Function, Waveform, storable
 
@@ -25,7 +25,6 @@ from .relaxation import Passed, Relaxation
 if TYPE_CHECKING:
     import xarray as xr
 
-Array = NDArray[np.float64]
 
 NO_PREDICTOR = Foster(R=[0.0], tau=[1e-6])
 """A predictor of zero temperature rise: the fed-back discrepancy is the whole temperature."""

@@ -19,10 +19,10 @@ from time import process_time
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from thermofem import checks
+from thermofem.arrays import Array
 from thermofem.waveforms import Cubic
 
 from ..resonator import RingResonator
@@ -30,8 +30,6 @@ from ..runs.window import Window, advance
 from ..states import State
 from ..thermal import Compact
 from .corrector import Corrector
-
-Array = NDArray[np.float64]
 
 MOST_PASSES = 16
 FEW, MANY = 4, 8  # passes up to which windows double, and above which they halve: least work (measured)

@@ -85,7 +85,7 @@ def bend_of(
     solver: nothing is kept in its folder.
     Raises InputError: no material depends on temperature, or a member has no steady state at this power.
     """
-    checks.positive("power", power, unit="W", at_most=10, hint="powers are in W (did you mean 2e-3 for 2 mW?)")
+    checks.power("power", power)
     if not engine.reference.nonlinear:
         raise checks.InputError("power is for materials that depend on temperature, and none here does; leave it out")
     box = engine.box

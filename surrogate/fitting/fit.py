@@ -14,7 +14,7 @@ import numpy as np
 
 from thermofem import Foster, checks, renamed
 from thermofem.arrays import Array
-from thermofem.dataset import at_probe, drives_of
+from thermofem.dataset import at_probe, responses_of
 from thermofem.display import shown
 from thermofem.models import HasModel
 from thermofem.models.lumped import (
@@ -271,16 +271,16 @@ class Training:
         transfer: bool | None = None,
     ) -> Training:
         """Read Datasets; ``impose`` their static gain and, unless it is a ``transfer`` channel, positive gains."""
-        drives = drives_of(data)
+        responses = responses_of(data)
         datasets = [at_probe(d) for d in (data if isinstance(data, Sequence) else [data])]
         if thermal_resistance is not None:
             hint = "it is in K/W (7.87 K/mW is 7870)"
             thermal_resistance = checks.positive("thermal_resistance", thermal_resistance, unit="K/W", hint=hint)
         elif impose:
-            thermal_resistance = _common([d.thermal_resistance for d in drives])
-        for drive in drives:
-            if not np.any(drive.wave(drive.times)) and not np.any(drive.wave.before(drive.times)):
-                raise checks.InputError(f"the power of the {drive.name} is zero throughout; what heated it?")
+            thermal_resistance = _common([d.thermal_resistance for d in responses])
+        for response in responses:
+            if not np.any(response.wave(response.times)) and not np.any(response.wave.before(response.times)):
+                raise checks.InputError(f"the power of the {response.name} is zero throughout; what heated it?")
         geometry = _common([d.attrs.get("geometry") for d in datasets])
         heated, read = (_common([d.attrs.get(name) for d in datasets]) for name in ("heated", "read"))
         known = bool(heated and read)
@@ -288,13 +288,13 @@ class Training:
             transfer = known and heated != read
         apart = known and heated != read
         parts = {"inputs": (heated if apart else "heater",), "outputs": (read if apart else "core",)}
-        problem = FitProblem(drives, thermal_resistance, impose and not transfer)
-        return cls(problem, tuple(d.name for d in drives), geometry, transfer, parts if transfer else {})
+        problem = FitProblem(responses, thermal_resistance, impose and not transfer)
+        return cls(problem, tuple(d.name for d in responses), geometry, transfer, parts if transfer else {})
 
     @property
     def doubts(self) -> tuple[str, ...]:
         """What makes the data doubtful."""
-        return tuple(dict.fromkeys(doubt for drive in self.problem.drives for doubt in drive.doubts))
+        return tuple(dict.fromkeys(doubt for response in self.problem.responses for doubt in response.doubts))
 
     def search(self, order: int, method: str) -> tuple[Optimum, float | None]:
         """The optimum, and the residual of the swarm before it was polished."""
@@ -316,7 +316,7 @@ class Training:
 
     def check_explained(self, relative_residual: float) -> None:
         """Refuse data that even the best poles do not explain."""
-        spread = np.concatenate([(d.rise - d.rise.mean()) / d.swing for d in self.problem.drives])
+        spread = np.concatenate([(d.rise - d.rise.mean()) / d.swing for d in self.problem.responses])
         explained = 1 - relative_residual**2 / float(np.mean(spread**2))
         if explained < EXPLAINED:
             raise checks.InputError(

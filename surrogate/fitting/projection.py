@@ -20,7 +20,7 @@ import numpy as np
 from thermofem import checks
 from thermofem.algebra.poles import pole_responses
 from thermofem.arrays import Array
-from thermofem.dataset import Drive
+from thermofem.dataset import Response
 
 STATIC_WEIGHT = 1e3  # of the static-gain row over all samples together; the last 1e-6 are rescaled away
 STEP = 1e-6  # in ln(rate), of the difference quotient of a column: square root of round-off
@@ -53,30 +53,31 @@ class FitProblem:
     positive: every gain >= 0.
     """
 
-    drives: Sequence[Drive]
+    responses: Sequence[Response]
     thermal_resistance: float | None = None
     positive: bool = False
     weight: Array = field(init=False)
     target: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        weight = np.concatenate([np.full(d.rise.size, 1 / d.swing) for d in self.drives])
-        target = np.concatenate([d.rise / d.swing for d in self.drives])
+        weight = np.concatenate([np.full(d.rise.size, 1 / d.swing) for d in self.responses])
+        target = np.concatenate([d.rise / d.swing for d in self.responses])
         if self.thermal_resistance is not None:
             target = np.append(target, STATIC_WEIGHT * np.sqrt(target.size))
         object.__setattr__(self, "weight", weight)
         object.__setattr__(self, "target", target)
         slowest = np.array([-np.log(self.span[1])])
-        for drive in self.drives:
-            if not np.any(pole_responses(np.exp(slowest), drive.wave, drive.times, periodic=drive.periodic)):
+        for response in self.responses:
+            if not np.any(pole_responses(np.exp(slowest), response.wave, response.times, periodic=response.periodic)):
                 raise checks.InputError(
-                    f"the power of the {drive.name} heats nothing that the samples can show; is a time in another unit?"
+                    f"the power of the {response.name} heats nothing that the samples can show; "
+                    "is a time in another unit?"
                 )
 
     def columns(self, log_rate: Array) -> Array:
         """Response of every pole at every sample, in swings per unit gain; last the static-gain row."""
         rate = np.exp(log_rate)
-        answers = [pole_responses(rate, d.wave, d.times, periodic=d.periodic) for d in self.drives]
+        answers = [pole_responses(rate, d.wave, d.times, periodic=d.periodic) for d in self.responses]
         phi = np.concatenate(answers) * self.weight[:, None]
         if self.thermal_resistance is None:
             return phi
@@ -95,12 +96,12 @@ class FitProblem:
     def span(self) -> tuple[float, float]:
         """Shortest and longest time (s) that the samples show."""
         shortest = []
-        for d in self.drives:
+        for d in self.responses:
             edges = np.append(0.0, d.wave.breakpoints(0.0, float(d.times[-1])))
             since = d.times - edges[np.searchsorted(edges, d.times, side="right") - 1]
             steps = np.diff(np.unique(d.times))
             shortest.append(max(float(steps.min()), float(since[since > 0].min())))
-        return min(shortest), max(float(np.ptp(d.times)) for d in self.drives)
+        return min(shortest), max(float(np.ptp(d.times)) for d in self.responses)
 
 
 def optimum(problem: FitProblem, order: int) -> Optimum:

@@ -25,7 +25,7 @@ import numpy as np
 
 from thermofem import Quadratic, Waveform, checks
 from thermofem.arrays import Array
-from thermofem.dataset import drive_of, warn_of
+from thermofem.dataset import response_of, warn_of
 from thermofem.display import shown
 from thermofem.models import HasModel, Network, gate
 
@@ -215,9 +215,9 @@ def read_probes(data: xr.Dataset) -> tuple[Array, Array, Waveform, tuple[str, ..
         )
     if data.attrs.get("kind", "transient") != "transient" or "waveform" not in data.attrs:
         raise checks.InputError("data must be a transient from rest that carries its waveform")
-    drives = [drive_of(data.isel(probe=k)) for k in range(data.sizes["probe"])]
-    times, rise = drives[0].times, np.stack([drive.rise for drive in drives], axis=1)
-    warn_of(drives)
+    responses = [response_of(data.isel(probe=k)) for k in range(data.sizes["probe"])]
+    times, rise = responses[0].times, np.stack([response.rise for response in responses], axis=1)
+    warn_of(responses)
     if times.size < 1000:
         raise checks.InputError(f"data has {times.size} samples; identification needs at least 1000")
     steps = np.diff(times)
@@ -228,7 +228,7 @@ def read_probes(data: xr.Dataset) -> tuple[Array, Array, Waveform, tuple[str, ..
         raise checks.InputError(
             f"the first probe is {names[0]!r}; it must be the heated part, {data.attrs['heated']!r}"
         )
-    return times, rise, drives[0].wave, names
+    return times, rise, responses[0].wave, names
 
 
 def _equations(A: Array, b: Array, names: tuple[str, ...]) -> tuple[str, ...]:

@@ -75,7 +75,7 @@ def fit_sindy_quadratic(
     if any(r[3] != names or r[0].shape != times.shape or not np.allclose(r[0], times) for r in read):
         raise checks.InputError("every Dataset needs the same probes and times")
     gains, settled = checks.array("static", static), checks.array("steady", steady)
-    power = checks.positive("power", power, unit="W", at_most=10, hint="powers are in W (did you mean 2e-3 for 2 mW?)")
+    power = checks.power("power", power)
     n = len(names)
     if {gains.size, settled.size} != {n} or min(gains.min(), settled.min()) <= 0:
         raise checks.InputError(

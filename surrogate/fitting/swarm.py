@@ -28,7 +28,7 @@ def swarm(problem: FitProblem, order: int) -> tuple[Array, float]:
     from pymoo.problems.functional import FunctionalProblem
 
     shortest, longest = problem.span
-    slope = max(d.rise.max() / max(float(d.wave.mean(0.0, float(d.times[-1]))), 1e-300) for d in problem.drives)
+    slope = max(d.rise.max() / max(float(d.wave.mean(0.0, float(d.times[-1]))), 1e-300) for d in problem.responses)
     low = np.log(np.concatenate([np.full(order, 1 / longest), np.full(order, 1e-2 * slope)]))
     high = np.log(np.concatenate([np.full(order, 1 / shortest), np.full(order, 1e1 * slope)]))
 

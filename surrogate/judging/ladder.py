@@ -107,7 +107,7 @@ def train_all(
     InputError
         a power or duty out of range, a name that is none of the models', of no heated part, of nothing that is read.
     """
-    checks.positive("power", power, unit="W", at_most=10, hint="powers are in W (did you mean 2e-3 for 2 mW?)")
+    checks.power("power", power)
     checks.has("heat", heat, "heated", "channels", hint="th.assemble(geometry) makes the HeatProblem")
     part = checks.choice("heated", heated, heat.heated, default=heat.heated[0])
     read = read or part

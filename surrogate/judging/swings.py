@@ -31,7 +31,7 @@ def swings(reference: ThermalModel, periods: Array, power: float, duty: float) -
     """
     checks.positive("periods[0]", periods[0], unit="s")
     checks.positive("periods[-1]", periods[-1], unit="s", at_most=0.1, hint="periods are in s (did you mean 1e-6?)")
-    checks.positive("power", power, unit="W", at_most=10, hint="powers are in W (did you mean 2e-3 for 2 mW?)")
+    checks.power("power", power)
     checks.between("duty", duty, 1e-6, 1 - 1e-6, hint="the duty cycle is the fraction of the period that is on")
     system = bare(reference)
     if not isinstance(system, NonlinearSystem):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import matplotlib.pyplot as plt
 import numpy as np
 
-from thermofem.dataset import drive_of
+from thermofem.dataset import response_of
 from thermofem.plot_style import INK, VERMILION, takes, time_unit
 from thermofem.waveforms import period_times
 
@@ -27,28 +27,30 @@ def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
     """
     model = takes("fit", getattr(fit, "model", fit), "response", what="a fit, a reduction or a thermal model")
     takes("data", data, "time", "delta_T", what="a Dataset of th.solve or th.read_csv, with time and delta_T")
-    drive = drive_of(data)
-    if drive.periodic:
-        times = period_times(drive.wave, FINE)
-        rise = np.interp(drive.times, times, model.periodic_response(drive.wave, FINE))
+    response = response_of(data)
+    if response.periodic:
+        times = period_times(response.wave, FINE)
+        rise = np.interp(response.times, times, model.periodic_response(response.wave, FINE))
     else:
-        rise = np.asarray(model.response(drive.wave, drive.times))
+        rise = np.asarray(model.response(response.wave, response.times))
     if ax is None:
         layout: dict[str, Any] = {"sharex": True, "height_ratios": [3, 1], "layout": "constrained"}
         _, ax = plt.subplots(2, 1, figsize=(6.0, 4.2), **layout)
     upper, lower = ax
-    factor, unit = time_unit(float(drive.times[-1]))
-    t, missed = drive.times * factor, rise - drive.rise
-    upper.plot(t, drive.rise, color=INK, linewidth=2.6, alpha=0.4, label="data")
+    factor, unit = time_unit(float(response.times[-1]))
+    t, missed = response.times * factor, rise - response.rise
+    upper.plot(t, response.rise, color=INK, linewidth=2.6, alpha=0.4, label="data")
     upper.plot(t, rise, color=VERMILION, linewidth=1.2, label="model")
     gaps = np.diff(t)
-    if not drive.periodic and gaps.mean() > RATIOS * np.median(gaps):
+    if not response.periodic and gaps.mean() > RATIOS * np.median(gaps):
         upper.set(xscale="log")
         lower.set(xscale="log")
     upper.set(ylabel="temperature rise (K)", xlim=(t[t > 0][0] if upper.get_xscale() == "log" else t[0], t[-1]))
     upper.legend(frameon=False, fontsize="small")
     rms = float(np.sqrt(np.mean(missed**2)))
-    upper.set_title(f"{drive.name}: residual {rms:.2g} K rms, {rms / drive.swing:.2%} of the swing", fontsize="small")
+    upper.set_title(
+        f"{response.name}: residual {rms:.2g} K rms, {rms / response.swing:.2%} of the swing", fontsize="small"
+    )
     lower.axhline(0, color=INK, linewidth=0.6)
     lower.plot(t, missed, color=VERMILION, linewidth=1)
     lower.set(xlabel=f"time ({unit})", ylabel="residual (K)")

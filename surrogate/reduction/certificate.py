@@ -109,14 +109,8 @@ def certify(
     """
     omega = _frequencies(projection, shifts, per_decade or PER_DECADE)
     grams = [symmetric_part(projection.remainder.T @ w) for w in solutions]
-    a, b = pairs
     phi = _phi(projection, float(shifts[0]), solutions[0], grams[0], omega)
-    squares = [np.maximum(np.einsum("mia,mia->ma", phi.conj(), gram @ phi).real, 0) for gram in grams]
-    products = [np.sqrt(square[:, a] * square[:, b]) for square in squares]  # of the two norms of each channel
-    bounds = []
-    for (s, one), (t, other) in combinations_with_replacement(zip(shifts, products, strict=True), 2):
-        bounds.append(np.sqrt(one * other) / _rho(omega, s, t)[:, None])
-    return _over(projection, omega, np.array(bounds), pairs)
+    return _over(projection, omega, _bounds(omega, shifts, grams, phi, pairs), pairs)
 
 
 def certify_defect(
@@ -142,19 +136,10 @@ def certify_defect(
     omega, p = _frequencies(projection, projection.rate[-1:], PER_DECADE), projection.ports.shape[1]
     Y = projection.ports / (projection.rate[:, None] + 1j * omega[:, None, None])
     residual = np.concatenate([np.broadcast_to(np.eye(p), (omega.size, p, p)), -Y], axis=1)
+    bounds = _bounds(omega, shifts, [symmetric_part(parts.T @ w) for w in solutions], residual, pairs)
     a, b = pairs
-    products = []
-    for solution in solutions:
-        gram = symmetric_part(parts.T @ solution)
-        square = np.maximum(np.einsum("mia,mia->ma", residual.conj(), gram @ residual).real, 0)
-        products.append(np.sqrt(square[:, a] * square[:, b]))
-    bounds = [
-        np.sqrt(one * other) / _rho(omega, s, t)[:, None]
-        for (s, one), (t, other) in combinations_with_replacement(zip(shifts, products, strict=True), 2)
-    ]
-    overlap = parts.T @ projection.modes
-    leak = residual.transpose(0, 2, 1) @ (overlap @ Y)
-    return _over(projection, omega, np.array(bounds) + np.abs(leak[:, a, b]), pairs)
+    leak = residual.transpose(0, 2, 1) @ (parts.T @ projection.modes @ Y)
+    return _over(projection, omega, bounds + np.abs(leak[:, a, b]), pairs)
 
 
 def leftover(projection: Projection, defect: Array, weight: Array) -> float:
@@ -183,6 +168,21 @@ def _frequencies(projection: Projection, shifts: Array, per_decade: int) -> Arra
     """Where the bound is sampled, rad/s."""
     low, high = projection.rate[0] / BEYOND, max(projection.rate[-1], *shifts) * BEYOND
     return np.geomspace(low, high, int(np.ceil(np.log10(high / low) * per_decade)))
+
+
+def _bounds(
+    omega: Array,
+    shifts: Array,
+    grams: Sequence[Array],
+    residual: NDArray[np.complex128],
+    pairs: tuple[Indices, Indices],
+) -> Array:
+    """sqrt(|R_a|_j |R_a|_l |R_b|_j |R_b|_l) / rho_jl for every two shifts, shape (bounds, m, c)."""
+    a, b = pairs
+    squares = [np.maximum(np.einsum("mia,mia->ma", residual.conj(), gram @ residual).real, 0) for gram in grams]
+    products = [np.sqrt(square[:, a] * square[:, b]) for square in squares]  # of the two norms of each channel
+    both = combinations_with_replacement(zip(shifts, products, strict=True), 2)
+    return np.array([np.sqrt(one * other) / _rho(omega, s, t)[:, None] for (s, one), (t, other) in both])
 
 
 def _over(projection: Projection, omega: Array, bounds: Array, pairs: tuple[Indices, Indices]) -> Certificate:

@@ -13,7 +13,7 @@ import numpy as np
 
 from thermofem import Foster, OutputMap, checks
 from thermofem.algebra.poles import pole_responses
-from thermofem.dataset import drives_of, warn_of
+from thermofem.dataset import responses_of, warn_of
 from thermofem.models import NonlinearSystem
 
 from .reduce import reduce
@@ -71,13 +71,11 @@ def fit_output_map(linear: Foster, data: xr.Dataset | Sequence[xr.Dataset]) -> O
         data without power or rise.
     """
     checks.has("linear", linear, "tau", "gain", hint="a linear network is needed, such as surrogate.reduce gives")
-    drives = drives_of(data)
-    if not drives:
-        raise checks.InputError("data is empty; give at least one Dataset")
-    warn_of(drives)
+    responses = responses_of(data)
+    warn_of(responses)
     rate = 1 / np.asarray(linear.tau)
-    z = np.concatenate([pole_responses(rate, d.wave, d.times, periodic=d.periodic) @ linear.gain for d in drives])
-    rise = np.concatenate([d.rise for d in drives])
+    z = np.concatenate([pole_responses(rate, d.wave, d.times, periodic=d.periodic) @ linear.gain for d in responses])
+    rise = np.concatenate([d.rise for d in responses])
     coefficient = float((rise - z) @ z**2 / (z**2 @ z**2))
     return _mapped(linear, coefficient, float(rise.max()), "output map of a linear model, fitted to data")
 
@@ -100,4 +98,4 @@ def check_nonlinear(system: NonlinearSystem, power: float) -> float:
         )
     if (len(system.inputs), len(system.outputs)) != (1, 1):
         raise checks.InputError(f"inputs {system.inputs} and outputs {system.outputs}: give heat.model(heated, read)")
-    return checks.positive("power", power, unit="W", at_most=10, hint="powers are in W (did you mean 2e-3 for 2 mW?)")
+    return checks.power("power", power)

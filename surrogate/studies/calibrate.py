@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from thermofem import CrossSection, Foster, OutputMap, checks, waveforms
-from thermofem.arrays import Array, NDArray
-from thermofem.dataset import Drive, drives_of, warn_of
+from thermofem.arrays import Array
+from thermofem.dataset import Response, responses_of, warn_of
 from thermofem.display import shown
 
 from ..family import Certified, Family
+from ..family.box import Box
 from .search import Ranges, family_over, inside
 
 if TYPE_CHECKING:
@@ -105,29 +106,29 @@ def calibrate(
 
     family = family_over(geometry, free, tolerance)
     low, high = _bounds(family, free)
-    drives = drives_of(data)
-    warn_of(drives)
-    measured = np.concatenate([drive.rise for drive in drives])
+    responses = responses_of(data)
+    warn_of(responses)
+    measured = np.concatenate([response.rise for response in responses])
     if measured.size <= len(low):
         raise checks.InputError(f"{measured.size} samples do not determine {len(low)} parameters; give more of both")
-    span = _Span(low, high, np.array(family.box.logarithmic) & (low > 0))
+    span = replace(family.box, low=low, high=high)
     scale = checks.positive("noise", noise, unit="K") if noise is not None else float(np.std(measured)) or 1.0
 
     def values_of(x: Array) -> dict[str, float]:
-        row = span.row(x)
+        row = span.at(x)
         return {name: float(value) for name, value in zip(family.names, row, strict=True)}
 
     def misfit(x: Array) -> Array:
-        return (np.concatenate([_rise(family.at(values_of(x)), d) for d in drives]) - measured) / scale
+        return (np.concatenate([_rise(family.at(values_of(x)), d) for d in responses]) - measured) / scale
 
     def jacobian(x: Array) -> Array:
-        row, model = span.row(x), family.at(values_of(x))
+        row, model = span.at(x), family.at(values_of(x))
         modal = family.modal_derivative(row)
-        each = np.concatenate([modal.response(d.wave, _times(d), periodic=d.periodic) for d in drives], axis=1)
+        each = np.concatenate([modal.response(d.wave, _times(d), periodic=d.periodic) for d in responses], axis=1)
         if isinstance(model, OutputMap) and family.bend is not None:  # dT = z + a z^2
-            z = np.concatenate([_rise(model.linear, d) for d in drives])
+            z = np.concatenate([_rise(model.linear, d) for d in responses])
             each = (1 + 2 * model.coefficient * z) * each + np.outer(family.bend.slopes(family.box, row), z**2)
-        return np.asarray(each.T * (span.slope(x) / scale))
+        return np.asarray(each.T * (_slope(span, x) / scale))
 
     shares = np.random.default_rng(0).uniform(0.15, 0.85, (STARTS - 1, len(low)))
     starts = np.vstack([np.full(len(low), 0.5), shares])
@@ -140,11 +141,12 @@ def calibrate(
     variance = 1.0 if noise is not None else float(left @ left) / freedom
     covariance, unseen = _covariance(jacobian(x), variance, family.names)
     found = values_of(x)
-    errors = np.sqrt(np.diag(covariance)) * span.slope(x)
+    slope = _slope(span, x)
+    errors = np.sqrt(np.diag(covariance)) * slope
     return Calibration(
         values=found,
         standard_errors={name: float(error) for name, error in zip(family.names, errors, strict=True)},
-        covariance=covariance * np.outer(span.slope(x), span.slope(x)),
+        covariance=covariance * np.outer(slope, slope),
         residual=float(np.sqrt(np.mean((left * scale) ** 2))),
         reduced_chi_square=float(left @ left) / freedom if noise is not None else np.nan,
         correlation=float(np.mean(left[1:] * left[:-1]) / max(np.mean(left**2), 1e-300)),
@@ -155,37 +157,21 @@ def calibrate(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Span:
-    """Map between parameters and 0..1 over their ranges, in the logarithm where the campaign draws them so."""
-
-    low: Array
-    high: Array
-    logarithmic: NDArray[np.bool_]
-
-    @property
-    def _decades(self) -> Array:
-        return np.log(np.where(self.logarithmic, self.high / np.where(self.logarithmic, self.low, 1.0), 1.0))
-
-    def row(self, x: Array) -> Array:
-        """Parameters, held inside the ranges."""
-        share = np.clip(x, 0, 1)
-        linear = self.low + share * (self.high - self.low)
-        return np.asarray(np.where(self.logarithmic, self.low * np.exp(share * self._decades), linear))
-
-    def slope(self, x: Array) -> Array:
-        """d(parameter)/d(share)."""
-        return np.asarray(np.where(self.logarithmic, self.row(x) * self._decades, self.high - self.low))
+def _slope(box: Box, x: Array) -> Array:
+    """d(parameter)/d(share)."""
+    logarithmic = np.array(box.logarithmic)
+    decades = np.log(np.where(logarithmic, box.high, 1.0) / np.where(logarithmic, box.low, 1.0))
+    return np.where(logarithmic, box.at(x) * decades, box.high - box.low)
 
 
-def _times(drive: Drive) -> Array:
-    return waveforms.period_times(drive.wave, drive.times.size) if drive.periodic else drive.times
+def _times(response: Response) -> Array:
+    return waveforms.period_times(response.wave, response.times.size) if response.periodic else response.times
 
 
-def _rise(model: Foster | OutputMap, drive: Drive) -> Array:
-    if drive.periodic:
-        return model.periodic_response(drive.wave, drive.times.size)
-    return model.response(drive.wave, drive.times)
+def _rise(model: Foster | OutputMap, response: Response) -> Array:
+    if response.periodic:
+        return model.periodic_response(response.wave, response.times.size)
+    return model.response(response.wave, response.times)
 
 
 def _bounds(family: Family, free: Ranges | None) -> tuple[Array, Array]:

@@ -9,9 +9,9 @@ import surrogate
 import thermofem as th
 from surrogate.family.box import Box
 from surrogate.family.reduced import MemberModes, difference
-from thermofem.campaign.vary import Schedule, Variation
+from thermofem.campaign.vary import Drive, Variation
 
-STEP = Schedule("step", th.Constant(1e-3), (0.0, 1e-6))
+STEP = Drive("step", th.Constant(1e-3), (0.0, 1e-6))
 TIMES = np.geomspace(1e-9, 1e-4, 26)
 
 RADIUS = Variation("radius", ("part.core.radius",), "m", low=5e-6, high=9e-6)

@@ -9,10 +9,10 @@ import pytest
 
 import surrogate
 import thermofem as th
-from thermofem.campaign.vary import Schedule, Variation
+from thermofem.campaign.vary import Drive, Variation
 
 POWER = 10e-3  # W; 78 K
-STEP = Schedule("step", th.Constant(1e-3), (0.0, 1e-6))
+STEP = Drive("step", th.Constant(1e-3), (0.0, 1e-6))
 BOX = Variation("box", ("layer.box.thickness",), "m", low=1e-6, high=3e-6)
 LAWS = """
 [material.Si]

@@ -19,7 +19,7 @@ from campaigns import FILE, STEP, TIMES, make, marks, write
 from paths import ROOT
 
 import thermofem as th
-from thermofem.campaign import Schedule, Variation, template
+from thermofem.campaign import Drive, Variation, template
 
 
 def test_results_are_what_solve_computes(tmp_path, threads):
@@ -50,14 +50,14 @@ def test_results_are_what_solve_computes(tmp_path, threads):
 
 
 def test_every_drive_is_kept_and_the_file_trains(tmp_path, threads):
-    square = Schedule("square", th.SquareWave(2e-3, 1e-6, 1 / 3), samples=31)
+    square = Drive("square", th.SquareWave(2e-3, 1e-6, 1 / 3), samples=31)
     geometry = th.strip_ring().to_toml()
     th.Campaign(geometry, (), (square, STEP)).run(tmp_path, threads)
     (path,) = (tmp_path / "results").glob("*.nc")
     heat = th.assemble(th.strip_ring())
     first = th.load(path)
     assert np.array_equal(first.delta_T, th.solve_periodic(heat, square.wave, 31).delta_T)
-    assert th.dataset.drive_of(first).wave == square.wave
+    assert th.dataset.response_of(first).wave == square.wave
     with xr.open_dataset(path, engine="h5netcdf", group="step") as second:
         assert np.array_equal(second.delta_T, th.solve(heat, STEP.wave, TIMES).delta_T)
     with th.open_campaign(tmp_path) as data:
@@ -89,7 +89,7 @@ def test_a_copy_of_a_file_with_other_numbers_is_the_file():
 
 
 def test_the_index_is_the_same_from_rows_kept_and_from_files(tmp_path, threads):
-    two = (STEP, Schedule("unknowns", th.SquareWave(2e-3, 1e-6, 1 / 3), samples=31))  # a drive may be called like this
+    two = (STEP, Drive("unknowns", th.SquareWave(2e-3, 1e-6, 1 / 3), samples=31))  # a drive may be called like this
     bad = make(3, bad=1)
     th.Campaign(bad.geometry, bad.variations, two, read=("core", "box")).run(tmp_path, threads)
     kept = xr.load_dataset(tmp_path / "index.nc", engine="h5netcdf")
@@ -150,7 +150,7 @@ def test_lists_are_crossed_and_ranges_fill_a_latin_hypercube():
 def test_a_campaign_file(tmp_path):
     campaign = th.Campaign.from_toml(write(tmp_path, 5))
     assert [case.values[0] for case in campaign.cases()] == [1.0, 1.1, 1.2, 1.3, 1.4]
-    np.testing.assert_allclose(campaign.schedules[0].kept, [0, 1e-8, 1e-7], rtol=1e-14)
+    np.testing.assert_allclose(campaign.drives[0].kept, [0, 1e-8, 1e-7], rtol=1e-14)
     inline = FILE.format(count=5).replace('geometry = "ring.toml"', "") + "[geometry]\n"
     inline += "\n".join(line for line in (tmp_path / "ring.toml").read_text().splitlines()).replace(
         "[[", "[[geometry."
@@ -164,7 +164,7 @@ def test_a_campaign_without_a_drive_is_a_plan_for_a_family(tmp_path, threads):
     path = write(tmp_path, 3)
     path.write_text(path.read_text().split("[[drive]]")[0])
     plan = th.Campaign.from_toml(path)
-    assert plan.schedules == ()
+    assert plan.drives == ()
     with pytest.raises(th.InputError, match=r"'campaign' has no drive; add a \[\[drive\]\] table"):
         plan.run(tmp_path / "out", threads)
     assert not (tmp_path / "out").exists()

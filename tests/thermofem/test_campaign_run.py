@@ -158,7 +158,7 @@ def test_a_full_disk_is_one_line_and_the_finished_work_stays(tmp_path):
     write(tmp_path, 4)
     make_first = th.Campaign.from_toml(tmp_path / "campaign.toml")
     with ThreadPoolExecutor(1) as executor:
-        small = th.Campaign(make_first.geometry, (Variation("oxide", (OXIDE,), "W/m/K", (1.0,)),), make_first.schedules)
+        small = th.Campaign(make_first.geometry, (Variation("oxide", (OXIDE,), "W/m/K", (1.0,)),), make_first.drives)
         small.run(tmp_path / "out", executor)
     before = marks(tmp_path / "out")
     size = next((tmp_path / "out" / "results").glob("*.nc")).stat().st_size

@@ -56,11 +56,11 @@ def test_field_and_mean_agree(data):
 def test_power_that_contradicts_the_waveform_is_refused(data):
     core = data.sel(probe="core")
     with pytest.raises(th.InputError, match="contradicts the waveform attribute"):
-        th.dataset.drive_of(core.assign(power=2 * core.power))
+        th.dataset.response_of(core.assign(power=2 * core.power))
     with pytest.raises(th.InputError, match="attrs\\['kind'\\] = 'foo' is unknown"):
-        th.dataset.drive_of(core.assign_attrs(kind="foo"))
+        th.dataset.response_of(core.assign_attrs(kind="foo"))
     with pytest.raises(th.InputError, match="data has 3 samples"):
-        th.dataset.drive_of(core.isel(time=slice(0, 3)))
+        th.dataset.response_of(core.isel(time=slice(0, 3)))
 
 
 def test_a_link_is_followed_and_a_device_refused(data, tmp_path):

@@ -125,7 +125,7 @@ def test_json_round_trip(wave):
         (lambda: th.Sampled([0, 1e-6], [0, 1e-3, 0]), "times has 2 samples, power 3"),
         (lambda: th.Sampled([0, 1e-6], [0, -1e-3]), r"power\[1\] = -0.001 W is negative"),
         (lambda: th.Sampled([0, 1e-6, 1e-6, 1e-6, 2e-6], [0, 1, 0, 1, 0]), "more than twice"),
-        (lambda: th.Sampled([0, 1e-6], [0, 1e-3])(2e-6), "power asked at t = 2e-06 s, sampled from 0 to 1e-06"),
+        (lambda: th.Sampled([0, 1e-6], [0, 1e-3])(2e-6), "power asked at t = 2e-06 s, known from 0 to 1e-06"),
         (lambda: period_times(th.Constant(1e-3), 11), "Constant has no period"),
         (lambda: period_times(th.SquareWave(1e-3, 1e-6, 0.5), 3), "samples = 3 is too few"),
         (lambda: from_json('{"kind": "SquareWav"}'), "did you mean 'SquareWave'"),

@@ -20,16 +20,15 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .. import checks, dataset, netcdf, waveforms
+from ..arrays import Array
 from ..checks import InputError
 from .store import ResultStore, write_file
 
 if TYPE_CHECKING:
     import xarray as xr
 
-Array = NDArray[np.float64]
 Row = dict[str, Array]  # thermal_resistance, delta_T_DRIVE and `NUMBERS` of one geometry
 
 INDEX, TRAINING = "index.nc", "training.nc"

@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .. import checks, toml_file, waveforms
+from .. import checks, renamed, toml_file, waveforms
 from ..checks import InputError
 from ..display import shown
 from ..geometry.paths import place, write_table
 from ..version import __version__
 from . import schema
-from .vary import LARGEST, Schedule, Value, Variation, check_number, check_taken
+from .vary import LARGEST, Drive, Value, Variation, check_number, check_taken
 
 if TYPE_CHECKING:
     from .run import Summary
@@ -50,8 +50,8 @@ class Campaign:
         text of a geometry file.
     variations : tuple of Variation
         the listed ones are crossed; every combination meets every point of the Latin hypercube of the others.
-    schedules : tuple of Schedule
-        the drives of every run; a family needs none.
+    drives : tuple of Drive
+        of every geometry; a family needs none.
     name : str
     heated : str
         default the first heated part.
@@ -70,7 +70,7 @@ class Campaign:
 
     geometry: str
     variations: tuple[Variation, ...]
-    schedules: tuple[Schedule, ...] = ()
+    drives: tuple[Drive, ...] = ()
     name: str = "campaign"
     heated: str | None = None
     read: tuple[str, ...] = ()
@@ -82,13 +82,13 @@ class Campaign:
     def __post_init__(self) -> None:
         checks.between("accuracy", self.accuracy, 1e-5, 1e-2)
         checks.between("rtol", self.rtol, 1e-10, 0.1)
-        for what, names in (("drive", self.schedules), ("vary", self.variations)):
+        for what, names in (("drive", self.drives), ("vary", self.variations)):
             check_number(what, len(names))
             seen = [item.name for item in names]
             twice = next((name for name in seen if seen.count(name) > 1), None)
             if twice is not None:
                 raise InputError(f"{what}: two are named {twice!r}; each needs its own name")
-        check_taken(self.variations, self.schedules)
+        check_taken(self.variations, self.drives)
         drawn = [v.name for v in self.variations if not v.values]
         if bool(drawn) != bool(self.samples):
             raise InputError(
@@ -101,6 +101,12 @@ class Campaign:
             raise InputError(f"{len(self)} geometries are more than {LARGEST}; take fewer values or draw from ranges")
         first = next(self._values())
         self.geometry_of(first)  # a path that leads nowhere raises here
+
+    @property
+    def schedules(self) -> tuple[Drive, ...]:
+        """The old name of ``drives``."""
+        renamed.warn("Campaign.schedules", "Campaign.drives")
+        return self.drives
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Campaign:
@@ -154,7 +160,7 @@ class Campaign:
         return list(seen.values())
 
     def _key(self, geometry: str) -> str:
-        drives = [(s.name, waveforms.to_json(s.wave), s.times or s.samples) for s in self.schedules]
+        drives = [(d.name, waveforms.to_json(d.wave), d.times or d.samples) for d in self.drives]
         content = (FORMAT, __version__, geometry, drives, self.heated, self.read, self.accuracy, self.rtol)
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
@@ -174,7 +180,7 @@ class Campaign:
             key=key,
             geometry=geometry,
             values=values,
-            schedules=self.schedules,
+            drives=self.drives,
             heated=self.heated,
             read=self.read,
             accuracy=self.accuracy,
@@ -195,3 +201,6 @@ class Campaign:
         from .run import run
 
         return run(self, directory, executor, workers=workers, retry_failed=retry_failed, report=report)
+
+
+Campaign.__init__ = renamed.keywords(schedules="drives")(Campaign.__init__)  # type: ignore[method-assign]

@@ -89,7 +89,7 @@ def run(
     MissingLibraryError
         meshes must be made and gmsh cannot be loaded.
     """
-    if not campaign.schedules:
+    if not campaign.drives:
         raise InputError(f"campaign {campaign.name!r} has no drive; add a [[drive]] table (a family needs none)")
     if workers is not None:
         checks.between("workers", workers, 1, 1024)

@@ -20,7 +20,7 @@ from .. import checks, quantity, toml_file, waveforms
 from ..checks import InputError, shown
 from ..geometry.paths import write_table
 from ..names import check_name, check_names
-from .vary import LARGEST, Schedule, Value, Variation, check_number
+from .vary import LARGEST, Drive, Value, Variation, check_number
 
 _TOP = ("name", "geometry", "samples", "seed", "accuracy", "rtol", "vary", "drive", "probes")
 _VARY = ("path", "name", "values", "from", "to", "count", "spacing")
@@ -43,7 +43,7 @@ def fields(text: str, folder: Path) -> dict[str, Any]:
     return {
         "geometry": _geometry(top["geometry"], folder),
         "variations": tuple(_variation(item, k) for k, item in enumerate(_tables(top, "vary"), 1)),
-        "schedules": tuple(_schedule(item, k) for k, item in enumerate(_tables(top, "drive"), 1)),
+        "drives": tuple(_drive(item, k) for k, item in enumerate(_tables(top, "drive"), 1)),
         "name": _text("name", top.get("name", "campaign")),
         "heated": heated if heated is None else check_name("[probes]: heated", heated),
         "read": read,
@@ -132,7 +132,7 @@ def _listed(texts: list[Any], where: str) -> tuple[str, tuple[Value, ...]]:
     raise InputError(f'{where}: {shown(texts)} are not all quantities of one kind; write each with its unit, "450 nm"')
 
 
-def _schedule(table: dict[str, Any], k: int) -> Schedule:
+def _drive(table: dict[str, Any], k: int) -> Drive:
     where = f"drive {table.get('name', k)}"
     _known(table, _DRIVE, where)
     watts = quantity.parse(table.get("power", "1 mW"), "W", name=f"{where}: power")
@@ -158,8 +158,8 @@ def _schedule(table: dict[str, Any], k: int) -> Schedule:
     kind = next((kind for kind in ("pulse", "square") if kind in table), "step")
     name = _text(f"{where}: name", table.get("name", kind))
     if periodic:
-        return Schedule(name, wave, samples=_integer(f"{where}: samples", table.get("samples", 301), 3))
-    return Schedule(name, wave, _times(table, where, logarithmic=kind == "step"))
+        return Drive(name, wave, samples=_integer(f"{where}: samples", table.get("samples", 301), 3))
+    return Drive(name, wave, _times(table, where, logarithmic=kind == "step"))
 
 
 def _times(table: dict[str, Any], where: str, *, logarithmic: bool) -> tuple[float, ...]:

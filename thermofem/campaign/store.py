@@ -140,7 +140,7 @@ class ResultStore:
             "variations": [{"name": v.name, "paths": v.paths, "unit": v.unit} for v in campaign.variations],
             "drives": [
                 {"name": s.name, "waveform": waveforms.to_json(s.wave), "times": s.kept.tolist()}
-                for s in campaign.schedules
+                for s in campaign.drives
             ],
             "cases": [[case.key, *case.values] for case in cases],
         }

@@ -1,4 +1,4 @@
-"""The varied quantities of a campaign and its drives: `Variation` and `Schedule`."""
+"""The varied quantities of a campaign and its drives: `Variation` and `Drive`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import checks, quantity, waveforms
+from .. import checks, quantity, renamed, waveforms
 from ..checks import InputError
 from ..names import check_name
 
@@ -81,19 +81,19 @@ def check_number(what: str, count: int) -> None:
         raise InputError(f"[[{what}]]: {count} tables are more than {MOST}; share them out between several campaigns")
 
 
-def check_taken(variations: tuple[Variation, ...], schedules: tuple[Schedule, ...]) -> None:
+def check_taken(variations: tuple[Variation, ...], drives: tuple[Drive, ...]) -> None:
     """InputError where a varied quantity has the name of something else in the index, before anything is computed."""
-    drives = {f"{kind}_{s.name}": s.name for s in schedules for kind in ("time", "power", "delta_T")}
+    taken = {f"{kind}_{d.name}": d.name for d in drives for kind in ("time", "power", "delta_T")}
     for variation in variations:
         if variation.name in _INDEX.split():
             raise InputError(f"vary: name = {variation.name!r} is taken by the index; choose another one")
-        if variation.name in drives:
-            of = drives[variation.name]
+        if variation.name in taken:
+            of = taken[variation.name]
             raise InputError(f"vary: name = {variation.name!r} is taken by the drive {of!r}; choose another one")
 
 
 @dataclass(frozen=True)
-class Schedule:
+class Drive:
     """One drive of every geometry: a waveform with the times to keep, or one period of its periodic state.
 
     Parameters
@@ -124,3 +124,6 @@ class Schedule:
         if self.times:
             return checks.array(f"drive {self.name!r}: times", self.times, increasing=True)
         return waveforms.period_times(self.wave, self.samples)
+
+
+__getattr__ = renamed.objects(__name__, Schedule=Drive)

@@ -19,7 +19,7 @@ from .template import filled
 
 if TYPE_CHECKING:
     from ..heat import HeatProblem
-    from .vary import Schedule
+    from .vary import Drive
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Task:
         text of a geometry file.
     values : str
         the varied quantities as JSON.
-    schedules, heated, read, accuracy, rtol
+    drives, heated, read, accuracy, rtol
         as in `Campaign`.
     base : str
         text of the geometry file whose mesh is moved to this geometry where that keeps the accuracy; "" for none.
@@ -43,7 +43,7 @@ class Task:
     key: str
     geometry: str
     values: str
-    schedules: tuple[Schedule, ...]
+    drives: tuple[Drive, ...]
     heated: str | None
     read: tuple[str, ...]
     accuracy: float
@@ -131,15 +131,15 @@ def _solve(task: Task) -> dict[str, Record]:
     wanted = names[0] if len(names) == 1 else names
     resistances = [heat.thermal_resistance(heated, name) for name in names]
     results = {}
-    for schedule in task.schedules:
-        if schedule.times:
-            found = solve.record(heat, schedule.wave, schedule.kept, heated=heated, read=wanted, rtol=task.rtol)
+    for drive in task.drives:
+        if drive.times:
+            found = solve.record(heat, drive.wave, drive.kept, heated=heated, read=wanted, rtol=task.rtol)
         else:
-            samples = schedule.samples
-            found = solve_periodic.record(heat, schedule.wave, samples, heated=heated, read=wanted, rtol=task.rtol)
-        provenance = {"drive": schedule.name, "campaign_case": task.key, "campaign_values": task.values}
+            samples = drive.samples
+            found = solve_periodic.record(heat, drive.wave, samples, heated=heated, read=wanted, rtol=task.rtol)
+        provenance = {"drive": drive.name, "campaign_case": task.key, "campaign_values": task.values}
         attrs = {**found.attrs, "thermal_resistances": resistances, **provenance}
-        results[schedule.name] = replace(found, attrs=attrs)
+        results[drive.name] = replace(found, attrs=attrs)
     return results
 
 

@@ -142,9 +142,9 @@ def design(
     }
 
 
-def _some(count: int, most: int = 9) -> list[int]:
-    """A few places out of many, ends included."""
-    return sorted({round(k * (count - 1) / (most - 1)) for k in range(most)})
+def _some(count: int) -> list[int]:
+    """At most nine places out of many, ends included."""
+    return sorted({round(k * (count - 1) / 8) for k in range(9)})
 
 
 def uncertainty(

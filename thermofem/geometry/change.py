@@ -7,7 +7,7 @@ Several paths may form one parameter; they then change together, each by the sam
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -157,20 +157,21 @@ def _layer(geometry: CrossSection, path: str, name: str, key: str) -> Change:
     return Change(path, geometry.layers[moved].thickness, "m", boxes)
 
 
-def _interface(geometry: CrossSection, path: str, name: str, key: str) -> Change:
-    known = {interface.part: interface for interface in geometry.interfaces}
+def _named(path: str, kind: str, name: str, known: Mapping[str, Any]) -> Any:
+    """The interface or probe of a name."""
     if not known:
-        raise InputError(f"path {path!r}: the geometry has no interface; add an [[interface]] table")
-    interface = known[checks.choice(f"path {path!r}: interface", name, known)]
+        raise InputError(f"path {path!r}: the geometry has no {kind}; add a table [[{kind}]]")
+    return known[checks.choice(f"path {path!r}: {kind}", name, known)]
+
+
+def _interface(geometry: CrossSection, path: str, name: str, key: str) -> Change:
+    interface = _named(path, "interface", name, {one.part: one for one in geometry.interfaces})
     checks.choice(f"path {path!r}: key", key, ("resistance",))
     return Change(path, interface.resistance, "m^2*K/W", contact={name: 1.0})
 
 
 def _probe(geometry: CrossSection, path: str, name: str, key: str) -> Change:
-    known = {probe.name: probe for probe in geometry.probes}
-    if not known:
-        raise InputError(f"path {path!r}: the geometry has no probe; add a [[probe]] table")
-    probe = known[checks.choice(f"path {path!r}: probe", name, known)]
+    probe = _named(path, "probe", name, {one.name: one for one in geometry.probes})
     checks.choice(f"path {path!r}: key", key, ("shell",))
     if not probe.shell:
         raise InputError(f"path {path!r}: probe {name!r} has no shell")

@@ -32,13 +32,13 @@ FEWEST, MOST = 64, 2000  # steps of the angle
 DEGREE = 8  # of the rule on the cross-section
 
 
-def off_axis_integral(geometry: CrossSection, basis: Any, probe: Probe, triangles: Triangles | None = None) -> Array:
+def off_axis_integral(geometry: CrossSection, basis: Any, probe: Probe) -> Array:
     """Integral of each basis function over a copy of a part; the sum of the entries is the part's volume in m^3.
 
     Raises InputError: the part is not meshed: nothing of it is left.
     """
     points, weights = off_axis_points(geometry, probe)
-    cells, local = (triangles or Triangles.of(basis.mesh)).locate(points)
+    cells, local = Triangles.of(basis.mesh).locate(points)
     total = np.zeros(basis.N)
     for k in range(basis.Nbfun):
         shape = basis.elem.lbasis(local, k)[0]

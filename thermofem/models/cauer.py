@@ -26,7 +26,7 @@ from ..display import shown
 from ..names import check_one
 from .contract import Delegates, ThermalModel
 from .foster import Foster, linear_poles
-from .json_fields import parts
+from .json_fields import columns, parts, rows
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -88,22 +88,16 @@ class Cauer(Delegates):
 
     def to_json(self) -> dict[str, Any]:
         """Fields of the model file, from the heated part outwards."""
-        pairs = zip(np.asarray(self.R), np.asarray(self.C), strict=True)
         return {
             "thermal_resistance": self.thermal_resistance,
-            "ladder": [{"C": float(C), "R": float(R)} for R, C in pairs],
+            "ladder": rows(("C", self.C), ("R", self.R)),
             "units": {"thermal_resistance": "K/W", "C": "J/K", "R": "K/W"},
         }
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> Cauer:
         """The ladder of a model file."""
-        steps = content["ladder"]
-        if not isinstance(steps, list) or not steps:
-            raise checks.InputError("ladder is empty; a Cauer ladder has at least one step")
-        R = [checks.finite(f"ladder[{i}].R", step["R"], unit="K/W") for i, step in enumerate(steps)]
-        C = [checks.finite(f"ladder[{i}].C", step["C"], unit="J/K") for i, step in enumerate(steps)]
-        return cls(R, C, **parts(content))
+        return cls(**columns(content, "ladder", R="K/W", C="J/K"), **parts(content))
 
 
 def cauer(model: ThermalModel) -> Cauer:

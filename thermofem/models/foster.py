@@ -13,7 +13,7 @@ from ..algebra.poles import pole_responses
 from ..arrays import Array, ArrayLike, NDArray
 from ..display import model_html, shown
 from ..names import check_one
-from .json_fields import parts
+from .json_fields import columns, parts, rows
 
 SHORTEST, LONGEST = 1e-20, 1e12  # s, of a time constant: beyond them rates and charges overflow in other programs
 
@@ -114,24 +114,16 @@ class Foster:
     def to_json(self) -> dict[str, Any]:
         """Fields of the model file; InputError for a network that is not passive."""
         self.check_passive()
-        pairs = zip(np.asarray(self.R), np.asarray(self.tau), strict=True)
         return {
             "thermal_resistance": self.thermal_resistance,
-            "poles": [{"R": float(R), "tau": float(tau)} for R, tau in pairs],
+            "poles": rows(("R", self.R), ("tau", self.tau)),
             "units": {"thermal_resistance": "K/W", "R": "K/W", "tau": "s"},
         }
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> Foster:
         """The network of a model file."""
-        poles = content["poles"]
-        if not isinstance(poles, list) or not poles:
-            raise checks.InputError("poles is empty; a Foster network has at least one")
-        model = cls(
-            R=[checks.finite(f"poles[{i}].R", p["R"], unit="K/W") for i, p in enumerate(poles)],
-            tau=[checks.finite(f"poles[{i}].tau", p["tau"], unit="s") for i, p in enumerate(poles)],
-            **parts(content),
-        )
+        model = cls(**columns(content, "poles", R="K/W", tau="s"), **parts(content))
         model.check_passive()
         return model
 

@@ -6,20 +6,32 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
 from ..names import check_names
 
 
-def names(content: Mapping[str, Any], which: str) -> tuple[str, ...]:
-    """A list of names, not empty."""
-    return check_names(which, content[which])
-
-
 def parts(content: Mapping[str, Any]) -> dict[str, Any]:
     """Heated and read parts, as keyword arguments of a model."""
-    return {which: names(content, which) for which in ("inputs", "outputs")}
+    return {which: check_names(which, content[which]) for which in ("inputs", "outputs")}
+
+
+def rows(first: tuple[str, ArrayLike], second: tuple[str, ArrayLike]) -> list[dict[str, float]]:
+    """Two arrays, each with its name, as a list of objects."""
+    pairs = zip(np.asarray(first[1]).tolist(), np.asarray(second[1]).tolist(), strict=True)
+    return [{first[0]: one, second[0]: other} for one, other in pairs]
+
+
+def columns(content: Mapping[str, Any], which: str, **units: str) -> dict[str, Any]:
+    """Each named number of a list of objects, not empty, as a list; ``units`` by name, for errors."""
+    found = content[which]
+    if not isinstance(found, list) or not found:
+        raise checks.InputError(f"{which} is empty; a model has at least one entry")
+    return {
+        name: [checks.finite(f"{which}[{i}].{name}", one[name], unit=unit) for i, one in enumerate(found)]
+        for name, unit in units.items()
+    }
 
 
 def table(content: Mapping[str, Any], which: str, dimensions: int) -> NDArray[np.float64]:

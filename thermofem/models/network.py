@@ -15,7 +15,7 @@ from ..names import check_names
 from ..waveforms import Waveform
 from .contract import Delegates, warn_beyond
 from .foster import Foster
-from .json_fields import names, table
+from .json_fields import table
 
 STATIC = 1e-3  # largest error of the static gain that passes
 
@@ -81,7 +81,7 @@ class Network(Delegates):
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> Network:
         """The network of a model file; it passes the `gate` again."""
-        states, A, b = names(content, "states"), table(content, "A", 2), table(content, "b", 1)
+        states, A, b = check_names("states", content["states"]), table(content, "A", 2), table(content, "b", 1)
         if A.shape != (len(states), len(states)) or b.shape != (len(states),):
             raise checks.InputError(f"A has shape {A.shape} and b {b.shape} for {len(states)} states")
         stated = checks.positive("thermal_resistance", content["thermal_resistance"], unit="K/W")

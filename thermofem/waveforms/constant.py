@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from ..display import shown
-from .contract import POWER_HINT, Array, seconds, stored
+from .contract import Array, seconds, stored
 
 
 @stored
@@ -29,7 +29,7 @@ class Constant:
     period: ClassVar[None] = None
 
     def __post_init__(self) -> None:
-        checks.between("power", self.power, 0, 10, unit="W", hint=POWER_HINT)
+        checks.power("power", self.power, zero=True)
 
     @property
     def words(self) -> str:

@@ -9,8 +9,8 @@ import numpy as np
 from .. import checks
 from ..arrays import Array, ArrayLike
 
-POWER_HINT = checks.Hint("powers are in W (did you mean 2e-3 for 2 mW?)")
 TIME_HINT = checks.Hint("times are in s (did you mean 1e-6 for 1 us?)")
+MOST_CYCLES = 1e6  # that a call may span
 KINDS: dict[str, type] = {}  # what a file can hold, by name; filled by `stored`
 Kind = TypeVar("Kind", bound=type)
 
@@ -52,6 +52,26 @@ def inside(times: Array, start: float, stop: float) -> Array:
     """The times strictly inside (start, stop), with a hair of room against round-off."""
     slack = 1e-12 * max(abs(start), abs(stop))
     return times[(times > start + slack) & (times < stop - slack)]
+
+
+def check_cycles(start: float, stop: float, period: float) -> None:
+    """InputError where a call spans more than `MOST_CYCLES` periods."""
+    count = (stop - start) / period
+    if count > MOST_CYCLES:
+        raise checks.InputError(
+            f"{count:.2g} periods of {period:g} s are asked for at once, more than {MOST_CYCLES:g}",
+            "take solve_periodic for the settled state, or a shorter run",
+        )
+
+
+def known(what: str, t: Array, first: float, last: float, hint: str = "") -> Array:
+    """``t``, round-off moved into [first, last]; InputError for a time outside."""
+    slack = 1e-9 * (last - first)
+    outside = (t < first - slack) | (t > last + slack)
+    if np.any(outside):
+        at = np.atleast_1d(t)[np.atleast_1d(outside)][0]
+        raise checks.InputError(f"{what} asked at t = {at:g} s, known from {first:g} to {last:g} s", hint)
+    return np.clip(t, first, last)
 
 
 def seconds(t: ArrayLike) -> Array:

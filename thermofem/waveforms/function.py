@@ -11,10 +11,8 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from ..display import shown
-from .contract import TIME_HINT, Array, inside, seconds, wrapped
+from .contract import TIME_HINT, Array, check_cycles, inside, seconds, wrapped
 from .pieces import cubic_pieces
-
-MOST_CYCLES = 1e6  # that a call may span
 
 
 @shown
@@ -129,11 +127,7 @@ class Function:
         """The named breakpoints inside, and the ends of every period."""
         if self.period is None:
             return inside(self.edges, start, stop)
-        if (stop - start) / self.period > MOST_CYCLES:
-            raise checks.InputError(
-                f"{(stop - start) / self.period:.2g} periods of {self.period:g} s are asked for at once, more than "
-                f"{MOST_CYCLES:g}; take solve_periodic for the settled state, or a shorter run"
-            )
+        check_cycles(start, stop, self.period)
         cycles = np.arange(np.floor(start / self.period) - 1, np.ceil(stop / self.period) + 1)
         edges = np.unique(np.concatenate([[0.0], self.edges[self.edges < self.period]]))
         return inside((edges + self.period * cycles[:, None]).ravel(), start, stop)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import checks
-from .contract import Array, inside, seconds
+from .contract import Array, inside, known, seconds
 from .pieces import linear_pieces
 
 
@@ -49,14 +49,8 @@ class Lines:
         if self.repeat:
             u = first + np.mod(t - first, last - first)
             return np.where(before & (u == first), last, u)
-        slack = 1e-9 * (last - first)
-        outside = (t < first - slack) | (t > last + slack)
-        if np.any(outside):
-            raise checks.InputError(
-                f"{self.what} asked at t = {np.atleast_1d(t)[np.atleast_1d(outside)][0]:g} s, sampled from {first:g} "
-                f"to {last:g} s; give samples that cover the run{', or repeat=True' if self.what == 'power' else ''}"
-            )
-        return np.clip(t, first, last)
+        or_repeat = ", or repeat=True" if self.what == "power" else ""
+        return known(self.what, t, first, last, f"give samples that cover the run{or_repeat}")
 
     def _at(self, t: ArrayLike, before: bool) -> Array:
         times, values = np.asarray(self.times), np.asarray(self.values)

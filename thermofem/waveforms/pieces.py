@@ -9,13 +9,12 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from .adaptive import fitted
-from .contract import POWER_HINT, Array, Waveform
+from .contract import Array, Waveform
 
 DEGREE = 3
 MOST_SAMPLES = 10_000_000  # of a periodic state; more would not fit into memory
 TOLERANCE = 1e-8  # of a cubic fit, relative to the largest value: far below the rtol of every model's default
 UNDERSHOOT = 1e-6  # of the largest power: what a cubic fit may fall below zero where the power is zero
-MOST_POWER = 10.0  # W
 _QUARTERS = np.array([[0.25], [0.75]])
 
 
@@ -122,18 +121,18 @@ def cubic_pieces(wave: Waveform, start: float, stop: float, *, tolerance: float 
     return Pieces(*fitted(wave, start, stop, tolerance))
 
 
-def heating_pieces(wave: Waveform, start: float, stop: float, *, tolerance: float = TOLERANCE) -> Pieces:
+def heating_pieces(wave: Waveform, start: float, stop: float) -> Pieces:
     """`cubic_pieces` of an absorbed power.
 
     Raises InputError: as `cubic_pieces`; a smooth power that is negative or above 10 W somewhere (other waveforms
         checked that when they were made).
     """
-    found = cubic_pieces(wave, start, stop, tolerance=tolerance)
+    found = cubic_pieces(wave, start, stop)
     if not getattr(wave, "piecewise_linear", False):
         low, high = bounds(found)
-        if low < -max(UNDERSHOOT, 10 * tolerance) * max(abs(low), abs(high), getattr(wave, "peak", 0.0)):
+        if low < -UNDERSHOOT * max(abs(low), abs(high), getattr(wave, "peak", 0.0)):
             raise checks.InputError(f"the power of the {type(wave).__name__} falls to {low:g} W; absorbed power heats")
-        checks.between("power", max(high, 0.0), 0, MOST_POWER, unit="W", hint=POWER_HINT)
+        checks.power("power", max(high, 0.0), zero=True)
     return found
 
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from ..display import shown
-from .contract import TIME_HINT, Array, Waveform, inside, seconds, stored, wrapped
+from .contract import TIME_HINT, Array, Waveform, inside, known, seconds, stored, wrapped
 from .pieces import Pieces, cubic_pieces
 
 
@@ -82,13 +82,7 @@ class PiecewiseCubic:
         edges, u = np.asarray(self.edges), seconds(t)
         if self.repeat:
             u = wrapped(u, float(edges[-1]), before=before)
-        slack = 1e-9 * (edges[-1] - edges[0])
-        outside = (u < edges[0] - slack) | (u > edges[-1] + slack)
-        if np.any(outside):
-            raise checks.InputError(
-                f"power asked at t = {np.atleast_1d(u)[np.atleast_1d(outside)][0]:g} s, known "
-                f"from {edges[0]:g} to {edges[-1]:g} s"
-            )
+        u = known("power", u, edges[0], edges[-1])
         k = np.searchsorted(edges, u, side="left" if before else "right") - 1
         k = np.clip(k, 0, edges.size - 2)
         a, b, c, d = np.moveaxis(np.asarray(self.coefficients)[k], -1, 0)

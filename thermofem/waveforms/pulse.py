@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import checks
 from ..display import shown
-from .contract import POWER_HINT, TIME_HINT, Array, stored
+from .contract import TIME_HINT, Array, stored
 from .steps import Steps
 
 
@@ -33,7 +33,7 @@ class Pulse(Steps):
     start: float = 0.0
 
     def __post_init__(self) -> None:
-        checks.between("power", self.power, 0, 10, unit="W", hint=POWER_HINT)
+        checks.power("power", self.power, zero=True)
         checks.positive("width", self.width, unit="s", at_most=10, hint=TIME_HINT)
         checks.between("start", self.start, 0, 1e3, unit="s", hint=TIME_HINT)
 

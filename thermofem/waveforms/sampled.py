@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from ..display import shown
-from .contract import POWER_HINT, TIME_HINT, stored
+from .contract import TIME_HINT, stored
 from .lines import Lines
 
 
@@ -37,11 +37,11 @@ class Sampled(Lines):
     what: ClassVar[str] = "power"
 
     def __post_init__(self) -> None:
-        power = checks.array("power", self.power, hint=POWER_HINT)
+        power = checks.array("power", self.power, hint=checks.POWER_HINT)
         self.check_samples(power, hint=TIME_HINT)
         if np.any(power < 0):
             raise checks.InputError(f"power[{np.argmin(power)}] = {power.min():g} W is negative; absorbed power heats")
-        checks.between("power", power.max(), 0, 10, unit="W", hint=POWER_HINT)
+        checks.power("power", power.max(), zero=True)
         object.__setattr__(self, "power", power)
 
     @property

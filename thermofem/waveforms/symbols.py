@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from ..display import shown
-from .contract import POWER_HINT, TIME_HINT, Array, inside, stored
+from .contract import TIME_HINT, Array, inside, stored
 from .steps import Steps
 
 MOST = 20_000_000  # symbols times nodes
@@ -75,8 +75,8 @@ class Symbols(Steps):
                 f"values and mask make {values.size * mask.size} nodes; at most {MOST:g} fit into memory"
             )
         checks.between("rate", self.rate, 1e-3, 1e14, unit="Hz", hint="1e9 is a symbol every nanosecond")
-        checks.between("power", self.power, 0, 10, unit="W", hint=POWER_HINT)
-        checks.between("bias", self.bias, 0, 10, unit="W", hint=POWER_HINT)
+        checks.power("power", self.power, zero=True)
+        checks.power("bias", self.bias, zero=True)
         checks.between("noise", self.noise, 0, 10, hint="it is relative to power")
         checks.between("start", self.start, 0, 1e3, unit="s", hint=TIME_HINT)
         checks.seed(self.seed)

@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import checks
 from ..display import shown
-from .contract import POWER_HINT, TIME_HINT, Array, stored
+from .contract import TIME_HINT, Array, stored
 from .steps import Switched
 
 
@@ -36,7 +36,7 @@ class Telegraph(Switched):
     seed: int = 0
 
     def __post_init__(self) -> None:
-        checks.between("power", self.power, 0, 10, unit="W", hint=POWER_HINT)
+        checks.power("power", self.power, zero=True)
         checks.positive("dwell", self.dwell, unit="s", at_most=10, hint=TIME_HINT)
         checks.positive("duration", self.duration, unit="s", at_most=1e6 * self.dwell, hint=TIME_HINT)
         checks.seed(self.seed)

@@ -128,13 +128,13 @@ def _lifetime_of(data: xr.Dataset, heat_capacity: float) -> Foster:
     """Newton's law with a given m c_p and the time constant that fits a periodic state best."""
     from scipy.optimize import minimize_scalar
 
-    from ...dataset import drive_of
+    from ...dataset import response_of
 
-    drive = drive_of(data)
+    response = response_of(data)
 
     def misfit(log_tau: float) -> float:
         model = surrogate.newton(tau_th=float(np.exp(log_tau)), heat_capacity=heat_capacity)
-        return float(np.mean((model.periodic_response(drive.wave, drive.rise.size) - drive.rise) ** 2))
+        return float(np.mean((model.periodic_response(response.wave, response.rise.size) - response.rise) ** 2))
 
     best = minimize_scalar(misfit, bounds=(np.log(5e-9), np.log(2e-6)), method="bounded")
     return surrogate.newton(tau_th=float(np.exp(best.x)), heat_capacity=heat_capacity)
