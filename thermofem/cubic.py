@@ -1,3 +1,0 @@
-"""Old place of `thermofem.waveforms.Cubic`, kept for one release."""
-
-from .waveforms.cubic import Cubic as Cubic
