@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 from collections import Counter
 from collections.abc import Iterator
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -95,6 +96,23 @@ def test_an_old_keyword_warns_and_works(call, new):
         pytest.raises(th.InputError),
     ):
         call()
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("thermofem.model", "thermofem.models"),
+        ("surrogate.lumped", "thermofem.models.lumped"),
+        ("surrogate.plot_array", "surrogate.plot"),
+        ("coupled.plot_circuit", "coupled.plot.circuit"),
+        ("coupled.plot_cycles", "coupled.plot.cycles"),
+    ],
+)
+def test_an_old_module_gives_the_objects_of_the_new_one(old, new):
+    before, now = import_module(old), import_module(new)
+    shared = set(before.__all__) & set(dir(now))
+    assert shared
+    assert all(getattr(before, name) is getattr(now, name) for name in shared)
 
 
 def test_a_schedule_of_a_campaign_is_a_drive_now():
