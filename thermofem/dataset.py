@@ -38,6 +38,7 @@ log = logging.getLogger("thermofem")
 SCHEMA = 1
 KINDS = ("transient", "periodic")
 FEWEST = 8  # samples that a training takes
+POSSIBLE = 1e-30, 1e12  # s or K: any time and rise, with squares and sums that floats hold
 TWICE = 1e-3  # of the swing, by which both rows of a jump of the power may differ: the temperature has none
 
 
@@ -155,9 +156,7 @@ def response_of(data: xr.Dataset) -> Response:
         if name not in getattr(data, "variables", {}):
             raise checks.InputError(f"data has no variable {name!r}; a training Dataset holds time, power and delta_T")
     data = netcdf.in_si(data)
-    for name in ("kind", "heated", "read", "geometry"):
-        if not isinstance(data.attrs.get(name), str | None):
-            raise checks.InputError(f"data.attrs[{name!r}] = {checks.shown(data.attrs[name])} is no text")
+    check_texts(data)
     data = at_probe(data)
     times = checks.array("data.time", data["time"].values, increasing=True)
     if data["delta_T"].ndim != 1:
@@ -167,6 +166,9 @@ def response_of(data: xr.Dataset) -> Response:
         raise checks.InputError(f"data has {times.size} samples; at least {FEWEST} are needed to train anything")
     if np.ptp(rise) <= 0:
         raise checks.InputError("data.delta_T is constant; training needs a temperature that varies")
+    checks.between("the span of data.time", np.ptp(times), *POSSIBLE, unit="s", hint="is time in another unit?")
+    checks.between("the largest of data.delta_T", np.max(np.abs(rise)), *POSSIBLE, unit="K")
+    checks.between("the swing of data.delta_T", np.ptp(rise), *POSSIBLE, unit="K")
     if "waveform" in data.attrs:
         wave = waveforms.from_json(data.attrs["waveform"])
         _check_power(data, wave, times)
@@ -181,6 +183,13 @@ def response_of(data: xr.Dataset) -> Response:
     doubts = static_gain.contradictions(data, wave, times, rise, periodic=periodic)
     words = f"{waveforms.words(wave)}, {'periodic state' if periodic else 'from rest'}"
     return Response(wave, times, rise, periodic, words, static_gain.static_gain(data), doubts)
+
+
+def check_texts(data: xr.Dataset) -> None:
+    """InputError where an attribute that names or describes is no text: a file may hold an array in its place."""
+    for name in ("kind", "heated", "read", "geometry", "materials"):
+        if not isinstance(data.attrs.get(name), str | None):
+            raise checks.InputError(f"data.attrs[{name!r}] = {checks.shown(data.attrs[name])} is no text")
 
 
 def responses_of(data: xr.Dataset | Sequence[xr.Dataset]) -> list[Response]:
@@ -224,7 +233,9 @@ def _check_power(data: xr.Dataset, wave: waveforms.Waveform, times: Array) -> No
     """InputError where the power variable contradicts the waveform attribute; at a jump either side will do."""
     if "power" not in data:
         return
-    power, right, left = data["power"].values, wave(times), wave.before(times)
+    power, right, left = checks.array("data.power", data["power"].values), wave(times), wave.before(times)
+    if power.size != times.size:
+        raise checks.InputError(f"data.power has {power.size} values for {times.size} times; one for each is needed")
     scale = max(float(np.max(np.abs(right))), np.finfo(float).tiny)
     wrong = np.minimum(np.abs(power - right), np.abs(power - left)) > 1e-6 * scale
     if np.any(wrong):

@@ -137,15 +137,9 @@ def check_image(path: str | Path) -> None:
 def write_whole(path: str | Path, write: Callable[[Path], Any]) -> Path:
     """Call ``write`` on a temporary file beside ``path`` and rename it: a reader sees the whole file or none."""
     path = check_target(path)
+    temporary = path.with_name(f".{path.stem[:40]}-{os.urandom(8).hex()}{path.suffix}")  # known before it is there
     try:
-        import tempfile
-
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem[:40]}-", suffix=path.suffix)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror}") from None
-    os.close(handle)
-    temporary = Path(name)
-    try:
+        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL, 0o600))
         write(temporary)
         temporary.chmod(0o666 & ~_umask())
         temporary.replace(path)

@@ -265,6 +265,11 @@ def _baseline(t: Array, y: Array, wave: Waveform, start: float, given: float | N
     first = int(np.searchsorted(t, start))
     quiet = noise < NOTHING * float(np.ptp(y)) and t[first] - start < 1e-6 * step
     level = float(y[first]) if quiet else _misfit(t[::thin], y[::thin], wave, start)[1]  # at its start a rise is zero
+    if start < t[0] and abs(level - y[first]) > np.ptp(y):
+        raise InputError(
+            f"the heating begins {_words(t[0] - start)} before the first row, and the rise until then, some "
+            f"{abs(level - y[first]):.2g} K, is larger than the rows show; give --baseline, or another --start"
+        )
     if abs(level) < max(NOTHING * float(np.ptp(y)), 4 * noise):
         said.append("no rows before the heating and no offset: nothing is subtracted")
         return 0.0

@@ -24,6 +24,7 @@ from thermofem.dataset import Response
 
 STATIC_WEIGHT = 1e3  # of the static-gain row over all samples together; the last 1e-6 are rescaled away
 STEP = 1e-6  # in ln(rate), of the difference quotient of a column: square root of round-off
+UNSEEN = 1e3  # times their span after the last change of the power, samples show nothing of its heat
 SCANNED = 3  # up to this order all sets of grid rates are tried for the start; beyond, log-spaced starts
 
 
@@ -66,7 +67,13 @@ class FitProblem:
             target = np.append(target, STATIC_WEIGHT * np.sqrt(target.size))
         object.__setattr__(self, "weight", weight)
         object.__setattr__(self, "target", target)
-        slowest = np.array([-np.log(self.span[1])])
+        shortest, longest = self.span
+        if shortest > UNSEEN * longest:
+            raise checks.InputError(
+                f"the samples span {longest:.3g} s and begin {shortest:.3g} s after the power changed, when nothing "
+                "that they could show moves; is a time shifted, or in another unit?"
+            )
+        slowest = np.array([-np.log(longest)])
         for response in self.responses:
             if not np.any(pole_responses(np.exp(slowest), response.wave, response.times, periodic=response.periodic)):
                 raise checks.InputError(

@@ -195,6 +195,46 @@ ARRAY_DAMAGE: dict[str, Callable[[Any], Any]] = {
 }
 
 
+VARIABLE_DAMAGE: dict[str, Callable[[Any], Any]] = {
+    **{what: damage for what, damage in ARRAY_DAMAGE.items() if what not in ("a number", "short", "twice")},
+    "bytes": lambda a: np.full(a.shape, b"a"),
+    "records": lambda a: np.zeros(a.shape, [("a", float), ("b", int)]),
+    "objects": lambda a: np.full(a.shape, None),
+    "arrays": lambda a: np.array([np.empty(0)] * a.size + [None], object)[:-1],
+    "true or false": lambda a: a > a.mean(),
+    "one nan": lambda a: np.where(np.arange(a.size) == a.size // 2, np.nan, a),
+    "seconds late": lambda a: a + 100.0,
+    "tiny": lambda a: a * 1e-300,
+    "huge": lambda a: a * 1e300,
+    "repeated": lambda a: np.full(a.shape, a[1]),
+}
+ATTRIBUTES: list[Any] = [
+    "",
+    "{",
+    "[]",
+    "null",
+    5,
+    float("nan"),
+    np.array([1, 2]),
+    np.array(["a", "b"]),
+    b"\xff",
+    "x" * 10_000,
+]
+
+
+def datasets(data: Any) -> Iterator[tuple[str, Any]]:
+    """Copies of a Dataset along time with one variable damaged or one attribute replaced."""
+    for name in data.variables:
+        for what, damage in VARIABLE_DAMAGE.items():
+            with np.errstate(all="ignore"):
+                other = damage(data[name].values)
+            if other.shape == data[name].shape:
+                yield f"{name}: {what}", data.assign({name: ("time", other, data[name].attrs)})
+    for name in (*data.attrs, "geometry", "materials"):
+        for value in ATTRIBUTES:
+            yield f"{name} = {value!r:.20}", data.assign_attrs({name: value})
+
+
 def archives(content: bytes) -> Iterator[tuple[str, bytes]]:
     """Copies of NumPy's archive with one array damaged or left out, without the hash that would tell."""
     with np.load(io.BytesIO(content)) as file:

@@ -6,6 +6,7 @@ asked for (`group`), and everything heavy inside it, so that ``thermofem --help`
 
 from __future__ import annotations
 
+import errno
 import gc
 import io
 import os
@@ -80,8 +81,7 @@ def main() -> None:
     except MissingLibraryError as error:
         _fail(str(error), 2)
     except OSError as error:  # a disk that is full, also behind standard output; a name that is too long
-        named = f": {error.filename}" if error.filename is not None else ""
-        _fail(f"{error.strerror or error}{named}", 2)
+        _fail(f"{error.strerror or error}: {_place(error)}".removesuffix(": "), 2)
     except MemoryError as error:
         _fail(f"it needs more memory than there is ({error or type(error).__name__})", 2)
     except KeyboardInterrupt:
@@ -94,6 +94,15 @@ def main() -> None:
         _fail("interrupted", 130)
     if type(code) is int:
         sys.exit(code)
+
+
+def _place(error: OSError) -> str:
+    """What an operating-system error is about: errors of files carry a name or are InputErrors already."""
+    if error.filename is not None:
+        return str(error.filename)
+    if isinstance(error, FileNotFoundError):  # of os.getcwd
+        return "the current folder was deleted; change into one that exists"
+    return "standard output" if error.errno == errno.ENOSPC else ""
 
 
 def _show_ours_alone() -> None:

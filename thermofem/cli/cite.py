@@ -119,4 +119,6 @@ def _provenance(file: Path) -> dict[str, Any]:
         return {**surrogate.load_provenance(file), "kind": kind}
     from .. import dataset
 
-    return dict(dataset.load(file).attrs)
+    data = dataset.load(file)
+    dataset.check_texts(data)
+    return dict(data.attrs)

@@ -1,0 +1,108 @@
+"""Training data and measured tables that are damaged in one place: a result, or one line that names the place."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from fuzz import hostile
+
+import surrogate
+import thermofem as th
+from thermofem import files
+from thermofem.cli import main
+from thermofem.traces import read_trace
+
+
+def says_one_line(call):
+    """What a call returns; None where it is refused in one line."""
+    try:
+        return call()
+    except th.InputError as error:
+        message = str(error)
+    assert "\n" not in message
+    return None
+
+
+MODEL = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
+STEP = th.Constant(1e-3)
+TIMES = np.linspace(0, 4e-6, 60)
+DATA = th.dataset.build(TIMES, MODEL.response(STEP, TIMES), STEP)
+
+
+def test_data_damaged_in_one_place_are_a_result_or_one_line():
+    tried = 0
+    for what, data in hostile.datasets(DATA):
+        tried += 1
+        for fit in (surrogate.fit_newton, surrogate.fit_spectrum):
+            found = says_one_line(lambda fit=fit, data=data: fit(data))
+            assert found is None or 0 < found.model.thermal_resistance < 1e308, what
+    assert tried > 80
+
+
+@pytest.mark.parametrize("other", ["text", "records", "arrays", "one nan", "nan"])
+def test_power_that_is_no_number_is_refused_beside_a_waveform(other):
+    damaged = DATA.assign(power=("time", hostile.VARIABLE_DAMAGE[other](DATA["power"].values)))
+    with pytest.raises(th.InputError, match=r"data\.power"):
+        surrogate.fit_newton(damaged)
+
+
+def test_samples_long_after_the_power_changed_are_refused():
+    late = DATA.assign_coords(time=DATA["time"] + 1.0)
+    with pytest.raises(th.InputError, match="is a time shifted"):
+        surrogate.fit_newton(late)
+
+
+def test_attributes_that_are_no_text_are_no_citation(tmp_path, monkeypatch, capsys):
+    file = tmp_path / "heat.nc"
+    for name in ("kind", "geometry", "materials"):
+        DATA.assign_attrs({name: np.array([1, 2])}).to_netcdf(file, engine="h5netcdf")
+        monkeypatch.setattr(sys, "argv", ["thermofem", "cite", str(file)])
+        with pytest.raises(SystemExit, match="2"):
+            main()
+        assert re.search(rf"^thermofem: error: .*{name}.* is no text$", capsys.readouterr().err, re.M)
+
+
+def test_a_rise_that_no_row_shows_is_not_extrapolated(tmp_path):
+    """Rows from 0 to 8 time constants, said to begin 8 earlier: the baseline would be e^8 times the rise."""
+    table = tmp_path / "scope.csv"
+    rows = [f"{t * 1e6:.4f},{10 * (1 - np.exp(-t / 0.5e-6)):.5f}" for t in TIMES]
+    table.write_text("\n".join(["time (us),dT (K)", *rows]))
+    with pytest.raises(th.InputError, match="larger than the rows show; give --baseline"):
+        read_trace(table, STEP, start=-4e-6)
+    assert read_trace(table, STEP, start=-4e-6, baseline=0.0).baseline == 0
+    assert abs(read_trace(table, STEP, start=-10e-9).baseline) < 1
+
+
+def test_an_interrupt_as_soon_as_a_file_is_there_leaves_none(tmp_path, monkeypatch):
+    """Ctrl-C right after the temporary file was made, and while it is written."""
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        files.write_whole(tmp_path / "out.txt", interrupted)
+    monkeypatch.setattr(os, "close", lambda handle, close=os.close: interrupted(close(handle)))
+    with pytest.raises(KeyboardInterrupt):
+        files.write_whole(tmp_path / "out.txt", lambda path: path.write_text("x"))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_current_folder_that_was_deleted_is_named(tmp_path):
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    code = (
+        f"import os, sys; os.rmdir({str(gone)!r}); sys.argv[1:] = ['export', '/x.json', '--to', 'csv', '-o', 'x.csv']; "
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", f"import thermofem.cli; {code}thermofem.cli.main()"],
+        cwd=gone, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert run.returncode == 2
+    assert run.stderr.startswith("thermofem: error: ")
+    assert run.stderr.count("\n") == 1
+    assert "current folder was deleted" in run.stderr
