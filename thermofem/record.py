@@ -136,6 +136,14 @@ def column(dims: str | tuple[str, ...], values: Any, attrs: Mapping[str, Any]) -
     return Column((dims,) if isinstance(dims, str) else dims, np.asarray(values), attrs)
 
 
+def recorded(
+    variables: Mapping[str, tuple[Any, ...]], coordinates: Mapping[str, tuple[Any, ...]], attrs: Mapping[str, Any]
+) -> Record:
+    """A record of what `xarray.Dataset` takes: dimensions, values and attributes by name."""
+    data, others = ({name: column(*one) for name, one in of.items()} for of in (variables, coordinates))
+    return Record(data, others, attrs)
+
+
 def joined(first: Record, second: Record) -> Record:
     """Variables of both, attributes of the first."""
     return Record({**first.data, **second.data}, {**first.coordinates, **second.coordinates}, first.attrs)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import functools
 import warnings
 from collections.abc import Callable
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, TypeVar, cast
 
-P = ParamSpec("P")
-R = TypeVar("R")
+F = TypeVar("F", bound=Callable[..., Any])
 
 
 def warn(old: str, new: str, up: int = 2) -> None:
@@ -16,18 +15,18 @@ def warn(old: str, new: str, up: int = 2) -> None:
     warnings.warn(f"{old} is now {new}; the old name goes with 0.3", DeprecationWarning, stacklevel=up + 1)
 
 
-def keywords(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+def keywords(**names: str) -> Callable[[F], F]:
     """A decorator by which keyword arguments also go by their old names: ``keywords(old="new")``."""
 
-    def around(function: Callable[P, R]) -> Callable[P, R]:
+    def around(function: F) -> F:
         @functools.wraps(function)
-        def call(*args: Any, **given: Any) -> R:
+        def call(*args: Any, **given: Any) -> Any:
             for old in names.keys() & given.keys():
                 warn(f"{function.__qualname__.removesuffix('.__init__')}: {old}", names[old])
                 given[names[old]] = given.pop(old)
             return function(*args, **given)
 
-        return call
+        return cast("F", call)
 
     return around
 

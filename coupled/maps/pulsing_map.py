@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermofem import Quadratic, checks, renamed
+from thermofem import Quadratic, checks, dataset, renamed
 from thermofem.models import ThermalModel
+from thermofem.record import Record, as_dataset, recorded
 
 from ..arguments import check_duration, one_laser
 from ..bar import bar
@@ -54,6 +55,7 @@ class _Cell(NamedTuple):
 
 
 @renamed.keywords(progress="show_bar")
+@as_dataset
 @one_laser
 def pulsing_map(
     ring: RingResonator,
@@ -72,7 +74,7 @@ def pulsing_map(
     file: str | Path | None = None,
     executor: Executor | None = None,
     show_bar: bool = False,
-) -> xr.Dataset:
+) -> Record:
     """Return what the ring does at every point of a map: the settled cycle, or what a transient from cold shows.
 
     By default every point has the numbers of the cycle that the ring settles on from cold, as `limit_cycle` finds it.
@@ -130,10 +132,6 @@ def pulsing_map(
 
     Source: Borghi et al., Opt. Express 29, 4363 (2021), Figs. 4 and 6; cold start, as the paper's shutter does.
     """
-    import xarray as xr
-
-    from thermofem import dataset
-
     warm = constant(model, heaters, heated, read)
     small, grid = warm.model, grid_of(ring, powers, detunings, vary).warmed(warm)
     if settled is None:
@@ -179,7 +177,7 @@ def pulsing_map(
         for name in ("regime", "period", "duty", "swing")
     }
     variables["reason"] = (grid.names, np.array(columns["reason"]), {"units": "1", "long_name": "why, in words"})
-    return xr.Dataset(variables, coords=grid.coordinates(), attrs=attrs)
+    return recorded(variables, grid.coordinates(), attrs)
 
 
 def overlap(first: xr.Dataset, second: xr.Dataset) -> float:

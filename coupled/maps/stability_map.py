@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from thermofem import dataset
 from thermofem.models import ThermalModel
+from thermofem.record import Record, as_dataset, recorded
 
 from ..arguments import one_laser
 from ..equilibria.steady import Internal, absorbable, internal, provenance
@@ -18,12 +20,10 @@ from ..heaters import constant
 from ..resonator import RingResonator
 from .grid import Grid, Point, grid_of
 
-if TYPE_CHECKING:
-    import xarray as xr
-
 Array = NDArray[np.float64]
 
 
+@as_dataset
 @one_laser
 def stability_map(
     ring: RingResonator,
@@ -35,7 +35,7 @@ def stability_map(
     heaters: Mapping[str, float] | None = None,
     heated: str | None = None,
     read: str | None = None,
-) -> xr.Dataset:
+) -> Record:
     """Classify every point of a map by the eigenvalues at all of its fixed points.
 
         d(perturbation)/dt = J(U, D) perturbation,     growth = max Re eigenvalue(J)
@@ -73,10 +73,6 @@ def stability_map(
 
     Source: Borghi et al., Opt. Express 29, 4363 (2021), Section 4, for the maps.
     """
-    import xarray as xr
-
-    from thermofem import dataset
-
     warm = constant(model, heaters, heated, read)
     grid = grid_of(ring, powers, detunings, vary).warmed(warm)
     at = _internal(warm.model, grid)
@@ -91,7 +87,7 @@ def stability_map(
         "frequency": (over, omega, dataset.describe("frequency")),
     }
     attrs = provenance("stability map", ring, at.model) | grid.fixed | warm.attributes
-    return xr.Dataset(variables, coords=grid.coordinates(), attrs=attrs)
+    return recorded(variables, grid.coordinates(), attrs)
 
 
 def _internal(model: ThermalModel, grid: Grid) -> Internal:

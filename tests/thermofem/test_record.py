@@ -48,10 +48,16 @@ def test_a_record_writes_the_file_that_xarray_writes(name, tmp_path):
         ("solve --samples 11 -o heat.nc", set()),
         ("simulate model.json --duration '1 us' -o run.nc", set()),
         ("explore -o ring.html", {"surrogate"}),
+        ("stability model.json --points '2, 2'", set()),
+        ("map model.json --points '2, 2' --duration '200 ns'", set()),
+        ("fit heat.nc", {"surrogate"}),
     ],
 )
 def test_fast_commands_import_neither_xarray_nor_what_it_imports(command, needed, tmp_path):
-    surrogate.save_model(th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6]), tmp_path / "model.json")
+    model, times = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6]), np.geomspace(1e-9, 1e-5, 41)
+    surrogate.save_model(model, tmp_path / "model.json")
+    step = th.Constant(2e-3)
+    th.save(th.dataset.build.record(times, model.response(step, times), step), tmp_path / "heat.nc")
     code = f"import sys, shlex; sys.argv = ['thermofem', *shlex.split({command!r})]; from thermofem.cli import app\n"
     code += "app(standalone_mode=False); print({'xarray', 'pandas', 'dask', 'pint', 'surrogate'} & {*sys.modules})"
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)

@@ -57,7 +57,7 @@ def map_(
     length = None if duration is None else _quantity(duration, "s", "--duration")
     warmed = constant(thermal, powers, **parts)
     say_ring(resonator, ring)
-    found = coupled.pulsing_map(
+    found = coupled.pulsing_map.record(
         resonator, thermal, *axes, heaters=powers, **parts, duration=length, follow=follow, file=resume, show_bar=True
     )  # fmt: skip
     return _finish(found, figure, output, ("regime", "frequency", "duty"), resonator, warmed)
@@ -87,7 +87,7 @@ def stability(
     warmed = constant(thermal, powers, **parts)
     say_ring(resonator, ring)
     with working("finding fixed points and their eigenvalues; the first run on a machine compiles for some seconds"):
-        found = coupled.stability_map(resonator, thermal, *axes, heaters=powers, **parts)
+        found = coupled.stability_map.record(resonator, thermal, *axes, heaters=powers, **parts)
     return _finish(found, figure, output, ("regime",), resonator, warmed)
 
 
@@ -169,7 +169,7 @@ def _finish(
                 curve["detuning"] = curve["detuning"].copy(data=curve["detuning"].values - turned)
             title = f"{ring.name}, {_thermal(warmed.model)}"
             over = {"hopf": {title: hopf[ring.name]}, "folds": {title: folds[ring.name]}}
-            save_figure(plot_maps({title: found}, show=show, **over)[0, 0], figure)
+            save_figure(plot_maps({title: found.dataset()}, show=show, **over)[0, 0], figure)
     say(f"wrote {output}" + (f" and {figure}" if figure else ""))
     return {"points": {str(k): int(v) for k, v in zip(names, counts, strict=True)}, "map": output, "figure": figure}
 
