@@ -30,6 +30,7 @@ DAMAGE = (ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, T
 OPEN: dict[str, Any] = {"decode_times": False, "decode_timedelta": False, "phony_dims": "sort"}  # for open_dataset
 HASH = "content_hash"  # attribute of the files that `dataset.save` writes
 _HASHED = ("kind", "heated", "read", "waveform", "thermal_resistance", "thermal_resistances")  # attributes
+ENCODED = {"missing_value", "scale_factor", "add_offset", "calendar"}  # attributes that change values
 _PREFIXES = ("time_", "power_", "delta_T_")  # of a campaign: DRIVE follows
 
 
@@ -145,6 +146,12 @@ def in_si(data: xr.Dataset) -> xr.Dataset:
         attributes = {**variable.attrs, "units": field.unit}
         changed[name] = (variable.dims, offset + factor * np.asarray(variable.values, dtype=float), attributes)
     return data.assign(changed) if changed else data
+
+
+def says_si(name: str, attrs: Mapping[str, Any]) -> bool:
+    """Whether a variable needs no conversion: one of `quantity.VARIABLES` in its unit, or none of them."""
+    field = _field(name)
+    return field is None or "units" not in attrs or bool(np.all(attrs["units"] == field.unit))
 
 
 def _line(given: str, field: quantity.Variable, name: str) -> tuple[float, float]:

@@ -11,6 +11,7 @@ import inspect
 import io
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, Protocol, cast
 
 import numpy as np
@@ -142,6 +143,34 @@ def recorded(
     """A record of what `xarray.Dataset` takes: dimensions, values and attributes by name."""
     data, others = ({name: column(*one) for name, one in of.items()} for of in (variables, coordinates))
     return Record(data, others, attrs)
+
+
+def stored(path: Path) -> Record | None:
+    """The content of a file that `Dataset.save` or `Record.to_netcdf` wrote and nobody changed, all in SI.
+
+    None for any other file, and for one with text or several probes: xarray reads those.
+    """
+    import h5netcdf
+
+    with h5netcdf.File(path, "r") as file:
+        attrs, variables = dict(file.attrs), dict[str, Column]()
+        written = attrs.pop(netcdf.HASH, None)
+        if written is None or file.groups:
+            return None
+        beside: set[str] = set()
+        for name, variable in file.variables.items():
+            about = dict(variable.attrs)
+            beside.update(str(about.pop("coordinates", "")).split())
+            if not np.all(np.isnan(about.pop("_FillValue", np.nan))):  # what xarray writes beside floats is NaN
+                return None
+            if variable.dtype.kind not in "fiu" or about.keys() & netcdf.ENCODED or not netcdf.says_si(name, about):
+                return None
+            variables[name] = Column(tuple(variable.dimensions), np.asarray(variable[...]), about)
+    if "probe" in variables or netcdf.content_hash(variables, attrs) != written:
+        return None
+    beside.update(name for name, one in variables.items() if one.dims == (name,))
+    coordinates = {name: one for name, one in variables.items() if name in beside}
+    return Record({name: one for name, one in variables.items() if name not in beside}, coordinates, attrs)
 
 
 def joined(first: Record, second: Record) -> Record:

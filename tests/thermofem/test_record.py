@@ -42,6 +42,19 @@ def test_a_record_writes_the_file_that_xarray_writes(name, tmp_path):
     assert {k: v.dtype for k, v in ours.variables.items()} == {k: v.dtype for k, v in theirs.variables.items()}
 
 
+def test_a_file_as_it_was_written_is_read_without_xarray(tmp_path):
+    path, data = tmp_path / "heat.nc", RECORDS["periodic"]()
+    for written in (data, data.dataset()):
+        th.save(written, path)
+        found = th.dataset.load_record(path)
+        assert isinstance(found, Record)
+        xr.testing.assert_identical(found.dataset(), th.load(path))
+    th.save(data.dataset().assign(delta_T=data.dataset()["delta_T"].assign_attrs(units="mK")), path)
+    assert not isinstance(th.dataset.load_record(path), Record)  # to be converted
+    data.dataset().assign_attrs(content_hash="0" * 32).to_netcdf(path, engine="h5netcdf")
+    assert not isinstance(th.dataset.load_record(path), Record)  # changed: the log says so
+
+
 @pytest.mark.parametrize(
     ("command", "needed"),
     [

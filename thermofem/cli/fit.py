@@ -19,6 +19,10 @@ from .solve_options import waveform
 if TYPE_CHECKING:
     import xarray as xr
 
+    from ..record import Record
+
+    Data = Record | xr.Dataset
+
 KINDS = ("newton", "second-order", "foster", "spectrum", "sindy")
 TABLE = "a table of numbers"
 POLES = 5  # of a Foster network
@@ -86,10 +90,20 @@ def fit(
     }
 
 
-def _channel(path: Path, data: xr.Dataset, heated: str | None, read: str | None, kind: str) -> xr.Dataset:
+def _dataset(data: Data) -> xr.Dataset:
+    """Training data as a Dataset."""
+    from ..record import Record
+
+    return data.dataset() if isinstance(data, Record) else data
+
+
+def _channel(path: Path, given: Data, heated: str | None, read: str | None, kind: str) -> Data:
     """The part of a file that --heated and --read name; a table learns the names."""
     from .. import dataset
 
+    if heated is None and read is None:
+        return given
+    data = _dataset(given)
     if read is not None and kind == "sindy":
         raise InputError("--read picks one part; a SINDy network needs all that the file holds")
     if kind_of(path) == "table":
@@ -101,16 +115,17 @@ def _channel(path: Path, data: xr.Dataset, heated: str | None, read: str | None,
     return data if read is None else dataset.at_probe(data, read)
 
 
-def _draw(found: Any, data: xr.Dataset, path: Path) -> None:
+def _draw(found: Any, given: Data, path: Path) -> None:
     """Draw the trace, the model and their difference."""
     from surrogate.plot import plot_fit
 
     from ..plot import save_figure
 
+    data = _dataset(given)
     save_figure(plot_fit(found, data.isel(probe=0) if "probe" in data.delta_T.dims else data)[0], path)
 
 
-def _trained(kind: str, training: list[xr.Dataset], order: int | None, transfer: bool | None) -> Any:
+def _trained(kind: str, training: list[Any], order: int | None, transfer: bool | None) -> Any:
     import surrogate
 
     if kind == "newton":
@@ -122,19 +137,17 @@ def _trained(kind: str, training: list[xr.Dataset], order: int | None, transfer:
     return surrogate.fit_foster(training, order=POLES if order is None else order, transfer=transfer)
 
 
-def _sindy(training: list[xr.Dataset]) -> Any:
+def _sindy(training: list[Data]) -> Any:
     """A network of the core and the shells around it."""
     import surrogate
 
     if len(training) > 1:
         raise InputError(f"{len(training)} files: a SINDy network is identified from one transient from rest")
     with working("training"):
-        return surrogate.fit_sindy(training[0])
+        return surrogate.fit_sindy(_dataset(training[0]))
 
 
-def _training(
-    paths: list[Path], columns: dict[str, str | None], drive: dict[str, Any]
-) -> tuple[list[xr.Dataset], list[str]]:
+def _training(paths: list[Path], columns: dict[str, str | None], drive: dict[str, Any]) -> tuple[list[Data], list[str]]:
     """Training data of every file, and what was assumed for tables."""
     from .. import dataset
     from ..traces import read_trace
@@ -146,7 +159,7 @@ def _training(
     if given and not tables:
         raise InputError(f"{', '.join(given)}: netCDF data say themselves what was applied; this is for {TABLE}")
     if not tables:
-        return [dataset.load(path) for path in paths], []
+        return [dataset.load_record(path) for path in paths], []
     if drive["power"] is None:
         raise InputError(
             f'{tables[0]} holds {TABLE}: say what was applied, --power "1.3 mW" with --pulse "4 us" or --square; '
@@ -157,10 +170,11 @@ def _training(
     level = None if columns["baseline"] is None else quantity.parse(columns["baseline"], "K", name="--baseline")
     of_voltage = _sensitivity(columns["sensitivity"])
     time, temperature = columns["time"], columns["temperature"]
-    training, assumed = [], []
+    training: list[Data] = []
+    assumed: list[str] = []
     for path in paths:
         if path not in tables:
-            training.append(dataset.load(path))
+            training.append(dataset.load_record(path))
             continue
         with working(f"reading {path.name}"):
             trace = read_trace(
