@@ -267,10 +267,11 @@ function correction(system, drive, detuning, { M, end }, residual) {
  * swing, residual }, or null where Newton's method does not find one.
  *
  * options: rough and fine { method, rtol }, guess of the period (ns), pattern, exact (multipliers along fine steps), close:
- * relative residuals at which it is found, and found if they no longer fall.
+ * relative residuals at which it is found, and found if they no longer fall, renew: the share of the last residual above which
+ * the derivative is computed anew.
  */
 export function limitCycle(system, drive, detuning, near, level, options) {
-  const { rough, fine, period, pattern = 1, exact = false, close = [1e-10, 1e-7] } = options;
+  const { rough, fine, period, pattern = 1, exact = false, close = [1e-10, 1e-7], renew = 0.1 } = options;
   const longest = 3 * period;
   const approach = integrate(system, drive, detuning, near, longest, { ...rough, event: { level, stop: true } });
   if (approach.ended !== EVENT) return null;
@@ -295,7 +296,7 @@ export function limitCycle(system, drive, detuning, near, level, options) {
     size = Math.max(Math.hypot(residual[0], residual[1]) / field, moved / heat);
     if (!(size < 10)) return null;
     if (accurate === fine && (size < close[0] || (size < close[1] && size > 0.3 * before))) break;
-    if (!jet || size > 0.1 * before) {
+    if (!jet || size > renew * before) {
       const along = accurate === rough ? at : around(system, drive, detuning, y, level, pattern, longest, rough);
       if (!along) return null;
       jet = monodromy(system, drive, detuning, y, along.steps, rough.method);

@@ -50,7 +50,7 @@ function trace(request, known, rodas4, rodas5p) {
 /** How accurately a settled cycle is computed. */
 function accuracyOf(quick, rodas4, rodas5p) {
   const rough = { method: rodas4, rtol: 1e-5 };
-  return quick ? { rough, fine: rough, close: [1e-5, 1e-4] } : { rough, fine: { method: rodas5p, rtol: 1e-8 } };
+  return quick ? { rough, fine: rough, close: [1e-5, 1e-4], renew: 0.5 } : { rough, fine: { method: rodas5p, rtol: 1e-8 } };
 }
 
 /** The stable cycle that another one becomes when the setting moves a little, or null. */
