@@ -76,22 +76,18 @@ def problem(ring: RingResonator, model: Compact, power: float, detuning: float, 
     return CycleProblem(at, floor, window.units(thermal.order), ring, model, power, detuning, rise)
 
 
-def run(
-    p: CycleProblem, y: Array, duration: float, level: float = np.inf, first: float = 0.0
-) -> tuple[Array, Array, bool, float]:
-    """Integrate over ``duration`` in ns, or until the carriers rise through ``level``.
-
-    Returns rows (t, Re a, Im a, N, dT) at the accepted steps, the state at the end, whether the level was met, and the
-    step that a run from there may take as its ``first``.
-    """
+def until(p: CycleProblem, y: Array, duration: float, level: float) -> Array | None:
+    """Integrate until the carriers rise through ``level``; the state there, None if not within ``duration`` in ns."""
     from ..kernels import orbit_return, rosenbrock
 
-    rows, end, reached, h, _, counts = uninterrupted(
-        orbit_return.integrated, y, duration, level, p.at, p.floor, tableau(Method.RODAS4), TRACE_RTOL, first,
+    _, end, reached, _, _, counts = uninterrupted(
+        orbit_return.integrated, y, duration, level, p.at, p.floor, tableau(Method.RODAS4), TRACE_RTOL, 0.0,
         new_watch(),
     )  # fmt: skip
+    if counts[2] == rosenbrock.EVENT:
+        return np.asarray(end)
     window.check_end(counts, reached, duration * 1e-9, TRACE_RTOL)
-    return rows, end, bool(counts[2] == rosenbrock.EVENT), h
+    return None
 
 
 def around(p: CycleProblem, y: Array, T: float, pulses: int) -> tuple[Array, Array] | None:

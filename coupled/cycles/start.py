@@ -7,26 +7,28 @@ transient goes on, up to twice as long every time, until it rests or pulses as t
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from thermofem.arrays import Array, NDArray
 from thermofem.checks import InputError
 
-from ..heaters import turned_by
-from .orbit import FINE_RTOL, CycleProblem, Orbit, around, run, shoot
+from ..kernels.interrupts import new_watch, uninterrupted
+from ..kernels.tableaus import Method, tableau
+from ..runs.window import check_end
+from .orbit import FINE_RTOL, TRACE_RTOL, CycleProblem, Orbit, around, shoot, until
 
-FIRST, LONGEST = 4e3, 2e6  # ns
+if TYPE_CHECKING:
+    from ..kernels.orbit_start import Transient
+
+LONGEST = 2e6  # ns
 SLOWEST = 30  # of the slowest heat, what a transient may take where that is longer
-REST = 5e-3  # relative distance from a stable fixed point, and range of the carriers, from which a ring goes to rest
-FALLING = 0.95  # of its amplitude, from one quarter of a transient to the next, an oscillation that dies away
 AGREE = 0.2  # relative difference of two amplitudes that are taken for the same
 DIFFER = 20  # pulses that a doubled cycle is left for: those that differ more make a better start
 FLAT = 1e-5  # relative range of the carriers below which an orbit is a fixed point
 MOST_PULSES = 4
 BACK = 0.02  # of the largest heat, within which a trace that pulses unequally is back
-AGAIN = 100.0  # ns, the longest first step of a transient that goes on: longer ones rest on an unstable fixed point
 
 
 class RestError(InputError):
@@ -41,56 +43,67 @@ class Settled(NamedTuple):
     size: float = np.nan
 
 
-def settled(
+def settled(p: CycleProblem, y: Array, begin: str = "a cold ring") -> Settled:
+    """Return the cycle on which a ring settles from the state ``y``; raises as `pursued`."""
+    from ..kernels.orbit_start import Transient
+
+    return pursued(p, Transient(y), stable_points(p), begin)
+
+
+def pursued(
     p: CycleProblem,
-    y: Array,
+    begun: Transient,
+    points: Array,
     begin: str = "a cold ring",
-    points: Array | None = None,
     rough: bool = False,
     longest: float = LONGEST,
 ) -> Settled:
-    """Return the cycle on which a ring settles from the state ``y``.
+    """Return the cycle on which a ring settles where a transient from ``begin`` goes on.
 
-    ``points`` are its stable fixed points where they are known, rows (U, N, dT) in internal units; ``rough`` is as for
-    `shoot`, ``longest`` the longest transient in ns.
+    ``points`` are its stable fixed points as of `spectrum.stable`; ``rough`` is as for `shoot`, ``longest`` as for
+    `longest_of`.
 
     Raises InputError: it comes to rest, or does not repeat itself within the longest transient.
     """
-    from ..kernels import orbit_measure
+    from ..kernels.orbit_start import proceed
 
-    passed, duration, h, said, unstable = 0.0, FIRST, 0.0, "no pulse", False
-    rest = points
-    while passed < max(longest, SLOWEST * _slowest(p)):
-        rows, y, _, h = run(p, y, duration, first=min(h, AGAIN))
-        passed += duration
-        low, high, third, fourth, ups, turn = orbit_measure.digest(rows, duration)
-        if fourth < FALLING * third and (rest is None or rest.size):
-            rest = stable_points(p) if rest is None else rest
-        falls = rest is not None and rest.size > 0 and fourth < FALLING * third  # to rest, or to where it is soon
-        if ups >= 3 and high - low > FLAT * high and not falls:
-            found, said, met = _close(p, y, turn, (low + high) / 2, rough, rough and unstable)
+    longest, said, unstable = longest_of(p, longest), "no pulse", False
+    while True:
+        if not begun.turn > 0 and begun.rest < 0:
+            if begun.passed >= longest:
+                raise InputError(
+                    f"no settled cycle at power = {p.power:g} W, detuning = {p.detuning:g} Hz: "
+                    f"{begun.passed / 1e3:.4g} us from {begin} do not lead to one ({said}); give guess= a cycle nearby"
+                )
+            begun = uninterrupted(
+                proceed, begun, points, longest, p.at, p.floor, tableau(Method.RODAS4), TRACE_RTOL, new_watch()
+            )
+        check_end(np.array([0, 0, begun.ended]), begun.reached, begun.duration * 1e-9, TRACE_RTOL)
+        low, high = begun.low, begun.high
+        if begun.turn > 0:
+            found, said, met = _close(p, begun.y, begun.turn, (low + high) / 2, rough, rough and unstable)
             unstable = unstable or met
             if found is not None:
-                if abs(_range(found.orbit) - (high - low)) <= AGREE * (high - low):
+                if points[0, 0] > 0 and not abs(_range(found.orbit) - (high - low)) <= AGREE * (high - low):
+                    said = "the pulses still change"
+                else:
                     return found
-                rest = stable_points(p) if rest is None else rest
-                if rest.size == 0:
-                    return found
-                said = "the pulses still change"
-        if high - low <= REST * high and fourth <= third + FLAT * high:
-            rest = stable_points(p) if rest is None else rest
-            last = np.array([rows[-1, 1] ** 2 + rows[-1, 2] ** 2, rows[-1, 3], rows[-1, 4]])
-            for point in rest:
-                if np.all(np.abs(last - point) <= REST * point):
-                    raise RestError(
-                        f"no limit cycle at power = {p.power:g} W, detuning = {p.detuning:g} Hz: within "
-                        f"{passed / 1e3:.3g} us {begin} comes to rest at a stable fixed point, {point[0]:.4g} fJ and "
-                        f"{point[2]:.4g} K; give guess= a cycle nearby where one may lie beside it"
-                    )
-        duration = min(2 * duration, 1e5)
-    raise InputError(
-        f"no settled cycle at power = {p.power:g} W, detuning = {p.detuning:g} Hz: {passed / 1e3:.4g} us from {begin} "
-        f"do not lead to one ({said}); give guess= a cycle nearby"
+        if begun.rest >= 0:
+            raise RestError(rest_words(p, begun.passed, points[begun.rest], begin))
+        begun = begun._replace(turn=0.0)
+
+
+def longest_of(p: CycleProblem, longest: float) -> float:
+    """The longest transient in ns: longer than ``longest`` where heat is slow."""
+    return max(longest, SLOWEST / p.at.thermal.slowest)
+
+
+def rest_words(p: CycleProblem, passed: float, point: Array, begin: str = "a cold ring") -> str:
+    """Say that a ring rests at a stable fixed point, a row of `spectrum.stable`, after ``passed`` ns."""
+    return (
+        f"no limit cycle at power = {p.power:g} W, detuning = {p.detuning:g} Hz: within {passed / 1e3:.3g} us {begin} "
+        f"comes to rest at a stable fixed point, {point[0]:.4g} fJ and {point[2]:.4g} K; give guess= a cycle nearby "
+        "where one may lie beside it"
     )
 
 
@@ -102,9 +115,10 @@ def _close(
     The last value says whether an unstable one is there. Where that is known, only a trace that repeats itself is tried
     (``wary``).
     """
-    _, y, met, _ = run(p, y, 4 * T, level)
-    if not met:
+    met = until(p, y, 4 * T, level)
+    if met is None:
         return None, "the pulses end", False
+    y = met
     pulses, said = _repeats(p, y, T, 1) if wary else 1, ""
     if pulses == 0:
         return None, "the pulses do not repeat", True
@@ -157,18 +171,14 @@ def _range(orbit: Orbit) -> float:
     return float(np.ptp(orbit.Y[:, :, 2]))
 
 
-def _slowest(p: CycleProblem) -> float:
-    """The slowest time constant of heat in ns."""
-    return float(1 / p.at.thermal.slowest)
+def stable_points(p: CycleProblem) -> Array:
+    """The stable fixed points as of `spectrum.stable`; none for a model without steady states at the largest power."""
+    from ..equilibria import spectrum
+    from ..equilibria.steady import absorbable, internal
 
-
-def stable_points(p: CycleProblem, at: Any = None, pieces: Array | None = None) -> Array:
-    """The stable fixed points, rows (U, N, dT) in internal units; ``at`` and ``pieces`` as `steady.fixed_points`."""
-    from ..equilibria import balance, spectrum
-    from ..equilibria.steady import absorbable, fixed_points, internal, kind_of
-
-    at = at or internal(p.ring, p.model, absorbable(p.ring, p.power))
-    U, D = fixed_points(p.ring, at, p.power, p.detuning + turned_by(p.rise, p.ring), pieces)
-    N, _, dT, *_ = balance.balances(U, at.rates, at.fcd, at.static)
-    stable = [kind_of(spectrum.dense(u, d, *at[1:]))[2] == "stable" for u, d in zip(U, D, strict=True)]
-    return np.stack([U, N, dT], axis=1)[stable]
+    try:
+        at = internal(p.ring, p.model, absorbable(p.ring, p.power))
+    except InputError:
+        return np.full((1, 3), np.nan)
+    shifts, unknown = np.array([p.at.detuning]), np.array([-1.0])
+    return np.asarray(spectrum.stable(shifts, unknown, p.at.pump, *at[1:])[0])

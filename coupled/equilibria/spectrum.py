@@ -203,7 +203,30 @@ def survey(detunings: Array, pump: float, rates: Rates, fcd: Array, thermal: Any
     return out
 
 
-for kernel in (secular, seculars, state, warmth, dense, follow, survey):
+@compiled
+def stable(detunings: Array, counts: Array, pump: float, rates: Rates, fcd: Array, thermal: Any, static: Any) -> Array:
+    """Return the stable fixed points at one power by increasing energy, rows (U, N, dT), shape (m, most, 3).
+
+    Rows of nan follow them. ``counts`` are the numbers of stable ones where known, as of `survey`, else -1; eigenvalues
+    are computed where only a part of the fixed points is stable.
+    """
+    s_end = fixed.reach(np.max(np.abs(detunings)), pump, rates, fcd, static)
+    pieces = fixed.turning_points(s_end, pump, rates, fcd, static)
+    out = np.full((detunings.size, pieces.size - 1, 3), np.nan)
+    for j in range(detunings.size):
+        if counts[j] == 0.0:
+            continue
+        points, filled = fixed.fixed_points(detunings[j], pump, rates, fcd, static, pieces), 0
+        for k in np.argsort(points[0]):
+            U, D = points[0, k], points[1, k]
+            if counts[j] == points.shape[1] or dense(U, D, rates, fcd, thermal, static).real.max() <= 0.0:
+                at = fixed.balance(U, rates, fcd, static)
+                out[j, filled, 0], out[j, filled, 1], out[j, filled, 2] = U, at.N, at.dT
+                filled += 1
+    return out
+
+
+for kernel in (secular, seculars, state, warmth, dense, follow, survey, stable):
     forget_if_older(kernel, equations.__file__)
     for module in (fixed, kinds):
         forget_if_older(kernel, str(module.__file__))

@@ -103,15 +103,15 @@ class Journal:
     def add(self, row: int, cells: list[Any]) -> None:
         """Append one row."""
         self.rows[row] = cells
+        if self.path is None:
+            return
         kept = [row, _frozen(cells)]
         self._append(json.dumps([*kept, files.digest_tree(kept)[:16]], allow_nan=False))
 
     def _append(self, line: str) -> None:
         """Write one line and flush it to the disk."""
-        if self.path is None:
-            return
         try:
-            with open(self.path, "a", encoding="utf-8") as file:
+            with open(self.path or "", "a", encoding="utf-8") as file:
                 file.write(line + "\n")
                 file.flush()
                 os.fsync(file.fileno())

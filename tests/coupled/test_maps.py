@@ -60,7 +60,8 @@ def test_neighbours_lead_to_the_cycle_of_a_cold_ring():
                 coupled.limit_cycle(RING, model, power=power, detuning=detuning)
             continue
         cycle = coupled.limit_cycle(RING, model, power=power, detuning=detuning)
-        assert float(at["period"]) == pytest.approx(cycle.attrs["period"], rel=1e-6)
+        doubled = "2 pulses" in str(at["reason"].values)  # closed as tightly as by `limit_cycle`
+        assert float(at["period"]) == pytest.approx(cycle.attrs["period"], rel=1e-10 if doubled else 1e-6)
         assert float(at["duty"]) == pytest.approx(cycle.attrs["duty"], rel=2e-4)
         assert float(at["swing"]) == pytest.approx(cycle.attrs["swing"], rel=1e-4)
 

@@ -11,6 +11,7 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.equilibria import spectrum
+from coupled.equilibria.steady import absorbable, internal
 from coupled.kernels import equations as eq
 from coupled.kernels.kinds import Static
 
@@ -23,6 +24,24 @@ CASES = {"second order": (RING, EXPERIMENT), "newton": (LUMPED, NEWTON), "sixtee
 POWERS = 1e-3 * 10 ** (np.linspace(3, 10, 12) / 10)
 DETUNINGS = np.linspace(-30e9, 30e9, 13)
 WIDE = 1e-3 * 10 ** (np.array([-5, 15]) / 10), np.array([-120e9, 60e9])
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_the_stable_fixed_points_of_a_row_are_those_of_every_point(known):
+    power, detunings = 5e-3, np.array([-60e9, -33e9, -32e9, -31e9, 0.0])
+    at = internal(RING, EXPERIMENT, absorbable(RING, power))
+    shifts, rest = np.array([eq.internal_detuning(nu) for nu in detunings]), (eq.internal_pump(RING, power), *at[1:])
+    counts = spectrum.survey(shifts, *rest)[1] if known else np.full(shifts.size, -1.0)
+    found = spectrum.stable(shifts, counts, *rest)
+    numbers = set()
+    for nu, points in zip(detunings, found, strict=True):
+        states = coupled.steady_states(RING, EXPERIMENT, power=power, detuning=float(nu))
+        states = states.isel(branch=states.regime.values == "stable")
+        numbers.add(count := states.sizes["branch"])
+        wanted = [states.energy / eq.FJ, states.carriers / eq.DENSITY, states.delta_T]
+        assert points[:count] == pytest.approx(np.array(wanted).T, rel=1e-11, abs=0)  # roots found in other brackets
+        assert np.isnan(points[count:]).all()
+    assert {0, 1} <= numbers
 
 
 @pytest.mark.parametrize("case", CASES)
