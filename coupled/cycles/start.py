@@ -18,6 +18,7 @@ from ..kernels.interrupts import new_watch, uninterrupted
 from ..kernels.tableaus import Method, tableau
 from ..runs.window import check_end
 from .orbit import FINE_RTOL, TRACE_RTOL, CycleProblem, Orbit, around, shoot, until
+from .scheme import scheme
 
 if TYPE_CHECKING:
     from ..kernels.orbit_start import Transient
@@ -28,6 +29,7 @@ AGREE = 0.2  # relative difference of two amplitudes that are taken for the same
 DIFFER = 20  # pulses that a doubled cycle is left for: those that differ more make a better start
 FLAT = 1e-5  # relative range of the carriers below which an orbit is a fixed point
 MOST_PULSES = 4
+SAME = 1e-3  # of the largest carriers or heat, by which the pulses of a cycle that repeats within a period may differ
 BACK = 0.02  # of the largest heat, within which a trace that pulses unequally is back
 
 
@@ -135,7 +137,7 @@ def _close(
         others = nontrivial(orbit)
         size = float(np.abs(others).max())
         if size < 1:
-            return Settled(orbit, pulses, size), "", False
+            return _once(p, Settled(orbit, pulses, size), rough), "", False
         worst = others[np.argmax(np.abs(others))]
         if worst.real > -1 or abs(worst.imag) > 0:
             return None, "the cycle there is unstable", True
@@ -146,6 +148,19 @@ def _close(
         y = found[1]
         pulses *= 2
     return None, said, True
+
+
+def _once(p: CycleProblem, found: Settled, rough: bool) -> Settled:
+    """The cycle of one pulse where a ``found`` one of several goes round it as many times."""
+    from ..kernels import orbit_mesh
+
+    y, Y, tau, T = found.orbit[:4]
+    (after,) = orbit_mesh.interpolate(y, Y, tau, scheme(), np.array([1 / found.pulses]))
+    if found.pulses == 1 or np.abs(after - y)[2:].max() > SAME * np.abs(y[2:]).max():
+        return found
+    orbit = shoot(p, y, T / found.pulses, 1, rough)
+    size = np.inf if orbit is None else float(np.abs(nontrivial(orbit)).max())
+    return Settled(orbit, 1, size) if orbit is not None and size < 1 else found
 
 
 def _repeats(p: CycleProblem, y: Array, T: float, fewest: int = 2) -> int:

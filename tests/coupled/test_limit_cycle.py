@@ -12,7 +12,8 @@ from numba import njit
 import coupled
 import surrogate
 import thermofem as th
-from coupled.cycles.orbit import problem
+from coupled.cycles import start
+from coupled.cycles.orbit import problem, shoot
 from coupled.kernels import collocation, orbits
 from coupled.thermal import compact
 
@@ -85,10 +86,10 @@ def test_multipliers_are_those_of_a_finite_difference_return_map(kind):
 
 def _after(p, y, T):
     """The state a period later, at rtol 1e-10."""
-    from coupled import window
     from coupled.kernels import rosenbrock
     from coupled.kernels.interrupts import new_watch
     from coupled.kernels.tableaus import Method, tableau
+    from coupled.runs import window
 
     laser = window.constant_laser(0.0, T * 1e-9, p.at.pump, p.at.detuning)
     return rosenbrock.integrate(
@@ -148,6 +149,17 @@ def test_a_cycle_is_a_guess_for_its_neighbour_and_for_another_model():
     assert coupled.limit_cycle(RING, FIVE, power=POWER, guess=run_).attrs["period"] == pytest.approx(
         cycle.attrs["period"], rel=1e-9
     )
+
+
+def test_two_rounds_of_a_cycle_are_one_cycle():
+    p = problem(RING, compact(FIVE), POWER, 0.0)
+    one = start.settled(p, np.zeros(p.units.size))
+    two = shoot(p, one.orbit.start, 2 * one.orbit.T, pulses=2, rough=True)
+    assert pytest.approx(2 * one.orbit.T, rel=1e-6) == two.T
+    found = start._once(p, start.Settled(two, 2, one.size**2), rough=True)
+    assert found.pulses == 1
+    assert pytest.approx(one.orbit.T, rel=1e-6) == found.orbit.T
+    assert found.size == pytest.approx(one.size, rel=1e-3)
 
 
 def test_no_cycle_says_why():
