@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Integral
@@ -25,6 +26,9 @@ from .matching import Target, coarse, deviations, polished, residuals, simulated
 if TYPE_CHECKING:
     import xarray as xr
 
+log = logging.getLogger("thermofem")
+
+NEAR = 0.1  # of a whole number, relative: a ratio of periods that is one
 POPULATION, GENERATIONS = 20, 8
 SEARCHED = 6  # harmonics that count in the evolution
 
@@ -47,6 +51,8 @@ class Identification(HasModel):
         over trace and phase: drop, the measured mean cycle, and drop_model; each the mean over 1/33 of the cycle.
     samples : xarray.Dataset
         over run: each free parameter, and misfit, the root of the mean over the traces of the sum of squares.
+    notes : tuple of str
+        traces whose period and that of the model are a multiple of each other: one of them may be misread. Logged, too.
     front : array, shape (n, traces)
         sums of squares, with six harmonics, of the Pareto front at which the evolution of the first run ended.
     """
@@ -59,6 +65,7 @@ class Identification(HasModel):
     cycles: xr.Dataset
     samples: xr.Dataset
     front: Array
+    notes: tuple[str, ...] = ()
 
 
 @renamed.keywords(progress="show_bar")
@@ -123,7 +130,7 @@ def identify(
     synthetic cases of four parameters, two traces and 2 % noise (tests/audit/pulls.py): the deviations of (found -
     true)/deviation are 0.99 to 1.00. Of seven nearly exchangeable parameters (those four, bus_rate, loss_rate and
     fca_cross_section) on four traces, whose deviations reach 3 %, they are 0.82 to 1.04 over
-    29 of 30 cases; in the other one a trace was read at twice the period of its model, which ``residuals`` shows. The
+    29 of 30 cases; in the other one a trace was read at twice the period of its model, which ``notes`` says. The
     simulated traces are sampled as the given ones are: straight lines between other samples would move such
     parameters by more than a deviation.
 
@@ -207,6 +214,7 @@ def _result(
             ),
         }
     )
+    notes = multiples(columns[2], columns[3])
     drawn = np.array(curves)
     cycles = xr.Dataset(
         {
@@ -222,5 +230,20 @@ def _result(
     return Identification(
         dict(zip(what.names, values[best].tolist(), strict=True)),
         dict(zip(what.names, spread.tolist(), strict=True)),
-        ring, model, errors, cycles, samples, front,
+        ring, model, errors, cycles, samples, front, notes,
     )  # fmt: skip
+
+
+def multiples(periods: Array, models: Array) -> tuple[str, ...]:
+    """What to say of traces whose period is a multiple of the model's, or the other way round; logged as warnings."""
+    notes = []
+    for k, (seen, own) in enumerate(zip(periods, models, strict=True)):
+        ratio = max(seen / own, own / seen)
+        if ratio > 1.5 and abs(ratio / round(ratio) - 1) < NEAR:
+            notes.append(
+                f"traces[{k}] was read at a period of {seen:.4g} s and its model at {own:.4g} s, {round(ratio)} times "
+                "as much or as little: one of them is misread, and the parameters may be wrong; sample the trace more "
+                "finely, or leave it out"
+            )
+            log.warning("%s", notes[-1])
+    return tuple(notes)

@@ -15,7 +15,7 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.identification.cycles import Cycle, cycle_of, misfit, observe
-from coupled.identification.identify import _result
+from coupled.identification.identify import _result, multiples
 from coupled.identification.matching import residuals, targets_of
 from coupled.plot import plot_identification, plot_newton_traces
 from coupled.unknowns import unknowns
@@ -252,3 +252,21 @@ def test_drop_traces_calibrate_a_stack():
     found = coupled.identify(ring, traces, free=["box"], model=Rings(), runs=1)
     # traces without noise: what the step of the integration leaves, rtol 1e-5, through the derivative of the period
     assert found.parameters["box"] == pytest.approx(2.6e-6, rel=2e-3)
+
+
+@pytest.mark.parametrize("samples", [7.5, 11.5, 19.5])
+def test_a_period_of_few_and_a_half_samples_is_not_read_twice(samples):
+    """After one period the samples of a sharp pulse lie half a step beside those before, after two they meet again."""
+    fine = coupled.simulate(RING, EXPERIMENT, power=6.31e-3, detuning=0.0, duration=12e-6)
+    period = coupled.pulsing(fine).period
+    times = np.arange(0, 20e-6, period / samples)
+    trace = measured(RING, EXPERIMENT, 6.31e-3, 0.0, times=times)
+    assert observe(trace).clock == pytest.approx(period, rel=0.05)
+
+
+def test_a_period_that_is_a_multiple_of_the_models_is_said(caplog):
+    assert multiples(np.array([1e-6, np.nan, 1.3e-6]), np.array([1.02e-6, 1e-6, 1e-6])) == ()
+    (note,) = multiples(np.array([1e-6, 1.29e-6]), np.array([1e-6, 0.64e-6]))
+    assert note.startswith("traces[1] was read at a period of 1.29e-06 s and its model at 6.4e-07 s, 2 times")
+    assert note in caplog.text
+    assert len(multiples(np.array([0.5e-6]), np.array([1.52e-6]))) == 1
