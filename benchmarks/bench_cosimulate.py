@@ -54,12 +54,12 @@ def monolithic(system: th.StateSpace, times: Array, rtol: float) -> Array:
 
     def right(_: float, y: Array) -> Array:
         ar, ai, N, dT = light(y)
-        *moving, heat = eq.optics.py_func(ar, ai, N, dT, eq.dispersion.py_func(N, fcd)[0], drive, 0.0, rates)
+        *moving, heat = eq.optics(ar, ai, N, dT, eq.dispersion(N, fcd)[0], drive, 0.0, rates)
         return np.concatenate([moving, A @ y[3:] + b * heat])
 
     def jacobian(_: float, y: Array) -> Any:
         ar, ai, N, dT = light(y)
-        J = np.array(eq.optics_jacobian.py_func(ar, ai, N, dT, *eq.dispersion.py_func(N, fcd), 0.0, rates))
+        J = np.array(eq.optics_jacobian(ar, ai, N, dT, *eq.dispersion(N, fcd), 0.0, rates))
         read, heated = csr_matrix(np.outer(J[:3, 3], C)), csr_matrix(np.outer(b, J[3, :3]))
         return bmat([[csr_matrix(J[:3, :3]), read], [heated, A]], format="csc")
 

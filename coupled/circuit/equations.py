@@ -128,6 +128,5 @@ def heating(rows: Array, rings: Rings, i: int) -> Array:
     return out
 
 
-for kernel in (right_hand_side, jacobian, growing, heating):
-    for module in (equations, control, kinds, layout, spectrum, waves):
-        forget_if_older(kernel, str(module.__file__))
+for module in (equations, control, kinds, layout, spectrum, waves):
+    forget_if_older(heating, str(module.__file__))

@@ -337,6 +337,5 @@ def moved(y: Array, out: Array, rings: Rings, w: Workspace) -> float:
     return most
 
 
-for kernel in (step, workspace):
-    for module in (equations, algebra, control, layout, poles):
-        forget_if_older(kernel, str(module.__file__))
+for module in (equations, algebra, control, layout, poles):
+    forget_if_older(workspace, str(module.__file__))

@@ -41,7 +41,7 @@ def dataset_of(p: CycleProblem, found: Settled) -> xr.Dataset:
         "delta_T": seen[:, 2] + p.rise,
         "drop": 2 * ring.drop_bus_rate * U * eq.FJ,
         "through": np.abs(into + 1j * np.sqrt(2 * ring.bus_rate * eq.NS) * field) ** 2 * eq.UW,
-        "absorbed": eq.absorbed_power.py_func(U, N, p.at.rates) * eq.UW,
+        "absorbed": eq.absorbed_power(U, N, p.at.rates) * eq.UW,
     }
     if ring.scattering_rate > 0:
         values["scattered"] = 2 * ring.scattering_rate * U * eq.FJ

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..kernels import equations, kinds
-from ..kernels.compiling import compiled, forget_if_older, inlined
+from ..kernels.compiling import compiled, forget_if_older, inlined, inner
 from ..kernels.equations import Array, Rates, absorbed_power, dispersion
 from ..kernels.kinds import rise
 
@@ -114,7 +114,7 @@ def reach(detuning: float, pump: float, rates: Rates, fcd: Array, heat: Any) -> 
     return math.asinh((abs(detuning) + largest) / rates.loss + 1.0)
 
 
-@compiled
+@inner
 def _slope_zero(left: float, right: float, pump: float, rates: Rates, fcd: Array, heat: Any) -> float:
     """Return the s between two of opposite slope where the slope vanishes, by bisection."""
     sign = tilted(left, pump, rates, fcd, heat)[3] > 0.0
@@ -129,7 +129,7 @@ def _slope_zero(left: float, right: float, pump: float, rates: Rates, fcd: Array
     return 0.5 * (left + right)
 
 
-@compiled
+@inner
 def _flattest(left: float, right: float, pump: float, rates: Rates, fcd: Array, heat: Any) -> float:
     """Return the s between ``left`` and ``right`` of the smallest |slope|, by golden section.
 
@@ -181,7 +181,7 @@ def turning_points(s_end: float, pump: float, rates: Rates, fcd: Array, heat: An
     return out[: count + 1]
 
 
-@compiled
+@inner
 def crossing(
     left: float, right: float, detuning: float, pump: float, rates: Rates, fcd: Array, heat: Any
 ) -> tuple[float, float]:
@@ -219,6 +219,5 @@ def fixed_points(detuning: float, pump: float, rates: Rates, fcd: Array, heat: A
     return out[:, :count]
 
 
-for kernel in (balance, balances, energy, tilted, reach, turning_points, crossing, fixed_points):
-    forget_if_older(kernel, equations.__file__)
-    forget_if_older(kernel, kinds.__file__)
+for module in (equations, kinds):
+    forget_if_older(fixed_points, str(module.__file__))

@@ -191,7 +191,7 @@ def _impedance(plane: _Plane, log_U: Array, z: NDArray[np.complex128]) -> NDArra
     def at_rest() -> tuple[Array, Array, NDArray[np.intp]]:
         U, which = np.unique(np.exp(log_U), return_inverse=True)
         N = balance.balances(U, plane.rates, plane.fcd, plane.static)[0]
-        power = eq.absorbed_power.py_func(U, N, plane.rates)
+        power = eq.absorbed_power(U, N, plane.rates)
         states = spectrum.warmth(U, plane.rates, plane.fcd, plane.thermal, plane.static)
         return states, power, which.reshape(z.shape)
 

@@ -24,7 +24,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..kernels import equations, kinds
-from ..kernels.compiling import compiled, forget_if_older, inlined
+from ..kernels.compiling import OPTIONS, compiled, forget_if_older, inlined
 from ..kernels.equations import Array, Rates, absorbed_power, dispersion
 from ..kernels.kinds import bend, chosen, order, rest
 from . import balance as fixed
@@ -49,7 +49,7 @@ class Secular(NamedTuple):
     kerr: float
 
 
-@inlined
+@compiled
 def secular(U: float, rates: Rates, fcd: Array, static: Any) -> Secular:
     """Return the coefficients at the fixed point of energy ``U``; none depends on D."""
     at = fixed.balance(U, rates, fcd, static)
@@ -160,7 +160,7 @@ def _again(z: Complex, U: float, D: float, rates: Rates, fcd: Array, thermal: An
     """Move ``z`` as `follow` does and return whether it can be trusted; never for a quadratic model."""
 
 
-@overload(_again, strict=False)
+@overload(_again, jit_options=OPTIONS, strict=False)
 def _again_of(z: Any, U: Any, D: Any, rates: Any, fcd: Any, thermal: Any, static: Any) -> Any:
     def network(z: Complex, U: float, D: float, rates: Rates, fcd: Array, thermal: Any, static: Any) -> bool:
         return bool(follow(z, secular(U, rates, fcd, static), D, thermal.poles))
@@ -192,7 +192,9 @@ def survey(detunings: Array, pump: float, rates: Rates, fcd: Array, thermal: Any
             branch = k if points.shape[1] > 1 or D > 0.0 else pieces.size - 1
             z = near[branch]
             if not known[branch] or not _again(z, U, D, rates, fcd, thermal, static):
-                z[:] = dense(U, D, rates, fcd, thermal, static)
+                found = dense(U, D, rates, fcd, thermal, static)
+                for i in range(z.size):
+                    z[i] = found[i]
             known[branch] = True
             first = z[np.argmax(z.real)]
             if first.real < 0.0:
@@ -226,7 +228,5 @@ def stable(detunings: Array, counts: Array, pump: float, rates: Rates, fcd: Arra
     return out
 
 
-for kernel in (secular, seculars, state, warmth, dense, follow, survey, stable):
-    forget_if_older(kernel, equations.__file__)
-    for module in (fixed, kinds):
-        forget_if_older(kernel, str(module.__file__))
+for module in (equations, fixed, kinds):
+    forget_if_older(survey, str(module.__file__))

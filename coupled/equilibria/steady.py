@@ -163,7 +163,7 @@ def observables(ring: RingResonator, at: Internal, U: Array, D: Array, powers: A
         "delta_T": dT,
         "drop": dropped * U * eq.UW,
         "through": powers * np.abs(1 - coupling / (gamma - 1j * D)) ** 2,
-        "absorbed": eq.absorbed_power.py_func(U, N, at.rates) * eq.UW,
+        "absorbed": eq.absorbed_power(U, N, at.rates) * eq.UW,
         "growth_rate": np.array([growth for growth, _, _ in found]) / eq.NS,
         "frequency": np.array([omega for _, omega, _ in found]) / (2 * np.pi * eq.NS),
         "regime": np.array([regime for _, _, regime in found], dtype=str),

@@ -142,7 +142,7 @@ def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike,
     U = wanted.ravel() / (2 * ring.drop_bus_rate) / eq.FJ
     rates, fcd = eq.internal_rates(ring)
     N = balance.balances(U, rates, fcd, Static(0.0))[0]
-    at = internal(ring, model, float(eq.absorbed_power.py_func(U, N, rates).max()) * eq.UW)
+    at = internal(ring, model, float(eq.absorbed_power(U, N, rates).max()) * eq.UW)
     shift, gamma = balance.balances(U, at.rates, at.fcd, at.static)[[3, 5]]
     D = shift - 2 * np.pi * eq.NS * nu.ravel()
     return np.asarray(U * (gamma**2 + D**2) / eq.internal_pump(ring, 1.0) ** 2).reshape(wanted.shape)

@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import equations, kinds
-from .compiling import compiled, forget_if_older, inlined
+from .compiling import compiled, forget_if_older, inlined, inner
+from .control import DONE, STEP_TOO_SMALL, STOPPED, TOO_MANY_STEPS, doubled, tally
 from .equations import Array, Rates, absorbed_power, dispersion
 from .kinds import flow, read, rise_of
 from .laser import LaserPieces, power_and_detuning
-from .rosenbrock import DONE, STEP_TOO_SMALL, STOPPED, TOO_MANY_STEPS
 
 A = np.array(
     [
@@ -41,7 +41,7 @@ ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 5
 BETWEEN = 4  # rows for every accepted step: light turns faster than the carriers that the steps follow
 
 
-@compiled
+@inner
 def field(y: Array, power: float, detuning: float, U: float, rates: Rates, fcd: Array, thermal: Any) -> Array:
     """Return Re a, Im a and U at rest in given carriers and heat, from a guess of U; ``power`` is the squared pump."""
     N = y[2]
@@ -57,7 +57,9 @@ def field(y: Array, power: float, detuning: float, U: float, rates: Rates, fcd: 
             break
     gamma, D = own + rates.tpa * U, D0 - rates.kerr * U
     pump = math.sqrt(power) / (gamma * gamma + D * D)
-    return np.array([-D * pump, gamma * pump, U])
+    out = np.empty(3)
+    out[0], out[1], out[2] = -D * pump, gamma * pump, U
+    return out
 
 
 @inlined
@@ -102,7 +104,7 @@ def integrate(
         while t < stop:
             if accepted + rejected >= max_steps or watch[0] > 0.0:
                 ended = STOPPED if watch[0] > 0.0 else TOO_MANY_STEPS
-                return rows[:filled], y, t, np.array([accepted, rejected, ended])
+                return rows[:filled], y, t, tally(accepted, rejected, ended)
             watch[1] = t
             landing = t + 1.0001 * h >= stop
             if landing:
@@ -115,7 +117,8 @@ def integrate(
                         at[i] += h * A[q, j] * k[j, i]
                 power, detuning = power_and_detuning(laser, piece, t - begin + AT[q] * h)
                 U_stage = _slopes(at, power, detuning, U_stage, rates, fcd, thermal, k[q])
-            out[2:] = at[2:]
+            for i in range(2, y.size):
+                out[i] = at[i]
             e_N, e_x = 0.0, 0.0
             for j in range(7):
                 e_N += h * ERROR[j] * k[j, 2]
@@ -132,17 +135,17 @@ def integrate(
                 rejected += 1
                 h *= max(0.2, 0.9 * error**-0.2) if error < math.inf else 0.2
                 if h < 1e-13 * max(abs(t), 1e-3):
-                    return rows[:filled], y, t, np.array([accepted, rejected, STEP_TOO_SMALL])
+                    return rows[:filled], y, t, tally(accepted, rejected, STEP_TOO_SMALL)
                 continue
             accepted += 1
             t_new = stop if landing else t + h
             last = landing and stop == end
-            inner = 1
+            between = 1
             if wanted == 0 and filled + BETWEEN > rows.shape[0]:
-                rows = np.concatenate((rows, np.empty_like(rows)))
-            while (filled < wanted and (last or times[filled] <= t_new)) or (wanted == 0 and inner < BETWEEN):
-                row_time = times[filled] if wanted > 0 else t + inner / BETWEEN * h
-                inner += 1
+                rows = doubled(rows)
+            while (filled < wanted and (last or times[filled] <= t_new)) or (wanted == 0 and between < BETWEEN):
+                row_time = times[filled] if wanted > 0 else t + between / BETWEEN * h
+                between += 1
                 x = (row_time - t) / h
                 for i in range(2, y.size):
                     rise = out[i] - y[i]
@@ -155,7 +158,8 @@ def integrate(
                 filled += 1
             t, U = t_new, U_stage
             y, out = out, y
-            k[0] = k[6]
+            for i in range(y.size):
+                k[0, i] = k[6, i]
             if wanted == 0:
                 power, detuning = power_and_detuning(laser, piece, t - begin)
                 a = field(y, power, detuning, U, rates, fcd, thermal)
@@ -165,9 +169,8 @@ def integrate(
             h *= max(0.2, min(5.0, 0.9 * max(error, 1e-8) ** -0.2))
     a = field(y, power, detuning, U, rates, fcd, thermal)
     y[0], y[1] = a[0], a[1]
-    return rows[:filled], y, t, np.array([accepted, rejected, DONE])
+    return rows[:filled], y, t, tally(accepted, rejected, DONE)
 
 
-for kernel in (field, integrate):
-    for module in (equations, kinds):
-        forget_if_older(kernel, str(module.__file__))
+for module in (equations, kinds):
+    forget_if_older(integrate, str(module.__file__))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiling import compiled, inlined
+from .compiling import inlined, inner
 from .equations import Array
 
 Row3 = tuple[float, float, float]
@@ -65,7 +65,7 @@ def solve(m: Array, order: NDArray[np.int64], x: Array) -> None:
         x[i] = total / m[i, i]
 
 
-@compiled
+@inner
 def eliminate(m: Array) -> None:
     """Overwrite the right-hand sides in the last columns of ``m`` by the solutions of the system in its first ones.
 

@@ -21,9 +21,9 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from . import equations, kinds
+from . import algebra, equations, kinds
 from .algebra import eliminate
-from .compiling import compiled
+from .compiling import compiled, forget_if_older, inner
 from .equations import Array, Rates, dispersion, optics, optics_jacobian
 from .kinds import rise_of
 
@@ -86,8 +86,11 @@ def linearize(start: Array, Y: Array, tau: Array, T: float, ring: Ring, scheme: 
     size : float
         largest residual, of the stages in units of the states.
     """
+    one_pass = full_pass if isinstance(ring.thermal, kinds.QuadraticHeat) else network_pass
+    return one_pass(start, Y, tau, T, ring, scheme, forcing)
 
 
+@compiled
 def network_pass(start: Array, Y: Array, tau: Array, T: float, ring: Ring, scheme: Scheme, forcing: Array) -> Any:
     """`linearize` for a network with an output map."""
     intervals, s, m = Y.shape
@@ -152,8 +155,9 @@ def network_pass(start: Array, Y: Array, tau: Array, T: float, ring: Ring, schem
                 W[j, p] = 0.0
                 for q in range(modes):
                     W[j, p] += h * (c_back[j, q] * lam[q] * gs[q] * forth[q, p]).real
-        slide[:] = 0.0
         for j in range(s):
+            for e in range(extra):
+                slide[j, e] = 0.0
             for q in range(modes):
                 slide[j, 1] += h / T * (c_back[j, q] * slope_hat[q]).real
         for e in range(2, extra):  # (1 + h rate A)^-1 A h F of every pole
@@ -176,11 +180,12 @@ def network_pass(start: Array, Y: Array, tau: Array, T: float, ring: Ring, schem
             ar, ai, N = Y[k, j, 0], Y[k, j, 1], Y[k, j, 2]
             shift, slope = dispersion(N, ring.fcd)
             f[j, 0], f[j, 1], f[j, 2], _ = optics(ar, ai, N, dT, shift, ring.pump, ring.detuning, ring.rates)
-            rows = optics_jacobian(ar, ai, N, dT, shift, slope, ring.detuning, ring.rates)
-            for a in range(3):
-                J[j, a, 0], J[j, a, 1], J[j, a, 2] = rows[a][0], rows[a][1], rows[a][2]
-                power[k, j, a] = rows[3][a]
-            u[j, 0], u[j, 1] = rows[0][3] * dT_slope, rows[1][3] * dT_slope
+            real, imaginary, carriers, heat = optics_jacobian(ar, ai, N, dT, shift, slope, ring.detuning, ring.rates)
+            J[j, 0, 0], J[j, 0, 1], J[j, 0, 2] = real[0], real[1], real[2]
+            J[j, 1, 0], J[j, 1, 1], J[j, 1, 2] = imaginary[0], imaginary[1], imaginary[2]
+            J[j, 2, 0], J[j, 2, 1], J[j, 2, 2] = carriers[0], carriers[1], carriers[2]
+            power[k, j, 0], power[k, j, 1], power[k, j, 2] = heat[0], heat[1], heat[2]
+            u[j, 0], u[j, 1] = real[3] * dT_slope, imaginary[3] * dT_slope
         for j in range(s):
             for p in range(s):
                 pull[j, p, 0], pull[j, p, 1] = 0.0, 0.0
@@ -188,9 +193,10 @@ def network_pass(start: Array, Y: Array, tau: Array, T: float, ring: Ring, schem
                     pull[j, p, 0] += h * A[j, i] * u[i, 0] * W[i, p]
                     pull[j, p, 1] += h * A[j, i] * u[i, 1] * W[i, p]
         S = K[:, 3 * s :]
-        S[:] = 0.0
         for j in range(s):
             for a in range(3):
+                for col in range(wide):
+                    S[3 * j + a, col] = 0.0
                 row, residual, turn = 3 * j + a, begin[a] - Y[k, j, a], 0.0
                 for p in range(s):
                     residual += h * A[j, p] * f[p, a]
@@ -212,7 +218,9 @@ def network_pass(start: Array, Y: Array, tau: Array, T: float, ring: Ring, schem
                         for p in range(s):
                             S[row, 3 + s + e] += h * A[j, p] * u[p, a] * slide[p, e]
         eliminate(K)
-        light[k] = S
+        for row in range(3 * s):
+            for col in range(wide):
+                light[k, row, col] = S[row, col]
         # the derivative of the return map so far
         for j in range(s):
             for col in range(wide):
@@ -221,8 +229,9 @@ def network_pass(start: Array, Y: Array, tau: Array, T: float, ring: Ring, schem
                     + power[k, j, 1] * S[3 * j + 1, col]
                     + power[k, j, 2] * S[3 * j + 2, col]
                 )
-        zeta[:] = 0.0
         for j in range(s):
+            for col in range(m + extra):
+                zeta[j, col] = 0.0
             for i in range(n):
                 w = warmth[k, j, i]
                 for col in range(m + extra):
@@ -262,6 +271,7 @@ def network_pass(start: Array, Y: Array, tau: Array, T: float, ring: Ring, schem
     return prop, Intervals(light, warmth, gain, power, direct), size
 
 
+@compiled
 def full_pass(start: Array, Y: Array, tau: Array, T: float, ring: Ring, scheme: Scheme, forcing: Array) -> Any:
     """`linearize` with all states as unknowns of an interval: for every kind of heat, at a cost like (s m)^3."""
     intervals, s, m = Y.shape
@@ -277,8 +287,12 @@ def full_pass(start: Array, Y: Array, tau: Array, T: float, ring: Ring, scheme: 
         begin = start if k == 0 else Y[k - 1, s - 1]
         right = np.zeros((s * m, m + extra))
         for j in range(s):
-            f[j] = equations.right_hand_side(Y[k, j], ring.pump, ring.detuning, ring.rates, ring.fcd, ring.thermal)
-            J[j] = equations.jacobian(Y[k, j], ring.detuning, ring.rates, ring.fcd, ring.thermal)
+            rate = equations.right_hand_side(Y[k, j], ring.pump, ring.detuning, ring.rates, ring.fcd, ring.thermal)
+            slope = equations.jacobian(Y[k, j], ring.detuning, ring.rates, ring.fcd, ring.thermal)
+            for a in range(m):
+                f[j, a] = rate[a]
+                for b in range(m):
+                    J[j, a, b] = slope[a, b]
         for j in range(s):
             for a in range(m):
                 row, residual, turn = m * j + a, begin[a] - Y[k, j, a], 0.0
@@ -293,16 +307,23 @@ def full_pass(start: Array, Y: Array, tau: Array, T: float, ring: Ring, scheme: 
                 right[row, a] = 1.0
                 right[row, m], right[row, m + 1] = residual, turn
                 size = max(size, abs(residual))
-        light[k] = np.linalg.solve(K, right)
-        last = np.ascontiguousarray(light[k, m * (s - 1) :])
-        moved = np.ascontiguousarray(last[:, :m]) @ prop
-        moved[:, m:] += last[:, m:]
-        prop = moved
+        solved, last = np.linalg.solve(K, right), m * (s - 1)
+        for row in range(s * m):
+            for col in range(m + extra):
+                light[k, row, col] = solved[row, col]
+        following = np.zeros((m, m + extra))
+        for a in range(m):
+            for b in range(m):
+                for col in range(m + extra):
+                    following[a, col] += solved[last + a, b] * prop[b, col]
+            for col in range(m, m + extra):
+                following[a, col] += solved[last + a, col]
+        prop = following
     none = np.empty((0, 0, 0))
     return prop, Intervals(light, none, none, none, none), size
 
 
-@compiled
+@inner
 def substitute(first: Array, extras: Array, intervals: Intervals, Y: Array, change: Array) -> None:
     """Write the change of all stages to ``change``, shape of Y, from that of the beginning and the extra columns.
 
@@ -311,7 +332,9 @@ def substitute(first: Array, extras: Array, intervals: Intervals, Y: Array, chan
     """
     number, s, m = Y.shape
     n, dense = m - 3, intervals.warmth.size == 0 and m > 3
-    begin = first.copy()
+    begin = np.empty(m)
+    for i in range(m):
+        begin[i] = first[i]
     if dense:
         for k in range(number):
             S = intervals.light[k]
@@ -322,7 +345,8 @@ def substitute(first: Array, extras: Array, intervals: Intervals, Y: Array, chan
                 for e in range(extras.size):
                     total += S[row, m + e] * extras[e]
                 change[k, row // m, row % m] = total
-            begin[:] = change[k, s - 1]
+            for i in range(m):
+                begin[i] = change[k, s - 1, i]
         return
     zeta, dP = np.empty(s), np.empty(s)
     for k in range(number):
@@ -351,10 +375,21 @@ def substitute(first: Array, extras: Array, intervals: Intervals, Y: Array, chan
             for e in range(extras.size):
                 total += intervals.direct[k, i, e] * extras[e]
             change[k, s - 1, 3 + i] = total
-        begin[:] = change[k, s - 1]
+        for i in range(m):
+            begin[i] = change[k, s - 1, i]
 
 
-@overload(linearize, jit_options=kinds.OPTIONS, strict=False)
+@overload(linearize, inline="always", strict=False)
 def _linearize_of(start, Y, tau, T, ring, scheme, forcing):  # type: ignore[no-untyped-def]
+    def network(start, Y, tau, T, ring, scheme, forcing):  # type: ignore[no-untyped-def]
+        return network_pass(start, Y, tau, T, ring, scheme, forcing)
+
+    def full(start, Y, tau, T, ring, scheme, forcing):  # type: ignore[no-untyped-def]
+        return full_pass(start, Y, tau, T, ring, scheme, forcing)
+
     heat = ring.types[ring.fields.index("thermal")]
-    return kinds.chosen(heat, network_pass, full_pass)
+    return kinds.chosen(heat, network, full)
+
+
+for module in (algebra, equations, kinds):
+    forget_if_older(network_pass, str(module.__file__))

@@ -14,10 +14,13 @@ from numba.extending import register_jitable
 # Sums may be reordered and fused; NaN and infinity keep their meaning, which the step control relies on.
 _FAST = {"contract", "reassoc", "nsz", "arcp"}
 
-_compile = njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
-_inline = njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST, forceinline=True)
-_lean = njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST, _nrt=False)
-_inline_lean = njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST, forceinline=True, _nrt=False)
+# What nobody uses is not made: an entry for C, and in what only compiled code calls (`overload`) the one for Python.
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": _FAST, "no_cfunc_wrapper": True}
+_compile = njit(cache=True, nogil=True, **OPTIONS)
+_inner = register_jitable(cache=True, **OPTIONS)
+_inline = register_jitable(cache=True, forceinline=True, **OPTIONS)
+_lean = njit(cache=True, nogil=True, _nrt=False, **OPTIONS)
+_inline_lean = njit(cache=True, nogil=True, forceinline=True, _nrt=False, **OPTIONS)
 _seen: set[str] = set()  # files whose own outdated caches are gone
 
 
@@ -40,8 +43,13 @@ def compiled(function: Callable[..., Any]) -> Any:
     return _fresh(_compile(function))
 
 
+def inner(function: Callable[..., Any]) -> Any:
+    """Compile for the compiled functions that call it; called from Python it runs as Python."""
+    return _fresh(_inner(function))
+
+
 def inlined(function: Callable[..., Any]) -> Any:
-    """Compile into the caller."""
+    """Compile into the compiled functions that call it; called from Python it runs as Python."""
     return _fresh(_inline(function))
 
 
@@ -71,8 +79,9 @@ def merged(function: Callable[..., Any]) -> Any:
 
 def _fresh(kernel: Any) -> Any:
     """Give a kernel its cache, without what an earlier version of its file left: Numba reads that, and fails."""
-    kernel._cache = StoredCode(kernel.py_func)
-    source = kernel.py_func.__code__.co_filename
+    source = getattr(kernel, "py_func", kernel).__code__.co_filename
+    if hasattr(kernel, "py_func"):
+        kernel._cache = StoredCode(kernel.py_func)
     if source not in _seen:
         _seen.add(source)
         forget_if_older(kernel, source)
@@ -85,6 +94,7 @@ def forget_if_older(kernel: Any, source: str) -> None:
     Numba compares a cache with the kernel's own file only.
     """
     edited, module = Path(source).stat().st_mtime, kernel.__module__.rpartition(".")[2]
-    for index in Path(kernel.stats.cache_path).glob(f"{module}.*.nbi"):
+    where = kernel.stats.cache_path if hasattr(kernel, "stats") else StoredCode(kernel).cache_path
+    for index in Path(where).glob(f"{module}.*.nbi"):
         if index.stat().st_mtime < edited:
             index.unlink(missing_ok=True)

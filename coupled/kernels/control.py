@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .compiling import compiled, inlined
+from .compiling import inlined, inner
 from .equations import Array
 from .spectrum import eigenvalues
 
@@ -57,6 +58,24 @@ def after_acceptance(h: float, size: float, h_before: float, size_before: float,
     return h * max(0.2, min(growth, factor))
 
 
+@inner
+def doubled(rows: Array) -> Array:
+    """Return ``rows`` followed by as many that are not set."""
+    out = np.empty((2 * rows.shape[0], rows.shape[1]))
+    for i in range(rows.shape[0]):
+        for j in range(rows.shape[1]):
+            out[i, j] = rows[i, j]
+    return out
+
+
+@inner
+def tally(accepted: int, rejected: int, ended: int) -> NDArray[np.int64]:
+    """Return the counts of an integration as an array."""
+    out = np.empty(3, np.int64)
+    out[0], out[1], out[2] = accepted, rejected, ended
+    return out
+
+
 @inlined
 def dense_output(x: float, y0: float, y1: float, k: Array, d: Array) -> float:
     """Return one component at the fraction ``x`` of a step from its stages ``k``."""
@@ -66,7 +85,7 @@ def dense_output(x: float, y0: float, y1: float, k: Array, d: Array) -> float:
     return (1.0 - x) * y0 + x * (y1 + (1.0 - x) * (d1 + x * (d2 + x * d3)))
 
 
-@compiled
+@inner
 def fastest_growth(J: Array) -> float:
     """Return the modulus of the fastest growing mode of a Jacobian, or 0 where all decay."""
     fastest = 0.0

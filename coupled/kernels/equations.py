@@ -188,12 +188,12 @@ def jacobian(y: Array, detuning: float, rates: Rates, fcd: Array, thermal: Any) 
     dT = rise_of(read(y, thermal), thermal)[0]
     J = optics_jacobian(y[0], y[1], y[2], dT, shift, slope, detuning, rates)
     out = np.zeros((y.size, y.size))
-    for i in range(3):
-        out[i, 0], out[i, 1], out[i, 2] = J[i][0], J[i][1], J[i][2]
+    out[0, 0], out[0, 1], out[0, 2] = J[0][0], J[0][1], J[0][2]
+    out[1, 0], out[1, 1], out[1, 2] = J[1][0], J[1][1], J[1][2]
+    out[2, 0], out[2, 1], out[2, 2] = J[2][0], J[2][1], J[2][2]
     heat = absorbed_power(y[0] * y[0] + y[1] * y[1], y[2], rates)
     spread(y, heat, J[3], (J[0][3], J[1][3], J[2][3]), thermal, out)
     return out
 
 
-for kernel in (right_hand_side, jacobian):
-    forget_if_older(kernel, kinds.__file__)
+forget_if_older(jacobian, kinds.__file__)

@@ -17,6 +17,8 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
+from .compiling import OPTIONS
+
 Array = NDArray[np.float64]
 Body = Any
 AtRest = Callable[[], tuple[Array, Array, NDArray[np.intp]]]
@@ -110,7 +112,6 @@ class Curve(NamedTuple):
 Thermal = Poles | QuadraticHeat
 SHARES, NEWTON_STEPS = 8, 12  # of the power, one after the other, and to each
 ROUGH, TINY = 1e-2, 1e-300
-OPTIONS = {"error_model": "numpy", "fastmath": {"contract", "reassoc", "nsz", "arcp"}}
 
 
 def chosen(thermal: Any, poles: Body, quadratic: Body) -> Body:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from .compiling import inlined
+from .compiling import compiled, inlined
 from .equations import Array
 
 
@@ -34,7 +34,7 @@ def light(laser: LaserPieces, piece: int, u: float, h: float, at: Array, largest
     slopes[1] = d[1] + u * (2.0 * d[2] + u * 3.0 * d[3])
 
 
-@inlined
+@compiled
 def largest_power(edges: Array, power: Array) -> float:
     """Return the largest squared pump at the ends of all pieces, for ``power`` of shape (m, 4); 1e-300 in the dark."""
     largest = 1e-300

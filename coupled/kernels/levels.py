@@ -30,7 +30,10 @@ def rises(t: Array, x: Array, level: float, sign: float) -> Array:
             else:
                 right = middle
         if n == out.size:
-            out = np.concatenate((out, np.empty_like(out)))
+            longer = np.empty(2 * n)
+            for k in range(n):
+                longer[k] = out[k]
+            out = longer
         out[n] = 0.5 * (left + right)
         n += 1
     return out[:n]

@@ -7,7 +7,7 @@ from numba.extending import overload
 
 from . import equations, kinds
 from .collocation import Ring, Scheme
-from .compiling import compiled, forget_if_older
+from .compiling import OPTIONS, compiled, forget_if_older
 from .equations import Array
 
 
@@ -53,7 +53,7 @@ def _warm(start: Array, Y: Array, tau: Array, T: float, ring: Ring, scheme: Sche
     """`warm` of the kind of the model."""
 
 
-@overload(_warm, strict=False)
+@overload(_warm, jit_options=OPTIONS, strict=False)
 def _warm_of(start, Y, tau, T, ring, scheme):  # type: ignore[no-untyped-def]
     def network(start, Y, tau, T, ring, scheme):  # type: ignore[no-untyped-def]
         number, s, m = Y.shape
@@ -64,8 +64,8 @@ def _warm_of(start, Y, tau, T, ring, scheme):  # type: ignore[no-untyped-def]
             for j in range(s):
                 y = Y[k, j]
                 P[j] = equations.absorbed_power(y[0] * y[0] + y[1] * y[1], y[2], ring.rates)
-            for j in range(s):
-                Y[k, j, 3:] = 0.0
+                for i in range(3, m):
+                    Y[k, j, i] = 0.0
             for q in range(scheme.eigenvalue.size):
                 lam, P_hat = scheme.eigenvalue[q], 0.0 * scheme.eigenvalue[q]
                 for j in range(s):
@@ -83,7 +83,8 @@ def _warm_of(start, Y, tau, T, ring, scheme):  # type: ignore[no-untyped-def]
             h = T * (tau[k + 1] - tau[k])
             begin = start if k == 0 else Y[k - 1, s - 1]
             for j in range(s):
-                Y[k, j, 3:] = begin[3:]
+                for a in range(3, m):
+                    Y[k, j, a] = begin[a]
             for _ in range(3):  # mildly nonlinear: the third step is at round-off, and this is a trial state
                 for j in range(s):
                     y = Y[k, j]
@@ -127,7 +128,7 @@ def _heat_of(
     """`heat_of` for the kind of the model."""
 
 
-@overload(_heat_of, strict=False)
+@overload(_heat_of, jit_options=OPTIONS, strict=False)
 def _heat_of_kind(first, change, turn, Y, tau, T, ring, scheme, forcing, start):  # type: ignore[no-untyped-def]
     def network(first, change, turn, Y, tau, T, ring, scheme, forcing, start):  # type: ignore[no-untyped-def]
         number, s, m = Y.shape
@@ -182,6 +183,5 @@ def relax(start: Array, Y: Array, tau: Array, T: float, ring: Ring, scheme: Sche
     warm(start, Y, tau, T, ring, scheme)
 
 
-for kernel in (along, warm, heat_of, relax):
-    for module in (equations, kinds):
-        forget_if_older(kernel, str(module.__file__))
+for module in (equations, kinds):
+    forget_if_older(relax, str(module.__file__))

@@ -6,7 +6,7 @@ import numpy as np
 
 from . import equations, kinds, levels
 from .collocation import Scheme
-from .compiling import compiled, forget_if_older
+from .compiling import compiled, forget_if_older, inner
 from .equations import Array
 from .kinds import read, rise_of
 
@@ -14,7 +14,7 @@ BETWEEN = 4  # points for every stage
 BISECTIONS = 30
 
 
-@compiled
+@inner
 def _weights(x: float, c: Array, out: Array) -> None:
     """Write the weights of the beginning and the stages in the polynomial of an interval at ``x``."""
     s = c.size
@@ -26,7 +26,7 @@ def _weights(x: float, c: Array, out: Array) -> None:
                 out[j] *= (x - other) / (node - other)
 
 
-@compiled
+@inner
 def _energy(values: Array, k: int, w: Array) -> float:
     """Return U in the interval ``k`` for weights ``w``."""
     ar, ai = 0.0, 0.0
@@ -36,7 +36,7 @@ def _energy(values: Array, k: int, w: Array) -> float:
     return ar * ar + ai * ai
 
 
-@compiled
+@inner
 def _extreme(x: Array, i: int, count: int) -> float:
     """Return the extreme next to the largest or lowest value ``i`` of a period, by parabolas of one interval."""
     total, best = x.size - 1, x[i]
@@ -126,6 +126,5 @@ def digest(rows: Array, duration: float) -> Array:
     return np.array([low, high, third, fourth, ups, last])
 
 
-for kernel in (measured, digest):
-    for module in (equations, kinds, levels):
-        forget_if_older(kernel, str(module.__file__))
+for module in (equations, kinds, levels):
+    forget_if_older(measured, str(module.__file__))

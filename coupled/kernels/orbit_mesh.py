@@ -102,7 +102,13 @@ def interpolate(start: Array, Y: Array, tau: Array, scheme: Scheme, at: Array) -
     number, s, m = Y.shape
     out, k = np.zeros((at.size, m)), 0
     if at.size == 1:
-        k = min(max(np.searchsorted(tau, at[0]) - 1, 0), number - 1)
+        above = number - 1
+        while k < above:
+            middle = (k + above + 1) // 2
+            if tau[middle] < at[0]:
+                k = middle
+            else:
+                above = middle - 1
     for p in range(at.size):
         while k < number - 1 and at[p] > tau[k + 1]:
             k += 1
@@ -120,14 +126,9 @@ def interpolate(start: Array, Y: Array, tau: Array, scheme: Scheme, at: Array) -
     return out
 
 
-@compiled
 def stages(tau: Array, c: Array) -> Array:
     """Return the fractions of the period at all stages, shape (N s,)."""
-    out = np.empty((tau.size - 1) * c.size)
-    for k in range(tau.size - 1):
-        for j in range(c.size):
-            out[k * c.size + j] = tau[k] + c[j] * (tau[k + 1] - tau[k])
-    return out
+    return np.ravel(tau[:-1, None] + np.diff(tau)[:, None] * c)
 
 
 @compiled
@@ -166,6 +167,5 @@ def passes(
     return out[:found]
 
 
-for kernel in (sizes, densities, look, passes, interpolate):
-    for module in (equations, kinds):
-        forget_if_older(kernel, str(module.__file__))
+for module in (equations, kinds):
+    forget_if_older(interpolate, str(module.__file__))

@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from . import collocation, equations, kinds, orbit_heat, orbits, rosenbrock
+from . import algebra, collocation, equations, kinds, orbit_heat, orbits, rosenbrock
 from .collocation import Ring, Scheme
 from .compiling import compiled, forget_if_older, merged
 from .equations import Array
 from .laser import LaserPieces
-from .orbits import close
+from .orbits import advance, close, moved, shifted, shifted_stages
 from .tableaus import Tableau
 
 LONGEST_RETURN = 4.0  # periods
@@ -36,19 +36,25 @@ UNIFORM = 0.2  # share of a mesh that does not follow the steps of the trace
 MOST_STEPS = 20_000_000  # of an integration
 
 
+@compiled
+def constant_light(pump: float, detuning: float, duration: float, level: float) -> tuple[LaserPieces, Array, Array]:
+    """Return the laser, the event at ``level`` and the empty output times of `integrated`."""
+    edges, power, turn, event = np.zeros(2), np.zeros((1, 4)), np.zeros((1, 4)), np.zeros(3)
+    edges[1], power[0, 0], turn[0, 0] = duration, pump * pump, detuning
+    if level < np.inf:
+        event[0], event[1], event[2] = 2.0, level, 1.0
+    return LaserPieces(edges, power, turn), event, np.zeros(0)
+
+
 @merged
 def integrated(
     y: Array, duration: float, level: float, ring: Ring, floor: Array, method: Tableau, rtol: float, first: float,
     watch: Array,
 ) -> Any:  # fmt: skip
     """Integrate over ``duration`` in ns, or until the carriers rise through ``level``; as `rosenbrock.integrate`."""
-    power, detuning = np.zeros((1, 4)), np.zeros((1, 4))
-    power[0, 0], detuning[0, 0] = ring.pump * ring.pump, ring.detuning
-    laser, event = LaserPieces(np.array([0.0, duration]), power, detuning), np.zeros(3)
-    if level < np.inf:
-        event[0], event[1], event[2] = 2.0, level, 1.0
+    laser, event, no_times = constant_light(ring.pump, ring.detuning, duration, level)
     return rosenbrock.integrate(
-        y, laser, ring.rates, ring.fcd, ring.thermal, method, rtol, floor, np.empty(0), np.int64(1), first, event,
+        y, laser, ring.rates, ring.fcd, ring.thermal, method, rtol, floor, no_times, np.int64(1), first, event,
         np.int64(MOST_STEPS), watch,
     )  # fmt: skip
 
@@ -61,25 +67,41 @@ def around(
 
     Returns the rows (t, Re a, Im a, N, dT), the end, and whether they have.
     """
-    level, out = y[2], np.empty((0, 5))
+    level, out, met = y[2], np.empty((0, 5)), True
     y = y.copy()
-    for k in range(pulses):
+    for _ in range(pulses):
         y[2] = level * (1.0 + 1e-12)  # above it, so that the level is met after the pulse and not at once
         rows, y, _, _, _, counts = integrated(y, LONGEST_RETURN * T, level, ring, floor, method, rtol, 0.0, watch)
         if counts[2] != rosenbrock.EVENT:
-            return out, y, False
-        if k > 0:
-            rows[:, 0] += out[out.shape[0] - 1, 0]
-            out = np.concatenate((out, rows[1:]))
-        else:
-            out = rows
-    return out, y, True
+            met = False
+            break
+        out = followed(out, rows)
+    return out, y, met
 
 
 @compiled
-def mesh_of(t: Array, number: int) -> Array:
-    """Return ``number`` intervals with nearly as many of the times ``t`` in each, none much wider than the mean."""
-    out, at, last = np.empty(number + 1), 0, t.size - 1
+def followed(rows: Array, more: Array) -> Array:
+    """Return the rows of a trace and of the one that begins at its end."""
+    count = rows.shape[0]
+    first, begin = 0, 0.0
+    if count > 0:
+        first, begin = 1, rows[count - 1, 0]
+    out = np.empty((count + more.shape[0] - first, 5))
+    for i in range(count):
+        for j in range(5):
+            out[i, j] = rows[i, j]
+    for i in range(first, more.shape[0]):
+        at = count + i - first
+        for j in range(5):
+            out[at, j] = more[i, j]
+        out[at, 0] += begin
+    return out
+
+
+@compiled
+def mesh_of(rows: Array, number: int) -> Array:
+    """Return ``number`` intervals with nearly as many of the ``rows`` in each, none much wider than the mean."""
+    out, at, last, t = np.empty(number + 1), 0, rows.shape[0] - 1, rows[:, 0]
     span = t[last] - t[0]
     for i in range(number + 1):
         want = i / number
@@ -99,15 +121,52 @@ def chord_of(M: Array, y: Array, ring: Ring) -> Array:
     The beginning of a trial orbit need not be such a point: there the light may change a thousand times faster.
     """
     m = y.size
-    matrix = np.zeros((m + 1, m + 1))
+    matrix = np.zeros((m + 1, 2 * m + 1))  # the columns of the identity in its last ones
     f = equations.right_hand_side(y, ring.pump, ring.detuning, ring.rates, ring.fcd, ring.thermal)
     for i in range(m):
         for j in range(m):
             matrix[i, j] = -M[i, j]
         matrix[i, i] += 1.0
-        matrix[i, m] = -f[i]
+        matrix[i, m], matrix[i, m + 1 + i] = -f[i], 1.0
     matrix[m, 2] = 1.0
-    return np.ascontiguousarray(np.linalg.inv(matrix)[:m, :m])
+    algebra.eliminate(matrix)
+    out = np.empty((m, m))
+    for i in range(m):
+        for j in range(m):
+            out[i, j] = matrix[i, m + 1 + j]
+    return out
+
+
+@compiled
+def chord_step(chord: Array, y: Array, end: Array) -> Array:
+    """Return C (y_T - y_0), shape (1, 1, m)."""
+    out = np.zeros((1, 1, y.size))
+    for i in range(y.size):
+        for j in range(y.size):
+            out[0, 0, i] += chord[i, j] * (end[j] - y[j])
+    return out
+
+
+@compiled
+def nearer(y: Array, change: Array, Y: Array) -> Array:
+    """Return y + dy, in a step that changes no heat by more than `LARGEST_CHANGE` of the warmest one in ``Y``."""
+    last, warmest, most = Y.shape[1] - 1, 0.0, 1e-30
+    for i in range(3, y.size):
+        most = max(most, abs(change[i]))
+        for k in range(Y.shape[0]):
+            warmest = max(warmest, abs(Y[k, last, i]))
+    return shifted(y, min(1.0, LARGEST_CHANGE * warmest / most), change)
+
+
+@compiled
+def monodromy(M: Array) -> Array:
+    """Return the columns of a derivative of the return map that belong to the state."""
+    m = M.shape[0]
+    out = np.empty((m, m))
+    for i in range(m):
+        for j in range(m):
+            out[i, j] = M[i, j]
+    return out
 
 
 @compiled
@@ -154,7 +213,6 @@ def near(
     chord = np.empty((0, 0))
     section, right = np.zeros((1, m + 1)), np.zeros((1, 1))
     section[0, 2] = 1.0  # the beginning keeps its carriers
-    line = np.empty((1, 1, m))
     for _ in range(shots):
         rows, end, met = around(y, T, pulses, ring, floor, method, rtol, watch)
         if not met or rows.shape[0] < 4:
@@ -163,31 +221,30 @@ def near(
         if known:
             if chord.size == 0:
                 chord = chord_of(guess, end, ring)
-            line[0, 0] = chord @ (end - y)
-            far = orbits.moved(line, _largest(rows))
+            line = chord_step(chord, y, end)
+            far = moved(line, _largest(rows))
             if CLOSE < far < FALLS * min(before, 1.0):
-                y, before = y + line[0, 0], far
+                y, before = shifted(y, 1.0, line[0, 0]), far
                 continue
-        tau = mesh_of(rows[:, 0].copy(), max(FEWEST * pulses, int(share * rows.shape[0])))
+        tau = mesh_of(rows, max(FEWEST * pulses, int(share * rows.shape[0])))
         Y = orbit_heat.along(rows, y, tau, ring, scheme)
         none = np.empty((Y.shape[0], Y.shape[1], m, 0))
-        changes, stages, M, move = orbits.advance(y, Y, tau, T, ring, scheme, none, section, right)
+        changes, stages, M, move = advance(y, Y, tau, T, ring, scheme, none, section, right)
         if move == np.inf:
             break
         if move < NEAR:
-            start, turned = y + changes[0, :m], T + changes[0, m]
+            start, turned = shifted(y, 1.0, changes[0]), T + changes[0, m]
             closed = move <= tolerance and abs(changes[0, m]) <= TURN * T
-            Y_new = Y + stages[0]
+            Y_new = shifted_stages(Y, 1.0, stages[0])
             if not closed:
                 start, Y_new, turned, M, closed, move = close(start, Y_new, tau, turned, ring, scheme, tolerance, STEPS)
             if closed and turned > 0.0:
                 orbit_heat.warm(start, Y_new, tau, turned, ring, scheme)
-                return start, Y_new, tau, turned, M[:, :m].copy(), move
+                return start, Y_new, tau, turned, monodromy(M), move
         chord, known, before = chord_of(M, end, ring), True, np.inf
-        warmest, change = np.abs(Y[:, Y.shape[1] - 1, 3:]).max(), max(np.abs(changes[0, 3:m]).max(), 1e-30)
-        y = y + min(1.0, LARGEST_CHANGE * warmest / change) * changes[0, :m]
+        y = nearer(y, changes[0], Y)
     return y, np.empty((0, 0, m)), np.empty(0), T, np.empty((0, 0)), np.inf
 
 
-for module in (collocation, equations, kinds):
+for module in (algebra, collocation, equations, kinds, orbits):
     forget_if_older(chord_of, str(module.__file__))

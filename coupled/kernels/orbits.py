@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from . import algebra, collocation, equations, kinds, orbit_mesh
-from .collocation import Ring, Scheme, linearize, substitute
+from .collocation import Intervals, Ring, Scheme, linearize, substitute
 from .compiling import compiled, forget_if_older, merged
 from .equations import Array
 from .orbit_heat import heat_of
@@ -40,6 +40,26 @@ def moved(change: Array, size: Array) -> float:
 
 
 @compiled
+def shifted(y: Array, share: float, change: Array) -> Array:
+    """Return y + share change, for as many entries as ``y`` has."""
+    out = np.empty(y.size)
+    for i in range(y.size):
+        out[i] = y[i] + share * change[i]
+    return out
+
+
+@compiled
+def shifted_stages(Y: Array, share: float, change: Array) -> Array:
+    """Return Y + share change."""
+    out = np.empty(Y.shape)
+    for k in range(Y.shape[0]):
+        for j in range(Y.shape[1]):
+            for i in range(Y.shape[2]):
+                out[k, j, i] = Y[k, j, i] + share * change[k, j, i]
+    return out
+
+
+@compiled
 def phase(start: Array, ring: Ring, size: Array, count: int) -> Array:
     """Return the condition that the beginning moves at a right angle to the orbit, shape (1, count)."""
     f = equations.right_hand_side(start, ring.pump, ring.detuning, ring.rates, ring.fcd, ring.thermal)
@@ -50,7 +70,7 @@ def phase(start: Array, ring: Ring, size: Array, count: int) -> Array:
     return row
 
 
-@compiled
+@merged
 def advance(
     start: Array, Y: Array, tau: Array, T: float, ring: Ring, scheme: Scheme, forcing: Array, rows: Array, right: Array
 ) -> Any:
@@ -74,38 +94,47 @@ def advance(
     move : float
         largest change of the step in units of the largest values; infinite where there is no step.
     """
-    m, q, columns = start.size, forcing.shape[3], right.shape[1]
-    wide = m + 1 + q
-    out, stages = np.zeros((columns, wide)), np.zeros((columns, *Y.shape))
-    matrix, sides = np.zeros((wide, wide)), np.zeros((wide, columns))
     M, intervals, _ = linearize(start, Y, tau, T, ring, scheme, forcing)
-    size = sizes(Y, ring.thermal)
-    end = Y[Y.shape[0] - 1, Y.shape[1] - 1]
-    total = 0.0
+    changes, stages, move = solved(M, intervals, start, Y, T, ring.thermal, rows, right)
+    return changes, stages, M, move
+
+
+@compiled
+def solved(
+    M: Array, intervals: Intervals, start: Array, Y: Array, T: float, thermal: Any, rows: Array, right: Array
+) -> tuple[Array, Array, float]:
+    """Return changes, stages and move of `advance` from the linearised equations."""
+    m, columns, wide = start.size, right.shape[1], rows.shape[1]
+    out, stages = np.zeros((columns, wide)), np.zeros((columns, *Y.shape))
+    matrix = np.zeros((wide, wide + columns))  # the right-hand sides in its last columns
+    end, total = Y[Y.shape[0] - 1, Y.shape[1] - 1], 0.0
     for i in range(m):
         for j in range(m):
             matrix[i, j] = M[i, j]
             total += abs(M[i, j])
         matrix[i, i] -= 1.0
-        for j in range(1 + q):
-            matrix[i, m + j] = M[i, m + 1 + j]
-        sides[i, 0] = start[i] - end[i] - M[i, m]
-        total += abs(sides[i, 0]) + abs(M[i, m + 1])
-    for i in range(1 + q):
-        matrix[m + i, :] = rows[i]
-        sides[m + i, :] = right[i]
+        for j in range(m, wide):
+            matrix[i, j] = M[i, j + 1]
+        matrix[i, wide] = start[i] - end[i] - M[i, m]
+        total += abs(matrix[i, wide]) + abs(M[i, m + 1])
+    for i in range(wide - m):
+        for j in range(wide):
+            matrix[m + i, j] = rows[i, j]
+        for k in range(columns):
+            matrix[m + i, wide + k] = right[i, k]
     if not total < 1e12:  # nan and infinity too
-        return out, stages, M, np.inf
-    full = np.linalg.solve(matrix, sides)
-    extras = np.zeros(2 + q)
+        return out, stages, np.inf
+    algebra.eliminate(matrix)
+    extras = np.zeros(1 + wide - m)
     for k in range(columns):
-        out[k] = full[:, k]
+        for j in range(wide):
+            out[k, j] = matrix[j, wide + k]
         extras[0] = 1.0 if k == 0 else 0.0
-        for j in range(1 + q):
-            extras[1 + j] = full[m + j, k]
-        substitute(out[k, :m].copy(), extras, intervals, Y, stages[k])
-    largest = max(abs(full[m, 0]) / T, moved(stages[0], size))
-    return out, stages, M, largest if largest < 1e9 else np.inf
+        for j in range(wide - m):
+            extras[1 + j] = out[k, m + j]
+        substitute(out[k], extras, intervals, Y, stages[k])
+    largest = max(abs(out[0, m]) / T, moved(stages[0], sizes(Y, thermal)))
+    return out, stages, largest if largest < 1e9 else np.inf
 
 
 @merged
@@ -117,7 +146,7 @@ def close(
     Returns start, Y, T, the derivative of the return map (with the columns of `linearize`), whether it closed, and the
     size of the last step.
     """
-    start, Y, last, m = start.copy(), Y.copy(), np.inf, start.size
+    start, Y, last, m, closed = start.copy(), Y.copy(), np.inf, start.size, False
     M = np.zeros((m, m + 2))
     none, right = np.empty((Y.shape[0], Y.shape[1], m, 0)), np.zeros((1, 1))
     for _ in range(most):
@@ -127,12 +156,12 @@ def close(
             break
         turn = changes[0, m]
         share = min(1.0, LARGEST_TURN * T / max(abs(turn), 1e-30), LARGEST_MOVE / max(last, 1e-30))
-        start = start + share * changes[0, :m]
-        Y = Y + share * stages[0]
+        start, Y = shifted(start, share, changes[0]), shifted_stages(Y, share, stages[0])
         T += share * turn
         if last <= tolerance:
-            return start, Y, T, M, True, last
-    return start, Y, T, M, False, last
+            closed = True
+            break
+    return start, Y, T, M, closed, last
 
 
 @compiled
@@ -140,7 +169,9 @@ def flows(states: Array, ring: Ring) -> Array:
     """Return dy/dt at every row of ``states``."""
     out = np.empty_like(states)
     for k in range(states.shape[0]):
-        out[k] = equations.right_hand_side(states[k], ring.pump, ring.detuning, ring.rates, ring.fcd, ring.thermal)
+        f = equations.right_hand_side(states[k], ring.pump, ring.detuning, ring.rates, ring.fcd, ring.thermal)
+        for i in range(f.size):
+            out[k, i] = f[i]
     return out
 
 
@@ -162,6 +193,5 @@ def respond(start: Array, Y: Array, tau: Array, T: float, ring: Ring, scheme: Sc
     return turns, starts, changes[1:].copy()
 
 
-for kernel in (moved, phase, advance, flows):
-    for module in (algebra, collocation, equations, kinds, orbit_mesh):
-        forget_if_older(kernel, str(module.__file__))
+for module in (algebra, collocation, equations, kinds, orbit_mesh):
+    forget_if_older(flows, str(module.__file__))

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from . import algebra, control, equations, kinds, laser, quadratic, spectrum
 from .algebra import inverse
-from .compiling import compiled, forget_if_older, inlined
+from .compiling import OPTIONS, compiled, forget_if_older, inlined, inner
 from .control import (
     DONE,
     EVENT,
@@ -35,9 +35,11 @@ from .control import (
     after_acceptance,
     after_rejection,
     dense_output,
+    doubled,
     fastest_growth,
     relative_change,
     squared_error,
+    tally,
 )
 from .equations import Array, Rates, dispersion, optics, optics_jacobian
 from .kinds import read, rise_of, weigh
@@ -132,7 +134,7 @@ def _record(rows: Array, at: int, t: float, y: Array, z: float, thermal: Any) ->
     rows[at, 4] = rise_of(z, thermal)[0]
 
 
-@compiled
+@inner
 def _between(
     rows: Array, at: int, t: float, x: float, y: Array, out: Array, z: float, z_new: float, k: Array, total: Array,
     d: Array, thermal: Any,
@@ -162,7 +164,7 @@ def _take(
     """Take one step of the model's kind."""
 
 
-@overload(_workspace, strict=False)
+@overload(_workspace, jit_options=OPTIONS, strict=False)
 def _workspace_of(n: Any, thermal: Any) -> Any:
     def network(n, thermal):  # type: ignore[no-untyped-def]
         return np.empty(n)
@@ -173,18 +175,12 @@ def _workspace_of(n: Any, thermal: Any) -> Any:
     return kinds.chosen(thermal, network, full)
 
 
-@overload(_take, strict=False)
+@overload(_take, jit_options=OPTIONS, strict=False)
 def _take_of(y, h, pump, detuning, slopes, rates, fcd, thermal, method, out, k, total, space):  # type: ignore[no-untyped-def]
-    def network(y, h, pump, detuning, slopes, rates, fcd, thermal, method, out, k, total, space):  # type: ignore[no-untyped-def]
-        return step(y, h, pump, detuning, slopes, rates, fcd, thermal, method, out, k, total, space)
-
-    def full(y, h, pump, detuning, slopes, rates, fcd, thermal, method, out, k, total, space):  # type: ignore[no-untyped-def]
-        return quadratic.step(y, h, pump, detuning, slopes, rates, fcd, thermal, method, out, k, total, space)
-
-    return kinds.chosen(thermal, network, full)
+    return kinds.chosen(thermal, step.py_func, quadratic.step.py_func)
 
 
-@compiled
+@inner
 def growing(y: Array, detuning: float, rates: Rates, fcd: Array, thermal: Any) -> float:
     """Return the modulus of the fastest mode that grows at a state, in 1/ns, or 0 where all decay."""
     return fastest_growth(equations.jacobian(y, detuning, rates, fcd, thermal))
@@ -259,7 +255,7 @@ def integrate(
     largest = largest_power(laser.edges, laser.power)
     cautious = 1e-2 / rates.loss
     h, h_before, size_before, growth = first if first > 0.0 else cautious, 0.0, 1.0, GROWTH
-    accepted, rejected = 0, 0
+    accepted, rejected, ended = 0, 0, DONE
     quiet_step = 0.1 * rates.tau0  # no mode of carriers and heat turns within a shorter one
     look_again = 0
     looked, cap = 0.0, math.inf  # the step at the last look at the eigenvalues, and the bound from it
@@ -281,7 +277,7 @@ def integrate(
         while t < stop:
             if accepted + rejected >= max_steps or watch[0] > 0.0:
                 ended = STOPPED if watch[0] > 0.0 else TOO_MANY_STEPS
-                return rows[:filled], y, t, h, crossings[:crossed], np.array([accepted, rejected, ended])
+                break
             watch[1] = t
             planned = h
             landing = t + 1.0001 * h >= stop
@@ -297,7 +293,8 @@ def integrate(
                 growth = 1.0
                 h = after_rejection(h, error, size)
                 if h < 1e-13 * max(abs(t), 1e-3):
-                    return rows[:filled], y, t, h, crossings[:crossed], np.array([accepted, rejected, STEP_TOO_SMALL])
+                    ended = STEP_TOO_SMALL
+                    break
                 continue
             if kind > 0:
                 rest = _watched(kind, out[0], out[1], out[2], rise_of(z_new, thermal)[0]) - event[1]
@@ -311,7 +308,10 @@ def integrate(
                         else:
                             high = x
                     if crossed == crossings.size:
-                        crossings = np.concatenate((crossings, np.empty_like(crossings)))
+                        longer = np.empty(2 * crossed)
+                        for i in range(crossed):
+                            longer[i] = crossings[i]
+                        crossings = longer
                     crossings[crossed] = t + high * h
                     crossed += 1
                     if event[2] > 0.0:  # ends here, with the dense output as its state
@@ -326,8 +326,9 @@ def integrate(
                             filled += 1
                         for i in range(3 + n):
                             out[i] = dense_output(high, y[i], out[i], k[:, i], method.dense)
-                        counts = np.array([accepted + 1, rejected, EVENT])
-                        return rows[:filled], out, t + high * h, h, crossings[:crossed], counts
+                        y, t, ended = out, t + high * h, EVENT
+                        accepted += 1
+                        break
                 seen = rest
             last = landing and stop == end
             while filled < wanted and (last or times[filled] <= t + h):
@@ -337,7 +338,7 @@ def integrate(
             accepted += 1
             if wanted == 0:
                 if filled + per_step > rows.shape[0]:
-                    rows = np.concatenate((rows, np.empty_like(rows)))
+                    rows = doubled(rows)
                 for j in range(1, per_step):
                     x = j / per_step
                     _between(rows, filled, t + x * h, x, y, out, z, z_new, k, total, method.dense, thermal)
@@ -360,9 +361,11 @@ def integrate(
                     fastest = growing(y, detuning[0], rates, fcd, thermal)
                     cap = 0.25 / fastest if fastest > 0.0 else math.inf
                 h = min(h, cap)
-    return rows[:filled], y, t, h, crossings[:crossed], np.array([accepted, rejected, DONE])
+        if ended != DONE:
+            break
+    return rows[:filled], y, t, h, crossings[:crossed], tally(accepted, rejected, ended)
 
 
-for kernel in (step, quadratic.step, growing, integrate):
+for kernel in (quadratic.step, integrate):
     for module in (equations, algebra, control, kinds, laser, quadratic, spectrum):
         forget_if_older(kernel, str(module.__file__))

@@ -25,11 +25,11 @@ from numpy.typing import NDArray
 
 from . import algebra, equations, kinds
 from .algebra import factorize, solve
-from .compiling import compiled, forget_if_older, inlined
+from .compiling import compiled, forget_if_older, inlined, inner
+from .control import DONE, STEP_TOO_SMALL, STOPPED, TOO_MANY_STEPS, dense_output, doubled, tally
 from .equations import Array, Rates, dispersion
 from .kinds import flow, read, rise_of, spread, weigh
 from .laser import largest_power
-from .rosenbrock import DONE, STEP_TOO_SMALL, STOPPED, TOO_MANY_STEPS, dense_output
 from .tableaus import Tableau
 
 LOSS, ABSORBED, FCA, TPA, G, SHIFT, TURN, KERR = range(8)
@@ -46,7 +46,7 @@ class Lasers(NamedTuple):
     first: NDArray[np.int64]  # the first laser of every resonance, shape (fields,)
 
 
-@inlined
+@compiled
 def brightest(lasers: Lasers) -> float:
     """Return the largest squared pump of any laser at the ends of all pieces; 1e-300 in the dark."""
     largest = 1e-300
@@ -97,7 +97,7 @@ def _shared(y: Array, n: int, fields: int, fcd: Array, thermal: Any) -> tuple[fl
     return total, shift, slope, rise_of(read(y[: 3 + n], thermal), thermal)[0]
 
 
-@compiled
+@inner
 def slopes(
     y: Array, n: int, s: Array, d: Array, modes: Array, rates: Rates, fcd: Array, thermal: Any, out: Array
 ) -> None:
@@ -120,7 +120,7 @@ def slopes(
     out[2] = made - N * (1.0 + rates.b * N) / (rates.tau0 * (1.0 + rates.a * N))
 
 
-@compiled
+@inner
 def jacobian(y: Array, n: int, d: Array, modes: Array, rates: Rates, fcd: Array, thermal: Any, out: Array) -> None:
     """Write d(dy/dt)/dy."""
     size, fields, N, heat = y.size, d.size, y[2], 0.0
@@ -204,7 +204,7 @@ def integrate(
         while t < stop:
             if accepted + rejected >= max_steps or watch[0] > 0.0:
                 ended = STOPPED if watch[0] > 0.0 else TOO_MANY_STEPS
-                return rows[:filled], y, t, np.array([accepted, rejected, ended])
+                return rows[:filled], y, t, tally(accepted, rejected, ended)
             watch[1] = t
             h = min(h, longest)
             planned, landing = h, t + 1.0001 * h >= stop
@@ -219,7 +219,8 @@ def integrate(
                 J[i, i] += per_h / method.gamma
             factorize(J, order)
             for q in range(stages):
-                at[:] = y
+                for i in range(size):
+                    at[i] = y[i]
                 for j in range(q):
                     for i in range(size):
                         at[i] += method.a[q, j] * k[j, i]
@@ -234,7 +235,8 @@ def integrate(
                     f0[i] += g * (dd[f] * y[i + 1] - ds[f, 1])
                     f0[i + 1] += g * (ds[f, 0] - dd[f] * y[i])
                 solve(J, order, f0)
-                k[q] = f0
+                for i in range(size):
+                    k[q, i] = f0[i]
             for i in range(size):
                 out[i] = at[i] + k[stages - 1, i]
             error = _error(y, out, k, n, fields, rtol, floor, thermal)
@@ -242,7 +244,7 @@ def integrate(
                 rejected += 1
                 h *= max(0.2, 0.9 * error ** (-1.0 / method.order)) if error < math.inf else 0.2
                 if h < 1e-13 * max(abs(t), 1e-3):
-                    return rows[:filled], y, t, np.array([accepted, rejected, STEP_TOO_SMALL])
+                    return rows[:filled], y, t, tally(accepted, rejected, STEP_TOO_SMALL)
                 continue
             accepted += 1
             last = landing and stop == end
@@ -256,13 +258,13 @@ def integrate(
             y, out = out, y
             if wanted == 0:
                 if filled == rows.shape[0]:
-                    rows = np.concatenate((rows, np.empty_like(rows)))
+                    rows = doubled(rows)
                 _record(rows, filled, t, y, n, thermal)
                 filled += 1
             h *= max(0.2, min(5.0, 0.9 * max(error, 1e-8) ** (-1.0 / method.order)))
             if landing and t < end:
                 h = max(h, planned)
-    return rows[:filled], y, t, np.array([accepted, rejected, DONE])
+    return rows[:filled], y, t, tally(accepted, rejected, DONE)
 
 
 @inlined
@@ -288,6 +290,5 @@ def _error(y: Array, out: Array, k: Array, n: int, fields: int, rtol: float, flo
     return math.sqrt((worst / fields + e1 * e1 + e2 * e2) / 3.0) / rtol
 
 
-for kernel in (slopes, jacobian, integrate):
-    for module in (equations, algebra, kinds):
-        forget_if_older(kernel, str(module.__file__))
+for module in (equations, algebra, kinds):
+    forget_if_older(integrate, str(module.__file__))

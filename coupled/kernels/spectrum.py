@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiling import compiled
+from .compiling import inner
 
 LARGEST = 40  # of a matrix for which this is no slower than LAPACK
 EPSILON = 2.2e-16
@@ -19,7 +19,7 @@ TURNS = 60  # for one eigenvalue; two or three are usual
 Complex = NDArray[np.complex128]
 
 
-@compiled
+@inner
 def eigenvalues(matrix: Complex) -> Complex:
     """Return the eigenvalues of a square complex matrix, in no order."""
     if matrix.shape[0] > LARGEST:
@@ -42,7 +42,7 @@ def eigenvalues(matrix: Complex) -> Complex:
     return np.diag(H).copy()
 
 
-@compiled
+@inner
 def _to_hessenberg(H: Complex) -> None:
     """Make everything below the first subdiagonal zero by similar matrices."""
     n = H.shape[0]
@@ -68,7 +68,7 @@ def _to_hessenberg(H: Complex) -> None:
             H[i, m - 1] = 0.0
 
 
-@compiled
+@inner
 def _shift(H: Complex, last: int) -> complex:
     """Return the eigenvalue of the last two rows and columns that is nearest to the last entry."""
     a, b, c, d = H[last - 1, last - 1], H[last - 1, last], H[last, last - 1], H[last, last]
@@ -80,7 +80,7 @@ def _shift(H: Complex, last: int) -> complex:
     return d if far == 0.0 else d - b * c / far
 
 
-@compiled
+@inner
 def _turn(H: Complex, low: int, last: int, shift: complex) -> None:
     """Take one step of the QR iteration on rows and columns ``low`` to ``last``."""
     cosines, sines = np.ones(last + 1, np.complex128), np.zeros(last + 1, np.complex128)

@@ -134,7 +134,7 @@ def advance(
         field=(ar + 1j * ai) * np.sqrt(eq.FJ),
         carriers=N * eq.DENSITY,
         delta_T=dT + (offset if isinstance(offset, float) else pieces("offset", offset, start, stop)(t * eq.NS)),
-        absorbed=eq.absorbed_power.py_func(ar**2 + ai**2, N, rates) * eq.UW,
+        absorbed=eq.absorbed_power(ar**2 + ai**2, N, rates) * eq.UW,
         absorbed_slope=_absorbed_slope(rows, laser, rates),
         final=State.from_array(y * unit),
         reached=reached * eq.NS,

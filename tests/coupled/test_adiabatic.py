@@ -55,7 +55,7 @@ def test_it_agrees_with_another_integrator_under_moving_light():
                 (U, high) if U * ((rates.loss + rates.fca * N + rates.tpa * U) ** 2 + D**2) < power else (low, U)
             )
         recombination = N * (1 + rates.b * N) / (rates.tau0 * (1 + rates.a * N))
-        heat = eq.absorbed_power.py_func(U, N, rates)
+        heat = eq.absorbed_power(U, N, rates)
         return np.array([rates.g * U**2 - recombination, *(poles[0] * heat - poles[1] * x)])
 
     other = np.zeros((0, 3))

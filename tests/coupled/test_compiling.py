@@ -13,7 +13,7 @@ from paths import ROOT
 
 import coupled
 import thermofem as th
-from coupled.kernels.compiling import merged
+from coupled.kernels.compiling import inner, merged
 
 
 @njit
@@ -40,6 +40,23 @@ def test_what_is_merged_is_python_outside_and_no_function_of_its_own_inside():
     assert compiled_caller(9.0) == until_small(9.0, 1.0) == (9 / 16, 3)
     lines = compiled_caller.inspect_llvm(compiled_caller.signatures[0]).splitlines()
     assert not [line for line in lines if "@" in line and "until_small" in line]
+
+
+@inner
+def third(x: float) -> float:
+    return x / 3
+
+
+@njit
+def inner_caller(x: float) -> float:
+    return third(x)
+
+
+def test_what_only_kernels_call_is_python_outside_and_has_no_entry_for_python():
+    assert isinstance(third, FunctionType)
+    assert inner_caller(9.0) == third(9.0) == 3.0
+    lines = inner_caller.inspect_llvm(inner_caller.signatures[0]).splitlines()
+    assert not [line for line in lines if line.startswith("define") and "third" in line and "cpython" in line]
 
 
 def test_no_kernel_is_compiled_for_the_value_of_a_number():

@@ -79,12 +79,12 @@ def _monolithic():
 
     def right(t, y):
         ar, ai, N, dT = (*y[:3], c @ y[3:])
-        *light, heat = eq.optics.py_func(ar, ai, N, dT, eq.dispersion.py_func(N, fcd)[0], drive, 0.0, rates)
+        *light, heat = eq.optics(ar, ai, N, dT, eq.dispersion(N, fcd)[0], drive, 0.0, rates)
         return np.concatenate([light, decay * y[3:] + b * heat])
 
     def jacobian(t, y):
         ar, ai, N, dT = (*y[:3], c @ y[3:])
-        J = np.array(eq.optics_jacobian.py_func(ar, ai, N, dT, *eq.dispersion.py_func(N, fcd), 0.0, rates))
+        J = np.array(eq.optics_jacobian(ar, ai, N, dT, *eq.dispersion(N, fcd), 0.0, rates))
         return bmat([[J[:3, :3], np.outer(J[:3, 3], c)], [np.outer(b, J[3, :3]), diags(decay)]], format="csc")
 
     def solved(rtol):

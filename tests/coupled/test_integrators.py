@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numba import njit
 from paths import ROOT
 from rings import LAWS, NETWORKS, RING, SECOND_ORDER, printed_equations, state
 from scipy.integrate import solve_ivp
@@ -138,9 +139,10 @@ def test_field_carriers_and_heat_weigh_alike_in_the_error(part, size, poles):
     k[-1] = [*at, *np.full(poles, (part == "heat") / poles) * (-1) ** np.arange(poles)]  # an error of 1 in all
     network = Poles(np.empty((2, poles)), 0.0)
     want = 1 / size / np.sqrt(3) / 1e-6  # round-off decides the tolerance
-    assert step_error(y, out, 7.0, 0.0, k, 1e-6, FLOOR, network) == pytest.approx(want, rel=1e-14)
-    assert step_error(out, y, 0.0, 7.0, k, 1e-6, FLOOR, network) == pytest.approx(want, rel=1e-14)
-    assert step_error(y, out, 7.0, 0.0, k, 1e-6, np.full(3, 100.0), Poles(np.empty((2, poles)), 0.0)) == pytest.approx(
+    error = njit(step_error)
+    assert error(y, out, 7.0, 0.0, k, 1e-6, FLOOR, network) == pytest.approx(want, rel=1e-14)
+    assert error(out, y, 0.0, 7.0, k, 1e-6, FLOOR, network) == pytest.approx(want, rel=1e-14)
+    assert error(y, out, 7.0, 0.0, k, 1e-6, np.full(3, 100.0), Poles(np.empty((2, poles)), 0.0)) == pytest.approx(
         want * size / 100, rel=1e-14
     )
 

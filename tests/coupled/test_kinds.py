@@ -40,7 +40,7 @@ def test_jacobian_by_complex_steps(kind):
 def test_heat_flows_as_the_model_says(kind):
     model, y = KINDS[kind], state(2)
     got = eq.right_hand_side(y, DRIVE, TURN, RATES, FCD, eq.internal_thermal(model))[3:] / eq.NS
-    P = float(eq.absorbed_power.py_func(y[0] ** 2 + y[1] ** 2, y[2], RATES)) * eq.UW
+    P = float(eq.absorbed_power(y[0] ** 2 + y[1] ** 2, y[2], RATES)) * eq.UW
     assert got == pytest.approx(model.rate(y[3:], P), rel=1e-12)
 
 

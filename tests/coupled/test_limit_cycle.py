@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from models import quadratic
-from numba import njit
 
 import coupled
 import surrogate
@@ -112,7 +111,7 @@ def test_eliminating_heat_changes_nothing():
     args = (tau, T, p.at, scheme(), forcing)
     conditions = rng.standard_normal((3, start.size + 3))  # of the step, which is not looked at
     one = orbits.advance(start, Y.copy(), *args, conditions, np.zeros((3, 3)))[2]
-    other = njit(collocation.full_pass)(start, Y.copy(), *args)[0]
+    other = collocation.full_pass(start, Y.copy(), *args)[0]
     np.testing.assert_allclose(one, other, atol=1e-7 * np.abs(other).max(axis=0).max(), rtol=1e-7)
 
 

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numba import njit
 
-from coupled.kernels.spectrum import LARGEST, eigenvalues
+from coupled.kernels import spectrum
+from coupled.kernels.spectrum import LARGEST
+
+eigenvalues = njit(spectrum.eigenvalues)
 
 RANDOM = np.random.default_rng(7).normal(size=(LARGEST + 1, LARGEST + 1))
 
