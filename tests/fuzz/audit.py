@@ -152,7 +152,7 @@ def killed_reproductions(count: int, seed: int = 0) -> tuple[int, bool]:
         for folder in ("whole", "killed"):
             rows = json.loads((Path(name) / folder / "data" / "table.json").read_text(encoding="utf-8"))
             tables.append([(row["quantity"], row["agrees"]) for row in rows])
-            left = [path.name for path in (Path(name) / folder).rglob("*") if path.name.startswith(".") and "-" in path.name]
+            left = [path.name for path in (Path(name) / folder).rglob(".*-*")]
             if left:
                 print(f"{folder}: {left} are left")
         return done, tables[0] == tables[1]
