@@ -123,9 +123,14 @@ class FEM:
         return outputs[:, 0]
 
     def revise(self, times: Array, power: Waveform) -> Array:
-        """`advance` again under a power that differs little, without solves (`FieldIntegrator.revised`)."""
+        """`advance` again under a power that differs little, without steps (`FieldIntegrator.revised`)."""
         outputs, *self._tried = self.field.revised([power, *self.heaters.values()], times, keep=self._kept(times))
         return outputs[:, 0]
+
+    @property
+    def remainder(self) -> float:
+        """What `revise` keeps of the rise: the largest change in the window of its part outside the amplitudes, K."""
+        return self.field.remainder
 
     def _kept(self, times: Array) -> Array:
         """The field times of a window."""

@@ -155,11 +155,14 @@ class Relaxation:
 
         A discrepancy shifts the pulses, whose edges turn it into up to a hundred times as much. So light is integrated
         with the discrepancy fed back. Where its temperature moves, the FEM's fields follow without another pass
-        (`FEM.revise`); the share of the rise that the predictor misses says what this leaves out.
+        (`FEM.revise`). What this leaves out is the share of the rise outside them (`FEM.remainder`); where the
+        predictor is not the FEM's own, the share that it misses.
         """
         revise, moved = getattr(self.corrector, "revise", None), np.inf
         close = CLOSE * self.max_discrepancy if revise else self.max_discrepancy
-        missed = float(np.abs(rise - run.delta_T).max() / max(np.abs(run.delta_T).max(), 1e-300))
+        own = revise is not None and self.model is self.corrector.predictor
+        missed = self.corrector.remainder if own else float(np.abs(rise - run.delta_T).max())
+        missed /= max(float(np.abs(rise).max()), 1e-300)
         while True:
             discrepancy = float(np.abs(rise - run.delta_T).max())
             after = self._fed_back(run, offset, rise - run.delta_T)

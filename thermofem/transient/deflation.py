@@ -9,8 +9,8 @@ which is the full-order problem. Because r is small and smooth, a tolerance in k
 `thermofem.transient`). The method is exact for any V, even an empty one; V only changes the work. F and H are those of
 `nonlinear`; without temperature dependence they are K x and E x.
 
-With k(T) and c_p(T) the amplitudes obey d(z + e)/dt = -rate z - f + heating P with the quadratic forms f and e of z
-(`curvature`), so that r holds only what these leave, and
+With k(T) and c_p(T) the amplitudes obey d(z + e)/dt = -rate z - f + heating P with f(z) and e(z) of `curvature`, so
+that r holds only what these leave, and
 
     d/dt [H(x) - E V (z + e)] = (B - E V V^T B) P - D z + K V z + E V f - F(x).
 
@@ -46,7 +46,7 @@ SHARE = 0.2  # of the tolerance, for each of the three errors of a step
 LOOKED_AT = [1, 2]  # stages that the cubic of `Inside` is compared with
 SLOWER = 1 / 8  # with k(T) the error of the interpolation falls with less than the fourth power of a step (measured)
 FINEST = 20  # rungs of 4 below a window before it is given up
-ROUNDS = 4  # of dz/dt = dw/dt - 2 content[z, dz/dt]; each leaves a share of c_p's relative change
+ROUNDS = 4  # of dz/dt = dw/dt - e'(z) dz/dt; each leaves a share of c_p's relative change
 SETTLED = 1e-3  # of the tolerance, that the iteration of the fast part may leave
 FINER = 4.0 ** -np.arange(4)  # scales below a step at which what the basis leaves of the impedance is looked at
 
@@ -83,7 +83,7 @@ class FieldIntegrator:
         self.forcing = np.column_stack([s.B - self.EV @ basis.heating, self.EV * basis.rate - KV])
         self.curved = Curvature(*np.zeros((3, *(V.shape[1],) * 3)))
         if isinstance(system, NonlinearEquations):
-            self.curved, self.flow = curvature(system, V), flow_of(system, V)
+            self.curved, self.flow = curvature(system, basis), flow_of(system, V)
             self.loads = np.column_stack([KV, self.forcing, self.EV])
             self.readers = np.stack([s.solve(0.0, row) for row in np.asarray(linear.C)])
         else:
@@ -108,7 +108,7 @@ class FieldIntegrator:
         r, source = x - V @ z, np.concatenate([np.zeros(len(self.linear.inputs)), z])
         if self.newton is None:
             return FieldState(time, z, r, s.solve(0.0, self.forcing @ source + s.A @ r), source)
-        flow, _ = self.curved(z[None], z[None])
+        flow, _ = self.curved(z[None])
         slope = self.loads @ np.concatenate([z, source, flow[0]]) - self.newton.system.flow(x)
         return FieldState(time, z, r, slope, source)
 
@@ -172,10 +172,10 @@ class FieldIntegrator:
     def revised(
         self, waves: Sequence[Waveform], times: ArrayLike, *, keep: ArrayLike = ()
     ) -> tuple[Array, FieldState, Array]:
-        """The last window under powers that differ little: new amplitudes z and the remainder r of `advance`.
+        """The last window under powers that differ little: new amplitudes z, the steps of r as `advance` took them.
 
-        The result is off by |H - H_V| times the change of the power, which is the share of the rise that V leaves to r.
-        It takes no solves. Parameters and result are those of `advance`, without the state.
+        The result is off by |H - H_V| times the change of the power, which is the share of the rise that V leaves to r
+        (`remainder`). Parameters and result are those of `advance`, without the state.
         """
         if self._passed is None:
             raise checks.InputError("revised() comes after advance()")
@@ -187,19 +187,54 @@ class FieldIntegrator:
         for t, h, inside in steps:
             read = between(times, t, t + h)
             outputs[read] += inside((times[read] - t) / h)
-        z, before, slope = new.values[-1], old.values[-1], end.slope
-        if self.newton is not None:
-            flow, _ = self.curved(np.stack([z, before]), np.stack([z, before]))
-            x, was = V @ z + end.r, V @ before + end.r
-            slope = slope + self.loads @ np.concatenate([z - before, np.zeros(end.source.size), flow[0] - flow[1]])
-            slope = slope - self.newton.system.flow(x) + self.newton.system.flow(was)
         gained = new.energy() - old.energy()
+        z, r, slope = self._moved(end, new, old, gained, length)
         out = float(self.direct @ gained)
         if self.ledger:
             drained = [self._drained(self.ledger, fast, length, end.r) for fast in (new, old)]
             out += drained[0] - drained[1]
-        state = replace(end, z=z, slope=slope, heat_in=end.heat_in + float(gained.sum()), heat_out=end.heat_out + out)
+        state = replace(
+            end, z=z, r=r, slope=slope, heat_in=end.heat_in + float(gained.sum()), heat_out=end.heat_out + out
+        )
         return outputs, state, fields + (new.z(keep) - old.z(keep)) @ V.T
+
+    def _moved(
+        self, end: FieldState, new: FastPart, old: FastPart, gained: Array, length: float
+    ) -> tuple[Array, Array, Array]:
+        """z, r and slope at the end of a revised window.
+
+        The heat that V leaves to r follows the power; it spreads for the length of a step, as the outputs know none of
+        it. With c_p(T) r changes, too, so that H(x) keeps the heat that the steps of r brought.
+        """
+        V, s, z, before = self.basis.vectors, self.stepper, new.values[-1], old.values[-1]
+        left = self.forcing @ np.concatenate([gained, length * (new.mean() - old.mean())])
+        if self.newton is None:
+            return z, end.r + s.solve(GAMMA * end.step, left), end.slope
+        bent = length * self.flow((new.mean_products() - old.mean_products())[None])[0]
+        flow, held = self.curved(np.stack([z, before]))
+        x, was, system = V @ z + end.r, V @ before + end.r, self.newton.system
+        moved = self.EV @ (z + held[0] - before - held[1])
+        moved += s.E @ s.solve(GAMMA * end.step, left + self.EV @ (V.T @ bent) - bent)
+        x = self._holding(self.newton, x, system.content(was) + moved)
+        slope = end.slope + self.loads @ np.concatenate([z - before, np.zeros(end.source.size), flow[0] - flow[1]])
+        return z, x - V @ z, slope - system.flow(x) + system.flow(was)
+
+    @property
+    def remainder(self) -> float:
+        """Largest change of the outputs' part in r in the last window of `advance`, K."""
+        if self._passed is None or not self._passed.steps:
+            return 0.0
+        begin = self.linear.C @ self._passed.begin.r
+        return max(float(np.abs(inside(STAGE_TIMES) - begin).max()) for _, _, inside in self._passed.steps)
+
+    def _holding(self, s: NewtonStepper, x: Array, target: Array) -> Array:
+        """The rise with the enthalpy H(x) = target in J, close to the one given."""
+        for _ in range(ROUNDS):
+            change = s.solve(0.0, target - s.system.content(x)) / s.nodal(x)
+            x = x + change
+            if s.norm(change) <= SETTLED * self.tolerance * self.per_kelvin:
+                break
+        return x
 
     def _fast(self, state: FieldState, waves: Sequence[Waveform], times: Array) -> FastPart:
         """The amplitudes from a state on."""
@@ -283,7 +318,7 @@ class FieldIntegrator:
     ) -> bool:  # fmt: skip
         """Stages with k(T) and c_p(T), in the unknown x = V z + r; False where one does not converge. Slopes in W."""
         shift, fields = GAMMA * h, z @ self.basis.vectors.T
-        flow, held = self.curved(z, z)
+        flow, held = self.curved(z)
         follows = (z + held) @ self.EV.T
         targets = follows + shift * (np.hstack([z, piece.stages, flow]) @ self.loads.T + correction)
         s.tolerance = 0.02 * SHARE * self.tolerance / max(s.rise, self.tolerance)
@@ -312,12 +347,10 @@ class FieldIntegrator:
         if not content.laws:
             return slope
         x, curved, one = self.basis.vectors @ z + r, self.curved, z[None]
-        moving = (
-            self.basis.heating @ piece.stages[-1, : piece.energy.size] - self.basis.rate * z - curved(one, one)[0][0]
-        )
+        moving = self.basis.heating @ piece.stages[-1, : piece.energy.size] - self.basis.rate * z - curved(one)[0][0]
         rate = moving
         for _ in range(ROUNDS):
-            rate = moving - 2 * curved(one, rate[None])[1][0]
+            rate = moving - curved.along(one, rate[None])[1][0]
         return (slope + self.EV @ moving - content.derivative(x)(self.basis.vectors @ rate)) / s.nodal(x)
 
     def _errors(self, estimate: Array, inside: Array) -> tuple[float, float]:

@@ -7,9 +7,9 @@ Between two grid times (wanted times and the breakpoints of the waves) P is one 
 Between grid times z is the cubic through its values and slopes; behind a jump of the power the grid is graded, since a
 fast pole does not move like a cubic there.
 
-With k(T) and c_p(T) the amplitudes follow what these do to the fields (`curvature`): w = z + content[z, z] and
+With k(T) and c_p(T) the amplitudes follow what these do to the fields (`curvature`): w = z + e(z) and
 
-    dw/dt = -rate w + heating P + g(z),    g(z) = rate content[z, z] - flow[z, z]
+    dw/dt = -rate w + heating P + g(z),    g(z) = rate e(z) - f(z)
 
 by iteration with g of the last z as one more cubic; what is left of an error falls by k's relative change each time.
 """
@@ -97,20 +97,20 @@ class FastPart:
     def _bend(self, curved: Curvature, linear: tuple[Array, ...], allowed: Array | float) -> None:
         """Values and slopes with k(T) and c_p(T), from those without and what these were made of."""
         h, gains, decay, forcing, heat = linear
-        w0 = self.values[0] + curved(self.values[:1], self.values[:1])[1][0]
+        w0 = self.values[0] + curved(self.values[:1])[1][0]
         for _ in range(SWEEPS):
             z = self.values
-            flow, held = curved(z, z)
+            flow, held = curved(z)
             g = self.rate * held - flow
-            turns = [curved(*pair) for pair in zip(_ends(z), self.slopes, strict=True)]
+            turns = [curved.along(*pair) for pair in zip(_ends(z), self.slopes, strict=True)]
             along = np.stack([turn[1] for turn in turns])
-            d0, d1 = (2 * h[:, None] * (self.rate * turn[1] - turn[0]) for turn in turns)
+            d0, d1 = (h[:, None] * (self.rate * turn[1] - turn[0]) for turn in turns)
             rise = np.diff(g, axis=0)
             cubics = np.stack([g[:-1], d0, 3 * rise - 2 * d0 - d1, d0 + d1 - 2 * rise])
             w = _followed(w0, decay, forcing + (cubics * gains).sum(axis=0))
             self.values = w - held
             self.values[0] = z[0]
-            self.slopes = heat + _ends(g) - self.rate * _ends(w) - 2 * along
+            self.slopes = heat + _ends(g) - self.rate * _ends(w) - along
             if np.all(np.abs(self.values - z).max(axis=0, initial=0) <= allowed):
                 return
         raise checks.InputError("the amplitudes of the fields under k(T) do not settle; is the power far too large?")
@@ -138,6 +138,12 @@ class FastPart:
         """z averaged over the window, shape (k,)."""
         h = np.diff(self.grid)
         return np.asarray((h @ np.tensordot(1 / np.arange(1, 5), self._cubics, axes=1)) / h.sum())
+
+    def mean_products(self) -> Array:
+        """z_j z_k averaged over the window, shape (k, k)."""
+        h = np.diff(self.grid)
+        z = self.z(self.grid[:-1, None] + h[:, None] * NODES).reshape(-1, self.rate.size)
+        return np.asarray(z.T @ (z * (h[:, None] * WEIGHTS).reshape(-1, 1)) / h.sum())
 
     def energy(self) -> Array:
         """Energy of every input in J."""
