@@ -115,7 +115,7 @@ def test_slips_in_the_recombination_are_named(change, message):
 
 
 @pytest.mark.parametrize(
-    "module", ["coupled.parameters.borghi2021", "coupled.parameters.vanvaerenbergh2012", "coupled.simulate"]
+    "module", ["coupled.parameters.borghi2021", "coupled.parameters.vanvaerenbergh2012", "coupled.runs.simulate"]
 )
 def test_examples_in_docstrings(module):
     found = doctest.testmod(importlib.import_module(module))
