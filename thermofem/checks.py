@@ -275,7 +275,7 @@ def seed(value: Any) -> int:
     """Return a seed of random numbers, or raise InputError."""
     import numpy as np
 
-    if not isinstance(value, int | np.integer) or value < 0:
+    if not isinstance(value, int | np.integer) or isinstance(value, np.timedelta64) or value < 0:
         raise InputError(f"seed = {shown(value)} must be a whole number from 0")
     return int(value)
 

@@ -132,6 +132,7 @@ def test_json_round_trip(wave):
         (lambda: from_json("{"), "cannot be read"),
         (lambda: th.Telegraph(1e-3, 1e-6, 1e-5, seed=-1), "whole number from 0"),
         (lambda: th.Telegraph(1e-3, 1e-6, 1e-5, seed={}), "whole number from 0"),
+        (lambda: th.Telegraph(1e-3, 1e-6, 1e-5, seed=np.timedelta64(1, "us")), "whole number from 0"),
         (lambda: th.Pulse("2e-3", 1e-6), "power = '2e-3' is not a number"),
         (lambda: th.Pulse(2e-3, 1e-6, start="1 us"), "start = '1 us' is not a number .*did you mean 1e-6 for 1 us"),
         (lambda: th.Function(2e-3), "f = 0.002 is no function of time"),
