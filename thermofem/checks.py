@@ -271,11 +271,16 @@ def progress(value: Any) -> None:
         raise InputError(f"progress = {shown(value)} must be a function; it is called with the time in s")
 
 
-def seed(value: Any) -> int:
-    """Return a seed of random numbers, or raise InputError."""
+def whole(value: Any) -> bool:
+    """Whether it is an int of Python or NumPy; NumPy's time steps, a kind of its integers, are none."""
     import numpy as np
 
-    if not isinstance(value, int | np.integer) or isinstance(value, np.timedelta64) or value < 0:
+    return isinstance(value, int | np.integer) and not isinstance(value, np.timedelta64)
+
+
+def seed(value: Any) -> int:
+    """Return a seed of random numbers, or raise InputError."""
+    if not whole(value) or value < 0:
         raise InputError(f"seed = {shown(value)} must be a whole number from 0")
     return int(value)
 

@@ -298,7 +298,7 @@ def load(path: str | Path) -> xr.Dataset:
     if damage:
         raise checks.InputError(f"{path} cannot be read as netCDF ({damage}); is it complete?")
     schema = data.attrs.get("schema", SCHEMA)
-    if not isinstance(schema, int | np.integer):
+    if not checks.whole(schema):
         raise checks.InputError(f"{path} has schema {checks.shown(schema)}, which is no number")
     if schema > SCHEMA:
         raise checks.InputError(f"{path} has schema {schema}; this version reads up to {SCHEMA}, update thermofem")
@@ -318,5 +318,5 @@ def load_record(path: str | Path) -> Record | xr.Dataset:
         found = stored(path)
     except netcdf.DAMAGE:
         found = None
-    plain = found is not None and isinstance(found.attrs.get("schema", SCHEMA), int | np.integer)
+    plain = found is not None and checks.whole(found.attrs.get("schema", SCHEMA))
     return found if found is not None and plain and found.attrs.get("schema", SCHEMA) <= SCHEMA else load(path)

@@ -109,12 +109,14 @@ def delay_loop(ring: RingResonator, delay: float, *, loss: float = 3.0, phase: f
     Raises
     ------
     InputError
-        a ring on one bus.
+        no ring, or a ring on one bus.
 
     >>> import coupled
     >>> coupled.delay_loop(coupled.borghi2021(), delay=1e-9).ports
     ('drop',)
     """
+    if not isinstance(ring, RingResonator):
+        raise checks.InputError(f"ring = {checks.shown(ring)} must be one RingResonator, with a drop_rate")
     if not ring.drop_bus_rate:
         raise checks.InputError("ring has no second coupler (drop_rate = 0), by which the light could come back")
     loop = Waveguide("ring 1.through", "ring 1.add", loss, phase, delay)

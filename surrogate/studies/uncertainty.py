@@ -105,7 +105,7 @@ def _checked(
         checks.choice("parameter", name, family.names)
     for name, one in distributions.items():
         checks.has(name, one, "ppf", hint="a distribution of scipy.stats with its numbers is needed")
-    if not isinstance(samples, int | np.integer) or samples < 2 or samples & (samples - 1):
+    if not checks.whole(samples) or samples < 2 or samples & (samples - 1):
         raise checks.InputError(f"samples = {checks.shown(samples)} must be a power of two")
     return names
 

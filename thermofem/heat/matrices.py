@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from .. import checks
 from ..algebra.factor import Pencil
 from ..arrays import Array, ArrayLike, NDArray
 from ..display import shown
@@ -116,7 +117,13 @@ def discretize(
     held : array of int
         boundary facets at the ambient temperature (numbered as `facets` does).
     convection : dict from h in W/(m^2 K) to an array of facets
+
+    Raises
+    ------
+    InputError
+        ``mesh`` is no Mesh.
     """
+    checks.has("mesh", mesh, "skfem", hint="give a thermofem.Mesh")
     return build(mesh, conductivity, heat_capacity, Surfaces(held=held, convection=convection or {}))
 
 

@@ -153,7 +153,7 @@ def period_times(wave: Waveform, samples: int) -> Array:
     if period is None:
         raise checks.InputError(f"{type(wave).__name__} has no period; a periodic state needs a periodic waveform")
     edges = wave.breakpoints(0.0, period)
-    if not isinstance(samples, int | np.integer) or samples > MOST_SAMPLES:
+    if not checks.whole(samples) or samples > MOST_SAMPLES:
         raise checks.InputError(f"samples = {samples!r} must be a whole number of times, up to {MOST_SAMPLES:g}")
     if samples < 3 + 2 * edges.size:
         raise checks.InputError(f"samples = {samples} is too few for a period with {edges.size} edges inside")
