@@ -130,7 +130,7 @@ def along(
     """
     m = 3 + order(ring.thermal)
     out, none = np.empty((detunings.size, 5)), Beside(np.empty((0, m)), np.empty(0), np.empty((0, 0)))
-    cold = Transient(np.zeros(m), 0.0, FIRST, 0.0, 0.0, 0.0, 0.0, np.int64(-1), 0.0, np.int64(DONE))
+    cold = Transient(np.zeros(m), 0.0, FIRST, 0.0, 0.0, 0.0, 0.0, np.int64(-1), 0.0, np.int64(DONE))  # type: ignore[arg-type]
     for j in range(detunings.size):
         at = Ring(ring.pump, detunings[j], ring.rates, ring.fcd, ring.thermal)
         out[j, 4] = -1.0

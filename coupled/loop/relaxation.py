@@ -29,7 +29,7 @@ from ..resonator import RingResonator
 from ..runs.window import Window, advance
 from ..states import State
 from ..thermal import Compact
-from .corrector import Corrector
+from .corrector import FEM, Corrector
 
 MOST_PASSES = 16
 FEW, MANY = 4, 8  # passes up to which windows double, and above which they halve: least work (measured)
@@ -160,8 +160,10 @@ class Relaxation:
         """
         revise, moved = getattr(self.corrector, "revise", None), np.inf
         close = CLOSE * self.max_discrepancy if revise else self.max_discrepancy
-        own = revise is not None and self.model is self.corrector.predictor
-        missed = self.corrector.remainder if own else float(np.abs(rise - run.delta_T).max())
+        if isinstance(self.corrector, FEM) and self.model is self.corrector.predictor:
+            missed = self.corrector.remainder
+        else:
+            missed = float(np.abs(rise - run.delta_T).max())
         missed /= max(float(np.abs(rise).max()), 1e-300)
         while True:
             discrepancy = float(np.abs(rise - run.delta_T).max())

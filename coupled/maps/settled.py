@@ -83,8 +83,10 @@ class _Row(NamedTuple):
                 out += cells
                 if len(out) < len(self.detunings):
                     cell, found = self._point(len(out), transient)
-                    alone = found is None or found.pulses > 1
-                    beside = none if alone else orbit_row.after(beside, found.orbit.start, found.orbit.T, found.orbit.M)
+                    if found is None or found.pulses > 1:
+                        beside = none
+                    else:
+                        beside = orbit_row.after(beside, found.orbit.start, found.orbit.T, found.orbit.M)
                     out.append(cell)
             except _FAILURES as error:
                 out.append(_failed(error))
@@ -105,7 +107,8 @@ class _Row(NamedTuple):
     def _cell(self, k: int, row: list[float]) -> Found:
         """Return what a row of `orbit_row.along` says."""
         if row[4] < 0:
-            return _pulsing(*row[:4])
+            T, duty, swing, size = row[:4]
+            return _pulsing(T, duty, swing, size)
         p = self.p._replace(detuning=self.detunings[k])
         return _resting(rest_words(p, row[3], self.points[k, int(row[4])]))
 
