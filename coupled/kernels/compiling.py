@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -96,5 +97,6 @@ def forget_if_older(kernel: Any, source: str) -> None:
     edited, module = Path(source).stat().st_mtime, kernel.__module__.rpartition(".")[2]
     where = kernel.stats.cache_path if hasattr(kernel, "stats") else StoredCode(kernel).cache_path
     for index in Path(where).glob(f"{module}.*.nbi"):
-        if index.stat().st_mtime < edited:
-            index.unlink(missing_ok=True)
+        with suppress(FileNotFoundError):  # another process may delete it first
+            if index.stat().st_mtime < edited:
+                index.unlink()
