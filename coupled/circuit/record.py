@@ -11,10 +11,10 @@ import numpy as np
 from thermofem import dataset
 from thermofem.arrays import Array
 
-from ..inputs import Pieces
 from .circuit import Circuit
 from .heat import RingHeat
 from .network import Light
+from .system import System
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -32,10 +32,8 @@ NAMES = {
 
 def dataset_of(
     circuit: Circuit,
-    light: Light,
+    system: System,
     rows: Array,
-    rings: Any,
-    powers: list[Pieces],
     attributes: dict[str, Any],
     *,
     corner: Array,
@@ -47,6 +45,7 @@ def dataset_of(
     from ..kernels import equations as eq
     from .equations import heating
 
+    light, rings = system.light, system.rings
     n, D, ports = len(circuit.names), light.delay.size, len(circuit.ports)
     time = rows[:, 0] * eq.NS
     states = rows[:, 1 : 1 + 4 * n].reshape(-1, n, 4)
@@ -66,7 +65,11 @@ def dataset_of(
     variables: dict[str, Any] = {name: (("ring", "time"), values, described(name)) for name, values in of_rings.items()}
     variables["output"] = (("port", "time"), shown, described("output"))
     variables["phase"] = (("port", "time"), np.arctan2(imaginary[seen], real[seen]), described("phase"))
-    variables["input"] = (("laser", "time"), np.array([np.maximum(p(time), 0) for p in powers]), described("input"))
+    variables["input"] = (
+        ("laser", "time"),
+        np.array([np.maximum(p(time), 0) for p in system.powers]),
+        described("input"),
+    )
     variables["lost"] = (("time",), light.lost @ power, described("lost"))
     if corner.size:
         late = corner[D : D + ports] > 0
@@ -80,6 +83,11 @@ def dataset_of(
         length = np.diff(time, prepend=0.0)
         mean = np.where(length > 0, (energies - before) / np.where(length > 0, length, 1.0), shown)
         variables["mean_output"] = (("port", "time"), mean, described("mean_output"))
+    turned = system.frame(time)
+    if np.any(turned != system.detuning):
+        variables["detuning"] = (("time",), turned, described("detuning"))
+    else:
+        attributes = attributes | {"detuning": system.detuning}
     coordinates = {
         "time": ("time", time, dataset.describe("time")),
         "ring": list(circuit.names),

@@ -68,7 +68,7 @@ def run_parts(
     return found
 
 
-def joined(circuit: Circuit, runs: Sequence[xr.Dataset], detuning: float) -> xr.Dataset:
+def joined(circuit: Circuit, runs: Sequence[xr.Dataset]) -> xr.Dataset:
     """The runs of the parts at the same times as one of the circuit."""
     import xarray as xr
 
@@ -80,7 +80,9 @@ def joined(circuit: Circuit, runs: Sequence[xr.Dataset], detuning: float) -> xr.
     for name in dict.fromkeys(name for run in runs for name in run.data_vars):
         pieces = [run[name] if name in run else run["output"] for run in runs]  # detected, where nothing is slow
         dims, attributes = pieces[0].dims, next(run[name].attrs for run in runs if name in run)
-        if dims == ("time",):
+        if name == "detuning":
+            variables["detuning"] = pieces[0]
+        elif dims == ("time",):
             variables[str(name)] = (dims, sum(piece.values for piece in pieces), attributes)
         else:
             values = np.concatenate([piece.values for piece in pieces])[orders[str(dims[0])]]
@@ -93,10 +95,12 @@ def joined(circuit: Circuit, runs: Sequence[xr.Dataset], detuning: float) -> xr.
     states = [run.attrs["final_state"] for run in runs]
     light = np.concatenate([y[: 3 * n].reshape(n, 3) for y, n in zip(states, sizes, strict=True)])
     heat = np.concatenate([y[3 * n :].reshape(n, -1) for y, n in zip(states, sizes, strict=True)])
-    attributes = _origin(circuit) | {key: runs[0].attrs[key] for key in ("duration", "rtol", "method")}
+    attributes = _origin(circuit) | {
+        key: runs[0].attrs[key] for key in ("duration", "rtol", "method", "detuning") if key in runs[0].attrs
+    }
     attributes |= {key: sum(run.attrs[key] for run in runs) for key in ("steps", "rejected_steps")}
     attributes["final_state"] = np.concatenate([light[orders["ring"]].ravel(), heat[orders["ring"]].ravel()])
-    return xr.Dataset(variables, coords=coordinates, attrs=attributes | {"detuning": detuning})
+    return xr.Dataset(variables, coords=coordinates, attrs=attributes)
 
 
 def _order(labels: Sequence[Any], wanted: Sequence[str]) -> NDArray[np.int64]:

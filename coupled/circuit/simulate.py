@@ -82,7 +82,8 @@ def simulate_circuit(
     xarray.Dataset
         over time (s): energy (J), carriers (1/m^3), delta_T (K), absorbed and scattered (W) by ring; output (W) and
         phase (rad) by port; input (W) by laser; lost (W) in waveguides. Where a detector has a bandwidth, detected (W)
-        by port, too: what the detectors show, dark at t = 0.
+        by port, too: what the detectors show, dark at t = 0. A detuning that varies is a variable (Hz), a constant one an
+        attribute.
 
     Raises
     ------
@@ -130,7 +131,7 @@ def simulate_circuit(
             average=average, method=method,
         )  # fmt: skip
         runs = run_parts(parts, inputs, each, progress, duration)
-        return joined(circuit, runs, system.detuning)
+        return joined(circuit, runs)
     if alone:
         power = inputs.get(circuit.lasers[0].name, 0.0)
         rows, y, counts = run_alone(
@@ -153,9 +154,8 @@ def simulate_circuit(
     attributes = {
         "duration": duration, "rtol": float(rtol), "method": chosen.value, "steps": int(counts[0]),
         "rejected_steps": int(counts[1]), "final_state": y * units_of(*heat.gain.shape),
-        "detuning": system.detuning,
     }  # fmt: skip
-    return dataset_of(circuit, light, rows, rings, system.powers, attributes, corner=corner, average=bool(average))
+    return dataset_of(circuit, system, rows, attributes, corner=corner, average=bool(average))
 
 
 def _start(circuit: Circuit, heat: RingHeat, initial: xr.Dataset | None) -> Array:

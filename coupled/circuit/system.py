@@ -25,6 +25,7 @@ class System:
     powers [W]: of the lasers.
     offsets [K]: what the heaters add to each ring.
     detuning [Hz]: 0 where it varies.
+    frame [Hz]: the detuning over time.
     drive, rings, states, net [layout.LaserTable, Rings, Heat and LightNetwork]
     """
 
@@ -33,6 +34,7 @@ class System:
     powers: list[Pieces]
     offsets: list[Pieces]
     detuning: float
+    frame: Pieces
     drive: Any
     rings: Any
     states: Any
@@ -56,7 +58,7 @@ def system_of(
     offsets = heater_offsets(heat, heaters, duration)
     drive = internal_drive(circuit, light, powers, frame, offsets, duration)
     rings = _rings(circuit, light, heat, drive.largest)
-    return System(light, heat, powers, offsets, constant, drive, rings, _states(heat), _network(light))
+    return System(light, heat, powers, offsets, constant, frame, drive, rings, _states(heat), _network(light))
 
 
 def units_of(rings: int, states: int) -> Array:

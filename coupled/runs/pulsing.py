@@ -293,6 +293,9 @@ def _varying(run: xr.Dataset | Record, t: Array) -> str:
     if "heater_power" in run.variables:
         changes = np.ptp(run["heater_power"].values[:, late], axis=1) > 0
         moving += [f"the power of {name}" for name in run["heater"].values[changes]]
+    if "laser" in getattr(run, "coords", {}):  # of a circuit
+        changes = np.ptp(run["input"].values[:, late], axis=1) > 0
+        moving += [f"the power of {name}" for name in run["laser"].values[changes]]
     return " and ".join(moving)
 
 

@@ -32,6 +32,26 @@ def test_a_ring_of_a_circuit_pulses_as_it_does_alone(run):
         coupled.pulsing(run)
 
 
+def test_a_swept_laser_and_a_pulse_are_named(run):
+    ring, model = coupled.borghi2021(), surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)
+    sweep = coupled.Sweep([0, 1e-6], [5e9, -5e9])
+    times = np.linspace(0, 1e-6, 401)
+    apart = coupled.Circuit([ring, ring], lasers=[coupled.LaserPort(f"l{i}", f"ring {i}.in") for i in (1, 2)])
+    for circuit, inputs in (
+        (coupled.bus([ring, ring]), {"in": 1e-3}),
+        (apart, {"l1": 1e-3, "l2": th.Pulse(1e-3, 7e-7)}),
+    ):
+        swept = coupled.simulate_circuit(circuit, model, inputs=inputs, detuning=sweep, duration=1e-6, times=times)
+        np.testing.assert_allclose(swept.detuning, sweep(times), atol=1e-3)  # Hz, round-off of 5e9
+        assert "detuning" not in swept.attrs
+        found = coupled.pulsing(swept.sel(ring="ring 1"))
+        assert found.regime == "driven"
+        assert found.reason.startswith("the detuning")
+    assert "the power of l2" in found.reason
+    assert run.attrs["detuning"] == 0
+    assert "detuning" not in run
+
+
 @pytest.mark.parametrize(("plot", "count"), [(plot_rings, 2), (plot_ports, 3)])
 def test_every_line_has_its_panel(run, plot, count):
     first = plot(run)
