@@ -4,7 +4,8 @@ What is read: columns divided by commas, semicolons, tabs or spaces, after any h
 with text in all columns names them; a line of bare units below it counts too. Lines that begin with % or # are header.
 Any other line between the header and the table is a damaged row, and refused.
 A unit stands in the header, "Time (s)", "CH1 [mV]" or "time_us", or is given in ``units``. Where the header states the
-start and the increment of the times (Rigol), the first column counts them. Empty columns at the end are left out.
+start and the increment of the times (Rigol), the first column counts them. Empty columns at the end and
+empty rows are left out.
 """
 
 from __future__ import annotations
@@ -130,7 +131,7 @@ def text_of(content: bytes) -> str:
 
 
 def _is_remark(line: str) -> bool:
-    return not line.strip() or line.lstrip().startswith(("%", "#"))
+    return not line.strip(" \t;,") or line.lstrip().startswith(("%", "#"))
 
 
 def _damaged(number: int, line: str, columns: int) -> InputError:

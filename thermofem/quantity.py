@@ -122,6 +122,8 @@ def parse(text: Any, unit: str, *, name: str = "value") -> float:
     if match is None:
         raise InputError(f"{what} does not begin with a number", _wanted(unit))
     number, given = match[1], match[2]
+    if re.match(r",[0-9]", given):
+        raise InputError(f"{what} has a comma in its number; decimals follow a point", _wanted(unit))
     if not given and unit:
         raise InputError(f"{what} has no unit", _wanted(unit))
     value = _convert(number, given, unit, what) if math.isfinite(float(number)) else math.inf

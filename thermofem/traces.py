@@ -39,6 +39,7 @@ POLES = 12  # time constants of the grid
 FEWEST = 3  # rows before the heating that make a baseline
 LONGEST = 1.0  # s; a column of time without unit that is longer is not in seconds
 VOLTS = "1 V counts as 1 K"
+DRIFT = 0.05  # of the swing: more before the heating is no rest
 NOTHING = 0.005  # of the swing: an offset below it is none
 
 
@@ -96,6 +97,8 @@ def read_trace(
         y = _rise(table, columns[1], (units or {}).get("temperature", in_rise), sensitivity, said, warned)
         t0 = _start(t, y, wave, start, said)
         level = _baseline(t, y, wave, t0, baseline, said)
+        if baseline is None:
+            _check_rest(t, y, t0, warned)
         kept = t >= t0
         if kept.sum() < dataset.FEWEST:
             raise InputError(
@@ -275,6 +278,20 @@ def _baseline(t: Array, y: Array, wave: Waveform, start: float, given: float | N
         return 0.0
     said.append(f"no rows before the heating: baseline {level:.4g} K, from the rise itself, is subtracted")
     return level
+
+
+def _check_rest(t: Array, y: Array, start: float, warned: list[str]) -> None:
+    """Warn where the rows before the heating drift, as those of a settled square wave do, which is never at rest."""
+    before = y[t < start - float(np.median(np.diff(t)))]
+    quarter = before.size // 4
+    if quarter < FEWEST:
+        return
+    drift = float(before[-quarter:].mean() - before[:quarter].mean())
+    if abs(drift) > DRIFT * np.ptp(y) and abs(drift) > 4 * float(np.abs(np.diff(before)).mean()) / np.sqrt(quarter):
+        warned.append(
+            f"the rows before the heating drift by {drift:.3g} K: they are not at rest; for a settled square wave give "
+            "--baseline and a --start that lies whole periods before the file, such as ten time constants"
+        )
 
 
 def _words(seconds: float) -> str:

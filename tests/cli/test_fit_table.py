@@ -57,6 +57,35 @@ def test_offset_and_start_are_found(head, settings, tmp_path):
     assert bool(found.warnings) == ("V" in head)
 
 
+def test_a_settled_square_wave_is_named_and_fitted_from_an_earlier_start(tmp_path):
+    wave = th.SquareWave(1.3e-3, 2e-6, 0.5)
+    t = np.arange(39e-6, 43e-6, 1e-8)
+    y = 296.1 + MODEL.response(wave, t)
+    path = tmp_path / "settled.csv"
+    np.savetxt(path, np.column_stack([(t - 39e-6) * 1e6, y]), delimiter=",", header="t (us),T (K)", comments="")
+    assert "they are not at rest" in read_trace(path, wave).warnings[0]
+    found = read_trace(path, wave, start=-19e-6, baseline=296.1)  # 10 periods: exp(-20 / 1.2) of the rise is missing
+    assert not found.warnings
+    fit = surrogate.fit_foster(found.data, order=2)
+    np.testing.assert_allclose(fit.model.tau, MODEL.tau, rtol=1e-4)
+
+
+def test_a_model_of_volts_says_so_wherever_it_is_used(tmp_path):
+    path = trace(tmp_path / "scope.csv", "Time (us),CH1 (mV)\n", start=1e-6, offset=0.0, factors=(1e6, 1e3))
+    rows = path.read_text().replace(",", ";").replace(".", ",") + ";;\n\n"  # as a spreadsheet in German writes it
+    path.write_text(rows)
+    model = tmp_path / "m.json"
+    said = run("fit", path, "--pulse", "4 us", "--power", "1.3 mW", "-o", model)
+    assert said.exit_code == 0, said.output
+    card = run("show", model).output
+    assert "V/mW" in card
+    assert "K/mW" not in card
+    used = run("simulate", model, "--duration", "1 us", "-o", tmp_path / "t.nc")
+    assert "trained on a voltage that counts as kelvin" in used.output
+    comma = run("fit", path, "--pulse", "4 us", "--power", "1,3 mW")
+    assert "has a comma in its number; decimals follow a point" in str(comma.exception)
+
+
 def test_fit_a_table_and_show_its_model(tmp_path):
     path = trace(tmp_path / "data.csv", "Time (us),T (K)\n", start=1e-6, offset=0.5)
     model = tmp_path / "m.json"

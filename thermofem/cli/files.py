@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from .. import checks, files, quantity
 from ..checks import InputError
 from .kinds import expect
-from .output import hold
+from .output import hold, note
 from .output import working as working
 
 if TYPE_CHECKING:
@@ -86,6 +86,15 @@ def longer(duration: float) -> str:
     return f'try --duration "{quantity.write(duration, "s")}": ten times what a step of this heat takes to 95 %'
 
 
+def in_volts(assumed: Any) -> bool:
+    """Whether a model was trained on a voltage without the sensitivity of the thermometer; ``assumed`` of its file."""
+    if not isinstance(assumed, list):
+        return False
+    from ..traces import VOLTS
+
+    return any(VOLTS in str(line) for line in assumed)
+
+
 def model_of(
     path: Path, heated: str | None = None, read: str | None = None, heaters: Iterable[str] = ()
 ) -> tuple[ThermalModel, dict[str, Any]]:
@@ -96,6 +105,8 @@ def model_of(
     from ..models import load_model
 
     model: ThermalModel = load_model(path)
+    if in_volts((getattr(model, "origin", None) or {}).get("assumed")):
+        note(f"warning: {path} was trained on a voltage that counts as kelvin; train it with `fit --sensitivity`")
     for option, given, names in (("--heated", heated, model.inputs), ("--read", read, model.outputs)):
         if given is not None:
             checks.choice(option, given, names)

@@ -11,7 +11,7 @@ import typer
 from .. import checks, quantity, trees
 from ..checks import InputError
 from . import options
-from .files import check_outputs
+from .files import check_outputs, in_volts
 from .kinds import expect, kind_of
 from .output import note, say, working, written
 from .solve_options import waveform
@@ -54,8 +54,6 @@ def fit(
     """
     import surrogate
 
-    from ..traces import VOLTS
-
     checks.choice("--kind", kind, KINDS)
     if order is not None and kind != "foster":
         raise InputError(f"--order = {order} goes with --kind foster; {kind} has its own number of poles")
@@ -74,7 +72,7 @@ def fit(
             found = _trained(kind, training, order, transfer or None)
     provenance = {**found.provenance, **({"assumed": assumed} if assumed else {})}
     surrogate.save_model(found.model, output, provenance=trees.plain(provenance))
-    _print(found, kind, "V" if any(VOLTS in line for line in assumed) else "K")
+    _print(found, kind, "V" if in_volts(assumed) else "K")
     if figure is not None:
         _draw(found, training[0], figure)
     say(f"wrote {output}" + (f" and {figure}" if figure else ""))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from pathlib import Path
 from typing import Any
 
 from .. import files, quantity
 from ..checks import InputError
 from . import options
+from .files import in_volts
 from .kinds import expect
 from .output import say
 
@@ -88,8 +90,9 @@ def _trusted(numbers: dict[str, Any]) -> str:
 
 def _say(path: Path, numbers: dict[str, Any]) -> None:
     """The card as lines."""
+    volts = in_volts(numbers["assumed"])
     for name, text in _lines(numbers):
-        say(f"{name:>16} : {text}")
+        say(f"{name:>16} : {re.sub(r'K(?=/mW| rms)', 'V', text) if volts else text}")
     say(f"{'file':>16} : {path}")
 
 
