@@ -17,6 +17,7 @@ NEEDED = (
     "or a reduction; coupled.cosimulate takes the FEM itself"
 )
 SETTLING = 10  # times the time in which the step response reaches 95 %
+HIGHEST = 1e9  # K/W; rings have 1e3 to 1e7. Of a hotter one the light turns faster than any step follows
 LARGEST = 500  # poles; a certified reduction needs 10 to 40, and the time of a step grows with their number
 
 
@@ -25,7 +26,7 @@ def compact(model: ThermalModel) -> Compact:
 
     model: of any kind that has such a form, or a fit or reduction that holds one.
     Raises InputError: a model without that form (the FEM itself), one with too many states, one that is not passive, or
-        numbers that are not finite.
+        numbers that are not finite or beyond `HIGHEST`.
     """
     checks.has("model", model, "dynamics", hint=NEEDED)
     small = model.dynamics
@@ -60,6 +61,7 @@ def _checked_poles(poles: Foster) -> Foster:
             f"model has R = {np.min(poles.R):g} K/W; a passive network has none below 0, and R_th = "
             f"{poles.thermal_resistance:g} K/W must be positive; refit it with fewer poles"
         )
+    _check_resistance(poles.thermal_resistance)
     return poles
 
 
@@ -69,7 +71,16 @@ def _checked_quadratic(model: Quadratic) -> Quadratic:
             f"model is quadratic with {model.order} states, at most {LARGEST_QUADRATIC} can be integrated with the "
             "optics: a step costs n^3"
         )
+    _check_resistance(float(np.abs(model.C) @ np.abs(np.linalg.solve(model.A, model.B))))  # of states that cancel, too
     return model
+
+
+def _check_resistance(value: float) -> None:
+    """Raise InputError for a resistance that no ring has; a run would take steps without end."""
+    if not value <= HIGHEST:
+        raise checks.InputError(
+            f"model has R_th = {value:g} K/W, which is above {HIGHEST:g}; resistances are in K/W (2 K/mW is 2e3)"
+        )
 
 
 def attributes(model: Compact) -> dict[str, Any]:

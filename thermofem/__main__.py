@@ -1,6 +1,39 @@
-"""``python -m thermofem`` is the command ``thermofem``."""
+"""The command ``thermofem``, and ``python -m thermofem``.
 
-from .cli import main
+Ctrl-C while a library is imported would be swallowed by some libraries and end in a traceback of others. No file is
+open then, so that the process ends at once.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+from types import FrameType
+
+
+def run() -> None:
+    """Run the command line; from here on Ctrl-C is one line on standard error and exit code 130."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _interrupt)
+    from .cli import main
+
+    main()
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    """End the process where a module is being imported, unless a file is being written; KeyboardInterrupt elsewhere."""
+    importing, at = False, frame
+    while at is not None:
+        importing |= at.f_code.co_filename.startswith("<frozen importlib")
+        if at.f_code.co_name == "write_whole":  # `files`: it takes its temporary file away
+            importing = False
+            break
+        at = at.f_back
+    if not importing:
+        raise KeyboardInterrupt
+    os.write(2, b"thermofem: interrupted\n")
+    os._exit(130)
+
 
 if __name__ == "__main__":
-    main()
+    run()

@@ -9,10 +9,15 @@ each result and believe no result without it.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import re
+import signal
 import stat
-from collections.abc import Callable
+import threading
+import unicodedata
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +25,7 @@ from . import checks, trees
 from .checks import InputError
 
 IMAGES = (".png", ".pdf", ".svg", ".jpg")
+_TEMPORARY = re.compile(r"\..*-[0-9a-f]{16}(\.\w+)?")  # names that `write_whole` gives
 LARGEST_TEXT = 400_000_000  # bytes
 
 
@@ -113,9 +119,31 @@ def open_locked(path: Path, what: str) -> int:
     return handle
 
 
+@contextlib.contextmanager
+def folder_locked(folder: Path) -> Iterator[None]:
+    """Keep a folder for this process alone; InputError where another run uses it."""
+    handle = open_locked(folder / ".lock", f"folder {folder}")
+    try:
+        yield
+    finally:
+        os.close(handle)  # a killed process gives its lock back, too
+
+
+def sweep(folder: Path) -> None:
+    """Delete what killed runs left half-written in a folder that is locked."""
+    for path in folder.iterdir():
+        if _TEMPORARY.fullmatch(path.name):
+            path.unlink(missing_ok=True)
+
+
 def check_target(path: str | Path) -> Path:
-    """Where a file will be written, links followed; InputError without a folder, or where no file could be."""
+    """Where a file will be written, links followed; InputError without a folder, or where no file could be.
+
+    A name that breaks a line is refused: other programs, and their scripts, list files one a line.
+    """
     path = checks.path("path", path)
+    if any(unicodedata.category(c) in ("Cc", "Zl", "Zp") for c in path.name):
+        raise InputError(f"path = {checks.shown(path.name)} holds a line break or control character; leave it out")
     try:
         if path.is_symlink():
             path = Path(os.path.realpath(path))
@@ -135,19 +163,43 @@ def check_image(path: str | Path) -> None:
 
 
 def write_whole(path: str | Path, write: Callable[[Path], Any]) -> Path:
-    """Call ``write`` on a temporary file beside ``path`` and rename it: a reader sees the whole file or none."""
+    """Call ``write`` on a temporary file beside ``path`` and rename it: a reader sees the whole file or none.
+
+    The temporary file goes with an exception, and with SIGTERM where this is the main thread. SIGKILL leaves it.
+    """
     path = check_target(path)
     temporary = path.with_name(f".{path.stem[:40]}-{os.urandom(8).hex()}{path.suffix}")  # known before it is there
     try:
-        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL, 0o600))
-        write(temporary)
-        temporary.chmod(0o666 & ~_umask())
-        temporary.replace(path)
+        with _without(temporary):
+            os.close(os.open(temporary, os.O_CREAT | os.O_EXCL, 0o600))
+            write(temporary)
+            temporary.chmod(0o666 & ~_umask())
+            temporary.replace(path)
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
     finally:
         temporary.unlink(missing_ok=True)
     return path
+
+
+@contextlib.contextmanager
+def _without(temporary: Path) -> Iterator[None]:
+    """Have SIGTERM delete a file before it ends the process, unless the caller handles that signal."""
+    main = threading.current_thread() is threading.main_thread()  # no other thread may set a handler
+    if not main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
+        yield
+        return
+
+    def end(number: int, frame: Any) -> None:
+        temporary.unlink(missing_ok=True)
+        signal.signal(number, signal.SIG_DFL)
+        os.kill(os.getpid(), number)
+
+    signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def _umask() -> int:

@@ -210,7 +210,10 @@ def check_end(counts: NDArray[np.int64], reached: float, duration: float, rtol: 
     if counts[2] == control.STOPPED:
         raise KeyboardInterrupt
     if counts[2] == control.STEP_TOO_SMALL:
-        raise RuntimeError(f"the integration found no step small enough at t = {reached * 1e-9:g} s")
+        raise checks.InputError(
+            f"the integration found no step small enough at t = {reached * 1e-9:g} s: light and heat run away; look at "
+            "the model's largest numbers"
+        )
 
 
 def floor_of(rates: Rates, pump: float, thermal_resistance: float) -> Array:

@@ -136,7 +136,8 @@ def fit_newton(
         raise checks.InputError("the best single pole cools when heated; do power and delta_T belong together?")
     parameters = {"tau_th": 1 / rate, "heat_capacity": 1 / gain, "heat_capacity_ratio": 1 / (gain * heat_capacity)}
     jacobian = np.array([[-1 / rate, 0], [0, -1 / gain**2], [0, -1 / (gain**2 * heat_capacity)]])
-    return training.fit(newton(tau_th=1 / rate, heat_capacity=1 / gain), parameters, jacobian, found, swarm)
+    model = replace(newton(tau_th=1 / rate, heat_capacity=1 / gain), **training.parts)
+    return training.fit(model, parameters, jacobian, found, swarm)
 
 
 def fit_second_order(

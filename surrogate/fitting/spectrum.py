@@ -68,7 +68,7 @@ def fit_spectrum(
     count = R.size
     names = [f"{name}_{i}" for name in ("R", "tau") for i in range(1, count + 1)]
     return Fit(
-        model=Foster(R=R, tau=tau[kept]),
+        model=Foster(R=R, tau=tau[kept], **training.parts),
         parameters=dict(zip(names, [*R.tolist(), *tau[kept].tolist()], strict=True)),
         standard_errors=dict.fromkeys(names, float("nan")),
         correlations=np.full((2 * count, 2 * count), np.nan),

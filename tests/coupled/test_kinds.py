@@ -126,3 +126,26 @@ def test_models_that_cannot_be_integrated_say_why():
     large = th.Quadratic(-np.eye(61), np.zeros((61, 61, 61)), np.zeros((61, 61)), np.ones(61), np.ones(61))
     with pytest.raises(th.InputError, match="at most 60"):
         compact(large)
+
+
+FAST = -1e6 * np.eye(2)
+HOT = {
+    "Foster": th.Foster(R=[2e3, 1e30], tau=[5e-8, 1e-6]),
+    "OutputMap": th.OutputMap(th.Foster(R=[2e3, 1e30], tau=[5e-8, 1e-6]), -4e-4),
+    "StateSpace": th.StateSpace(np.eye(2), FAST, np.ones((2, 1)), 1e30 * np.ones((1, 2))),
+    "Quadratic": th.Quadratic(FAST, np.zeros((2, 2, 2)), np.eye(2), np.ones(2), np.array([1, 1e30])),
+    "Quadratic that cancels": th.Quadratic(FAST, np.zeros((2, 2, 2)), 0 * FAST, np.ones(2), np.array([-1e30, 1e30])),
+}
+
+
+@pytest.mark.parametrize("name", HOT)
+def test_a_resistance_that_no_ring_has_is_refused(name):
+    """R = 1e30 K/W: the detuning turned so fast that a run of .1 ns took millions of steps."""
+    with pytest.raises(th.InputError, match=r"above 1e\+09; resistances are in K/W"):
+        coupled.simulate(RING, HOT[name], power=1e-4, duration=1e-10)
+
+
+def test_light_and_heat_that_run_away_end_in_one_line():
+    away = th.Quadratic(FAST, np.full((2, 2, 2), 1e30), 0 * FAST, 1e9 * np.ones(2), np.ones(2))
+    with pytest.raises(th.InputError, match="no step small enough"):
+        coupled.simulate(RING, away, power=1e-4, duration=1e-10)

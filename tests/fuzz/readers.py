@@ -25,11 +25,15 @@ import numpy as np
 from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
 
+import coupled
 import surrogate
 import thermofem as th
 from coupled import RingResonator, ring_toml
+from coupled import circuit as circuits
+from thermofem import files
 from thermofem.campaign import Campaign
 from thermofem.campaign.schema import fields
+from thermofem.models.network import gate
 from thermofem.quantity import parse
 from thermofem.waveforms import from_json
 
@@ -80,6 +84,28 @@ def ring(text: str) -> None:
     RingResonator.from_text(text)
 
 
+def circuit(text: str) -> None:
+    """Circuit file, and the spectrum of what it describes."""
+    path = FOLDER / "circuit.toml"
+    path.write_text(text, encoding="utf-8", errors="surrogatepass")
+    coupled.spectrum(coupled.Circuit.from_toml(path), [0.0, 1e9])
+
+
+def journal(text: str) -> None:
+    """Rows of a map changed by hand: each line gets the hash that belongs to it, and the map goes on."""
+    path = FOLDER / "map.jsonl"
+    head, *rows = text.split("\n")
+    lines = [head]
+    for row in rows:
+        with contextlib.suppress(ValueError, RecursionError, TypeError):
+            given = json.loads(row)
+            row = json.dumps([*given[:2], files.digest_tree(given[:2])[:16]])
+        lines.append(row)
+    path.write_text("\n".join(lines), encoding="utf-8", errors="surrogatepass")
+    found = coupled.pulsing_map(file=path, **MAP)
+    assert (found.regime == "failed").all() or np.isfinite(found.period.values[found.regime == "self-pulsing"]).all()
+
+
 def waveform(text: str) -> None:
     """Waveform of a dataset."""
     wave = from_json(text)
@@ -93,6 +119,14 @@ def amount(text: str) -> None:
             parse(text, unit)
 
 
+MAP: dict[str, Any] = {
+    "ring": coupled.borghi2021(),
+    "model": th.Foster(R=[2e3], tau=[1e-7]),
+    "powers": [1e-6, 2e-6],
+    "detunings": [0.0, 1e9],
+    "duration": 1e-9,
+    "show_bar": False,
+}
 TARGETS: dict[str, Callable[[str], None]] = {
     "geometry": geometry,
     "campaign": campaign,
@@ -100,6 +134,8 @@ TARGETS: dict[str, Callable[[str], None]] = {
     "model": model,
     "table": table,
     "waveform": waveform,
+    "circuit": circuit,
+    "journal": journal,
     "quantity": amount,
 }
 
@@ -114,18 +150,24 @@ def seeds() -> dict[str, list[str]]:
     counted = plan.replace("spacing", "count = 3\nspacing")
     full_ring = (ring_toml.__doc__ or "").split("```toml\n")[1].split("```")[0].replace('drop_rate = "40e9 1/s"', "")
     linear = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
-    eye = np.eye(2)
+    eye, A, b = np.eye(2), np.array([[-3e6, 1e6], [1e6, -1.5e6]]), np.array([1e10, 0.0])
     models = [
         linear,
         th.OutputMap(linear, -4e-4),
         th.StateSpace(eye, -eye, eye[:, :1], eye[:1]),
         th.Quadratic(-1e6 * eye, np.zeros((2, 2, 2)), eye, np.ones(2), np.ones(2)),
+        th.models.Cauer(R=[2e3, 5e3], C=[1e-11, 1e-10]),
+        th.models.network.Network(A, b, ("core", "shell"), gate(A, b, float(-np.linalg.solve(A, b)[0])), 5.0),
     ]
     paths = [surrogate.save_model(m, FOLDER / f"{k}.json", provenance={"a": 1}) for k, m in enumerate(models)]
     waves = [th.Constant(1e-3), th.Pulse(1e-3, 1e-6), th.SquareWave(1e-3, 1e-6, 0.3), th.Telegraph(1e-3, 1e-6, 1e-5)]
     waves += [th.Chirp(1e-3, 1e-6, 2e-6, 1e-5), th.Sampled([0, 1e-6, 2e-6], [0, 1e-3, 0])]
     rows = "".join(f"{k},{293.15 + k % 3}\n" for k in range(12))
+    rows_of_map = FOLDER / "seed.jsonl"
+    coupled.pulsing_map(file=rows_of_map, **MAP)
     return {
+        "circuit": [(circuits.file.__doc__ or "").split("```toml\n")[1].split("```")[0]],
+        "journal": [rows_of_map.read_text()],
         "geometry": [strip.to_toml(), rich, th.rib_ring().to_toml(), th.disc().to_toml()],
         "campaign": [f"[geometry]\n{geometry_table}\n{counted}", f"samples = 5\n[geometry]\n{geometry_table}\n{plan}"],
         "ring": [full_ring, 'base = "borghi2021"\nloaded_q = 12000\nintrinsic_q = 1.1e5\nbuses = 1'],
@@ -202,8 +244,13 @@ def replaced(name: str, texts: list[str]) -> Iterator[str]:
     for text in texts:
         if name in ("model", "waveform"):
             yield from map(json.dumps, hostile.replaced_leaves(json.loads(text)))
-        elif name in ("geometry", "campaign", "ring"):
+        elif name in ("geometry", "campaign", "ring", "circuit"):
             yield from hostile.replaced_lines(text)
+        elif name == "journal":
+            head, *rows = text.splitlines()
+            for k, row in enumerate(rows):
+                for other in hostile.replaced_leaves(json.loads(row)):
+                    yield "\n".join([head, *rows[:k], json.dumps(other), *rows[k + 1 :], ""])
 
 
 def fuzz(minutes: float) -> dict[str, str]:

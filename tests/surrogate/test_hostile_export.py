@@ -62,3 +62,12 @@ def test_names_that_a_simulator_could_misread_are_refused_before_any_export(tmp_
     for name in hostile.names():
         with pytest.raises(th.InputError):
             th.StateSpace(np.eye(1), -np.eye(1), np.eye(1), np.eye(1), inputs=(name,), outputs=("core",))
+
+
+@pytest.mark.parametrize("to", ["mat", "fmu", "csv", "spice", "verilog-a"])
+def test_a_file_name_is_one_line(to, tmp_path):
+    """SPICE refused it as the name of a subcircuit; "mat" and "fmu" wrote such files."""
+    for mark in (*hostile.BREAKS, "\t", "\x1b"):
+        with pytest.raises(th.InputError, match="line break or control character"):
+            surrogate.export_model(MODEL, tmp_path / f"a{mark}b", to=to)
+    assert list(tmp_path.iterdir()) == []

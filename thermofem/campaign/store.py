@@ -73,14 +73,10 @@ class ResultStore:
         """
         for folder in (self.directory, self.results, self.failures):
             make_folder(folder)
-        handle = files.open_locked(self.directory / ".lock", f"folder {self.directory}")
-        try:
+        with files.folder_locked(self.directory):
             for folder in (self.directory, self.results, self.failures):
-                for stray in (*folder.glob(".*-*.nc"), *folder.glob(".*-*.json")):
-                    stray.unlink(missing_ok=True)
+                files.sweep(folder)
             yield
-        finally:
-            os.close(handle)  # a killed process gives its lock back, too
 
     @property
     def ledger(self) -> Path:

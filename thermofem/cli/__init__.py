@@ -19,6 +19,7 @@ import typer
 from ..checks import InputError, MissingLibraryError, one_line
 from .group import Commands, Entry, later
 
+PIPE = 141  # what a shell makes of SIGPIPE, by which other programs end
 HEAT, MODELS, LIGHT, RESULTS = "Heat", "Compact models", "Ring and light", "Results"  # headings of --help
 
 
@@ -53,7 +54,8 @@ app = typer.Typer(
     rich_markup_mode=None,
     help="Self-heating of silicon microring resonators: training data, compact models, self-pulsing.",
     epilog="Begin with: thermofem solve --pulse '20 us' --figure heat.png. "
-    "Exit codes: 0 done, 1 doctor found something missing, 2 bad input, 130 interrupted.",
+    "Exit codes: 0 done, 1 doctor found something missing, 2 bad input, 130 interrupted, "
+    "141 nobody reads the output any more.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -61,7 +63,8 @@ app = typer.Typer(
 
 
 def main() -> None:
-    """Run the command line; exit codes: 0 done, 1 doctor found something missing, 2 bad input, 130 interrupted.
+    """Run the command line; exit codes: 0 done, 1 doctor found something missing, 2 bad input, 130 interrupted, 141
+    nobody reads standard output any more.
 
     A user's error is one line on standard error.
     """
@@ -80,6 +83,12 @@ def main() -> None:
         _fail(error.for_text(), 2)
     except MissingLibraryError as error:
         _fail(str(error), 2)
+    except BrokenPipeError:
+        _leave_pipe()
+    except SystemExit:
+        if not hasattr(sys.stdout, "wrapped"):  # typer's word for a pipe that nobody reads
+            raise
+        _leave_pipe()
     except OSError as error:  # a disk that is full, also behind standard output; a name that is too long
         _fail(f"{error.strerror or error}: {_place(error)}".removesuffix(": "), 2)
     except MemoryError as error:
@@ -133,6 +142,12 @@ def _flush() -> None:
             sys.stdout.flush()
     except OSError as error:
         raise OSError(error.errno, error.strerror, "standard output") from None
+
+
+def _leave_pipe() -> NoReturn:
+    """Exit without a word, as other programs do whose output nobody reads any more."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what is left in the buffer goes there
+    sys.exit(PIPE)
 
 
 def _fail(text: str, code: int) -> NoReturn:

@@ -18,6 +18,7 @@ from ..names import check_names
 from . import binary
 
 KEPT = 20_000  # triangles; of more, the facets are not kept for the next mesh
+MOST = 2**53  # of an index: larger floats skip whole numbers
 FLAT = 1e-10  # height over longest side, of a triangle that has no area
 
 _thread = threading.local()
@@ -45,7 +46,9 @@ class Mesh:
     region_names: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        check_triangles(self.points, self.triangles, self.region, self.region_names)
+        found = check_triangles(self.points, self.triangles, self.region, self.region_names)
+        for name, value in zip(("points", "triangles", "region"), found, strict=True):
+            object.__setattr__(self, name, value)
 
     @cached_property
     def skfem(self) -> Any:
@@ -83,15 +86,14 @@ class Mesh:
         files.write_whole(path, lambda p: meshio.gmsh.write(p, mesh, fmt_version="2.2", binary=True))
 
 
-def check_triangles(points: Any, triangles: Any, region: Any, names: tuple[str, ...]) -> None:
-    """Raise InputError unless every triangle has three finite points with r >= 0, an area and a named region."""
-    points, triangles, region = np.asarray(points), np.asarray(triangles), np.asarray(region)
+def check_triangles(
+    points: Any, triangles: Any, region: Any, names: tuple[str, ...]
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+    """The arrays; InputError unless every triangle has three finite points, r >= 0, an area and a named region."""
+    points, triangles, region = checks.numbers("points", points), whole("triangles", triangles), whole("region", region)
     check_names("region_names", names)
     if points.ndim != 2 or points.shape[1] != 2 or triangles.ndim != 2 or triangles.shape[1] != 3 or not len(triangles):
         raise InputError(f"points of shape {points.shape} and triangles of shape {triangles.shape} are no mesh")
-    if not np.isfinite(points).all():
-        bad = int(np.argmin(np.isfinite(points).all(axis=1)))
-        raise InputError(f"points[{bad}] = {points[bad]} of the mesh is not finite")
     if points[:, 0].min() < -1e-12 * np.abs(points).max():  # round-off of gmsh on the axis
         raise InputError(f"r = {points[:, 0].min():g} m of the mesh lies beyond the axis; r counts from the axis on")
     if triangles.min() < 0 or triangles.max() >= len(points):
@@ -104,6 +106,17 @@ def check_triangles(points: Any, triangles: Any, region: Any, names: tuple[str, 
     flat = doubled <= FLAT * longest
     if flat.any():
         raise InputError(f"triangle {int(np.argmax(flat))} of the mesh has no area ({int(flat.sum())} of them)")
+    return points, triangles, region
+
+
+def whole(name: str, value: Any) -> NDArray[np.int64]:
+    """An array of whole numbers; InputError for another one."""
+    if isinstance(value, np.ndarray) and value.dtype.kind in "iu":
+        return value
+    found = checks.numbers(name, value)
+    if np.any(found != np.trunc(found)) or np.abs(found).max(initial=0) > MOST:
+        raise InputError(f"{name} of the mesh must be whole numbers from 0; they count points and regions")
+    return found.astype(np.int64)
 
 
 def signed_areas(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:

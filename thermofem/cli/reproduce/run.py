@@ -26,10 +26,17 @@ def run(out: Path, settings: Settings | None = None, *, processes: int = 1) -> d
 
     What an earlier run left there under the same settings and code is taken, not computed again.
 
-    Raises InputError: ``out`` cannot be made or written.
+    Raises InputError: ``out`` cannot be made or written, or another run is using it.
     """
-    settings, console = settings or Settings(), terminal(err=False)
-    data, figures = (files.make_folder(files.make_folder(out) / name) for name in ("data", "figures"))
+    with files.folder_locked(files.make_folder(out)):
+        return _run(out, settings or Settings(), processes)
+
+
+def _run(out: Path, settings: Settings, processes: int) -> dict[str, Any]:
+    console = terminal(err=False)
+    data, figures = (files.make_folder(out / name) for name in ("data", "figures"))
+    for folder in (out, data, figures):
+        files.sweep(folder)
     stages = stages_of(settings)
     with quiet():
         done = run_all(stages, settings, StageStore(data), console, processes)

@@ -1,0 +1,84 @@
+"""What ends a command from outside: Ctrl-C, SIGTERM, a reader that has gone, another run in the same folder."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+import surrogate
+import thermofem as th
+from thermofem import files
+from thermofem.cli.reproduce import run
+
+MODEL = th.Foster(R=[2e3], tau=[5e-8])
+SWALLOWS = """
+import os, signal, time
+try:
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(0)
+except BaseException:
+    pass
+"""
+IMPORTS = """
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have had it ignored
+from thermofem import __main__, cli
+cli.main = lambda: __import__("swallows")
+__main__.run()
+"""
+WRITES = """
+import os, signal, sys
+from thermofem import files
+def write(path):
+    path.write_text("half")
+    os.kill(os.getpid(), signal.{signal})
+    path.write_text("whole")
+files.write_whole(sys.argv[1], write)
+"""
+
+
+def python(code, *arguments, cwd):
+    command = [sys.executable, "-c", code, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, check=False)
+
+
+def test_ctrl_c_while_a_library_is_imported(tmp_path):
+    """A library that swallowed KeyboardInterrupt went on to the end; others left a traceback."""
+    (tmp_path / "swallows.py").write_text(SWALLOWS)
+    done = python(IMPORTS, cwd=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "thermofem: interrupted\n")
+
+
+def test_sigterm_leaves_no_temporary_file(tmp_path):
+    done = python(WRITES.format(signal="SIGTERM"), tmp_path / "out.txt", cwd=tmp_path)
+    assert done.returncode == -signal.SIGTERM, done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_sigkill_leaves_is_swept_from_a_locked_folder(tmp_path):
+    python(WRITES.format(signal="SIGKILL"), tmp_path / "out.txt", cwd=tmp_path)
+    (tmp_path / ".mine-1.txt").write_text("stays")
+    assert len(list(tmp_path.iterdir())) == 2
+    files.sweep(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == [".mine-1.txt"]
+
+
+@pytest.mark.parametrize("arguments", [["show", "model.json"], ["show", "model.json", "--json", "-q"], ["--help"]])
+def test_a_reader_that_has_gone_ends_a_command_without_a_word(arguments, tmp_path):
+    """The exit code was 1, which is a finding of `doctor`."""
+    surrogate.save_model(MODEL, tmp_path / "model.json")
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-m", "thermofem", *arguments]
+    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, cwd=tmp_path, check=False)
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (141, "")
+
+
+def test_a_second_reproduction_of_a_folder_is_refused(tmp_path):
+    with files.folder_locked(tmp_path), pytest.raises(th.InputError, match="in use by another run"):
+        run(tmp_path)
