@@ -236,6 +236,7 @@ A detuning is a frequency or, as `"80 pm"`, a distance in wavelength; a longer w
 | 1 | `doctor` found something missing |
 | 2 | bad input, or a file that cannot be read or written |
 | 130 | interrupted with Ctrl-C |
+| 141 | nobody reads standard output any more |
 
 `thermofem --install-completion` installs tab completion for bash, zsh, fish or PowerShell; open a new shell afterwards.
 In zsh the first Tab of a session only loads it; press Tab again.

@@ -169,3 +169,11 @@ def test_what_is_no_model_no_ring_and_no_light(call, words, tmp_path, monkeypatc
     with pytest.raises(th.InputError, match=words):
         call()
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("target", [None, np.nan, range(10**12), [], {}, {"thermal_resistance": "x", "rise_time": 1}])
+@pytest.mark.parametrize("study", [surrogate.design, surrogate.pareto_front])
+def test_targets_are_looked_at_before_a_family_is_trained(study, target):
+    """`pareto_front` raised TypeError and AttributeError; both trained a family first, which takes seconds."""
+    with pytest.raises(th.InputError, match=r"target|word"):
+        study(th.strip_ring(), {"part.core.width": (400e-9, 401e-9)}, target=target)

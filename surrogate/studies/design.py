@@ -15,7 +15,7 @@ from thermofem.display import shown
 from ..family import Certified, Family
 from .pareto import front_of
 from .quantities import Optics, Quantity
-from .search import Ranges, Search, family_over, search_of
+from .search import Ranges, Search, family_over, search_of, wanted_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -109,10 +109,10 @@ def design(
     InputError
         a range outside the family's box, an unknown quantity, a target of zero, or no member that has the property.
     """
+    for value in wanted_of(target).values():  # before a family is trained
+        checks.finite("target", value, hint="words are for surrogate.pareto_front")
     family = family_over(family, free, tolerance)
     search = search_of(family, free, target, fixed, optics)
-    for value in search.wanted.values():
-        checks.finite("target", value, hint="words are for surrogate.pareto_front")
     wanted = {name: float(value) for name, value in search.wanted.items()}
     x = _nearest(search, seed)
     got = search.achieved(x)

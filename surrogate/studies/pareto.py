@@ -12,7 +12,7 @@ from thermofem.arrays import Array
 
 from ..family import Family
 from .quantities import Optics, Quantity
-from .search import PENALTY, Ranges, Search, family_over, search_of
+from .search import PENALTY, Ranges, Search, family_over, search_of, wanted_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -58,9 +58,10 @@ def pareto_front(
     Source: Deb et al., IEEE Trans. Evol. Comput. 6, 182 (2002).
     """
     checks.between("generations", generations, 1, 10000)
-    if len(target) < 2:
+    wanted = wanted_of(target)
+    if len(wanted) < 2:
         raise checks.InputError("a Pareto front needs two targets or more; surrogate.design takes one")
-    for value in target.values():
+    for value in wanted.values():
         if isinstance(value, str):
             checks.choice("target", value, GOALS, hint="or give a number")
     return front_of(search_of(family_over(family, free, 1e-3), free, target, fixed, optics), generations, seed)

@@ -71,9 +71,16 @@ def search_of(
     optics: Optics | None,
 ) -> Search:
     """Check what was given and put it together."""
+    wanted = wanted_of(target)
     low, high, held = _ranges(
         family, None if free is None else checks.mapping("free", free), checks.mapping("fixed", fixed)
     )
+    properties = {word(quantity): Property(family, quantity, optics) for quantity in target}
+    return Search(family, low, high, held, properties, wanted)
+
+
+def wanted_of(target: Mapping[Quantity, Any]) -> dict[str, float | str]:
+    """Targets by the name of their quantity; InputError for what is none."""
     if not isinstance(target, Mapping):
         raise checks.InputError(f"target = {checks.shown(target)} must map quantities to values")
     if not target:
@@ -86,8 +93,7 @@ def search_of(
         raise checks.InputError("a target of 0 has no relative misfit; give another value")
     if len(wanted) < len(target):
         raise checks.InputError(f"two targets have the same name ({', '.join(map(word, target))}); name the functions")
-    properties = {word(quantity): Property(family, quantity, optics) for quantity in target}
-    return Search(family, low, high, held, properties, wanted)
+    return wanted
 
 
 def family_over(given: Family | CrossSection, free: Ranges | None, tolerance: float) -> Family:
@@ -112,7 +118,7 @@ def ends(name: str, pair: Any) -> tuple[float, float]:
     try:
         low, high = pair
     except (TypeError, ValueError):
-        raise checks.InputError(f"{name} = {pair!r} must be a pair (low, high)") from None
+        raise checks.InputError(f"{name} = {checks.shown(pair)} must be a pair (low, high)") from None
     return checks.finite(f"{name}: low", low), checks.finite(f"{name}: high", high)
 
 

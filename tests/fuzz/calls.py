@@ -28,6 +28,7 @@ from scipy import stats
 import coupled
 import surrogate
 import thermofem as th
+from thermofem.campaign.vary import Variation
 
 LONG = 10**400
 
@@ -107,7 +108,21 @@ def families(family: surrogate.Family) -> dict[str, tuple[Callable[..., Any], di
     (name,) = family.names
     middle = float(family.box.middle[0])
     spread = {name: stats.norm(middle, 1e-3 * middle)}
+    t, R = np.linspace(0, 1e-5, 60), family.thermal_resistance(**{name: middle})
+    data = th.dataset.build(t, family.at({name: middle}).response(th.Constant(1e-3), t), th.Constant(1e-3))
+    aim: dict[str, Any] = {
+        "family": family,
+        "free": None,
+        "target": {"thermal_resistance": float(R)},
+        "fixed": None,
+        "optics": None,
+        "seed": 0,
+    }
     return {
+        "design": (surrogate.design, aim),
+        "pareto_front": (surrogate.pareto_front, {**aim, "generations": 1}),
+        "calibrate": (surrogate.calibrate, {"geometry": family, "data": data, "free": None, "noise": 1e-2,
+                                            "tolerance": 1e-3}),
         "model": (family.model, {name: middle, "heated": None, "read": None}),
         "step_response": (family.step_response, {"times": [1e-7], name: middle}),
         "uncertainty": (surrogate.uncertainty, {"family": family, "distributions": spread, "samples": 2, "fixed": None,
@@ -151,8 +166,15 @@ def tried(
     return done, wrong
 
 
+def small_family() -> surrogate.Family:
+    """A family of one parameter over a small range, trained in seconds."""
+    box = Variation("box", ("layer.box.thickness",), "m", low=1.9e-6, high=2e-6)
+    return surrogate.train_family(th.Campaign(th.strip_ring().to_toml(), (box,), samples=1), 5e-2)
+
+
 if __name__ == "__main__":
-    count, found = tried(calls(), 10**9, 60 * (float(sys.argv[1]) if len(sys.argv) > 1 else 10.0))
+    everything = {**calls(), **families(small_family())}
+    count, found = tried(everything, 10**9, 60 * (float(sys.argv[1]) if len(sys.argv) > 1 else 10.0))
     for where, call in found.items():
         print(where, call.encode("ascii", "backslashreplace").decode())
     print(f"{count} calls, {len(found)} places of other errors")

@@ -30,7 +30,7 @@ import surrogate
 import thermofem as th
 from coupled import RingResonator, ring_toml
 from coupled import circuit as circuits
-from thermofem import files
+from thermofem import files, waveforms
 from thermofem.campaign import Campaign
 from thermofem.campaign.schema import fields
 from thermofem.models.network import gate
@@ -66,6 +66,9 @@ def table(text: str) -> None:
     path = FOLDER / "table.csv"
     path.write_text(text, encoding="utf-8", errors="surrogatepass")
     th.read_csv(path, time="Time", temperature="Temperature", power=1e-3, ambient="293.15 K")
+    with contextlib.suppress(th.InputError):
+        wave = waveforms.from_json(th.read_csv(path, **DRIVEN).attrs["waveform"])
+        wave(np.array([0.0, 1e-6]))
 
 
 def geometry(text: str) -> None:
@@ -119,6 +122,9 @@ def amount(text: str) -> None:
             parse(text, unit)
 
 
+DRIVEN: dict[str, Any] = {
+    "time": "Time", "temperature": "Temperature", "power": "Power", "ambient": "293.15 K", "edges": "middle"
+}  # fmt: skip
 MAP: dict[str, Any] = {
     "ring": coupled.borghi2021(),
     "model": th.Foster(R=[2e3], tau=[1e-7]),
@@ -165,6 +171,7 @@ def seeds() -> dict[str, list[str]]:
     rows = "".join(f"{k},{293.15 + k % 3}\n" for k in range(12))
     rows_of_map = FOLDER / "seed.jsonl"
     coupled.pulsing_map(file=rows_of_map, **MAP)
+    driven = "".join(f"{k},{293.15 + k % 3},{k // 6 % 2}\n" for k in range(24))
     return {
         "circuit": [(circuits.file.__doc__ or "").split("```toml\n")[1].split("```")[0]],
         "journal": [rows_of_map.read_text()],
@@ -174,6 +181,7 @@ def seeds() -> dict[str, list[str]]:
         "model": [path.read_text() for path in paths],
         "table": [
             f"Time (us),Temperature (K)\n{rows}",
+            f"Time (us),Temperature (K),Power (mW)\n{driven}",
             f"% COMSOL\n% Time (s)  Temperature (degC)\n{rows}".replace(",29", "  2"),
         ],
         "waveform": [th.waveforms.to_json(wave) for wave in waves],
