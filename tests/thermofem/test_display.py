@@ -20,12 +20,12 @@ LINEAR = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
 EYE = np.eye(2)
 TIMES = np.geomspace(1e-9, 1e-4, 60)
 SHOWN = {
-    "Foster": (LINEAR, ["Foster", "7 K/mW", "50 ns to 1 us", "polyline"]),
-    "OutputMap": (th.OutputMap(LINEAR, -4e-4), ["OutputMap", "z + (-0.0004 /K) z²", "polyline"]),
+    "Foster": (LINEAR, ["Foster", "7 K/mW", "50 ns to 1 us"]),
+    "OutputMap": (th.OutputMap(LINEAR, -4e-4), ["OutputMap", "z + (-0.0004 /K) z²"]),
     "StateSpace": (th.StateSpace(EYE, -EYE, EYE, EYE, ("a", "b"), ("a", "b")), ["StateSpace", "a, b"]),
     "Quadratic": (th.Quadratic(-1e6 * EYE, np.zeros((2, 2, 2)), 0 * EYE, [1e9, 1e9], [1, 1]), ["2 K/mW"]),
-    "strip": (th.strip_ring(), ["layer box", "SiO2, 2 um", "heated", "<path"]),
-    "disc": (th.disc(), ["part", "<path"]),
+    "strip": (th.strip_ring(), ["layer box", "SiO2, 2 um", "heated"]),
+    "disc": (th.disc(), ["part"]),
 }
 
 
@@ -57,7 +57,7 @@ def test_a_heat_problem_shows_what_can_be_heated_and_read():
     text = words(heat)
     assert "2508" in text
     assert "substrate, box, cladding, core" in text
-    assert "<path" in text
+    assert "part core" in text
     assert repr(heat) == "HeatProblem('strip ring', 2508 unknowns, accuracy 0.001, heated core)"
 
 
@@ -111,11 +111,3 @@ def test_materials_list_themselves():
         assert f"{material.conductivity:g}" in next(line for line in text.splitlines() if line.startswith(f"{name} "))
         assert escape(material.source) in words(th.materials)
     assert "void" not in text
-
-
-def test_the_picture_rises_from_the_left_to_the_right():
-    points = words(LINEAR).split('points="')[1].split('"')[0].split()
-    x, y = np.array([[float(v) for v in point.split(",")] for point in points]).T
-    assert np.all(np.diff(x) > 0)
-    assert np.all(np.diff(y) <= 0)  # down the page is up
-    assert (x.min(), x.max()) == (4.0, 296.0)

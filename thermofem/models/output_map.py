@@ -10,7 +10,7 @@ import numpy as np
 
 from .. import checks, waveforms
 from ..arrays import Array, ArrayLike
-from ..display import shown
+from ..display import model_html, shown
 from .contract import AtSmallPower, check_rise, warn_beyond
 from .foster import Foster
 
@@ -56,12 +56,7 @@ class OutputMap(AtSmallPower):
         object.__setattr__(self, "coefficient", checks.between("coefficient", self.coefficient, -0.1, 0.1, hint=hint))
         check_rise(self.largest_rise)
 
-    def _repr_html_(self) -> str:
-        """HTML for notebooks."""
-        from ..display import model_card
-
-        notes = [("output map", f"z + ({self.coefficient:.3g} /K) z²")]
-        return model_card(self, order=self.order, tau=self.dynamics.linear.tau, notes=notes)
+    _repr_html_ = model_html
 
     def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
         """Rise in K from rest, in closed form."""
