@@ -1,7 +1,9 @@
-"""Files of TOML text, read with errors that name the file; tables whose keys are listed with their units."""
+"""Files of TOML text: read with errors that name the file, by tables that list each key and its unit; and written."""
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -61,3 +63,36 @@ def _value(value: Any, kind: str, key: str, where: str) -> Any:
     if kind == NUMBER:
         return checks.finite(f"{where}: {key}", value)
     return quantity.parse(value, kind, name=f"{where}: {key}")
+
+
+def write_tables(table: Mapping[str, Any]) -> str:
+    """TOML text with a heading for each table and for each table of a list; deeper tables are written inline."""
+    blocks = [("", {key: value for key, value in table.items() if not isinstance(value, dict | list)})]
+    for key, value in table.items():
+        if isinstance(value, list):
+            blocks += [(f"[[{key}]]\n", item) for item in value]
+        elif isinstance(value, dict) and all(isinstance(item, dict) for item in value.values()):
+            blocks += [(f"[{key}.{_key(name)}]\n", item) for name, item in value.items()]
+        elif isinstance(value, dict):
+            blocks.append((f"[{key}]\n", value))
+    return "\n".join(head + write_table(values) for head, values in blocks)
+
+
+def write_table(table: Mapping[str, Any]) -> str:
+    """TOML text of a table: one line for each key; a table inside it is written inline."""
+    return "".join(f"{_key(key)} = {_inline(value)}\n" for key, value in table.items())
+
+
+def _inline(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{_key(key)} = {_inline(item)}" for key, item in value.items()) + " }"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_inline, value)) + "]"
+    try:
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    except TypeError:
+        raise InputError(f"{checks.shown(value)} is neither a text nor a number") from None
+
+
+def _key(key: str) -> str:
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key, ensure_ascii=False)

@@ -188,7 +188,7 @@ def read_campaign(path: str | Path) -> Campaign:
 
     def campaign(text: str) -> Campaign:
         from thermofem import toml_file
-        from thermofem.geometry.paths import write_table
+        from thermofem.toml_file import write_table
 
         table: dict[str, Any] = toml_file.parse(text)
         ranges = any("count" not in item and "values" not in item for item in table.get("vary", []))

@@ -19,7 +19,8 @@ import numpy as np
 from .. import checks, renamed, toml_file, waveforms
 from ..checks import InputError
 from ..display import shown
-from ..geometry.paths import place, write_table
+from ..geometry.paths import place
+from ..toml_file import write_table
 from ..version import __version__
 from . import schema
 from .vary import LARGEST, Drive, Value, Variation, check_number, check_taken

@@ -18,8 +18,8 @@ import numpy as np
 
 from .. import checks, quantity, toml_file, waveforms
 from ..checks import InputError, shown
-from ..geometry.paths import write_table
 from ..names import check_name, check_names
+from ..toml_file import write_table
 from .vary import LARGEST, Drive, Value, Variation, check_number
 
 _TOP = ("name", "geometry", "samples", "seed", "accuracy", "rtol", "vary", "drive", "probes")

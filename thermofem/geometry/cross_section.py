@@ -6,7 +6,6 @@ parts are rings (or discs) that overwrite the layers and earlier parts. A part m
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -202,9 +201,9 @@ class CrossSection:
         (3e-06, True)
         """
         checks.has("values", values or {}, "items", hint='a mapping is needed: {"part.core.radius": 5e-6}')
-        table = tomllib.loads(self.to_toml())
+        table = toml_schema.table_of(self)
         paths.change_values(table, {**(values or {}), **more})
-        return self.from_toml_text(paths.write_table(table))
+        return self.from_toml_text(toml_file.write_table(table))
 
     @classmethod
     def from_toml(cls, path: str | Path) -> CrossSection:
@@ -228,4 +227,4 @@ class CrossSection:
 
     @cached_property
     def _text(self) -> str:
-        return toml_schema.write_text(self)
+        return toml_file.write_tables(toml_schema.table_of(self))

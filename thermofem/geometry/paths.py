@@ -1,9 +1,7 @@
-"""Places in a geometry file by name: "part.core.width"; and the file's text from its table."""
+"""Places in a geometry file by name: "part.core.width"."""
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -77,23 +75,3 @@ def place(table: dict[str, Any], path: str, text: Any) -> None:
             values[name][key] = text
     else:
         raise InputError(f"path {path!r} leads nowhere; {_HINT}")
-
-
-def write_table(table: dict[str, Any]) -> str:
-    """TOML text of a table: one line for each key; a table inside it is written inline."""
-    return "".join(f"{_key(key)} = {_inline(value)}\n" for key, value in table.items())
-
-
-def _inline(value: Any) -> str:
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{_key(key)} = {_inline(item)}" for key, item in value.items()) + " }"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(_inline, value)) + "]"
-    try:
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    except TypeError:
-        raise checks.InputError(f"{checks.shown(value)} is neither a text nor a number") from None
-
-
-def _key(key: str) -> str:
-    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key, ensure_ascii=False)

@@ -6,7 +6,7 @@ that suggests the nearest one.
 
 from __future__ import annotations
 
-import json
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from .. import checks, quantity, toml_file
@@ -152,65 +152,43 @@ def _material(name: str, table: Any) -> Material:
     return Material(**{"name": name, "source": source, **kept, **values})
 
 
-def write_text(geometry: CrossSection) -> str:
-    """The text of a geometry file that reads back as an equal CrossSection."""
-    lengths = {"outer_radius": _quantity(geometry.outer_radius, "m"), "ambient": _quantity(geometry.ambient, "K")}
-    tables = [_table({"name": _quoted(geometry.name), **lengths})]
-    for layer in geometry.layers:
-        words = {"name": _quoted(layer.name), "material": _quoted(layer.material)}
-        flag = {"datum": "true"} if layer.datum else {}
-        tables.append(_table({**words, "thickness": _quantity(layer.thickness, "m"), **flag}, "[[layer]]"))
-    tables += [_table(_part_values(part), "[[part]]") for part in geometry.parts]
-    for interface in geometry.interfaces:
-        resistance = _quantity(interface.resistance, "m^2*K/W")
-        tables.append(_table({"part": _quoted(interface.part), "resistance": resistance}, "[[interface]]"))
-    for probe in geometry.probes:
-        sizes = {"shell": probe.shell, "distance": probe.distance}
-        lengths = {key: _quantity(value, "m") for key, value in sizes.items() if value is not None}
-        tables.append(_table({"name": _quoted(probe.name), "part": _quoted(probe.part), **lengths}, "[[probe]]"))
-    sides = {side: _boundary_text(getattr(geometry, side)) for side in _BOUNDARY}
-    tables.append(_table(sides, "[boundary]"))
-    for m in geometry.materials:
-        conductivity, specific_heat = (write_property(m, key, _UNITS[key]) for key in ("conductivity", "specific_heat"))
-        values = {
-            "conductivity": conductivity,
-            "density": _quantity(m.density, "kg/m^3"),
-            "specific_heat": specific_heat,
-        }
-        tables.append(_table({**values, "source": _quoted(m.source)}, f"[material.{_quoted(m.name)}]"))
-    return "\n\n".join(tables) + "\n"
+def table_of(geometry: CrossSection) -> dict[str, Any]:
+    """The table of a geometry file, quantities as text; reading it back gives an equal CrossSection."""
+    return {
+        **_texts({"name": geometry.name, "outer_radius": geometry.outer_radius, "ambient": geometry.ambient}),
+        "layer": [_texts(asdict(layer)) for layer in geometry.layers],
+        "part": [_texts(_part_values(part)) for part in geometry.parts],
+        "interface": [_texts(asdict(interface)) for interface in geometry.interfaces],
+        "probe": [_texts(asdict(probe)) for probe in geometry.probes],
+        "boundary": {side: _boundary_value(getattr(geometry, side)) for side in _BOUNDARY},
+        "material": {m.name: _material_values(m) for m in geometry.materials},
+    }
 
 
-def _table(values: dict[str, str], head: str = "") -> str:
-    return "\n".join([*([head] if head else []), *(f"{key} = {value}" for key, value in values.items())])
+def _texts(values: dict[str, Any]) -> dict[str, Any]:
+    """Quantities as text; a flag that is not set and a size that is not given are left out."""
+    return {key: as_text(key, value) for key, value in values.items() if value is not None and value is not False}
 
 
-def _boundary_text(boundary: Boundary) -> str:
-    unit = Boundary.KINDS[boundary.kind]
-    if unit is None:
-        return _quoted(boundary.kind)
-    return f"{{ {boundary.kind} = {_quantity(boundary.coefficient, unit)} }}"
+def _boundary_value(boundary: Boundary) -> Any:
+    if Boundary.KINDS[boundary.kind] is None:
+        return boundary.kind
+    return _texts({boundary.kind: boundary.coefficient})
 
 
-def _part_values(part: Part) -> dict[str, str]:
+def _material_values(m: Material) -> dict[str, Any]:
+    conductivity, specific_heat = (write_property(m, key, _UNITS[key]) for key in ("conductivity", "specific_heat"))
+    density = as_text("density", m.density)
+    return {"conductivity": conductivity, "density": density, "specific_heat": specific_heat, "source": m.source}
+
+
+def _part_values(part: Part) -> dict[str, Any]:
+    """Fields of a part, with its radius and width where these give exactly the same edges."""
+    sizes = {"inner_radius": part.inner_radius, "outer_radius": part.outer_radius}
     radius = float(f"{(part.inner_radius + part.outer_radius) / 2:.12g}")
     width = float(f"{part.outer_radius - part.inner_radius:.12g}")
     if part.inner_radius and (radius - width / 2, radius + width / 2) == (part.inner_radius, part.outer_radius):
         sizes = {"radius": radius, "width": width}
-    else:
-        sizes = {"inner_radius": part.inner_radius, "outer_radius": part.outer_radius}
-    sizes |= {"bottom": part.bottom, "height": part.height}
-    values = {"name": _quoted(part.name), "material": _quoted(part.material)}
-    values |= {key: _quantity(value, "m") for key, value in sizes.items()}
-    if part.sidewall_angle != VERTICAL:
-        values["sidewall_angle"] = _quantity(part.sidewall_angle, "rad")
-    return values | ({"heated": "true"} if part.heated else {})
-
-
-def _quantity(value: float, unit: str) -> str:
-    return _quoted(quantity.write(value, unit))
-
-
-def _quoted(text: str) -> str:
-    """A TOML basic string; JSON escapes the same characters, but for DEL."""
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+    angle = None if part.sidewall_angle == VERTICAL else part.sidewall_angle
+    rest = {"bottom": part.bottom, "height": part.height, "sidewall_angle": angle, "heated": part.heated}
+    return {"name": part.name, "material": part.material, **sizes, **rest}

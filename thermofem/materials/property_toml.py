@@ -73,23 +73,17 @@ def _list(given: Any, unit: str | None, name: str) -> tuple[float, ...]:
     return tuple(quantity.parse(item, unit, name=name) for item in given)
 
 
-def write_property(material: Material, key: str, unit: str) -> str:
-    """The TOML value of one property; reading it back gives exactly the same property."""
+def write_property(material: Material, key: str, unit: str) -> str | dict[str, Any]:
+    """One property as the file's text or table; reading it back gives exactly the same property."""
     value, law = getattr(material, key), getattr(material, f"{key}_law")
-    items = {"value": _text(value, unit)}
+    items: dict[str, Any] = {"value": quantity.write(value, unit)}
     if key == "conductivity" and material.conductivity_z is not None:
-        items["z"] = _text(material.conductivity_z, unit)
+        items["z"] = quantity.write(material.conductivity_z, unit)
     if isinstance(law, PowerLaw) and law != CONSTANT:
-        items["exponent"] = repr(law.exponent)
+        items["exponent"] = law.exponent
     elif isinstance(law, Polynomial):
-        items["polynomial"] = repr(list(law.coefficients))
+        items["polynomial"] = list(law.coefficients)
     elif isinstance(law, Table):
-        items["temperature"] = "[" + ", ".join(_text(T, "K") for T in law.temperatures) + "]"
-        items["values"] = "[" + ", ".join(_text(v, unit) for v in law.values) + "]"
-    if len(items) == 1:
-        return items["value"]
-    return "{ " + ", ".join(f"{k} = {v}" for k, v in (items | {"reference": _text(law.reference, "K")}).items()) + " }"
-
-
-def _text(value: float, unit: str) -> str:
-    return f'"{quantity.write(value, unit)}"'
+        items["temperature"] = [quantity.write(T, "K") for T in law.temperatures]
+        items["values"] = [quantity.write(v, unit) for v in law.values]
+    return items["value"] if len(items) == 1 else {**items, "reference": quantity.write(law.reference, "K")}
