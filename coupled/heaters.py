@@ -18,7 +18,7 @@ from thermofem.algebra.smooth_poles import cubic_pole_responses
 from thermofem.arrays import Array
 from thermofem.models import ThermalModel
 from thermofem.models.contract import bare
-from thermofem.waveforms import bounds
+from thermofem.waveforms import bounds, hermite
 
 from .inputs import Pieces, add, pieces
 from .resonator import RingResonator
@@ -149,13 +149,11 @@ def _rise(transfer: Foster, power: Pieces, tolerance: float) -> Pieces:
     nodes = np.concatenate([*map(_nodes, edges[:-1], np.diff(edges), bend, [rate] * len(bend), [allowed] * len(bend))])
     nodes = np.append(nodes, edges[-1])
     states = _responses(transfer, power, nodes)
-    value, falling, h = states @ gain, states @ (gain * rate), np.diff(nodes)
+    falling = states @ (gain * rate)
     on = power.on(nodes)
     first = gain.sum() * on.coefficients[:, 0] - falling[:-1]
     last = gain.sum() * on.ends - falling[1:]
-    mean = np.diff(value) / h
-    square, cube = (3 * mean - 2 * first - last) / h, (first + last - 2 * mean) / h**2
-    return Pieces(nodes, np.stack([value[:-1], first, square, cube], axis=1))
+    return hermite(nodes, states @ gain, first, last)
 
 
 def _nodes(start: float, length: float, bend: Array, rate: Array, allowed: float) -> Array:

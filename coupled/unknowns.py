@@ -101,10 +101,13 @@ def unknowns(
             start[name] = float(np.sqrt(ranges[name][0] * ranges[name][1]))
         elif name in POLES and isinstance(poles, Foster):
             start |= {f"{name}{k + 1}": float(v) for k, v in enumerate(getattr(poles, name))}
+        elif name in thermal:
+            start[name] = thermal[name]
+        elif name in optical_names(ring):
+            start[name] = number_of(ring, name)
         else:
-            start[name] = thermal[name] if name in thermal else _of_ring(ring, name)
-    if len(set(free)) < len(free):
-        raise checks.InputError(f"free = {list(free)} holds a name twice")
+            raise checks.InputError(f"free holds {name!r}, which goes with another thermal model than the one given")
+    checks.unique("free", free)
     names = tuple(start)
     values = np.array(
         [checks.positive(name, start[name], hint="a free parameter must start above 0") for name in names]
@@ -170,12 +173,9 @@ def _law(free: Sequence[str], model: ThermalModel | None) -> tuple[dict[str, flo
     return {}, poles
 
 
-def _of_ring(ring: RingResonator, name: str) -> float:
-    """Start value of a field of the ring or of its carriers."""
-    owner = ring if hasattr(ring, name) else ring.carriers
-    if not hasattr(owner, name):
-        raise checks.InputError(f"free holds {name!r}, which goes with another thermal model than the one given")
-    return float(getattr(owner, name))
+def number_of(ring: RingResonator, name: str) -> float:
+    """Value of a field of the ring or of its carriers; AttributeError where neither has it."""
+    return float(getattr(ring if hasattr(ring, name) else ring.carriers, name))
 
 
 def optical_names(ring: RingResonator) -> set[str]:

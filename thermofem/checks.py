@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -238,6 +238,13 @@ def instances(name: str, values: Any, *kinds: type) -> tuple[Any, ...]:
             raise InputError(f"{name} holds {shown(item)}, which is no {words}")
         found.append(item)
     return tuple(found)
+
+
+def unique(name: str, values: Sequence[Any], *, hint: str = "") -> None:
+    """Raise InputError where a value stands twice in a list."""
+    twice = next((value for k, value in enumerate(values) if value in values[:k]), None)
+    if twice is not None:
+        raise InputError(f"{name} holds {shown(twice)} twice; give each once", hint)
 
 
 def mapping(name: str, value: Any, *, hint: str = "") -> dict[str, Any]:

@@ -70,9 +70,11 @@ class Circuit:
         if self.frequency is None:
             object.__setattr__(self, "frequency", self.resonators[0].frequency)
         checks.between("frequency", self.frequency, 1e13, 1e16, unit="Hz", hint="did you mean 192.88e12?")
-        _unique("name", [*self.names, *(splitter.name for splitter in self.splitters)])
-        _unique("laser name", [laser.name for laser in self.lasers])
-        _unique("detector name", [detector.name for detector in self.detectors])
+        checks.unique(
+            "list of names of rings and splitters", [*self.names, *(splitter.name for splitter in self.splitters)]
+        )
+        checks.unique("list of laser names", [laser.name for laser in self.lasers])
+        checks.unique("list of detector names", [detector.name for detector in self.detectors])
         if not self.lasers:
             raise checks.InputError("the circuit has no laser; give lasers=[coupled.LaserPort('in', 'ring 1.in')]")
         for what, terminals, known in (
@@ -82,7 +84,7 @@ class Circuit:
             for terminal in terminals:
                 if terminal not in known:
                     checks.choice(f"terminal that light {what}s by", terminal, known)
-            _unique(f"terminal that light {what}s by", terminals)
+            checks.unique(f"list of terminals that light {what}s by", terminals)
 
     def __hash__(self) -> int:
         return hash((self.names, self.resonators, self.waveguides, self.lasers, self.detectors, self.splitters))
@@ -183,9 +185,3 @@ def _named(rings: Any) -> dict[str, RingResonator]:
         if not isinstance(ring, RingResonator):
             raise checks.InputError(f"ring {name!r} is a {type(ring).__name__}; it must be a RingResonator")
     return named
-
-
-def _unique(what: str, names: Sequence[str]) -> None:
-    twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
-    if twice is not None:
-        raise checks.InputError(f"{what} {twice!r} is used twice; every one can be used once")

@@ -15,6 +15,7 @@ import numpy as np
 from thermofem import Foster, StateSpace, checks
 from thermofem.arrays import Array
 from thermofem.models.state_space import eigenmodes
+from thermofem.waveforms import hermite
 
 from ..inputs import Pieces, add
 from ..thermal import compact
@@ -177,7 +178,4 @@ def _answers(rate: Array, gain: Array, read: Array, wave: Any, duration: float) 
     rise = x @ read.T
     at_start = (-rate * x[:-1] + gain * early[:, None]) @ read.T
     at_end = (-rate * x[1:] + gain * late[:, None]) @ read.T
-    h = np.diff(t)[:, None]
-    step = (rise[1:] - rise[:-1]) / h
-    c = np.stack([rise[:-1], at_start, (3 * step - 2 * at_start - at_end) / h, (at_start + at_end - 2 * step) / h**2])
-    return [Pieces(t, np.ascontiguousarray(c[:, :, i].T)) for i in range(rise.shape[1])]
+    return [hermite(t, *columns) for columns in zip(rise.T, at_start.T, at_end.T, strict=True)]

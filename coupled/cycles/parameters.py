@@ -14,7 +14,7 @@ from ..heaters import turned_by
 from ..resonator import RingResonator
 from ..runs import window
 from ..thermal import Compact
-from ..unknowns import LIFETIMES, optical_names, varied
+from ..unknowns import LIFETIMES, number_of, optical_names, varied
 from .orbit import CycleProblem, problem
 
 STEP = 1e-5  # of a number: its square is the truncation, 1e-16 over it the round-off
@@ -41,7 +41,7 @@ def value_of(p: CycleProblem, name: str) -> float:
         return float(p.ring.fcd[number][0])
     if kind:
         return float(np.asarray(getattr(_poles_of(p.model), kind))[number])
-    return float(getattr(p.ring if hasattr(p.ring, name) else p.ring.carriers, name))
+    return number_of(p.ring, name)
 
 
 def changed(p: CycleProblem, name: str, value: float) -> CycleProblem:

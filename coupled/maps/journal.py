@@ -105,7 +105,7 @@ class Journal:
         self.rows[row] = cells
         if self.path is None:
             return
-        kept = [row, _frozen(cells)]
+        kept = [row, trees.plain(cells)]
         self._append(json.dumps([*kept, files.digest_tree(kept)[:16]], allow_nan=False))
 
     def _append(self, line: str) -> None:
@@ -121,15 +121,8 @@ class Journal:
             ) from None
 
 
-def _frozen(value: Any) -> Any:
-    """The value as JSON can hold it: null for a missing number."""
-    if isinstance(value, list | tuple):
-        return [_frozen(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
 def _revived(value: Any) -> Any:
-    """nan where `_frozen` wrote null."""
+    """nan where `trees.plain` wrote null."""
     if isinstance(value, list):
         return [_revived(item) for item in value]
     return math.nan if value is None else value

@@ -19,6 +19,7 @@ from thermofem.record import Record
 from ..carriers.lifetime import ConstantLifetime
 from ..carriers.shockley_read_hall import ShockleyReadHall
 from ..equilibria.steady import Internal, absorbable, fixed_points, internal, observables
+from ..heaters import turned_by
 from ..resonator import RingResonator
 from ..states import State
 from ..thermal import Compact, compact
@@ -64,7 +65,7 @@ def rest_of(
     Raises InputError: as `steady_states`.
     """
     at = at or internal(ring, model, absorbable(ring, power))
-    U, D = fixed_points(ring, at, power, detuning + ring.thermal_shift * rise / (2 * np.pi))
+    U, D = fixed_points(ring, at, power, detuning + turned_by(rise, ring))
     seen = observables(ring, at, U, D, np.full(U.size, power))
     return Rest(seen["energy"], seen["delta_T"] + rise, seen["growth_rate"])
 

@@ -74,8 +74,7 @@ def _check_heaters(heat: HeatProblem, heaters: Sequence[str], part: str) -> None
     names = checks.instances("heaters", (heaters,) if isinstance(heaters, str) else heaters, str)
     for name in names:
         checks.choice("heaters", name, [other for other in heat.heated if other != part])
-    if len(set(names)) < len(names):
-        raise InputError(f"heaters = {names} holds a name twice; give each once")
+    checks.unique("heaters", names)
 
 
 def _check_stack(first: HeatProblem, other: HeatProblem, i: int) -> None:

@@ -122,16 +122,12 @@ class LineEngine:
     def _sampled(self) -> tuple[Coefficients, Points, Any]:
         rows = self.box.draw(SAMPLES, seed=1)
         stiffness, capacity, _ = self.cells.coefficients(self.grid, self.box, rows)
-        every, traces = points(self.reference, self._of_triangle, self.cells.i, self.cells.j)
+        every, traces = points(self.reference, self.cell, self.cells.i, self.cells.j)
         surface = None
         if len(every.kind):
             surface = Compressed.of(every, every.weights(self.grid, self.box, rows, values(self.box, rows)))
         found = Coefficients(self.box, self.grid, self.cells, merged(stiffness), merged(capacity), surface)
         return found, every, traces
-
-    @property
-    def _of_triangle(self) -> NDArray[np.intp]:
-        return self.cell
 
     @property
     def coefficients(self) -> Coefficients:

@@ -12,6 +12,7 @@ import numpy as np
 from thermofem import Foster, OutputMap, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.display import shown
+from thermofem.heat.derivatives import dataset_of
 from thermofem.heat.projected import ModalDerivative
 from thermofem.netcdf import DAMAGE
 
@@ -231,30 +232,15 @@ class Family:
 
         Those of the family itself: the functions are held, their matrices differentiated.
         """
-        import xarray as xr
-
         a, b = self._channel(heated, read)
         row = self.box.row(values)
         modal = self.modal_derivative(row, (a, b))
-        per = {"units": "K/W per unit of the parameter"}
-        data = xr.Dataset(
-            {"thermal_resistance": ("parameter", modal.resistance(), {"long_name": "derivative of R_th", **per})},
-            coords={
-                "parameter": list(self.names),
-                "value": ("parameter", row, {"long_name": "value of the parameter"}),
-                "unit": ("parameter", list(self.box.units), {"long_name": "SI unit of the parameter"}),
-            },
-            attrs={"heated": self.ports[a], "read": self.ports[b]},
-        )
-        if times is not None:
-            t = checks.array("times", times)
-            data = data.assign_coords(time=("time", t, {"units": "s", "long_name": "time"}))
-            data["step_response"] = ("parameter", "time"), modal.step_response(t), per
-        if frequencies is not None:
-            f = checks.array("frequencies", frequencies)
-            data = data.assign_coords(frequency=("frequency", f, {"units": "Hz", "long_name": "frequency"}))
-            data["impedance"] = ("parameter", "frequency"), modal.impedance(f), per
-        return data
+        t = None if times is None else checks.array("times", times)
+        f = None if frequencies is None else checks.array("frequencies", frequencies)
+        step, impedance = None if t is None else modal.step_response(t), None if f is None else modal.impedance(f)
+        parameters = list(zip(self.names, row.tolist(), self.box.units, strict=True))
+        data = dataset_of(parameters, (modal.resistance(), step, impedance), t, f)
+        return data.assign_attrs(heated=self.ports[a], read=self.ports[b])
 
     def modal_derivative(self, row: Array, channel: tuple[int, int] | None = None) -> ModalDerivative:
         """The member in M-orthonormal modes, and derivatives of its matrices by central differences."""

@@ -55,11 +55,6 @@ class Axis:
         b = (position[..., 1:] - position[..., :-1]) / self._gaps
         return position[..., :-1] - b * self.base[:-1], b
 
-    def scales(self, offset: Array) -> Array:
-        """b of every interval, shape (..., l - 1)."""
-        position = self.at(offset)
-        return np.asarray((position[..., 1:] - position[..., :-1]) / self._gaps)
-
     @cached_property
     def _gaps(self) -> Array:
         return np.diff(self.base)
@@ -126,10 +121,9 @@ def _ordered(axis: Axis, ranges: tuple[Array, Array], half: Array) -> Axis:
         if not alike:
             kept.append(k)
     base, slope = base[kept], slope[kept]
-    low, high = _gaps(Axis(base, slope), ranges)
+    low, _ = _gaps(Axis(base, slope), ranges)
     if low.min(initial=np.inf) <= SAME:
         raise NotAlongLinesError(f"two outlines near {base[int(low.argmin())]:g} m meet inside the box")
-    del high
     return Axis(base, slope)
 
 

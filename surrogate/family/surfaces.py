@@ -27,6 +27,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # as scikit-fem integrate
 GAUSS, WEIGHT = (1 + _NODES) / 2, _WEIGHTS / 2
 RANK = 1e-13  # singular values below this share of the first are round-off
 SAMPLES = 300
+ARRAYS = ("kind", "ends", "gauss", "interval", "material", "outward")  # fields of `Points` with a row for each point
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,15 +53,8 @@ class Points:
 
     def pick(self, chosen: NDArray[np.intp]) -> Points:
         """Some of the points."""
-        return Points(
-            kind=self.kind[chosen],
-            ends=self.ends[chosen],
-            gauss=self.gauss[chosen],
-            interval=self.interval[chosen],
-            material=self.material[chosen],
-            outward=self.outward[chosen],
-            parts=[self.parts[k] for k in chosen],
-        )
+        arrays = {name: getattr(self, name)[chosen] for name in ARRAYS}
+        return Points(**arrays, parts=[self.parts[k] for k in chosen])
 
     def weights(self, grid: CellGrid, box: Box, rows: Array, at: Values) -> Array:
         """w at every point for parameters of shape (n, p); shape (n, q)."""
@@ -130,15 +124,8 @@ def points(heat: HeatProblem, cell: NDArray[np.intp], i: NDArray[np.intp], j: ND
         none = np.empty(0, dtype=np.intp)
         ends, pairs = np.empty((0, 2, 2)), np.empty((0, 2), dtype=np.intp)
         return Points(none, ends, none, pairs, none, np.empty((0, 2)), []), csr_matrix((0, d.basis.N))
-    every = Points(
-        kind=np.concatenate([one.kind for one in found]),
-        ends=np.concatenate([one.ends for one in found]),
-        gauss=np.concatenate([one.gauss for one in found]),
-        interval=np.concatenate([one.interval for one in found]),
-        material=np.concatenate([one.material for one in found]),
-        outward=np.concatenate([one.outward for one in found]),
-        parts=[part for one in found for part in one.parts],
-    )
+    arrays = {name: np.concatenate([getattr(one, name) for one in found]) for name in ARRAYS}
+    every = Points(**arrays, parts=[part for one in found for part in one.parts])
     return every, vstack(traces).tocsr()
 
 

@@ -71,7 +71,7 @@ class Cells:
     def places(self, grid: CellGrid, offset: Array) -> tuple[Array, Array, Array]:
         """a, b and d of every cell, each of shape (n, c)."""
         a, b = grid.r.maps(offset)
-        return a[:, self.i], b[:, self.i], grid.z.scales(offset)[:, self.j]
+        return a[:, self.i], b[:, self.i], grid.z.maps(offset)[1][:, self.j]
 
     @staticmethod
     def stiffness(k_r: Array, k_z: Array, a: Array, b: Array, d: Array) -> Array:

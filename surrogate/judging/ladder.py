@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -114,17 +114,7 @@ def train_all(
     system = heat.channels(part, read)
     fine = reduce(system, REFERENCE)
     exact: Foster = fine.model  # type: ignore[assignment]  # one channel
-    wave, times = SquareWave(power, 1e-6, duty), np.geomspace(1e-9, 50 * float(np.max(exact.tau)), 121)
-    channel = {"heated": part, "read": read}
-    periodic = dataset.build(
-        waveforms.period_times(wave, SAMPLES),
-        exact.periodic_response(wave, SAMPLES),
-        wave,
-        periodic=True,
-        attributes=channel,
-    )
-    known = {"thermal_resistance": exact.thermal_resistance, **channel}
-    step = dataset.build(times, exact.response(Constant(power), times), Constant(power), attributes=known)
+    periodic, step = training_data(exact, power, duty, {"heated": part, "read": read})
     makers: dict[str, Callable[[], ThermalModel]] = {
         "Newton": lambda: fit_newton(periodic).model,
         "second order": lambda: fit_second_order(periodic).model,
@@ -152,6 +142,18 @@ def train_all(
         except (checks.InputError, checks.MissingLibraryError) as reason:
             refused[name] = str(reason)
     return Ladder(models, reference, error, refused)
+
+
+def training_data(
+    exact: Foster, power: float, duty: float, channel: Mapping[str, str] | None = None
+) -> tuple[Any, Any]:
+    """Answers of a precise model: one period under a square wave of 1 us, and a step from 1 ns until it has settled."""
+    square, constant = SquareWave(power, 1e-6, duty), Constant(power)
+    times, build = waveforms.period_times(square, SAMPLES), dataset.build.record
+    periodic = build(times, exact.periodic_response(square, SAMPLES), square, periodic=True, attributes=channel)
+    times = np.geomspace(1e-9, 50 * float(np.max(exact.tau)), 121)
+    known = {"thermal_resistance": exact.thermal_resistance, **(channel or {})}
+    return periodic, build(times, exact.response(constant, times), constant, attributes=known)
 
 
 def _pulse_times() -> Array:

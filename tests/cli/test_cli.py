@@ -74,7 +74,7 @@ def test_solve_periodic(tmp_path):
         (["solve", "--nonsense"], "--nonsense"),
         (["solve", "--figure", "picture"], "does not say what kind of image"),
         (["solve", "good.toml", "-o", "good.toml"], "read and written at once"),
-        (["solve", "-o", "same.png", "--figure", "same.png"], "written for something else"),
+        (["solve", "-o", "same.png", "--figure", "same.png"], "would be written twice"),
         (["solve", "-o", "."], "is a folder or a device"),
         (["solve", "--samples", "100000000000"], "--samples = 1e+11"),
         (["reproduce", "--quick", "-o", "bad_key.toml/out"], "cannot be made"),

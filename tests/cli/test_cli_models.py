@@ -182,7 +182,7 @@ def test_simulate_reads_a_ring_file(folder):
         (["reduce", "--tolerance", "-1"], "tolerance"),
         (["validate", "second.json", "--reference", "square.nc"], "square.nc"),
         (["validate", "second.json"], "judged by a --reference"),
-        (["validate", "second.json", "second.json", "--reference", "fem.json"], "hold a name twice"),
+        (["validate", "second.json", "second.json", "--reference", "fem.json"], "MODELS holds 'second' twice"),
         (["validate", "ring.toml", "second.json"], "one geometry alone"),
         (["validate", "missing.toml", "-o", "x.png"], "missing.toml"),
         (["validate", "missing.toml", "-o", "x.nc"], "does not say what kind of image"),

@@ -346,18 +346,18 @@ CASES = [
     (lambda: coupled.Circuit([RING], (), [coupled.LaserPort("in", "ring 1.out")]), "did you mean|known"),
     (
         lambda: coupled.Circuit([RING], (), [coupled.LaserPort(n, "ring 1.in") for n in "ab"]),
-        "'ring 1.in' is used twice",
+        "holds 'ring 1.in' twice",
     ),
     (lambda: wired([coupled.Waveguide("ring 1.through", "ring 3.in")]), "enters by = 'ring 3.in' is unknown"),
     (lambda: wired([coupled.Waveguide("ring 1.thru", "ring 2.in")]), "leaves by = 'ring 1.thru' .*'ring 1.through'"),
-    (lambda: wired([coupled.Waveguide("ring 1.through", "ring 1.in")]), "enters by 'ring 1.in' is used twice"),
+    (lambda: wired([coupled.Waveguide("ring 1.through", "ring 1.in")]), "enters by holds 'ring 1.in' twice"),
     (
         lambda: wired([coupled.Waveguide("ring 1.drop", "ring 2.in")], [coupled.Detector("d", "ring 1.drop")]),
-        "leaves by 'ring 1.drop' is used twice",
+        "leaves by holds 'ring 1.drop' twice",
     ),
     (
         lambda: wired((), [coupled.Detector("d", f"ring {k}.through") for k in (1, 2)]),
-        "detector name 'd' is used twice",
+        "detector names holds 'd' twice",
     ),
     (lambda: coupled.delay_loop(RING, 1e-9, loss=-1), "loss = -1 must lie.*no gain"),
     (lambda: coupled.LaserPort("in", "ring 1.in", loss=-1), "laser 'in': loss = -1 must lie"),

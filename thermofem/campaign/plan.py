@@ -85,10 +85,7 @@ class Campaign:
         checks.between("rtol", self.rtol, 1e-10, 0.1)
         for what, names in (("drive", self.drives), ("vary", self.variations)):
             check_number(what, len(names))
-            seen = [item.name for item in names]
-            twice = next((name for name in seen if seen.count(name) > 1), None)
-            if twice is not None:
-                raise InputError(f"{what}: two are named {twice!r}; each needs its own name")
+            checks.unique(f"list of {what} names", [item.name for item in names])
         check_taken(self.variations, self.drives)
         drawn = [v.name for v in self.variations if not v.values]
         if bool(drawn) != bool(self.samples):

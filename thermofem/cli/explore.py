@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from ..heat import HeatProblem
     from ..models import ThermalModel
 
-SAMPLES, TRAINED, DUTY = 301, 1e-6, 1 / 3  # of the square wave that Newton's law and the second order are trained on
 POLES = 5  # of the trained Foster network
 
 
@@ -96,8 +95,7 @@ def _models(
 
     if given and all(kind_of(path) != "geometry" for path in given):
         names = [path.stem for path in given]
-        if len(set(names)) < len(names):
-            raise InputError(f"the model files {', '.join(map(str, given))} share a name; rename one")
+        checks.unique("MODELS", names, hint="models are named after the files")
         return {name: load_model(path) for name, path in zip(names, given, strict=True)}, None
     if len(given) > 1:
         raise InputError("explore takes one geometry alone, or models alone")
@@ -113,19 +111,10 @@ def _beside(family: Any) -> dict[str, Any]:
 
 def trained(exact: Any) -> dict[str, Any]:
     """The usual models, trained on the answers of a precise one."""
-    import numpy as np
-
     import surrogate
+    from surrogate.judging.ladder import training_data
 
-    from .. import dataset, waveforms
-
-    square, step = waveforms.SquareWave(2e-3, TRAINED, DUTY), waveforms.Constant(2e-3)
-    periodic: Any = dataset.build.record(  # the fits need no xarray, whose import takes longer than they do
-        waveforms.period_times(square, SAMPLES), exact.periodic_response(square, SAMPLES), square, periodic=True
-    )
-    times = np.geomspace(1e-9, 50 * float(np.max(exact.tau)), 121)
-    known = {"thermal_resistance": exact.thermal_resistance}
-    rise: Any = dataset.build.record(times, exact.response(step, times), step, attributes=known)
+    periodic, rise = training_data(exact, 2e-3, 1 / 3)
     return {
         f"Foster, {POLES} poles": surrogate.fit_foster(rise, POLES).model,
         "second order": surrogate.fit_second_order(periodic).model,

@@ -30,7 +30,7 @@ def export(
 
     _, ending = FORMATS[checks.choice("--to", to, FORMATS)]
     target = output or model.with_suffix(ending)
-    check_outputs([target], inputs=[model])
+    check_outputs([target])
     expect(model, "model")
     provenance = surrogate.load_provenance(model)
     surrogate.export_model(surrogate.load_model(model), target, to=to, provenance=provenance, fmi=fmi)

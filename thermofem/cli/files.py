@@ -22,18 +22,14 @@ if TYPE_CHECKING:
 DEFAULT_RING = "borghi2021"
 
 
-def check_outputs(
-    outputs: Iterable[Path | None], *, inputs: Iterable[Path | None] = (), images: Iterable[Path | None] = ()
-) -> None:
-    """InputError unless every output has a folder, is no device, no input and no other output, images an ending."""
-    taken = {os.path.realpath(path): "read" for path in inputs if path}
+def check_outputs(outputs: Iterable[Path | None], *, images: Iterable[Path | None] = ()) -> None:
+    """InputError unless every output has a folder, is no device and no other output, and images have an ending."""
+    taken = set()
     for path in filter(None, outputs):
         files.check_target(path)
         if os.path.realpath(path) in taken:
-            raise InputError(
-                f"{path} would be {taken[os.path.realpath(path)]} and written at once; give it another name"
-            )
-        taken[os.path.realpath(path)] = "written for something else"
+            raise InputError(f"{path} would be written twice; give it another name")
+        taken.add(os.path.realpath(path))
     for path in filter(None, images):
         files.check_image(path)
 

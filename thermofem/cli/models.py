@@ -133,11 +133,7 @@ def _validate_models(
     check_outputs([output, figure], images=[figure])
     for path in (*models, reference):
         expect(path, "model")
-    stems = [path.stem for path in models]
-    if len(set(stems)) < len(stems):
-        raise checks.InputError(
-            f"{' and '.join(map(str, models))} hold a name twice; curves are told apart by file name"
-        )
+    checks.unique("MODELS", [path.stem for path in models], hint="curves are named after the files")
     judge, curves = load(reference), {}
     for path in models:
         curves[path.stem] = surrogate.period_error(load(path), judge, periods, power=watts, duty=duty)

@@ -96,11 +96,10 @@ def _drive(ring: str, power: str, detuning: str) -> tuple[RingResonator, float, 
 
 def _changed(ring: RingResonator, changes: Change | None) -> tuple[RingResonator, float]:
     """The ring with changed numbers, and the change of the detuning."""
-    from coupled.unknowns import varied
+    from coupled.unknowns import number_of, varied
 
     if not changes:
         return ring, 0.0
     rest = {name: change for name, change in changes.items() if name != "detuning"}
-    owners = {name: ring if hasattr(ring, name) else ring.carriers for name in rest}
-    moved = varied(ring, {name: getattr(owners[name], name) + change for name, change in rest.items()})
+    moved = varied(ring, {name: number_of(ring, name) + change for name, change in rest.items()})
     return moved, changes.get("detuning", 0.0)

@@ -12,12 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .. import checks
 from ..arrays import Array, ArrayLike, NDArray
+from ..dataset import describe
 from ..geometry.change import Change, change
 from .projected import ModalDerivative
 from .tangent import Tangent, tangent
@@ -95,7 +96,10 @@ def derivatives(
     velocities = vertex_velocities(heat.geometry, heat.mesh, changes, roles=(*heat.heated, read))
     tangents = [tangent(heat, one, v, (heated, read)) for one, v in zip(changes, velocities, strict=True)]
     found = _responses(heat, tangents, (heated, read), t, f)
-    return _dataset(heat, changes, found, _reach(heat, velocities), (heated, read), t, f)
+    data = dataset_of([(one.name, one.value, one.unit) for one in changes], found, t, f)
+    about = {"long_name": "change at which the moved mesh tangles", "units": "of it"}
+    data["reach"] = ("parameter", _reach(heat, velocities), about)
+    return data.assign_attrs(heated=heated, read=read, thermal_resistance=heat.thermal_resistance(heated, read))
 
 
 def changes_of(heat: HeatProblem, parameters: Parameter | Sequence[Parameter]) -> list[Change]:
@@ -104,10 +108,7 @@ def changes_of(heat: HeatProblem, parameters: Parameter | Sequence[Parameter]) -
     if not each:
         raise checks.InputError("parameters is empty; name at least one path, e.g. 'part.core.radius'")
     changes = [change(heat.geometry, one) for one in each]
-    names = [one.name for one in changes]
-    twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
-    if twice is not None:
-        raise checks.InputError(f"parameters holds {twice!r} twice; give each once")
+    checks.unique("parameters", [one.name for one in changes])
     return changes
 
 
@@ -224,36 +225,33 @@ def _reach(heat: HeatProblem, velocities: Array) -> Array:
     return np.array(reach)
 
 
-def _dataset(
-    heat: HeatProblem,
-    changes: Sequence[Change],
+def dataset_of(
+    parameters: Sequence[tuple[str, float, str]],
     found: tuple[Array, Array | None, NDArray[np.complex128] | None],
-    reach: Array,
-    channel: tuple[str, str],
     t: Array | None,
     f: Array | None,
 ) -> xr.Dataset:
+    """Derivatives of R_th, of the step response at ``t`` and of the impedance at ``f``, over the parameters.
+
+    ``parameters`` are names, values and SI units; what was not asked for is None.
+    """
     import xarray as xr
 
-    resistance, step, impedance = found
-    per = {"units": "K/W per unit of the parameter"}
-    data = xr.Dataset(
-        {
-            "thermal_resistance": ("parameter", resistance, {"long_name": "derivative of R_th", **per}),
-            "reach": ("parameter", reach, {"long_name": "change at which the moved mesh tangles", "units": "of it"}),
-        },
-        coords={
-            "parameter": [one.name for one in changes],
-            "value": ("parameter", [one.value for one in changes], {"long_name": "value of the parameter"}),
-            "unit": ("parameter", [one.unit for one in changes], {"long_name": "SI unit of the parameter"}),
-        },
-        attrs={"heated": channel[0], "read": channel[1], "thermal_resistance": heat.thermal_resistance(*channel)},
-    )
-    if step is not None and t is not None:
-        data = data.assign_coords(time=("time", t, {"units": "s", "long_name": "time"}))
-        data["step_response"] = (("parameter", "time"), step, {"long_name": "derivative of the step response", **per})
-    if impedance is not None and f is not None:
-        data = data.assign_coords(frequency=("frequency", f, {"units": "Hz", "long_name": "frequency"}))
-        name = {"long_name": "derivative of the thermal impedance", **per}
-        data["impedance"] = (("parameter", "frequency"), impedance, name)
-    return data
+    names, values, units = zip(*parameters, strict=True)
+    per = "K/W per unit of the parameter"
+    axes = {"thermal_resistance": (), "step_response": ("time",), "impedance": ("frequency",)}
+    words = ("R_th", "the step response", "the thermal impedance")
+    variables = {
+        name: (("parameter", *over), value, {"long_name": f"derivative of {of}", "units": per})
+        for (name, over), of, value in zip(axes.items(), words, found, strict=True)
+        if value is not None
+    }
+    coords: dict[str, Any] = {
+        "parameter": list(names),
+        "value": ("parameter", list(values), {"long_name": "value of the parameter"}),
+        "unit": ("parameter", list(units), {"long_name": "SI unit of the parameter"}),
+        "time": ("time", t, describe("time")),
+        "frequency": ("frequency", f, describe("frequency")),
+    }
+    given = {"time": t, "frequency": f}
+    return xr.Dataset(variables, coords={k: v for k, v in coords.items() if given.get(k, v) is not None})

@@ -332,7 +332,5 @@ def _names(
     names = checks.instances(argument, each, str)
     if not names:
         raise checks.InputError(f"{argument} is empty; give at least one of {', '.join(known)}")
-    twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
-    if twice is not None:  # data.sel(probe=...) could not tell them apart
-        raise checks.InputError(f"{argument} = {names} holds {twice!r} twice; give each once")
+    checks.unique(argument, names)  # data.sel(probe=...) could not tell them apart
     return tuple(checks.choice(argument, name, known) for name in names)

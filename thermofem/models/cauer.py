@@ -121,38 +121,26 @@ def cauer(model: ThermalModel) -> Cauer:
     with localcontext() as context:
         context.prec = DIGITS + DIGITS_PER_POLE * R.size
         top, bottom = _polynomials([Decimal(float(x)) for x in R], [Decimal(float(x)) for x in tau])
-        while top:
-            C = bottom[-1] / top[-1]  # 1/Z = s C + rest
-            bottom = _minus(bottom, [Decimal(0)] + [C * x for x in top])
+        while top.size:  # the leading coefficients of both differences vanish by construction
+            C = bottom[0] / top[0]  # 1/Z = s C + rest
+            bottom = (bottom - C * np.append(top, Decimal(0)))[1:]
             ladder_C.append(float(C))
-            resistance = top[-1] / bottom[-1]  # 1/rest = R + next Z
-            top = _minus(top, [resistance * x for x in bottom])
+            resistance = top[0] / bottom[0]  # 1/rest = R + next Z
+            top = (top - resistance * bottom)[1:]
             ladder_R.append(float(resistance))
     if not 0 < min(*ladder_R, *ladder_C) <= max(*ladder_R, *ladder_C) < float("inf"):
         raise checks.InputError(f"the {R.size} poles lie so near each other that their ladder has no floats; {FEWER}")
     return Cauer(ladder_R, ladder_C, model.inputs, model.outputs, getattr(model, "origin", None))
 
 
-def _polynomials(R: list[Decimal], tau: list[Decimal]) -> tuple[list[Decimal], list[Decimal]]:
-    """Z = top/bottom = sum_i R_i/(1 + s tau_i), coefficients of rising powers of s."""
-    top: list[Decimal] = []
-    bottom = [Decimal(1)]
-    for r, t in zip(R, tau, strict=True):
-        top = [a + b for a, b in zip(_times(top, t), [r * x for x in bottom] + [Decimal(0)], strict=False)]
-        top = top or [r]
-        bottom = _times(bottom, t)
+def _polynomials(R: list[Decimal], tau: list[Decimal]) -> tuple[Any, Any]:
+    """Z = top/bottom = sum_i R_i/(1 + s tau_i), coefficients of falling powers of s."""
+    top, bottom = np.array(R[:1]), np.array([tau[0], Decimal(1)])
+    for r, t in zip(R[1:], tau[1:], strict=True):
+        pole = np.array([t, Decimal(1)])
+        top = np.polyadd(np.convolve(top, pole), r * bottom)
+        bottom = np.convolve(bottom, pole)
     return top, bottom
-
-
-def _times(polynomial: list[Decimal], tau: Decimal) -> list[Decimal]:
-    """polynomial (1 + s tau)."""
-    shifted = [Decimal(0)] + [tau * x for x in polynomial]
-    return [a + b for a, b in zip([*polynomial, Decimal(0)], shifted, strict=True)] if polynomial else []
-
-
-def _minus(a: list[Decimal], b: list[Decimal]) -> list[Decimal]:
-    """a - b, whose leading coefficient vanishes by construction and is dropped."""
-    return [x - y for x, y in zip(a, b, strict=True)][:-1]
 
 
 def foster_of(ladder: Cauer) -> Foster:

@@ -34,7 +34,7 @@ from .contract import KINDS, Waveform, words
 from .cubic import Cubic
 from .files import from_json, storable, to_json
 from .function import Function
-from .pieces import Pieces, bounds, cubic_pieces, heating_pieces, knots, linear_pieces, period_times
+from .pieces import Pieces, bounds, cubic_pieces, heating_pieces, hermite, knots, linear_pieces, period_times
 from .piecewise_cubic import PiecewiseCubic
 from .pulse import Pulse
 from .sampled import Sampled
@@ -44,7 +44,7 @@ from .telegraph import Telegraph
 
 __all__ = [
     "KINDS", "Chirp", "Constant", "Cubic", "Function", "Pieces", "PiecewiseCubic", "Pulse", "Sampled", "SquareWave",
-    "Symbols", "Telegraph", "Waveform", "bounds", "cubic_pieces", "from_json", "heating_pieces", "knots",
+    "Symbols", "Telegraph", "Waveform", "bounds", "cubic_pieces", "from_json", "heating_pieces", "hermite", "knots",
     "linear_pieces", "period_times", "storable", "to_json", "words",
 ]  # fmt: skip
 

@@ -103,16 +103,17 @@ def _misfits(
     if seen is None:
         u = np.broadcast_to(CHECKED, (left.size, CHECKED.size))
         values = np.asarray(wave(left[:, None] + (last - left)[:, None] * u), dtype=float)
-        return np.any(np.abs(_cubic(scaled[:, None], u) - values) > allowed, axis=1)
+        return np.any(np.abs(cubic(scaled[:, None], u) - values) > allowed, axis=1)
     times, values = seen
     first, end = np.searchsorted(times, left), np.searchsorted(times, last)
     cell = np.repeat(np.arange(left.size), end - first)
     index = np.arange(cell.size) + np.repeat(first - np.append(0, np.cumsum(end - first)[:-1]), end - first)
     u = (times[index] - left[cell]) / (last - left)[cell]
-    off = np.abs(_cubic(scaled[cell], u) - values[index]) > allowed
+    off = np.abs(cubic(scaled[cell], u) - values[index]) > allowed
     return np.bincount(cell[off], minlength=left.size) > 0
 
 
-def _cubic(scaled: Array, u: Array) -> Array:
-    a, b, c, d = np.moveaxis(scaled, -1, 0)
+def cubic(coefficients: Array, u: Array) -> Array:
+    """Values at ``u`` of cubics with coefficients of rising powers along the last axis."""
+    a, b, c, d = np.moveaxis(coefficients, -1, 0)
     return np.asarray(a + u * (b + u * (c + u * d)))

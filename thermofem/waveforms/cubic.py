@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from .contract import Array, inside
-from .pieces import Pieces
+from .pieces import Pieces, hermite
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,10 +43,7 @@ class Cubic:
     @cached_property
     def whole(self) -> Pieces:
         """All pieces; between two samples the cubic with their values and slopes."""
-        h, d0, d1 = np.diff(self.times), self.slope[:-1], self.slope[1:]
-        rise = np.diff(self.power)
-        square, cube = 3 * rise / h**2 - (2 * d0 + d1) / h, -2 * rise / h**3 + (d0 + d1) / h**2
-        return Pieces(np.asarray(self.times, dtype=float), np.stack([self.power[:-1], d0, square, cube], axis=1))
+        return hermite(np.asarray(self.times, dtype=float), self.power, self.slope[:-1], self.slope[1:])
 
     def __call__(self, t: ArrayLike) -> Array:
         """Power in W; outside the samples that of the nearest end."""

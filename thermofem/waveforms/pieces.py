@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import checks
-from .adaptive import fitted
+from .adaptive import cubic, fitted
 from .contract import Array, Waveform
 
-DEGREE = 3
 MOST_SAMPLES = 10_000_000  # of a periodic state; more would not fit into memory
 TOLERANCE = 1e-8  # of a cubic fit, relative to the largest value: far below the rtol of every model's default
 UNDERSHOOT = 1e-6  # of the largest power: what a cubic fit may fall below zero where the power is zero
@@ -33,10 +32,7 @@ class Pieces(NamedTuple):
         if len(self.coefficients) == 1 and not self.coefficients[0, 1:].any():
             return np.full(times.shape, self.coefficients[0, 0])
         k = np.clip(np.searchsorted(self.edges, times, side="right") - 1, 0, len(self.coefficients) - 1)
-        u = times - self.edges[k]
-        return np.asarray(
-            sum((self.coefficients[k, j] * u**j for j in range(1, DEGREE + 1)), self.coefficients[k, 0].copy())
-        )
+        return cubic(self.coefficients[k], times - self.edges[k])
 
     def on(self, edges: Array) -> Pieces:
         """The function on finer edges; edges of this one within their range must be among them."""
@@ -57,15 +53,21 @@ class Pieces(NamedTuple):
     @property
     def ends(self) -> Array:
         """The value at the end of every piece, shape (n,)."""
-        a, b, c, d = self.coefficients.T
-        u = np.diff(self.edges)
-        return np.asarray(a + u * (b + u * (c + u * d)))
+        return cubic(self.coefficients, np.diff(self.edges))
 
     def integral(self) -> float:
         """Integral over all pieces."""
         a, b, c, d = self.coefficients.T
         u = np.diff(self.edges)
         return float(np.sum(u * (a + u * (b / 2 + u * (c / 3 + u * d / 4)))))
+
+
+def hermite(times: Array, values: Array, first: Array, last: Array) -> Pieces:
+    """Cubics through values, shape (n + 1,), with slopes at the start and the end of each piece, shape (n,)."""
+    h = np.diff(times)
+    mean = np.diff(values) / h
+    square, cube = (3 * mean - 2 * first - last) / h, (first + last - 2 * mean) / h**2
+    return Pieces(times, np.stack([values[:-1], first, square, cube], axis=1))
 
 
 def bounds(function: Pieces) -> tuple[float, float]:
@@ -75,13 +77,8 @@ def bounds(function: Pieces) -> tuple[float, float]:
         root = np.sqrt(np.maximum(c * c - 3 * b * d, 0))
         turns = [-b / (c + root), -b / (c - root)]  # of b + 2 c u + 3 d u^2, in the form that d = 0 leaves valid
     inside = [np.where((u > 0) & (u < length), u, 0.0) for u in turns]
-    values = [_value(function.coefficients, u) for u in (0 * length, length, *inside)]
+    values = [cubic(function.coefficients, u) for u in (0 * length, length, *inside)]
     return float(np.min(values)), float(np.max(values))
-
-
-def _value(coefficients: Array, u: Array) -> Array:
-    a, b, c, d = coefficients.T
-    return np.asarray(a + u * (b + u * (c + u * d)))
 
 
 def linear_pieces(wave: Waveform, start: float, stop: float) -> tuple[Array, Array, Array]:

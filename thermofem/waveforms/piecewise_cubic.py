@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from ..display import shown
+from .adaptive import cubic
 from .contract import TIME_HINT, Array, Waveform, inside, known, seconds, stored, wrapped
 from .pieces import Pieces, cubic_pieces
 
@@ -85,9 +86,7 @@ class PiecewiseCubic:
         u = known("power", u, edges[0], edges[-1])
         k = np.searchsorted(edges, u, side="left" if before else "right") - 1
         k = np.clip(k, 0, edges.size - 2)
-        a, b, c, d = np.moveaxis(np.asarray(self.coefficients)[k], -1, 0)
-        v = u - edges[k]
-        return np.asarray(a + v * (b + v * (c + v * d)))
+        return cubic(np.asarray(self.coefficients)[k], u - edges[k])
 
     def __call__(self, t: ArrayLike) -> Array:
         """Power in W at ``t``, continuous from the right."""

@@ -16,7 +16,7 @@ from ...geometry import CrossSection, strip_ring
 from ...geometry.parts import Part
 from ...geometry.rings import disc
 from ...heat import HeatProblem, assemble
-from ...models import NonlinearSystem, StateSpace, foster
+from ...models import NonlinearSystem
 from ...solving import solve, solve_periodic
 from ...waveforms import Pulse, SquareWave
 from .settings import CENTRE, HEATING, watts
@@ -49,7 +49,7 @@ def elements(job: Job) -> Result:
     seconds = time.process_time() - begin
     fine = surrogate.reduce(heat.system, tolerance=1e-6)
     perimeter = 2 * np.pi * (heat.geometry.parts[0].inner_radius + heat.geometry.parts[0].outer_radius) / 2
-    tau = foster(rom.model).tau if isinstance(rom.model, StateSpace) else rom.model.tau
+    tau = rom.dynamics.tau
     numbers = {
         "unknowns": heat.unknowns,
         "perimeter_m": perimeter,
@@ -100,8 +100,7 @@ def _on_pedestal() -> CrossSection:
 
 def _one_pole(heat: HeatProblem) -> dict[str, float]:
     """Distance from Newton's law: share of the largest pole, and error of one exponential in a square wave."""
-    model = surrogate.reduce(heat.system, tolerance=1e-4).model
-    poles = foster(model) if isinstance(model, StateSpace) else model
+    poles = surrogate.reduce(heat.system, tolerance=1e-4).dynamics
     R, tau = np.asarray(poles.R), np.asarray(poles.tau)
     data = solve_periodic(heat, SquareWave(HEATING, 1e-6, 1 / 3))
     return {
