@@ -33,7 +33,7 @@ def check_ring(ring: RingResonator) -> None:
 
 
 def one_laser(function: Callable[P, R]) -> Callable[P, R]:
-    """A decorator for functions of one laser, which says what to do with several."""
+    """Decorator for functions of one laser: with ``lasers=`` they raise InputError and name the function to use."""
 
     @functools.wraps(function)
     def call(*args: Any, **given: Any) -> R:
@@ -51,7 +51,7 @@ def check_power(power: float, name: str = "power") -> float:
 
 
 def _check_alone(name: str, value: Any) -> None:
-    """InputError for several values where there is one laser."""
+    """Raise InputError for a list of powers or detunings, which belong to several lasers."""
     several = isinstance(value, list | tuple | range)
     count = value.size if isinstance(value, np.ndarray) else len(value) if several else 1
     if count > 1:

@@ -2,7 +2,7 @@
 
     dT(t) = dT_model(t) + sum_h dT_h(t),       dT_h = sum_i x_i,     dx_i/dt = (R_ih P_h - x_i)/tau_i
 
-A linear model adds what the heaters do to what the light does, so the light sees one channel of the model and a
+A linear model adds the rises by the heaters to the rise by the light, so the light sees one channel of the model and a
 temperature that is known beforehand. The residues R_ih of a transfer channel have either sign.
 """
 

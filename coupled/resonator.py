@@ -237,12 +237,12 @@ class RingResonator:
         Parameters
         ----------
         base : RingResonator
-            the material and what is not named here, such as `borghi2021`.
+            ring whose material and other numbers are taken, such as `borghi2021`.
         name, frequency : str, Hz
         loaded_q, intrinsic_q : float
             Q_L below Q_i.
         buses : int
-            1 or 2; what is not lost in the ring leaves through them, half each.
+            1 or 2; they carry the rest of the loss, in equal parts.
         absorbed_fraction : float
             of the intrinsic loss, the part that heats; the rest scatters.
         perimeter, mode_area : float, m and m^2, optional

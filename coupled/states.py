@@ -63,7 +63,7 @@ class State:
 
     @classmethod
     def from_array(cls, values: Array) -> State:
-        """The state that `as_array` wrote; a density that round-off left below 0 is 0."""
+        """Inverse of `as_array`; a carrier density that round-off left below 0 becomes 0."""
         return cls(complex(values[0], values[1]), max(float(values[2]), 0.0), values[3:])
 
     @property

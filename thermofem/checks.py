@@ -187,7 +187,7 @@ def numbers(name: str, value: ArrayLike, *, hint: str = "") -> NDArray[np.float6
 
 
 def _floats(name: str, value: ArrayLike, hint: str) -> NDArray[np.float64]:
-    """A float array; InputError for what is no real number, text among it, which NumPy would read as numbers."""
+    """Convert to a float array; InputError for text, which NumPy would convert, and for complex or Boolean values."""
     import numpy as np
 
     try:

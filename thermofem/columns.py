@@ -201,7 +201,7 @@ def _header(lines: list[str], divider: str, used: NDArray[np.bool_]) -> tuple[tu
 
 
 def _names(line: str, divider: str, columns: int) -> list[str]:
-    """Cells of a line of the header; with spaces two of them end a cell, else a closing bracket, else one space."""
+    """Split a header line into cells: at two spaces, else after closing brackets, else at every space."""
     cells = _cells(line, divider)
     if divider == " ":
         ways = (cells, re.split(r"(?<=[)\]])\s+", line.strip()), line.split())
@@ -239,7 +239,7 @@ def _is_unit(cell: str) -> bool:
 
 
 def measured(table: Columns, place: int, temperatures: Array) -> Array:
-    """The temperatures in K of a column; InputError for one that is none but an overload of the instrument."""
+    """Return temperatures in K; InputError where one is the overload code of an instrument."""
     bad = np.flatnonzero(~(np.abs(temperatures) <= HOTTEST))
     if bad.size:
         raise InputError(

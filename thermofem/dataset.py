@@ -213,7 +213,7 @@ def responses_of(data: xr.Dataset | Sequence[xr.Dataset]) -> list[Response]:
 
 
 def warn_of(responses: Sequence[Response]) -> None:
-    """Log what makes data doubtful, each sentence once."""
+    """Log the doubts about the data as warnings, each sentence once."""
     for doubt in dict.fromkeys(doubt for response in responses for doubt in response.doubts):
         log.warning("%s", doubt)
 

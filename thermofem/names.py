@@ -48,7 +48,7 @@ def check_one(what: str, names: Any) -> tuple[str, ...]:
 
 
 def lines_of(text: str, *, most: int = 4000) -> list[str]:
-    """Text of any origin as printable lines, none with a trailing backslash, which some readers take for "goes on".
+    """Text as printable lines without a backslash at the end, which some programs read as a line continuation.
 
     Every character at which some program ends a line splits it; other control characters are written as escapes.
 

@@ -1,4 +1,4 @@
-"""netCDF files of any origin: their layout is looked at before anything of them is loaded.
+"""netCDF files of any origin: their layout is checked before any value is loaded.
 
 A file may declare more values than it holds, or bytes that lie in other files. `check` refuses both; `in_si` converts
 the variables that `quantity.VARIABLES` names from the units that the file states.
@@ -56,7 +56,7 @@ def check(path: Path) -> None:
 
 
 def _declared(file: Any) -> int:
-    """Bytes of all values; InputError for what lies elsewhere."""
+    """Bytes of all values; InputError where values lie in another file."""
     import h5py
 
     groups, seen, total, depth = [file], 0, 0, 0
@@ -93,7 +93,7 @@ def _values(name: str, item: Any) -> int:
 
 
 def content_hash(variables: Mapping[Any, Any], attrs: Mapping[Any, Any]) -> str:
-    """Hash of what makes the numbers of a Dataset: values, dimensions, units, and the attributes that say the drive.
+    """Hash of the values, dimensions and units of a Dataset, and of the attributes that describe the drive.
 
     Parameters
     ----------

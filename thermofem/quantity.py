@@ -217,7 +217,7 @@ def _shifted(value: float, given: str) -> float:
 
 @lru_cache(maxsize=4096)
 def _by_pint(number: float, given: str, unit: str, what: str) -> float:
-    """``number`` of a unit that is none of the everyday ones."""
+    """Convert a number whose unit is not in `units.SYMBOLS`, by pint."""
     import numpy as np
     import pint
 

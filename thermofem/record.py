@@ -146,7 +146,7 @@ def recorded(
 
 
 def stored(path: Path) -> Record | None:
-    """The content of a file that `Dataset.save` or `Record.to_netcdf` wrote and nobody changed, all in SI.
+    """Read a file of `dataset.save` or `Record.to_netcdf` whose content hash is unchanged and whose units are SI.
 
     None for any other file, and for one with text or several probes: xarray reads those.
     """

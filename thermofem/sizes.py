@@ -123,7 +123,7 @@ def _copies(geometry: CrossSection) -> list[Corner]:
 
 
 def _outline(geometry: CrossSection, *, heated: bool) -> list[Segment]:
-    """Outlines of the heated parts, or of all others and of voids; not where the axis or the outer side cuts them."""
+    """Outlines of the heated parts, or of all others and of voids, without edges on the axis and the outer side."""
     cut = geometry.subdivision
     parts = {part.name for part in geometry.parts if part.heated == heated}
     edges = [face.edges() for face in cut.faces if face.owner in parts]

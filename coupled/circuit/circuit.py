@@ -130,7 +130,7 @@ class Circuit:
         return tuple(known.get(port, 0.0) for port in self.ports)
 
     def _dark(self, exit: str) -> bool:
-        """Whether no light can come out: nothing comes in there, and the ring has no such coupler."""
+        """Whether an exit stays dark: a drop port of a ring without a second coupler, whose add port gets no light."""
         entry = self.entries[self.exits.index(exit)]
         ring = self.rings.get(exit.rpartition(".")[0])
         fed = entry in [*(w.stop for w in self.waveguides), *(laser.stop for laser in self.lasers)]

@@ -110,7 +110,7 @@ def autonomous(
 
 
 def waves_at_rest(system: System) -> tuple[Any, Any, Array]:
-    """Waves of the lasers in sqrt(uW), what reaches the rings in sqrt(fJ)/ns, and the detunings in rad/ns."""
+    """Laser amplitudes in sqrt(uW), input amplitudes of the rings in sqrt(fJ)/ns, and detunings in rad/ns."""
     from .waves import detunings_at, lasers_at
 
     laser, slope = (np.zeros(len(system.drive.turn), dtype=complex) for _ in range(2))
@@ -180,7 +180,7 @@ def _guesses(system: System, starts: int, seed: int) -> Iterator[Array]:
 
 
 def _state_at(system: System, D: Array) -> Array:
-    """Light and carriers of rings whose detunings D in rad/ns are held, and the heat that each would have by itself."""
+    """State with given detunings D in rad/ns: light and carriers of the coupled rings, heat of each ring alone."""
     from ..kernels import equations as eq
 
     heat, rings, n = system.states, system.rings, len(D)

@@ -1,4 +1,4 @@
-"""Waveguides eliminated: what every ring gets from the others, from lasers and from light on its way.
+"""Elimination of the waveguides: light that each ring receives from other rings, lasers and delayed waveguides.
 
 With K the amplitude rates sqrt(2 gamma) of the couplers, S what passes rings and splitters, C the waveguides without
 delay, D those with delay, E the lasers, all at the frequency of the common frame,
@@ -118,7 +118,7 @@ def order_of_rings(between: Complex) -> NDArray[np.int64]:
 
 
 def check_delays(circuit: Circuit) -> None:
-    """Raise InputError for a delay so short that it is none, but would bound every step."""
+    """Raise InputError for a delay far below the photon lifetime, which would limit the step size."""
     fastest = max(ring.linear_rate for ring in circuit.resonators)
     for w in circuit.waveguides:
         if 0 < w.delay < SHORTEST / fastest:

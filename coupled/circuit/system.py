@@ -1,4 +1,4 @@
-"""A circuit, its heat and its drive converted to what the compiled code takes."""
+"""Conversion of a circuit, its heat and its drive to the arguments of the compiled code."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ KINDS = ("fold", "period doubling", "torus")
 
 
 class Found(NamedTuple):
-    """A cycle of a branch, and what it is there: "", one of `KINDS`, or `HOPF`."""
+    """A cycle of a branch and its kind of bifurcation: one of `KINDS`, `HOPF`, or "" for none."""
 
     place: Place
     kind: str

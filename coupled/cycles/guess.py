@@ -1,4 +1,4 @@
-"""Guesses of a cycle: another cycle, the end of a run, or a state."""
+"""Initial guesses of a cycle: another cycle, the end of a run, or a state."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def from_guess(p: CycleProblem, guess: Any) -> Settled:
 
 
 def near(p: CycleProblem, trial: Orbit, pulses: int) -> Settled | None:
-    """The cycle near a trial orbit: on its mesh where few steps lead there, or else along traces from its beginning."""
+    """The cycle near a trial orbit: by a few steps of Newton's method on its mesh, else along traces from its start."""
     close = closer(p, trial, FIRST[1], STEPS_NEARBY)
     found = settle(p, close) if close.move < np.inf else None
     found = found or shoot(p, trial.start, trial.T, pulses) or settle(p, trial)

@@ -1,4 +1,4 @@
-"""The small cycles that a Hopf point sheds: their plane, and how large they are.
+"""The small cycles beside a Hopf point: their plane and their amplitude.
 
     x = x_0 + r Re(q exp(i w t)),     J q = i w q,     dr/dt = growth r + g r^3
 
@@ -68,7 +68,7 @@ def hopf_point(p: CycleProblem, guess: Any) -> HopfPoint:
 
 
 def small_cycle(p: CycleProblem, point: HopfPoint, r: float) -> Orbit:
-    """The ellipse of relative amplitude ``r``, as a trial orbit."""
+    """Trial orbit near a Hopf point: the ellipse x + r Re(v exp(i w t)) with relative amplitude ``r``."""
     from ..kernels import orbit_mesh
 
     tau, c = np.linspace(0, 1, FEWEST + 1), scheme().c

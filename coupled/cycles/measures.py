@@ -73,7 +73,7 @@ def _look(p: CycleProblem, orbit: Orbit, at: Array) -> Array:
 def _extremes(
     p: CycleProblem, orbit: Orbit, grid: Array, seen: Array, column: int
 ) -> tuple[float, float, float, float]:
-    """Where a column is lowest, its value there, where it is highest, and that value."""
+    """Place and value of the minimum of a column, then of its maximum."""
     at = np.concatenate([[0.0], _passes(p, orbit, grid, seen, column + 1, 0.0)])
     values = _look(p, orbit, at)[:, column]
     low, high = int(values.argmin()), int(values.argmax())

@@ -58,7 +58,7 @@ def dataset_of(p: CycleProblem, found: Settled) -> xr.Dataset:
 
 
 def _numbers(p: CycleProblem, found: Settled) -> dict[str, Any]:
-    """Period, what is measured on the cycle, and its stability in words."""
+    """Attributes of a cycle: period, measures, settling time, and stability in words."""
     orbit, measured = found.orbit, measure(p, found.orbit)
     period = orbit.T * 1e-9
     kind, worst = stability(orbit)

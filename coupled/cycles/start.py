@@ -1,4 +1,4 @@
-"""From a state of the ring to the cycle that it settles on: a transient as short as will do, then Newton's method.
+"""The cycle on which a ring settles from a given state: a short transient, then Newton's method.
 
 A transient that has a few pulses starts Newton's method. What comes out counts if the ring can settle on it: it is
 stable, and where a stable fixed point could win in the end it is as large as the pulses of the transient. Else the
@@ -60,7 +60,7 @@ def pursued(
     rough: bool = False,
     longest: float = LONGEST,
 ) -> Settled:
-    """Return the cycle on which a ring settles where a transient from ``begin`` goes on.
+    """Continue a transient from ``begin`` and return the cycle on which the ring settles.
 
     ``points`` are its stable fixed points as of `spectrum.stable`; ``rough`` is as for `shoot`, ``longest`` as for
     `longest_of`.

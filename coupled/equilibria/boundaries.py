@@ -340,7 +340,7 @@ def _laser(plane: _Plane, U: Array, D: Array) -> tuple[Array, Array]:
 
 
 def _inside(plane: _Plane, U: Array, D: Array) -> list[slice]:
-    """Stretches of a curve within the window, each with one point more at either end where there is one."""
+    """Parts of a curve within the window, each with one more point of the curve at both ends."""
     at = _window(plane, U, D)
     inside = np.all((at >= 0) & (at <= 1), axis=0)
     change = np.diff(np.concatenate([[0], inside.astype(int), [0]]))

@@ -150,7 +150,7 @@ def fixed_points(
 
 
 def observables(ring: RingResonator, at: Internal, U: Array, D: Array, powers: Array) -> dict[str, Any]:
-    """All that is measured at the fixed points (U, D), internal units, under ``powers`` in W; by name, in SI."""
+    """Energy, carriers, rise, port powers and stability at fixed points (U, D; internal units), by name, in SI."""
     from ..kernels import equations as eq
     from . import balance, spectrum
 

@@ -27,7 +27,7 @@ WINDOWS = {"Borghi 2021": DBM_10, "Borghi 2021, lumped FCD": DBM_10, "Van Vaeren
 
 
 class Parts(NamedTuple):
-    """What the light heats and what is read of a model with several parts; None for its first input, and the same."""
+    """Parts of a model that the light heats and that are read; by default its first input, and the same part."""
 
     heated: str | None = None
     read: str | None = None

@@ -185,7 +185,7 @@ def explore(
 
 
 def _scale(unit: str) -> tuple[float, str]:
-    """The factor from SI to what a person reads, and its unit."""
+    """Factor from SI to the displayed unit, and that unit."""
     return (1e6, "µm") if unit == "m" else (1.0, unit)
 
 

@@ -1,4 +1,4 @@
-"""Drop traces as targets, and how far a model is from them: what every identification shares."""
+"""Drop traces as targets of a fit, and the misfit of a model; used by all identifications."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ class Journal:
             raise
 
     def _read(self, head: str, valid: Callable[[int, list[Any]], bool]) -> None:
-        """Take over the rows of the file, and cut off what a kill left of a line."""
+        """Read the finished rows of the file, and remove an incomplete last line, as a killed run leaves it."""
         content = files.read_bytes(self.path or "", "map")
         whole = content[: content.rfind(b"\n") + 1]
         lines = whole.decode(errors="replace").splitlines()

@@ -57,8 +57,7 @@ def pulse(
 ) -> tuple[Pulsing, State]:
     """Return the result of ``pulsing(simulate(...))`` at constant power (W) and detuning (Hz), and the final state.
 
-    The same numbers without the Dataset in between, of which a point of a map would otherwise spend a third of its
-    time. Nothing is checked but what the integration meets.
+    The numbers are the same; without the Dataset a point takes two thirds of the time. The arguments are not checked.
 
     Parameters
     ----------
@@ -68,7 +67,7 @@ def pulse(
     initial : State
         ``State.cold(n)`` for a map from a cold ring.
     watch : array, optional
-        where another thread says whether to stop, `interrupts.new_watch`.
+        flag by which another thread stops the integration, `interrupts.new_watch`.
     """
     from ..kernels import equations as eq
     from ..kernels import rosenbrock

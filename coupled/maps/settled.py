@@ -69,7 +69,7 @@ class _Row(NamedTuple):
         return cls(p, detunings, shifts, counts > 0, spectrum.stable(shifts, counts, *ring_and_heat))
 
     def cells(self, watch: Array) -> list[Found]:
-        """Return what is found at every detuning."""
+        """Return regime, period, duty cycle, swing and reason at every detuning."""
         from ..kernels import orbit_row
 
         m, out = self.p.units.size, list[Found]()
@@ -105,7 +105,7 @@ class _Row(NamedTuple):
         return [self._cell(first + k, row) for k, row in enumerate(rows.tolist())], beside, transient
 
     def _cell(self, k: int, row: list[float]) -> Found:
-        """Return what a row of `orbit_row.along` says."""
+        """Convert a row of `orbit_row.along`."""
         if row[4] < 0:
             T, duty, swing, size = row[:4]
             return _pulsing(T, duty, swing, size)

@@ -140,7 +140,7 @@ def plot_sweep(run: xr.Dataset, show: str = "drop", ax: Axes | None = None) -> A
 
 
 def _arrow(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str) -> None:
-    """An arrow along a stretch of a sweep, between the curves and the top of the axes."""
+    """Draw an arrow that shows the direction of a sweep, above the curves."""
     if x.size < 2 or abs(x[-1] - x[0]) == 0:
         return
     span, up = x[-1] - x[0], x[-1] > x[0]

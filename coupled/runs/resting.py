@@ -138,5 +138,5 @@ def ring_in(text: str) -> RingResonator:
 
 
 def _last(run: xr.Dataset | Record, name: str) -> float:
-    """An input at the end of a run."""
+    """Value of an input, such as the power, at the end of a run."""
     return float(run[name].values[-1] if name in run.variables else run.attrs[name])

@@ -145,7 +145,7 @@ def advance(
 
 
 def _event(event: Event | None) -> Array:
-    """Number of the quantity to watch (0: nothing), its level in internal units, and whether to stop there."""
+    """Number of the watched quantity (0 for none), its level in internal units, and whether to stop at the level."""
     from ..kernels import equations as eq
 
     if event is None:

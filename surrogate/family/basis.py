@@ -60,7 +60,7 @@ def solved(row: Array, heat: HeatProblem, ports: tuple[str, ...], tolerance: flo
 
 
 def extended(V: Array, X: Any, fields: Array, least: float) -> Array:
-    """Add to X-orthonormal functions V the main directions of what they leave of fields, down to an energy.
+    """Extend X-orthonormal functions V by the principal directions of the fields outside their span, down to an energy.
 
     V [shape (n, k)]
     X [sparse, shape (n, n)]: inner product.

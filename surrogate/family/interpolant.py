@@ -20,7 +20,7 @@ TESTED = 5  # one member of so many is held out
 class Interpolant:
     """A property as a function of the varied parameters.
 
-    low, high [shape (p,)]: span of the members that were worked out; samples beyond are held at its ends.
+    low, high [shape (p,)]: span of the computed members; samples outside it are moved to its ends.
     curve: of `smooth`.
     error, worst: rms and largest error over held-out members, relative to their mean.
     """

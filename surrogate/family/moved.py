@@ -37,7 +37,7 @@ class MovedEngine:
 
     @classmethod
     def on(cls, box: Box, accuracy: float, mesh: Mesh) -> MovedEngine:
-        """The engine of a base mesh that is there already."""
+        """The engine on an existing base mesh."""
         return cls(box, accuracy, on_mesh(box.base, mesh, accuracy))
 
     @property
@@ -61,7 +61,7 @@ class MovedEngine:
 
 @dataclass(frozen=True, eq=False)
 class MovedMembers:
-    """Small matrices of members by moving the mesh and projecting what is assembled on it.
+    """Small matrices of members: the mesh is moved, the full matrices are assembled and projected on the basis.
 
     basis [shape (unknowns, N)]
     """

@@ -110,7 +110,7 @@ def element_terms(basis: Any) -> tuple[Array, Array, Array]:
 
 
 def merged(samples: Array) -> tuple[NDArray[np.intp], Array]:
-    """Which coefficients are multiples of each other: a number for each, and its ratio to the first of its kind.
+    """Group the coefficients that are multiples of each other: group of each, and its ratio to the first of the group.
 
     ``samples`` has shape (n, q): q coefficients at n random members.
     """

@@ -207,7 +207,7 @@ def campaign_hash(campaign: Campaign) -> str:
 def _engine(
     box: Box, ports: tuple[str, ...], heated: int, tolerance: float, rows: Array, truths: Sequence[MemberModes]
 ) -> tuple[LineEngine | MovedEngine, list[MemberModes]]:
-    """The engine on lines where it applies, with a mesh that leaves `SHARE` at held-out members; and those on it."""
+    """Choose the engine, and a mesh whose error at held-out members is below `SHARE`; and these members on it."""
     accuracy = MESH * tolerance
     for _ in range(MESHES):
         engine: LineEngine | MovedEngine
@@ -225,7 +225,7 @@ def _engine(
 
 
 def _channels(box: Box) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Heated parts and what is read, from the campaign."""
+    """Names of the heated and of the read parts of a campaign."""
     base, campaign = box.base, box.campaign
     inputs = (campaign.heated,) if campaign.heated else base.heated
     readable = (*base.region_names, *(probe.name for probe in base.probes))

@@ -139,7 +139,7 @@ def fitted(
     model: Any, equations: tuple[str, ...], parameters: dict[str, float], misfit: Array, rise: Array,
     waves: Sequence[Waveform], geometry: str | None,
 ) -> SindyFit[Any]:  # fmt: skip
-    """The result for a network that misses the core's ``rise`` in K by ``misfit``; its model knows where it is from."""
+    """Make the result of an identification; ``misfit`` is the network's error in K at the core's ``rise``."""
     rms = float(np.sqrt(np.mean(misfit**2)))
     fit = SindyFit(
         model=model,

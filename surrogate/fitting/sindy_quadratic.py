@@ -122,7 +122,7 @@ def _present(n: int) -> NDArray[np.bool_]:
 
 
 def _rows(n: int, settled: Array, power: float) -> list[Array]:
-    """Equality rows: the terms that are not there, and the two exact steady states."""
+    """Equality constraints: terms that are excluded are zero, and two steady states are exact."""
     pairs = _products(n)
     point = np.append(settled, power)
     value = np.concatenate([point, [point[j] * point[k] for j, k in pairs]])

@@ -81,7 +81,7 @@ def fit_output_map(linear: Foster, data: xr.Dataset | Sequence[xr.Dataset]) -> O
 
 
 def _mapped(linear: Foster, coefficient: float, largest_rise: float, method: str) -> OutputMap:
-    """The map over a linear model, with what is known of that model's origin."""
+    """The output map over a linear model, with the provenance of that model."""
     origin = {**(linear.origin or {}), "method": method, "linear_method": (linear.origin or {}).get("method")}
     return OutputMap(linear, coefficient, largest_rise, origin)
 

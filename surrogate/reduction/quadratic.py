@@ -120,7 +120,7 @@ def reduce_quadratic(system: NonlinearSystem, power: float, *, tolerance: float 
 
 
 def _hot_basis(system: NonlinearSystem, steady: Array) -> Array:
-    """A rational Krylov basis of the heat flow linearised about a steady field, its matrix made symmetric."""
+    """Rational Krylov basis of the heat equation linearised about a steady field; the Jacobian is symmetrised."""
     slope = system.flow.jacobian(steady)
     return reduce(replace(system.linear, A=-(slope + slope.T) / 2), HOT).basis
 

@@ -61,7 +61,7 @@ class CertifiedSpace(krylov.KrylovSpace):
         return self.apply(j, columns)
 
     def next_residual(self) -> tuple[float, Array]:
-        """The next shift s in turn: largest error of a port's own channel there, in K/W, and the columns that mend it.
+        """Next shift s, the largest error of a port's own channel at s in K/W, and the columns that correct it.
 
         The columns are (K + s M)^-1 times the residual at s: the same direction as `solve`, above round-off for longer.
         """
@@ -81,7 +81,7 @@ class CertifiedSpace(krylov.KrylovSpace):
         return np.column_stack([self._pencil.solve(self.shifts[j], 1.0, column) for column in columns.T])
 
     def solve_next(self) -> tuple[int, Array]:
-        """The solve with the next shift in turn: it extends the basis and also certifies the one so far."""
+        """Solve with the next shift; the solution certifies the basis so far and then extends it."""
         j = 1 + self.turn % self.growing
         self.turn += 1
         return j, self.solve(j)

@@ -40,7 +40,7 @@ class Optics:
     at: Mapping[str, float] = field(default_factory=dict)
 
     def check(self, family: Family) -> None:
-        """Raise InputError for a parameter that the family does not have, or a table that is none."""
+        """Raise InputError for a parameter that the family does not have, or a table that is not two arrays."""
         for name in self.at:
             checks.choice("optics: parameter", name, family.names)
         for number, each in self.slopes.items():

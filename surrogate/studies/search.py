@@ -53,7 +53,7 @@ class Search:
         return f"{' and '.join(self.properties)}; the last said: {next(iter(self.properties.values())).reason}"
 
     def achieved(self, x: Array) -> dict[str, float]:
-        """Properties there."""
+        """Properties of the member at a point of the cube."""
         values = self.values(x)
         return {name: float(one(values)) for name, one in self.properties.items()}
 
@@ -70,7 +70,7 @@ def search_of(
     fixed: Mapping[str, float] | None,
     optics: Optics | None,
 ) -> Search:
-    """Check what was given and put it together."""
+    """Check targets, ranges and fixed values, and make the search."""
     wanted = wanted_of(target)
     low, high, held = _ranges(
         family, None if free is None else checks.mapping("free", free), checks.mapping("fixed", fixed)

@@ -81,7 +81,7 @@ class KrylovSpace:
 
     @property
     def V(self) -> Array:
-        """The fields, shape (n, order)."""
+        """Basis fields as columns, shape (unknowns, order)."""
         return self._V[:, : self.order]
 
     @property
@@ -90,7 +90,7 @@ class KrylovSpace:
         return self._MV[:, : self.order]
 
     def extend(self, W: Array) -> bool:
-        """Add the part of the columns of W outside the space; False if there is none."""
+        """Extend the space by the columns of W; False if they lie in it already."""
         room = self.M.shape[0] - self.order
         W = W[:, W.any(axis=0)]  # nothing is left of heat that the space holds to the last digit
         if room == 0 or W.shape[1] == 0:

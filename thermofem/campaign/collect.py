@@ -85,7 +85,7 @@ def write_collections(store: ResultStore, rows: Mapping[str, Row]) -> None:
     ----------
     store : ResultStore
     rows : mapping of key to Row
-        of results that need not be read again.
+        results that are in memory already, by the key of their geometry.
 
     Raises
     ------

@@ -120,7 +120,7 @@ class _Workers:
 
     @property
     def width(self) -> int:
-        """Tasks under way at once."""
+        """Number of tasks that are submitted at the same time."""
         return FOREIGN if self.given else 2 * self.count
 
     def start(self, *, trial: bool) -> Executor:
@@ -199,7 +199,7 @@ class _Loop:
             workers.stop()
 
     def _drain(self, executor: Executor, queue: deque[Case], width: int, begin: float) -> list[Case]:
-        """Work a queue off; returns what was under way when the executor broke."""
+        """Submit all tasks of a queue; returns those that were running when the executor broke."""
         under_way: dict[Future[Outcome], Case] = {}
         lost: list[Case] = []
         try:

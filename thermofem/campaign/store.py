@@ -122,7 +122,7 @@ class ResultStore:
         write_file(self.failure(key), json.dumps({"reason": reason, "values": values}, indent=1).encode())
 
     def reason(self, key: str) -> str:
-        """Why one geometry has no result; empty where there is no such file."""
+        """Reason why a geometry has no result; empty where none was written."""
         try:
             return str(files.read_json(self.failure(key), "reason")["reason"])
         except (InputError, KeyError, TypeError):

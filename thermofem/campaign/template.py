@@ -18,7 +18,7 @@ _WRITABLE = 1  # flag of HDF5's H5LTopen_file_image: the image may be written to
 
 
 def filled(results: dict[str, Record]) -> bytes:
-    """A netCDF file, made from an earlier file of the same layout where there is one.
+    """Content of a netCDF file; an earlier file of the same layout serves as the template.
 
     The first result is its root, as `thermofem.load` reads it; each further one is a group. Made in memory: HDF5 can
     take the whole process down when a disk is full.

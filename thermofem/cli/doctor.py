@@ -22,7 +22,7 @@ PACKAGES = (
 
 
 def run() -> dict[str, Any]:
-    """Print one line for each check; what each found, and whether all of them passed."""
+    """Run all checks and print one line for each; returns the results, and whether all passed."""
     checks: dict[str, Any] = {}
     table = Table("check", "", "what was found", box=None)
     passed = True

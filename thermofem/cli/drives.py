@@ -115,7 +115,7 @@ def _kind(option: str, text: str) -> str:
 
 
 def _split(text: str) -> tuple[str, str, str]:
-    """AMOUNT, the word of the shape, and what follows it."""
+    """Split "AMOUNT SHAPE REST" into its three parts; SHAPE is square, pulse, sine or empty."""
     for word in ("square", "pulse", "sine"):
         amount, found, rest = f"{text.strip()} ".partition(f" {word} ")
         if found:

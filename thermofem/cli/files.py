@@ -94,7 +94,7 @@ def in_volts(assumed: Any) -> bool:
 def model_of(
     path: Path, heated: str | None = None, read: str | None = None, heaters: Iterable[str] = ()
 ) -> tuple[ThermalModel, dict[str, Any]]:
-    """The thermal model of a file, and the parts of one with several: what the light heats and what is read.
+    """Read a thermal model, and check the names of the parts that the light heats and that are read.
 
     Raises InputError: no model; several inputs or outputs and no choice, or a name that is none of them.
     """

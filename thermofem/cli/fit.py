@@ -136,7 +136,7 @@ def _trained(kind: str, training: list[Any], order: int | None, transfer: bool |
 
 
 def _sindy(training: list[Data]) -> Any:
-    """A network of the core and the shells around it."""
+    """Identify a SINDy network of the core and the shells around it."""
     import surrogate
 
     if len(training) > 1:

@@ -27,7 +27,7 @@ OPTICS = {"base", "wavelength", "frequency", "loaded_q", "intrinsic_q", "bus_rat
 
 
 def expect(path: Path | None, *wanted: str) -> None:
-    """InputError where a file is plainly of another kind than those wanted; what is unclear is left to its reader."""
+    """Raise InputError for a file of the wrong type; a file of unknown type passes, and its reader decides."""
     found = kind_of(path) if path else None
     if path is None or found is None or found in wanted:
         return
@@ -38,7 +38,7 @@ def expect(path: Path | None, *wanted: str) -> None:
 
 
 def kind_of(path: Path) -> str | None:
-    """One of `KINDS`, or None for what is none of them, cannot be read or is damaged."""
+    """Type of a file, one of `KINDS`; None where the file is unreadable, damaged or of another type."""
     try:
         with files.regular(path).open("rb") as file:
             first = file.read(6)

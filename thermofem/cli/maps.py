@@ -141,7 +141,7 @@ def _quantity(text: str, unit: str, name: str) -> float:
 def _finish(
     found: Any, figure: Path | None, output: Path, show: tuple[str, ...], ring: RingResonator, warmed: Any
 ) -> dict[str, Any]:
-    """Write the map and its figure, and say what it holds."""
+    """Write the map and its figure, and print the number of points of each regime."""
     import numpy as np
 
     import coupled

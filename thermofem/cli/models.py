@@ -187,7 +187,7 @@ def _validate_geometry(
 
 
 def _draw_curves(curves: Mapping[str, xr.Dataset], figure: Path, of: str = "") -> None:
-    """Error over period of several models, and what of."""
+    """Draw the period errors of several models under the title ``of``."""
     from surrogate.plot import plot_period_errors
 
     from ..plot import save_figure
@@ -261,7 +261,7 @@ def _probes(run: Any) -> list[dict[str, float]]:
 
 
 def verdict(run: Any, duration: str) -> Any:
-    """What `coupled.pulsing` says of a run; InputError where it has too few steps to say anything."""
+    """Classify a run by `coupled.pulsing`; InputError where it has too few steps."""
     from coupled.runs.pulsing import FEWEST, pulsing
 
     steps = run["time"].values.size - 1

@@ -54,7 +54,7 @@ def _release() -> None:
 
 
 def say(text: str) -> None:
-    """A line of words, on standard output unless numbers stand there."""
+    """Print a line for people: on standard output, or on standard error with --json."""
     _release()
     if not _manner.quiet:
         print(checks.one_line(text, most=20_000))  # `speaking` sends it to standard error where numbers stand
@@ -86,7 +86,7 @@ def watched() -> bool:
 
 
 def working(what: str) -> Status | contextlib.nullcontext[None]:
-    """A line on the terminal for as long as the block takes; elsewhere nothing, and rich is not imported."""
+    """Status line on the terminal while a block runs; nothing where standard error is not a terminal."""
     if not watched():
         return contextlib.nullcontext()
     from rich.text import Text

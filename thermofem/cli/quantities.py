@@ -68,7 +68,7 @@ def pulsing_points(ring: str, powers: Any, detunings: Any) -> Callable[..., Any]
 
 
 def optics_of(family: Family, given: Sequence[str] | None, ring: str) -> Optics | None:
-    """``--optics 'bus_rate/width=-1e17'``, SI; "detuning" moves the laser against the resonance."""
+    """Read ``--optics 'bus_rate/width=-1e17'``: d(optical number)/d(parameter) in SI; "detuning" counts as one."""
     import surrogate
     from coupled.unknowns import optical_names
 

@@ -103,7 +103,7 @@ def distance(points: Array, edges: Array) -> Array:
 
 
 def subdivide(geometry: CrossSection) -> Subdivision:
-    """Cut the plane: a part hides what lies under it, and void leaves a hole.
+    """Cut the plane into faces: a later part covers earlier parts and layers, and a void leaves a hole.
 
     Raises InputError: a part that is wholly hidden, or a face thinner than an atom.
     """

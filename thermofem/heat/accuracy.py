@@ -94,14 +94,14 @@ class MeshError:
         return np.append(10.0 ** np.arange(FASTEST, first - 1, -1), 0.0)
 
     def known(self, name: str) -> Array | None:
-        """Fields (unknowns, f) that estimates have left of what is heated, the static one last; None without any."""
+        """Fields of a heated part from earlier estimates, shape (unknowns, f), static one last; None without any."""
         fields = self.fields.get(name)
         if fields is None or self._second is None or name != self.heat.heated[0]:
             return fields
         return np.column_stack([self._second, fields])
 
     def static(self, name: str) -> Array:
-        """K^-1 c, shape (unknowns,), of what is heated or read."""
+        """Static field K^-1 c of a part or probe with the mean functional c, shape (unknowns,)."""
         if name not in self._statics:
             d = self.heat.discretization
             self._statics[name] = d.factors.solve(0.0, 1.0, d.means[name][d.free])

@@ -30,7 +30,7 @@ def marked(estimate: Estimate, target: float) -> NDArray[np.bool_]:
 
 
 def _largest(share: Array, wanted: float) -> NDArray[np.bool_]:
-    """The fewest triangles that bring the sum of the shares down to what is wanted, or those with `BULK` of it."""
+    """The fewest triangles whose division reduces the sum of the shares to ``wanted``, at most `BULK` of it."""
     order = np.argsort(share)[::-1]
     so_far, total = np.cumsum(share[order]), float(share.sum())
     needed = min((total - wanted) / (1 - LEFT), BULK * total)

@@ -142,7 +142,7 @@ def _leader(base: str, accuracy: float) -> Leader | None:
 
 
 def _like_a_strip(geometry: CrossSection) -> bool:
-    """Whether its faces and what is heated are those of `strip_ring`."""
+    """Whether a geometry has the same faces and the same heated part as `strip_ring`."""
     owners = [face.owner for face in geometry.subdivision.faces]
     return owners == ["substrate", "box", "cladding", "core"] and geometry.heated == ("core",)
 

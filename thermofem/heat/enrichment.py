@@ -35,7 +35,7 @@ ITERATIONS = 3  # of conjugate gradients; they find 0.9 to 0.999 of the energy (
 
 
 class ElementTriP2Enriched(ElementH1):
-    """Quadratic functions and the enrichment; local order: corners, then (quadratic, cubic) on each edge, inside."""
+    """Triangle with quadratic and additional cubic functions: corners, (quadratic, cubic) on each edge, inside."""
 
     nodal_dofs, facet_dofs, interior_dofs, maxdeg = 1, 2, 1, 3
     dofnames = ("u", "u", "c", "c")

@@ -62,7 +62,7 @@ def _properties(heat: HeatProblem, change: Change) -> tuple[Array, Array]:
 
 
 def _mean(heat: HeatProblem, change: Change, moved: Array, name: str) -> Array:
-    """d of the volume mean over a region or a shell."""
+    """Derivative of the volume mean over a region or a shell."""
     basis, mesh = heat.discretization.basis, heat.mesh
     if name not in mesh.region_names:
         return _probe(heat, change, moved, name)
@@ -73,7 +73,7 @@ def _mean(heat: HeatProblem, change: Change, moved: Array, name: str) -> Array:
 
 
 def _probe(heat: HeatProblem, change: Change, moved: Array, name: str) -> Array:
-    """d of the mean over what a probe reads."""
+    """Derivative of the mean that a probe reads."""
     probe = next(probe for probe in heat.geometry.probes if probe.name == name)
     if probe.shell is not None:
         return shell_tangent(heat, change, moved, name)

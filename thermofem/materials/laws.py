@@ -143,7 +143,7 @@ class Table:
 
 @lru_cache(maxsize=64)
 def _pieces(table: Table, start: float, *, integrated: bool) -> tuple[Array, Array]:
-    """f, or its integral from ``start``, as a function of the rise over ``start``; a knot at 0: nothing cancels there.
+    """f, or its integral from ``start``, over the rise above ``start``; with a knot at 0, so that no digits cancel.
 
     Knots in K and coefficients, highest power first: an integration asks so often that SciPy's checks would count.
     """

@@ -1,4 +1,4 @@
-"""Local refinement of a mesh: marked triangles in four, their neighbours in two to four, no hanging nodes.
+"""Local mesh refinement: marked triangles are divided into four, their neighbours into two to four; no hanging nodes.
 
 A triangle with a divided edge has its longest edge divided too, so that angles stay above half of the smallest one
 (M. C. Rivara, Int. J. Numer. Methods Eng. 20, 745 (1984)).

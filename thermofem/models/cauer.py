@@ -123,7 +123,7 @@ def cauer(model: ThermalModel) -> Cauer:
         top, bottom = _polynomials([Decimal(float(x)) for x in R], [Decimal(float(x)) for x in tau])
         while top.size:  # the leading coefficients of both differences vanish by construction
             C = bottom[0] / top[0]  # 1/Z = s C + rest
-            bottom = (bottom - C * np.append(top, Decimal(0)))[1:]
+            bottom = (bottom - C * np.array([*top, Decimal(0)]))[1:]
             ladder_C.append(float(C))
             resistance = top[0] / bottom[0]  # 1/rest = R + next Z
             top = (top - resistance * bottom)[1:]

@@ -64,7 +64,7 @@ class ThermalModel(Protocol):
 
 
 class Delegates:
-    """Points 1 to 6 of the contract, and the order, as those of another model."""
+    """A thermal model whose properties and responses are those of another model, ``_other``."""
 
     @property
     def _other(self) -> Any:

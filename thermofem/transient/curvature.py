@@ -1,12 +1,12 @@
-"""What k(T) and c_p(T) do to a few fields.
+"""Terms of second order in k(T) and c_p(T), projected on a few fields.
 
 With x = V z, V^T E V = 1, F and H of `nonlinear`, and every law replaced by the parabola through ambient and the rise
 `HOT`,
 
     f(z) = V^T [F(x) - K x] = flow[z, z],    e(z) = V^T [H(x) - E x] = content[z, z],
 
-with Q[y, z]_i = sum_jk Q_ijk y_j z_k. To e(z), an enthalpy that is no parabola adds what it departs from it, at the
-mean fields of `GROUPS` groups of nodes: a table may have a kink that pulses cross. The inverse of the enthalpy's
+with Q[y, z]_i = sum_jk Q_ijk y_j z_k. Where the enthalpy is no parabola, as of a table with a kink, its difference from
+the parabola is added to e(z) at the mean fields of `GROUPS` groups of nodes. The inverse of the enthalpy's
 slope is 1 - inverse[z, .], by the parabola of the rise over the enthalpy.
 """
 

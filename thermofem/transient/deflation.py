@@ -237,7 +237,7 @@ class FieldIntegrator:
         return x
 
     def _fast(self, state: FieldState, waves: Sequence[Waveform], times: Array) -> FastPart:
-        """The amplitudes from a state on."""
+        """The amplitudes z in a window that starts from a state."""
         reach = np.abs(self.linear.C @ self.basis.vectors).max(axis=0, initial=np.finfo(float).tiny)
         left = SETTLED * self.tolerance / (reach * max(reach.size, 1))
         return FastPart(self.basis, state.time, state.z, waves, times, self.curved if self.newton else None, left)
@@ -249,7 +249,7 @@ class FieldIntegrator:
         return ledger.outflow(length, np.array([0.0, 1.0, 0.0]), np.stack([begin, mean, end]), slopes)
 
     def _steps(self, window: float, last: float) -> int:
-        """Number of steps to begin a window with: each on the ladder of the first window, none longer than the last."""
+        """Initial number of steps of a window: each is the first window over a power of four, at most ``last``."""
         octaves = np.log2(self.unit / window)
         count = 2 if round(octaves) % 2 and abs(octaves - round(octaves)) < 1e-6 else 1
         while last and window / count > 1.001 * last:
@@ -259,7 +259,7 @@ class FieldIntegrator:
     def _step(
         self, fast: FastPart, state: FieldState, t: float, h: float
     ) -> tuple[FieldState, float, Inside, Callable[[], Inside]] | None:
-        """One step: the new state, its error in units of what is allowed, and what the outputs and r are inside."""
+        """Take one step; returns the new state, the error over the tolerance, and outputs and r inside the step."""
         piece = fast.piece(t, h)
         missed = float(piece.leftover @ self.missed(h)) / (SHARE * self.tolerance)
         if missed > 1:
@@ -354,7 +354,7 @@ class FieldIntegrator:
         return (slope + self.EV @ moving - content.derivative(x)(self.basis.vectors @ rate)) / s.nodal(x)
 
     def _errors(self, estimate: Array, inside: Array) -> tuple[float, float]:
-        """Errors of a step in units of what is allowed: of outputs and field at its end, and of outputs inside."""
+        """Errors of a step over the tolerance: outputs and field at its end, and outputs inside."""
         C, allowed = self.linear.C, SHARE * self.tolerance
         worst = max(np.abs(C @ estimate).max(), self.stepper.norm(estimate) / self.per_kelvin)
         return float(worst) / allowed, float(np.abs(inside).max()) / allowed

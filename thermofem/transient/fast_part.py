@@ -146,7 +146,7 @@ class FastPart:
         return np.asarray(z.T @ (z * (h[:, None] * WEIGHTS).reshape(-1, 1)) / h.sum())
 
     def energy(self) -> Array:
-        """Energy of every input in J."""
+        """Energy in J that each input delivers in the window."""
         return np.asarray(
             (h := np.diff(self.grid)) @ (WEIGHTS @ self.powers(self.grid[:-1, None] + h[:, None] * NODES))
         )

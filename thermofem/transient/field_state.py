@@ -17,7 +17,7 @@ CUBIC = np.linalg.inv(np.stack([np.arange(4) == 0, STAGE_TIMES[3] ** np.arange(4
 
 @dataclass(frozen=True, eq=False)
 class FieldState:
-    """A field at one time: x = V z + r, and what the next step needs.
+    """A field x = V z + r at one time, and the data from which the next step starts.
 
     time [s]
     z, r [shape (k,) and (n,)]

@@ -320,7 +320,7 @@ class _Record:
 
 
 def between(times: Array, start: float, stop: float) -> NDArray[np.intp]:
-    """Indices of the sorted ``times`` in (start, stop], with a hair of room at both ends."""
+    """Indices of the sorted ``times`` in (start, stop], with a tolerance for round-off at both ends."""
     hair = 1e-9 * (stop - start)
     first, end = np.searchsorted(times, [start + hair, stop + hair], side="right")
     return np.arange(first, end)

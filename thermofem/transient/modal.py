@@ -218,7 +218,7 @@ def _pieces(waves: Sequence[Waveform], times: Array, kept: Array) -> NDArray[np.
 
 
 def _thinned(wanted: Array, kept: Array, edges: Array) -> Array:
-    """The times at which the answer is watched while the space grows: all, or `WATCHED` of them where there are more.
+    """The times at which convergence is judged while the space grows: all, or `WATCHED` of them.
 
     Evenly and geometrically spaced ones, the first after each edge, the last, and those of snapshots.
     """

@@ -53,7 +53,7 @@ for _found in pkgutil.iter_modules(__path__):  # a new file in this folder joins
 
 
 def __getattr__(name: str) -> Any:
-    """A waveform that joined by itself."""
+    """Find a waveform that was added as a file of this folder."""
     if name in KINDS:
         return KINDS[name]
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

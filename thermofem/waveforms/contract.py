@@ -49,7 +49,7 @@ class Waveform(Protocol):
 
 
 def inside(times: Array, start: float, stop: float) -> Array:
-    """The times strictly inside (start, stop), with a hair of room against round-off."""
+    """The times strictly inside (start, stop), with a tolerance for round-off."""
     slack = 1e-12 * max(abs(start), abs(stop))
     return times[(times > start + slack) & (times < stop - slack)]
 

@@ -74,7 +74,7 @@ class Function:
         object.__setattr__(self, "edges", edges)
 
     def _at(self, t: ArrayLike, side: int) -> Array:
-        """f a hair (two units in the last place) to the right or left of every breakpoint, so that its limit is met."""
+        """Evaluate f; times at a breakpoint are shifted by two units in the last place to its right or left side."""
         u = seconds(t)
         edges = self.edges
         if self.period is not None:

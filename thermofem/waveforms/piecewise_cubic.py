@@ -21,7 +21,7 @@ from .pieces import Pieces, cubic_pieces
 class PiecewiseCubic:
     """P(t) = sum_j coefficients[k, j] (t - edges[k])^j between edges[k] and edges[k + 1].
 
-    What a file keeps of a `Function`.
+    Files store a `Function` in this form.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ SHORT = 2e-6  # s, of the run with a poor predictor
 
 
 def loop(job: Job) -> Result:
-    """Runs with the FEM in the loop from a cold start, and how far the reduction is from them."""
+    """Co-simulations with the FEM from a cold start, and the error of the certified reduction at the same points."""
     points = [*MARKED, *SPREAD[: job.settings.fitted - len(MARKED)]]
     data: dict[str, xr.Dataset] = {}
     numbers: dict[str, Any] = {}

@@ -1,4 +1,4 @@
-"""The paper's own equations and parameters: what follows from them, and how the print has to be read."""
+"""Results of the paper's own equations and parameters, and of other readings of the printed equations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stages in which optics, carriers and heat run together: traces, fits to traces, and what each model costs."""
+"""Stages with optics, carriers and heat together: traces, fits to traces, and the CPU time of each model."""
 
 from __future__ import annotations
 
@@ -224,7 +224,7 @@ def cost(job: Job) -> Result:
 
 
 def describe(found: Pulsing) -> dict[str, Any]:
-    """The results of `coupled.pulsing`, as numbers."""
+    """Regime, period, duty cycle, swing and number of cycles of a run, for JSON."""
     return {
         "regime": str(found.regime),
         "period_s": found.period,

@@ -1,4 +1,4 @@
-"""A second process for the stages that stand alone: half of a first run is the compilation of kernels."""
+"""A second process for the stages without inputs, since compilation is half of the time of a first run."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ class Run:
 
 
 def run_stages(stages: Sequence[Stage], settings: Settings, store: StageStore, console: Console) -> Run:
-    """Run the stages in order; what an earlier run finished under the same keys is read, not computed."""
+    """Run the stages in order; results that an earlier run stored under the same keys are read."""
     results: dict[str, Result] = {}
     computed: list[str] = []
     keys: dict[str, str] = {}

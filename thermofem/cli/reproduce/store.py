@@ -54,7 +54,7 @@ class StageStore:
         return self.folder / f"{stage}.json"
 
     def load(self, stage: str, key: str) -> Result | None:
-        """The stage's result where it is complete, undamaged and of this key; None otherwise."""
+        """Read the result of a stage; None where it is incomplete, damaged or has another key."""
         import surrogate
 
         try:
