@@ -122,7 +122,8 @@ MEASURED = """
 {count} figures from {papers} sources. Each is computed from the stack as far as the source, named below, states it.
 Only numbers that were seen there are listed. A straight shifter is closed to a ring of its length, which changes the
 π power by under 4 %. π power = λ/(2 L dn/dT R_th); ratio = computed over published. The range is what the computed
-figure becomes when one unknown goes from end to end. `python tests/devices.py` computes them from the linked geometry
+figure becomes when one unknown goes from end to end; what else is assumed stands in the
+linked geometry file. `python tests/devices.py` computes the figures from these
 files; `tests/surrogate/test_published_devices.py` holds them.
 
 Static figures come within 30 % of the laboratory. Times and bandwidths do not. A computed step has a slow tail of heat
@@ -213,8 +214,15 @@ def measured() -> str:
     for row in devices:
         vary = row["vary"]
         text += f"\n**{row['name']}.** {row['paper']}. Seen in: {row['seen']}. Not stated: {row['unknown']}. "
-        text += f"Range: `{vary['path']}` from {vary['from']} to {vary['to']}.\n"
+        text += f"Range: `{vary['path']}`, taken as {_taken(row)}, from {vary['from']} to {vary['to']}.\n"
     return text
+
+
+def _taken(row: dict[str, Any]) -> str:
+    """What the geometry file of a device assumes for the unknown that its range varies."""
+    content = tomllib.loads((DOCS / "measured" / row["geometry"]).read_text(encoding="utf-8"))
+    table, name, key = row["vary"]["path"].split(".")
+    return str(next(one for one in content[table] if one["name"] == name)[key])
 
 
 _SUFFIX = {

@@ -1,7 +1,7 @@
 """A ring as a neuron: below the onset of self-pulsing, a short pulse on a bias fires one large pulse, or nothing.
 
 (a) the drop power after pulses of 10 ns on a bias of 6 dBm, (b) the largest temperature rise against the energy of the
-pulse, for three biases, (c) the answer to a second, equal pulse: while the ring is hot it does not fire, and then its
+pulse, for three biases, (c) the response to a second, equal pulse: while the ring is hot it does not fire, and then its
 ringing helps or hinders.
 The heat is the FEM's certified reduction; nothing is fitted.
 
@@ -66,7 +66,7 @@ for delay in delays:
     before = float(np.interp(start + delay, run.time, run.delta_T))
     second.append(rise(run, start + delay) + float(run.delta_T[0]) - before)
 c.plot(delays * 1e6, np.array(second) / rise(answer(rest, pulse(30e-12))), color=colours[2])
-c.set(xlabel="delay of the second pulse (µs)", ylabel="its answer, relative to the first", xlim=(0, 4), ylim=(0, None))
+c.set(xlabel="delay of the second pulse (µs)", ylabel="second response over the first", xlim=(0, 4), ylim=(0, None))
 for ax, letter in zip((a, b, c), "abc", strict=True):
     ax.set_title(f"({letter})", loc="left", fontsize=11)
     ax.spines[["top", "right"]].set_visible(False)

@@ -73,9 +73,8 @@ for rate, ax in zip(rates, axes, strict=False):
         colour = COLOURS[list(laws).index(law)]
         ax.plot(delays, scores, style, color=colour, label=f"{name}, {law}", lw=1)
     ax.axhline(0.5, color="0.6", lw=0.6, ls=":")
-    ax.set(xlabel="XOR with the bit so many bits before", ylabel="share read right", ylim=(0.4, 1.35))
+    ax.set(xlabel="delay of the second bit (bits)", ylabel="share of bits read right", ylim=(0.35, 1.05), xticks=delays)
     ax.set_title(f"delayed XOR, {rate / 1e6:g} Mbit/s", fontsize="small", loc="left")
-axes[0].legend(frameon=False, fontsize="small")
 
 for k, (name, law) in enumerate(cases):
     errors = []
@@ -87,10 +86,11 @@ for k, (name, law) in enumerate(cases):
     print(f"NARMA-10, {name}, {law}: " + ", ".join(f"{e:.2f}" for e in errors), flush=True)
     hatch = None if name == "one ring" else "//"
     colour = COLOURS[list(laws).index(law)]
-    axes[2].bar(
-        np.arange(2) + 0.2 * k - 0.3, errors, 0.18, color=colour, hatch=hatch, ec="white", label=f"{name}, {law}"
-    )
-axes[2].set_xticks([0, 1], [f"{rate / 1e6:g} MHz" for rate in rates])
-axes[2].set(ylabel="NARMA-10, error per standard deviation", ylim=(0, 1.45))
-axes[2].legend(frameon=False, fontsize="small")
+    axes[2].bar(np.arange(2) + 0.2 * k - 0.3, errors, 0.18, color=colour, hatch=hatch, ec="white")
+axes[2].set_xticks([0, 1], [f"{rate / 1e6:g} Mvalues/s" for rate in rates])
+axes[2].set_title("NARMA-10", fontsize="small", loc="left")
+axes[2].set(ylabel="error / standard deviation", ylim=(0, 1.1))
+figure.legend(
+    *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False, fontsize="small"
+)
 figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "reservoir.png", dpi=200)

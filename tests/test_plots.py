@@ -126,6 +126,8 @@ def test_the_logarithmic_panel_shows_the_magnitude_of_every_error():
         expected = np.abs(100 * curve["relative_error"].values)
         np.testing.assert_allclose(line.get_ydata(), np.where(expected > 0, expected, np.nan))
     assert left.get_legend() is None  # one legend for both panels
+    _, right = FUNCTIONS["plot_period_errors"]({"none": surrogate.period_error(MODEL, MODEL, periods)})
+    assert right.get_ylim()[1] > 10  # the line of 10 % is there where every error is round-off
 
 
 def test_the_line_of_a_transmission_does_not_join_two_stretches_that_leave_the_range():

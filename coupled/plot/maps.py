@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -130,7 +131,7 @@ def plot_maps(
         if rows > 1:
             ax.set_title(title, fontsize="medium")
         else:
-            figure.suptitle(title, fontsize="medium")
+            figure.suptitle(textwrap.fill(title, int(11 * width)), fontsize="medium")  # letters an inch
     if rows == 1:
         for ax, name in zip(axes[:, 0], show, strict=True):
             ax.set_title("regime" if name == "regime" else _SCALED[name][1].partition(" (")[0], fontsize="small")

@@ -76,8 +76,8 @@ def plot_period_errors(curves: Mapping[str, xr.Dataset], *, within: float = 0.1,
     for line in left.lines[1:]:  # the first is zero
         error = np.abs(np.asarray(line.get_ydata(), dtype=float))
         right.loglog(line.get_xdata(), np.where(error > 0, error, np.nan), line.get_linestyle(), color=line.get_color())
-    right.set_ylim(bottom=max(right.get_ylim()[0], 1e-4))  # %; below that is round-off
     right.axhline(100 * within, color=SKY, linewidth=0.8)
+    right.set_ylim(bottom=max(right.get_ylim()[0], 1e-4))  # %; below that is round-off
     right.set(xlabel=left.get_xlabel(), ylabel="magnitude of the period error (%)")
     right.xaxis.set_major_formatter("{x:g}")
     right.margins(x=0)

@@ -244,6 +244,12 @@ def test_figures_label_themselves(small):
     legend = alone.legends[0].get_window_extent()
     assert min(legend.x0, legend.y0) >= 0  # no name is cut off by the edge
     assert legend.x1 <= alone.bbox.width
+    long = "Borghi 2021, lumped FCD, Foster with 14 states, R_th = 7.864 K/mW"
+    narrow = plot_maps({long: every}, show=("regime",))[0, 0].figure
+    narrow.draw_without_rendering()
+    title = narrow._suptitle.get_window_extent()
+    assert title.x0 >= 0
+    assert title.x1 <= narrow.bbox.width
     with pytest.raises(th.InputError, match="perid"):
         plot_map(small, "perid")
     plt.close("all")
