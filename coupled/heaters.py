@@ -22,7 +22,7 @@ from thermofem.waveforms import bounds, hermite
 
 from .inputs import Pieces, add, pieces
 from .resonator import RingResonator
-from .thermal import Compact, compact
+from .thermal import Compact, compact, moderate
 
 SHARE = 0.01  # of rtol, for the cubics through the rise by a heater
 SMALLEST = 0.1  # K; errors of a smaller rise are relative to this
@@ -67,7 +67,7 @@ def channels(
         raise checks.InputError(f"model does not read {own!r}; say with read= which of {system.outputs} detunes it")
     out = checks.choice("read", read, system.outputs, default=own)
     small = compact(system.channel(own, out))
-    return Channels(small, {name: system.channel(name, out).dynamics for name in names})
+    return Channels(small, {name: moderate(system.channel(name, out).dynamics) for name in names})
 
 
 def _single(model: ThermalModel, names: Mapping[str, Any], heated: str | None, read: str | None) -> Compact:

@@ -61,8 +61,7 @@ def _checked_poles(poles: Foster) -> Foster:
             f"model has R = {np.min(poles.R):g} K/W; a passive network has none below 0, and R_th = "
             f"{poles.thermal_resistance:g} K/W must be positive; refit it with fewer poles"
         )
-    _check_resistance(poles.thermal_resistance)
-    return poles
+    return moderate(poles)
 
 
 def _checked_quadratic(model: Quadratic) -> Quadratic:
@@ -71,11 +70,17 @@ def _checked_quadratic(model: Quadratic) -> Quadratic:
             f"model is quadratic with {model.order} states, at most {LARGEST_QUADRATIC} can be integrated with the "
             "optics: a step costs n^3"
         )
-    _check_resistance(float(np.abs(model.C) @ np.abs(np.linalg.solve(model.A, model.B))))  # of states that cancel, too
+    check_resistance(float(np.abs(model.C) @ np.abs(np.linalg.solve(model.A, model.B))))  # of states that cancel, too
     return model
 
 
-def _check_resistance(value: float) -> None:
+def moderate(poles: Foster) -> Foster:
+    """The network itself; InputError where its resistances, whatever their sign, are beyond `HIGHEST`."""
+    check_resistance(float(np.abs(poles.R).sum()))
+    return poles
+
+
+def check_resistance(value: float) -> None:
     """Raise InputError for a resistance that no ring has; a run would take steps without end."""
     if not value <= HIGHEST:
         raise checks.InputError(

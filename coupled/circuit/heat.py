@@ -18,7 +18,7 @@ from thermofem.models.state_space import eigenmodes
 from thermofem.waveforms import hermite
 
 from ..inputs import Pieces, add
-from ..thermal import compact
+from ..thermal import check_resistance, compact
 
 MOST = 20_000  # thermal states of all rings
 FEW = 8  # states of a ring from which on their number is a multiple of 4, the numbers that a processor adds at once
@@ -95,7 +95,9 @@ def _of_array(model: StateSpace, rings: int) -> RingHeat:
     scale = np.abs(model.gain).max()
     parts = []
     for j in range(len(model.inputs)):
-        residue = np.abs(C * B[:, j] / rate).max(axis=0)
+        each = np.abs(C * B[:, j] / rate)
+        check_resistance(float(each.sum(axis=1).max()))
+        residue = each.max(axis=0)
         used = residue > NOTHING * scale
         parts.append((rate[used], B[used, j], C[:, used]))
     most = max(len(part[0]) for part in parts[:rings])

@@ -129,8 +129,21 @@ class Property:
             if isinstance(self.quantity, str):
                 return QUANTITIES[self.quantity](model)
             if self.optics is None:
-                return self.quantity(model)
-            return self.quantity(model, self.optics.changes(self.family, values))
+                found = self.quantity(model)
+            else:
+                found = self.quantity(model, self.optics.changes(self.family, values))
         except checks.InputError as error:
             self.reason = str(error)
             return np.nan
+        return _real(found)
+
+
+def _real(found: Any) -> Any:
+    """What a quantity returned; InputError unless it is a number or an array of them, nan where there is none."""
+    try:
+        kind = np.asarray(found).dtype.kind
+    except ValueError:  # lists of different lengths
+        kind = "O"
+    if kind not in "biuf" or np.isinf(found).any():
+        raise checks.InputError(f"quantity returned {checks.shown(found)}; give a finite number, or nan where none is")
+    return found

@@ -55,7 +55,11 @@ class Search:
     def achieved(self, x: Array) -> dict[str, float]:
         """Properties of the member at a point of the cube."""
         values = self.values(x)
-        return {name: float(one(values)) for name, one in self.properties.items()}
+        found = {name: one(values) for name, one in self.properties.items()}
+        for name, value in found.items():
+            if np.ndim(value):
+                raise checks.InputError(f"target {name} has shape {np.shape(value)}; a quantity to reach is one number")
+        return {name: float(value) for name, value in found.items()}
 
     def misfit(self, x: Array) -> Array:
         """Relative misfit of every target."""

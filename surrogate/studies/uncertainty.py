@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from .quantities import Optics, Property, Quantity, word
 if TYPE_CHECKING:
     import xarray as xr
 
+MOST = 2**20  # base samples: a gigabyte, and a standard error of the mean of a thousandth of the deviation
 RESAMPLES = 200  # of the members, for the intervals of the indices
 OUTSIDE = 1e-3  # share of the samples that may leave the box; they are held at its edge
 
@@ -78,7 +79,7 @@ def uncertainty(
     """
     fixed = checks.mapping("fixed", fixed)
     names = _checked(family, checks.mapping("distributions", distributions), fixed, samples)
-    dists = [distributions[name] for name in names]
+    dists = [_Distribution(name, distributions[name]) for name in names]
     one = Property(family, quantity, optics)
     sampled = _Sampled(_many(one, names, fixed), _clip(family, names), lambda: one.reason)
     attrs: dict[str, Any] = {"quantity": word(quantity), "samples": samples}
@@ -104,10 +105,26 @@ def _checked(
     for name in (*names, *fixed):
         checks.choice("parameter", name, family.names)
     for name, one in distributions.items():
-        checks.has(name, one, "ppf", hint="a distribution of scipy.stats with its numbers is needed")
-    if not checks.whole(samples) or samples < 2 or samples & (samples - 1):
-        raise checks.InputError(f"samples = {checks.shown(samples)} must be a power of two")
+        if not callable(getattr(one, "ppf", None)):
+            hint = "a distribution of scipy.stats with its numbers is needed"
+            raise checks.InputError(f"{name} is a {type(one).__name__}; {hint}")
+    if not checks.whole(samples) or not 2 <= samples <= MOST or samples & (samples - 1):
+        raise checks.InputError(f"samples = {checks.shown(samples)} must be a power of two, at most {MOST}")
     return names
+
+
+class _Distribution(NamedTuple):
+    """A distribution whose samples are numbers."""
+
+    name: str
+    given: Any
+
+    def ppf(self, q: Array) -> Array:
+        """Values at the shares ``q``."""
+        found = checks.numbers(f"{self.name}: the distribution", self.given.ppf(q), hint="are its numbers in range?")
+        if found.shape not in ((), np.shape(q)):
+            raise checks.InputError(f"{self.name}: ppf gives the shape {found.shape} for shares of {np.shape(q)}")
+        return np.broadcast_to(found, np.shape(q))
 
 
 class _Sampled:
@@ -139,6 +156,8 @@ class _Sampled:
             maps = [one for one in found if np.ndim(one)]
             if maps:
                 self.like = maps[0]
+                if len({np.shape(one) for one in maps}) > 1:
+                    raise checks.InputError("quantity returns arrays of different shapes; one shape for all members")
                 found = [one if np.ndim(one) else np.full(np.shape(self.like), np.nan) for one in found]
             table = np.array([np.ravel(one) for one in found], dtype=float)
         self.seen.append(table)

@@ -149,3 +149,17 @@ def test_light_and_heat_that_run_away_end_in_one_line():
     away = th.Quadratic(FAST, np.full((2, 2, 2), 1e30), 0 * FAST, 1e9 * np.ones(2), np.ones(2))
     with pytest.raises(th.InputError, match="no step small enough"):
         coupled.simulate(RING, away, power=1e-4, duration=1e-10)
+
+
+def _two(B):
+    names = {"inputs": ("a", "b"), "outputs": ("a", "b")}
+    return th.StateSpace(np.eye(2), np.diag([-1e6, -2e6]), np.array(B), np.eye(2), **names)
+
+
+def test_heat_of_another_part_is_bounded_as_well():
+    """A heater of 1e20 K/W kept a run of .1 ns busy for minutes; circuits took any array."""
+    heated, array = _two([[1e10, 1e26], [1e26, 1e10]]), _two([[1e36, 0], [0, 1e36]])
+    with pytest.raises(th.InputError, match=r"above 1e\+09"):
+        coupled.simulate(RING, heated, power=1e-4, duration=1e-10, heaters={"b": 1e-3})
+    with pytest.raises(th.InputError, match=r"above 1e\+09"):
+        coupled.simulate_circuit(coupled.bus([RING, RING]), array, inputs={"in": 1e-4}, duration=1e-10)

@@ -71,10 +71,41 @@ def test_sobol_indices_agree_with_brute_force(family):
 def test_uncertainty_says_what_leaves_the_box(family):
     with pytest.raises(th.InputError, match="lie outside the family's"):
         surrogate.uncertainty(family, {"width": stats.norm(500e-9, 100e-9)}, samples=64)
-    with pytest.raises(th.InputError, match="power of two"):
-        surrogate.uncertainty(family, {"width": stats.norm(500e-9, 5e-9)}, samples=100)
+    for samples in (100, 2**62):  # NumPy raised ValueError
+        with pytest.raises(th.InputError, match="power of two"):
+            surrogate.uncertainty(family, {"width": stats.norm(500e-9, 5e-9)}, samples=samples)
     with pytest.raises(th.InputError, match="a distribution of scipy"):
         surrogate.uncertainty(family, {"width": 500e-9}, samples=64)
+
+
+@pytest.mark.parametrize("found", [None, "x", 1j, np.inf, {}, 10**400, [[1], [2, 3]]])
+def test_a_quantity_that_is_no_number_is_refused(family, found):
+    """`uncertainty` took the real part of 1j and the mean of inf; the others ended in TypeError and ValueError."""
+    with pytest.raises(th.InputError, match="quantity returned"):
+        surrogate.uncertainty(family, {"width": stats.norm(500e-9, 5e-9)}, lambda _: found, samples=2)
+    with pytest.raises(th.InputError, match="quantity returned"):
+        surrogate.design(family, target={lambda _: found: 1.0})
+
+
+def test_quantities_of_changing_shape_are_refused(family):
+    lengths = iter(range(1, 100))
+    with pytest.raises(th.InputError, match="different shapes"):
+        surrogate.uncertainty(family, {"width": stats.norm(5e-7, 5e-9)}, lambda _: np.ones(next(lengths)), samples=2)
+    with pytest.raises(th.InputError, match=r"shape \(3,\); a quantity to reach is one number"):
+        surrogate.design(family, target={lambda _: np.ones(3): 1.0})
+
+
+class Drawn:
+    def __init__(self, ppf):
+        self.ppf = ppf
+
+
+@pytest.mark.parametrize(
+    "ppf", [3, lambda q: "x", lambda q: q[:-1], lambda q: [5e-7] * 3, lambda q: q * np.nan, lambda q: q + 1j]
+)
+def test_a_distribution_that_is_none_is_refused(family, ppf):
+    with pytest.raises(th.InputError, match="width"):
+        surrogate.uncertainty(family, {"width": Drawn(ppf)}, samples=2)
 
 
 def synthetic(family: surrogate.Family, truth: dict[str, float], noise: float, seed: int):
