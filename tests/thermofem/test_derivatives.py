@@ -113,30 +113,40 @@ def everything() -> th.HeatProblem:
     return th.assemble(th.CrossSection.from_toml_text(OPEN_STACK), accuracy=1e-2)
 
 
+FREQUENCIES = np.array([1e5, 1e8])
+
+
+@pytest.fixture(scope="module")
+def slopes(everything):
+    """The derivatives along all paths, read in the core and in the shell."""
+    core = th.derivatives(everything, list(PATHS), frequencies=FREQUENCIES)
+    return core, th.derivatives(everything, list(PATHS), read="near")
+
+
 @pytest.mark.parametrize(("path", "unit"), PATHS.items())
-def test_every_path_agrees_with_a_difference_on_the_moved_mesh(everything, path, unit):
+def test_every_path_agrees_with_a_difference_on_the_moved_mesh(everything, slopes, path, unit):
     heat = everything
     what = change(heat.geometry, path)
     roles = ("core", "near")
     velocity = vertex_velocities(heat.geometry, heat.mesh, [what], roles=roles)[0]
-    f = np.array([1e5, 1e8])
     scale = heat.thermal_resistance("core", "near") / abs(what.value)
 
-    def difference(read: str, share: float) -> tuple[float, np.ndarray]:
+    def difference(read: str, share: float) -> tuple[np.ndarray, ...]:
         step = share * abs(what.value)
         pair = [moved(heat, varied(OPEN_STACK, path, unit, what.value + x), velocity, x) for x in (step, -step)]
         systems = [one.channels("core", read) for one in pair]
-        values = [one.thermal_resistance for one in systems], [one.impedance(f) for one in systems]
+        values = [[one.thermal_resistance for one in systems]]
+        if read == "core":
+            values.append([one.impedance(FREQUENCIES) for one in systems])
         return tuple(np.subtract(*each) / (2 * step) for each in values)
 
-    ours = th.derivatives(heat, path, frequencies=f, times=[1e-7])
+    ours, shell = (found.sel(parameter=path) for found in slopes)
     static, impedance = difference("core", 1e-4)
     # a central difference errs by step^2 f'''/6, 1e-8 times some tens near thin layers, and by round-off, 1e-12/1e-4
     assert ours.thermal_resistance.item() == pytest.approx(static, rel=1e-6, abs=3e-8 * scale)
-    np.testing.assert_allclose(ours.impedance.values[0], impedance, rtol=1e-6, atol=3e-8 * scale)
+    np.testing.assert_allclose(ours.impedance.values, impedance, rtol=1e-6, atol=3e-8 * scale)
     # the edge of a shell passes over small triangles: only small steps are smooth, and round-off is 1e-11 over 1e-6
-    shell = th.derivatives(heat, path, read="near").thermal_resistance.item()
-    assert shell == pytest.approx(difference("near", 1e-6)[0], rel=1e-6, abs=5e-5 * scale)
+    assert shell.thermal_resistance.item() == pytest.approx(difference("near", 1e-6)[0], rel=1e-6, abs=5e-5 * scale)
     assert ours.value.item() == pytest.approx(what.value)
 
 
@@ -205,13 +215,10 @@ def test_complex_steps_on_one_mesh(path):
         assert value == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "path"),
-    [
-        ("radius", "part.core.radius"),
-        pytest.param("width", "part.core.width", marks=pytest.mark.slow),
-        pytest.param("box", "layer.box.thickness", marks=pytest.mark.slow),
-    ],
+    [("radius", "part.core.radius"), ("width", "part.core.width"), ("box", "layer.box.thickness")],
 )
 def test_converged_meshes_have_these_slopes(name, path):
     base = {"radius": 7.955e-6, "width": 450e-9, "box": 2e-6}[name]
@@ -276,7 +283,7 @@ def test_a_motion_that_opens_a_gap_is_refused_and_joint_motion_is_not():
     joint = ("layer.cladding.thickness", "part.heater.bottom")
     d = th.derivatives(heat, [joint], read="heater")
     assert d.parameter.item() == "layer.cladding.thickness + part.heater.bottom"
-    pair = [th.assemble(th.heated_ring(cladding=2e-6 + x), accuracy=1e-4) for x in (5e-8, -5e-8)]
+    pair = [th.assemble(th.heated_ring(cladding=2e-6 + x), accuracy=3e-4) for x in (5e-8, -5e-8)]
     slope = np.subtract(*[one.thermal_resistance("core", "heater") for one in pair]) / 1e-7
     assert d.thermal_resistance.item() == pytest.approx(slope, rel=2e-2)  # 1e-3 of R_th over 5 % of the length
 
