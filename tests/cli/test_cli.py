@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pytest
 from commands import process, thermofem
@@ -118,7 +120,7 @@ def test_bad_input_is_one_line_and_exit_code_2(arguments, words, tmp_path):
     assert sorted(tmp_path.iterdir()) == before  # nothing half-written
 
 
-def test_doctor_names_the_missing_library(tmp_path):
+def test_doctor_names_the_missing_library(tmp_path, monkeypatch):
     """gmsh that cannot load its shared library: doctor says which, and strips still solve on the committed mesh."""
     (tmp_path / "gmsh.py").write_text(
         "raise OSError('libGLU.so.1: cannot open shared object file: No such file or directory')"
@@ -127,12 +129,13 @@ def test_doctor_names_the_missing_library(tmp_path):
     assert done.returncode == 1
     assert "libGLU.so.1" in done.stdout
     assert "libglu1-mesa" in done.stdout
-    new = tmp_path / "new.toml"
-    new.write_text(th.rib_ring().to_toml())
-    done = process("solve", str(new), cwd=tmp_path, PYTHONPATH=str(tmp_path))
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "gmsh", raising=False)
+    (tmp_path / "new.toml").write_text(th.rib_ring().to_toml())
+    done = thermofem("solve", "new.toml", cwd=tmp_path)
     assert done.returncode == 2
     assert "libglu1-mesa" in done.stderr
-    done = process("solve", "--duration", "1 us", "--samples", "3", cwd=tmp_path, PYTHONPATH=str(tmp_path))
+    done = thermofem("solve", "--duration", "1 us", "--samples", "3", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
 
 

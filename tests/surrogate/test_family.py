@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -25,9 +27,15 @@ def campaign(*variations: Variation, geometry: th.CrossSection | None = None, **
     return th.Campaign(text, variations, (STEP,), samples=samples, **options)
 
 
+@cache
+def rings() -> surrogate.Family:
+    """Strips of three parameters; trained once for the tests of its members and of its uses."""
+    return surrogate.train_family(campaign(RADIUS, WIDTH, BOX), tolerance=1e-3)
+
+
 @pytest.fixture(scope="module")
 def family() -> surrogate.Family:
-    return surrogate.train_family(campaign(RADIUS, WIDTH, BOX), tolerance=1e-3)
+    return rings()
 
 
 def test_members_agree_with_their_own_meshes(family):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy import stats
-from test_family import BOX, RADIUS, WIDTH, campaign
+from test_family import rings
 
 import coupled
 import surrogate
@@ -15,7 +15,7 @@ from coupled.unknowns import ThermalFamily, unknowns
 
 @pytest.fixture(scope="module")
 def family() -> surrogate.Family:
-    return surrogate.train_family(campaign(RADIUS, WIDTH, BOX), tolerance=2e-3, held_out=4)
+    return rings()
 
 
 def test_a_wanted_resistance_is_found_and_certified(family):
