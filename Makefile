@@ -3,11 +3,12 @@ PYTHON ?= python3
 # the vectors are short: more threads only get in each other's way
 export OMP_NUM_THREADS ?= 1
 BIN := .venv/bin
-INSTALL := -m pip install --quiet --disable-pip-version-check
+# Python compiles the files that it imports; compiling all 12000 takes longer
+INSTALL := -m pip install --quiet --disable-pip-version-check --no-compile
 # some machines set it; every process would then compile the sources again
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow check lint types validation docs wheel gdsfactory bench fuzz audit clean
+.PHONY: demo test test-slow test-all check lint types validation docs wheel gdsfactory bench fuzz audit clean
 
 demo: .venv/installed
 	$(BIN)/thermofem reproduce -o out
@@ -18,6 +19,10 @@ test: .venv/installed-dev
 # the slow and violent tests, which `make test` leaves out
 test-slow: .venv/installed-dev
 	$(BIN)/python -m pytest -n auto --dist loadfile -m slow
+
+# both at once, as continuous integration does: two processes then wait less for each other than in two runs
+test-all: .venv/installed-dev
+	$(BIN)/python -m pytest -n auto --dist loadfile
 
 check: lint types test
 
@@ -38,15 +43,14 @@ docs: .venv/installed-dev
 	$(BIN)/python docs/generate.py
 	$(BIN)/python -m mkdocs build --strict -d out/site
 
-# sdist, a wheel from it, and the paper's short version in an environment that has nothing else. Python compiles the few
-# files that it imports; compiling all 10000 would take longer
+# sdist, a wheel from it, and the paper's short version in an environment that has nothing else
 wheel:
 	rm -rf out/dist out/build out/fresh
 	$(PYTHON) -m venv out/build
 	out/build/bin/python $(INSTALL) build
 	out/build/bin/python -m build --outdir out/dist .
 	$(PYTHON) -m venv out/fresh
-	out/fresh/bin/python $(INSTALL) --no-compile out/dist/thermofem-*.whl
+	out/fresh/bin/python $(INSTALL) out/dist/thermofem-*.whl
 	cd out/fresh && env -u PYTHONPATH bin/thermofem reproduce --quick -o demo
 
 # the import from gdsfactory, in an environment of its own: gdsfactory pins an older typer

@@ -2,7 +2,8 @@
 
 Compiling the kernels takes minutes, and two processes that need one at the same time both compile it. So the files that
 need kernels stand at one end of the queue, from which the first process takes them, and the others begin at the other
-end; when they meet, what is compiled is in Numba's cache, which they share.
+end; when they meet, what is compiled is in Numba's cache, which they share. They meet among small files: behind a dear
+last one the other process would wait.
 """
 
 from __future__ import annotations
@@ -13,13 +14,23 @@ from typing import Any
 from paths import ROOT
 from xdist.scheduler import LoadFileScheduling
 
-PLACES = ("tests/coupled", "tests/test_house.py", "tests/test_every_model.py", "tests/test_", "tests/cli", "")
+PLACES = (
+    "tests/coupled",
+    "tests/test_",
+    "tests/cli",
+    "tests/test_house.py",
+    "tests/test_every_model.py",
+    "tests/test_every_waveform.py",
+    "tests/test_docs.py",
+    "tests/cli/test_reproduce.py",
+    "",
+)
 
 
 def place(path: Path) -> int:
-    """The place of a test file in the queue, which is that of the first of `PLACES` that it begins with."""
+    """The place of a test file in the queue, which is that of the longest of `PLACES` that it begins with."""
     name = path.relative_to(ROOT).as_posix()
-    return next(k for k, start in enumerate(PLACES) if name.startswith(start))
+    return max((len(start), k) for k, start in enumerate(PLACES) if name.startswith(start))[1]
 
 
 class TwoEnds(LoadFileScheduling):

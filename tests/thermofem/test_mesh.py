@@ -320,6 +320,7 @@ def test_files_that_cannot_be_read_or_written(tmp_path):
 
 # --- without gmsh -----------------------------------------------------------------------------------------------------
 
+
 @pytest.mark.parametrize(
     ("failure", "words"),
     [
