@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from thermofem import checks, renamed
+from thermofem import checks, quantity, renamed
 from thermofem.arrays import Array
 
 from ..family import Family
@@ -254,8 +254,11 @@ def _clip(family: Family, names: tuple[str, ...]) -> Callable[[Array], Array]:
         for name, column, (low, high) in zip(names, x, _box(family, names), strict=True):
             out = float(((column < low) | (column > high)).mean())
             if out > OUTSIDE:
+                unit = family.box.units[family.names.index(name)]
+                ends = " to ".join(quantity.write(float(f"{end:.6g}"), unit) for end in (low, high))
                 raise checks.InputError(
-                    f"{name}: {out:.1%} of the samples lie outside the family's {low:g} .. {high:g}; train a wider one"
+                    f"{name}: {out:.1%} of the samples lie outside the family's {ends}; "
+                    "train one that reaches four standard deviations beyond the mean"
                 )
             rows.append(np.clip(column, low, high))
         return np.array(rows)

@@ -192,7 +192,7 @@ def uncertainty(
     if held:
         units = dict(zip(found.names, found.box.units, strict=True))
         words = ", ".join(f"{name} = {written(float(value), units[name])}" for name, value in held.items())
-        note(f"held: {words}; --fix and --spread change that")
+        note(f"held: {words}" + ("" if set(held) <= set(common["fixed"]) else "; --fix and --spread change that"))
     if period and interpolate is None:
         count = samples * (len(spreads) + 2)
         note(f"{count} settled cycles, some minutes; with --interpolate 150 only 150, interpolated, some seconds")
