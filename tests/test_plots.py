@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import pkgutil
 from importlib import import_module
-from itertools import product
+from itertools import pairwise, product
 
 import matplotlib
 import matplotlib.pyplot as plt
@@ -112,6 +112,18 @@ def test_a_fit_is_drawn_with_its_data_and_its_residual(periodic):
     np.testing.assert_allclose(upper.lines[1].get_ydata() - drawn, missed, atol=1e-12)
     # the straight lines between 4001 samples of a period miss (dt/tau)^2/8 of the swing: 3e-6 for tau = 50 ns
     assert np.sqrt(np.mean(missed**2)) == pytest.approx(fit.residual, rel=1e-4, abs=0)
+
+
+def test_numbers_at_a_logarithmic_axis_do_not_touch():
+    left, right = FUNCTIONS["plot_model"](th.Foster(R=[600, 1500, 5000], tau=[3e-9, 30e-9, 8e-6]))
+    left.figure.draw_without_rendering()
+    for panel in (left, right):
+        low, high = panel.get_xlim()
+        numbers = [
+            text for text in panel.get_xticklabels() if text.get_text() and low <= text.get_position()[0] <= high
+        ]
+        places = [text.get_window_extent() for text in numbers]
+        assert all(a.x1 + 0.4 * a.height < b.x0 for a, b in pairwise(places))  # a space between two
 
 
 def test_the_logarithmic_panel_shows_the_magnitude_of_every_error():

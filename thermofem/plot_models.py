@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.ticker import LogLocator
 
 from .checks import InputError
 from .plot_style import BLUE, CYCLE, INK, VERMILION, axes, takes
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from .models import ThermalModel
 
 MODEL = "a thermal model, such as th.Foster or the .model of a fit or a reduction"
+MOST_DECADES = 6  # with a number at the axis of a panel
 SHARES = (0.01, 0.99)  # of the steady rise, between which a step response is drawn, with a decade on either side
 
 
@@ -54,6 +56,8 @@ def plot_model(model: ThermalModel, ax: Any = None) -> np.ndarray:
     Z = np.asarray(model.impedance(frequency))
     right.loglog(frequency, np.abs(Z) / 1e3, color=INK)
     right.set(xlabel="frequency (Hz)", ylabel="|Z| (K/mW)")
+    for panel in (left, right):
+        panel.xaxis.set_major_locator(LogLocator(numticks=MOST_DECADES))  # that fit side by side
     phase = right.twinx()
     phase.semilogx(frequency, np.degrees(np.angle(Z)), color=BLUE, linestyle="--", linewidth=1)
     phase.set_ylabel("phase (°)", color=BLUE)

@@ -94,17 +94,11 @@ def plot_carrier_decay(decay: xr.Dataset, axes: Sequence[Axes] | None = None) ->
     left, right = axes
     t, N, tau = (decay[name].values for name in ("time", "carriers", "lifetime"))
     left.semilogy(t * 1e9, N * 1e-6, color="#111111", linewidth=1.6)
-    for at, where in ((0, "first"), (-1, "last")):
+    for at, where, dash in ((0, "first", "--"), (-1, "last", ":")):
         line = N[at] * np.exp(-(t - t[at]) / tau[at]) * 1e-6
-        left.semilogy(t * 1e9, line, color=HEAT, linestyle="--", linewidth=1)
-        style: dict[str, Any] = {
-            "textcoords": "offset points",
-            "fontsize": "small",
-            "color": HEAT,
-            "ha": "right" if at else "left",
-        }
-        offset = (-14, 8) if at else (8, -20)
-        left.annotate(f"{where}: {tau[at] * 1e9:.0f} ns", (t[at] * 1e9, N[at] * 1e-6), offset, **style)
+        label = f"{where} lifetime, {tau[at] * 1e9:.0f} ns"
+        left.semilogy(t * 1e9, line, color=HEAT, linestyle=dash, linewidth=1.2, label=label)
+    left.legend(frameon=False, fontsize="small", loc="lower left")
     left.set(xlabel="time (ns)", ylabel="carrier density (cm$^{-3}$)", xlim=(t[0] * 1e9, t[-1] * 1e9))
     left.set_ylim(0.6 * N[-1] * 1e-6, 1.6 * N[0] * 1e-6)
     right.semilogx(N * 1e-6, tau * 1e9, color="#111111", linewidth=1.6)

@@ -89,6 +89,10 @@ def test_no_decay_determines_the_trap_energy():
 def test_figure_labels_itself():
     axes = plot_carrier_decay(coupled.carrier_decay(PRINTED, 2e23, TIMES))
     assert [ax.get_xlabel() for ax in axes] == ["time (ns)", "carrier density (cm$^{-3}$)"]
+    names = [
+        text.get_text() for text in axes[0].get_legend().get_texts()
+    ]  # in a legend: text at the ends hid the lines
+    assert [name.partition(",")[0] for name in names] == ["first lifetime", "last lifetime"]
     plt.close("all")
 
 
