@@ -62,11 +62,12 @@ gdsfactory: .venv-gdsfactory/installed
 	.venv-gdsfactory/bin/python $(INSTALL) --editable ".[gdsfactory]" pytest pytest-xdist hypothesis
 	touch $@
 
-# an hour; MINUTES=5 for less
+# an hour each; MINUTES=5 for less
 MINUTES ?= 60
 fuzz: .venv/installed-dev
 	$(BIN)/python tests/fuzz/readers.py $(MINUTES)
 	$(BIN)/python tests/fuzz/calls.py $(MINUTES)
+	$(BIN)/python tests/fuzz/options.py $(MINUTES)
 
 # the promises, broken on purpose: damaged files, kills, random trees; bounds of random reductions; MINUTES=10 for a short one
 audit: .venv/installed-dev

@@ -61,6 +61,14 @@ def test_a_short_audit_finds_nothing(audit):
         assert wrong == 0
 
 
+def test_options_of_commands_with_hostile_values(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(SCRIPT.parent))
+    options = loaded("options")
+    options.files(tmp_path)
+    for _, arguments in zip(range(40), options.jobs(seed=4), strict=False):
+        assert not options.failure(arguments, tmp_path), arguments
+
+
 def test_a_few_calls_with_wrong_things_end_in_documented_errors():
     calls = loaded("calls")
     done, wrong = calls.tried(calls.calls(), 300, 60.0, seed=3)
