@@ -32,7 +32,7 @@ def impedance(model: th.StateSpace, omega: float) -> np.ndarray:
 
 
 def test_every_channel_is_certified_against_the_fem(ring, array):
-    """At 25 frequencies, by a complex factorization of the FEM with a copy at each distance."""
+    """Twice a decade, by a complex factorization of the FEM with a copy at each distance."""
     distances = np.linalg.norm(np.subtract(SQUARE[0], SQUARE), axis=1)[1:]
     copies = tuple(th.Probe(f"copy {k}", "core", distance=d) for k, d in enumerate(distances))
     # the array's own mesh: its copies are the same but for order, which does not enter
@@ -41,7 +41,7 @@ def test_every_channel_is_certified_against_the_fem(ring, array):
     heat = th.assemble(replace(ring.geometry, probes=(*probes, *copies)))
     system = heat.channels(read=("core", *(copy.name for copy in copies)))
     own = heat.thermal_resistance()
-    for omega in np.geomspace(1e3, 1e10, 25):
+    for omega in np.geomspace(1e3, 1e10, 15):
         field = splu((1j * omega * system.E - system.A).tocsc()).solve(system.B[:, 0] + 0j)
         exact, ours = system.C @ field, impedance(array.model, omega)[:, 0]
         scale = np.abs(system.gain[:, 0]) + FLOOR * own

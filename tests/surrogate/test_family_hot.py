@@ -35,6 +35,7 @@ def family() -> surrogate.Family:
     return surrogate.train_family(campaign(th.strip_ring().to_toml() + LAWS), 3e-3, held_out=4, power=POWER)
 
 
+@pytest.mark.slow
 def test_members_follow_their_own_hot_meshes_within_the_stated_error(family, tmp_path):
     assert family.engine == "lines and interpolation"
     assert 0 < family.bend.error < 0.012  # of output maps: 0.8 to 1.2 % of the peak at most (`surrogate.output_map`)
@@ -53,6 +54,7 @@ def test_members_follow_their_own_hot_meshes_within_the_stated_error(family, tmp
         assert model.largest_rise == pytest.approx(hot, rel=allowed)
 
 
+@pytest.mark.slow
 def test_hot_traces_calibrate_with_exact_derivatives(family):
     times = np.append(0.0, np.geomspace(1e-8, 5e-5, 60))
     rise = family.model(box=1.4e-6).response(th.Constant(POWER), times)

@@ -77,6 +77,7 @@ def test_models_asked_for_by_name_are_trained_alone_and_as_among_all(ladder):
         surrogate.train_all(th.assemble(th.strip_ring()), names=["newton"])
 
 
+@pytest.mark.slow
 def test_with_k_of_T_the_map_and_quadratic_sindy_join_and_the_reference_is_quadratic():
     law = {"Si": th.PowerLaw(-1.3), "SiO2": th.PowerLaw(0.3)}
     materials = tuple(replace(th.materials.find(name), conductivity_law=law[name]) for name in law)

@@ -17,7 +17,7 @@ from surrogate.reduction.space import CertifiedSpace
 from thermofem.algebra.krylov import orthonormal
 
 GEOMETRIES = list(geometries(8))
-FREQUENCY = np.geomspace(1e3, 1e12, 50)
+FREQUENCY = np.geomspace(1e3, 1e12, 28)  # three a decade
 
 
 def bound_at(rom, frequency):
@@ -44,15 +44,16 @@ def test_true_error_below_bound_below_tolerance(geometry, tolerance, most):
     assert rom.model.thermal_resistance == pytest.approx(system.thermal_resistance, rel=ROUND_OFF)
 
 
-@pytest.mark.parametrize("tolerance", [1e-3, 1e-4])
-def test_shifts_far_apart_have_one_between_them_for_the_bound(tolerance):
+def test_shifts_far_apart_have_one_between_them_for_the_bound():
     """Open sides: heat that spreads for ever is slow beside the core's."""
     system = th.assemble(th.strip_ring().opened()).system
-    rom = surrogate.reduce(system, tolerance)
-    assert rom.shifts[1] < rom.shifts[3] < rom.shifts[2]
-    error = abs(system.impedance(FREQUENCY) - rom.model.impedance(FREQUENCY)) / system.thermal_resistance
-    assert rom.error_bound <= tolerance
-    assert error.max() <= bound_at(rom, FREQUENCY)[error.argmax()] < 2 * error.max()  # 2.7 to 2.9 without it
+    exact = system.impedance(FREQUENCY)
+    for tolerance in (1e-3, 1e-4):
+        rom = surrogate.reduce(system, tolerance)
+        assert rom.shifts[1] < rom.shifts[3] < rom.shifts[2]
+        error = abs(exact - rom.model.impedance(FREQUENCY)) / system.thermal_resistance
+        assert rom.error_bound <= tolerance
+        assert error.max() <= bound_at(rom, FREQUENCY)[error.argmax()] < 2 * error.max()  # 2.7 to 2.9 without it
 
 
 EXACT = {}
@@ -158,12 +159,12 @@ def test_heater_and_core_have_a_certificate_per_channel():
     assert rom.model.inputs == ("core", "heater")
     assert rom.channel_bounds.shape == (3, 2)
     assert rom.channel_bounds.max() == rom.error_bound <= 1e-4
-    frequency = np.geomspace(1e4, 1e10, 13)
+    frequency, B = np.geomspace(1e4, 1e10, 13), system.B + 0j
+    exact = np.array([system.C @ splu((2j * np.pi * f * system.E - system.A).tocsc()).solve(B) for f in frequency])
     for j, read in enumerate(system.outputs):
         for i, heated in enumerate(system.inputs):
-            full, small = system.channel(heated, read), th.model.foster(rom.model.channel(heated, read))
-            error = abs(full.impedance(frequency) - small.impedance(frequency))
-            assert error.max() <= rom.channel_bounds[j, i] * full.thermal_resistance
+            error = abs(exact[:, j, i] - th.model.foster(rom.model.channel(heated, read)).impedance(frequency))
+            assert error.max() <= rom.channel_bounds[j, i] * system.gain[j, i]
     # reciprocity survives the projection
     assert rom.model.gain[0, 1] == pytest.approx(rom.model.gain[1, 0], rel=1e-9)
     cross = surrogate.reduce(system.channel("heater", "core"), 1e-4)

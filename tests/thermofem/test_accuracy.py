@@ -63,6 +63,7 @@ def test_the_estimate_is_near_the_true_error_and_that_keeps_the_promise(case, ne
     assert 1.0 < coarse.mesh_error() / error < 3.5
 
 
+@pytest.mark.slow
 def test_a_cladding_that_conducts_well_keeps_the_promise_at_intermediate_times(needs_mesher):
     """Sizes that know only the distance to the core leave 2.6e-3 and 4.4e-4 at 1 us: heat crosses the cladding."""
     strip = th.strip_ring(radius=17e-6, width=500e-9, box=4e-6)
@@ -153,6 +154,7 @@ def test_a_probe_has_its_own_estimate():
     assert change < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("draw", "seed"), [("cross_section", 7), ("cross_section", 43), ("strip", 3)])
 def test_a_random_cross_section_keeps_the_promise(draw, seed, needs_mesher, monkeypatch):
     """Three of those of `make audit`; 43 erred by 1.11e-3 before the error between two shifts had a margin (`PEAK`)."""

@@ -128,7 +128,7 @@ def painted_volumes(geometry):
 
 
 @given(random_parts())
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_any_overlap_gives_the_volumes_of_painting(parts):
     try:
         geometry = on_oxide(*parts)
