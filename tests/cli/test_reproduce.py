@@ -195,9 +195,7 @@ def test_quick_takes_what_is_there(outcome, capsys, tmp_path):
     run(out, replace(TINY, quick=True))
     printed = capsys.readouterr().out
     assert "8 stages (8 taken" in printed
-    assert (
-        len(Page((out / "report.html").read_text()).images) == 6
-    )  # Figs. 3(a, b) and 5(a), and the three of its own
+    assert len(Page((out / "report.html").read_text()).images) == 6  # Figs. 3(a, b) and 5(a), and the three of its own
 
 
 def test_a_folder_that_cannot_be_written_is_said_at_once(tmp_path):
