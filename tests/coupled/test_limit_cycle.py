@@ -13,7 +13,7 @@ import surrogate
 import thermofem as th
 from coupled.cycles import start
 from coupled.cycles.orbit import problem, shoot
-from coupled.kernels import collocation, orbits
+from coupled.kernels import orbits
 from coupled.thermal import compact
 
 RING = coupled.borghi2021()
@@ -98,9 +98,11 @@ def _after(p, y, T):
 
 
 def test_eliminating_heat_changes_nothing():
-    """The network's own pass against the one with all states as unknowns, on the same trial orbit."""
+    """The network's own pass against that of a quadratic model, whose states are all unknowns, on the same orbit."""
     cycle = coupled.limit_cycle(RING, FIVE, power=POWER)
-    p = problem(RING, FIVE, POWER, 0.0)
+    n, rate = FIVE.order, 1 / FIVE.tau
+    whole = th.Quadratic(-np.diag(rate), np.zeros((n, n, n)), np.zeros((n, n)), FIVE.R * rate, np.ones(n))
+    p, other = (problem(RING, compact(model), POWER, 0.0) for model in (FIVE, whole))
     states, tau = cycle["states"].values / p.units, cycle.attrs["mesh"]
     start, Y = states[0], states[1:].reshape(tau.size - 1, 5, -1)
     T = cycle.attrs["period"] * 1e9
@@ -108,11 +110,12 @@ def test_eliminating_heat_changes_nothing():
     forcing = rng.standard_normal((*Y.shape, 2))
     from coupled.cycles.scheme import scheme
 
-    args = (tau, T, p.at, scheme(), forcing)
     conditions = rng.standard_normal((3, start.size + 3))  # of the step, which is not looked at
-    one = orbits.advance(start, Y.copy(), *args, conditions, np.zeros((3, 3)))[2]
-    other = collocation.full_pass(start, Y.copy(), *args)[0]
-    np.testing.assert_allclose(one, other, atol=1e-7 * np.abs(other).max(axis=0).max(), rtol=1e-7)
+    one, two = (
+        orbits.advance(start, Y.copy(), tau, T, at, scheme(), forcing, conditions, np.zeros((3, 3)))[2]
+        for at in (p.at, other.at)
+    )
+    np.testing.assert_allclose(one, two, atol=1e-7 * np.abs(two).max(axis=0).max(), rtol=1e-7)
 
 
 def test_every_kind_of_heat():

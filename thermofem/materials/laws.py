@@ -75,19 +75,29 @@ class Polynomial:
         object.__setattr__(self, "coefficients", tuple(map(float, checks.array("polynomial", self.coefficients))))
         checks.between("reference", self.reference, 1, 3000, unit="K")
 
-    @cached_property
-    def _f(self) -> Any:
-        return np.polynomial.Polynomial((1.0, *self.coefficients))
-
     def factor(self, T: ArrayLike) -> Array:
         """f(T)."""
-        return np.asarray(self._f(np.asarray(T, dtype=float) - self.reference))
+        return _horner((1.0, *self.coefficients), np.asarray(T, dtype=float) - self.reference)
 
     def integral(self, start: float, rise: ArrayLike) -> Array:
         """Closed form, expanded about ``start`` so that nothing cancels at a small rise."""
-        x, f = start - self.reference, self._f
-        about = [float(f.deriv(k)(x)) / math.factorial(k + 1) for k in range(len(self.coefficients) + 1)]
-        return np.asarray(np.polynomial.Polynomial((0.0, *about))(np.asarray(rise, dtype=float)))
+        return _horner(_primitive(self, start), np.asarray(rise, dtype=float))
+
+
+@lru_cache(maxsize=64)
+def _primitive(law: Polynomial, start: float) -> tuple[float, ...]:
+    """Coefficients of the integral from ``start`` in powers of the rise: an integration asks at every stage."""
+    x, f = start - law.reference, np.polynomial.Polynomial((1.0, *law.coefficients))
+    about = (float(f.deriv(k)(x)) / math.factorial(k + 1) for k in range(len(law.coefficients) + 1))
+    return (0.0, *about)
+
+
+def _horner(coefficients: tuple[float, ...], x: Array) -> Array:
+    """Sum of c_k x^k."""
+    total = coefficients[-1] + 0 * x
+    for c in coefficients[-2::-1]:
+        total = c + total * x
+    return np.asarray(total)
 
 
 @shown
