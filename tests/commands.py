@@ -11,6 +11,7 @@ import warnings
 from pathlib import Path
 from unittest import mock
 
+from thermofem import InputError
 from thermofem.cli import main
 
 WIDE = {"COLUMNS": "200"}
@@ -55,3 +56,14 @@ def process(*arguments: str, cwd: Path, **environment: str) -> subprocess.Comple
         env={**os.environ, **WIDE, **environment},
         check=False,
     )
+
+
+def says_one_line(call):
+    """What a call returns; None where it is refused, in one line that is not long."""
+    try:
+        return call()
+    except InputError as error:
+        message = str(error)
+    assert "\n" not in message
+    assert len(message) < 1500
+    return None

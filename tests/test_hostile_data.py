@@ -9,6 +9,7 @@ import sys
 
 import numpy as np
 import pytest
+from commands import says_one_line
 from fuzz import hostile
 
 import surrogate
@@ -16,17 +17,6 @@ import thermofem as th
 from thermofem import files
 from thermofem.cli import main
 from thermofem.traces import read_trace
-
-
-def says_one_line(call):
-    """What a call returns; None where it is refused in one line."""
-    try:
-        return call()
-    except th.InputError as error:
-        message = str(error)
-    assert "\n" not in message
-    return None
-
 
 MODEL = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
 STEP = th.Constant(1e-3)

@@ -182,10 +182,10 @@ def test_a_time_that_stands_twice_is_refused_unless_the_power_jumps():
         surrogate.fit_newton(th.dataset.build(twice, wrong, pulse))
 
 
-@pytest.mark.parametrize("count", [190, 300, 5000])
-def test_a_ladder_out_of_reach_is_said(count, tmp_path):
-    """Evenly spaced poles have ladders of 1e300 J/K; a SPICE file then holds the Foster network alone."""
-    model = th.Foster(R=np.ones(count), tau=np.linspace(1e-6, 2e-6, count))
+@pytest.mark.parametrize(("count", "slowest"), [(80, 1.01e-6), (300, 2e-6), (5000, 2e-6)])
+def test_a_ladder_out_of_reach_is_said(count, slowest, tmp_path):
+    """Poles near each other have ladders of 1e300 J/K; a SPICE file then holds the Foster network alone."""
+    model = th.Foster(R=np.ones(count), tau=np.linspace(1e-6, slowest, count))
     with pytest.raises(th.InputError, match="ladder"):
         surrogate.cauer(model)
     text = surrogate.export_model(model, tmp_path / "x.cir", to="spice").read_text()

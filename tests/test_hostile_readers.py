@@ -9,6 +9,7 @@ import warnings
 
 import numpy as np
 import pytest
+from commands import says_one_line
 from fuzz import hostile
 
 import coupled
@@ -37,17 +38,6 @@ def as_file(read, name):
         return read(path)
 
     return reader
-
-
-def says_one_line(call):
-    """What a call returns; None where it is refused, in one line that is not long."""
-    try:
-        return call()
-    except th.InputError as error:
-        message = str(error)
-    assert "\n" not in message
-    assert len(message) < 1500
-    return None
 
 
 READERS = {

@@ -36,6 +36,7 @@ def test_every_package_says_that_it_is_typed(package):
     assert (ROOT / package / "py.typed").exists()
 
 
+@pytest.mark.slow
 def test_a_user_s_script_is_checked(tmp_path):
     lines = [f"{line}  # expect {code}" for line, code in WRONG.items()]
     (tmp_path / "script.py").write_text(SCRIPT + "\n".join(lines) + "\n")

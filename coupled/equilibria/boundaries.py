@@ -27,6 +27,7 @@ from thermofem.models import ThermalModel
 
 from ..arguments import check_axis, check_ring, one_laser
 from ..resonator import RingResonator
+from .roots import HALVINGS, roots
 from .steady import absorbable, internal
 
 if TYPE_CHECKING:
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
     from ..kernels.kinds import Curve, Static, Thermal
 
 ENERGIES, FREQUENCIES = 160, 200  # grid of the contour
-BISECTIONS = 48  # of an edge of that grid: to round-off
 FOLD_POINTS = 300
 JOIN = 0.3  # in log U and log w: a few cells of that grid
 STRETCH = 0.01  # of the window: the longest straight line in a Hopf curve
@@ -226,13 +226,13 @@ def _pieces(plane: _Plane) -> list[_Piece]:
 def _refined(plane: _Plane, line: Array, log_U: Array, log_w: Array, sign: int) -> tuple[Array, Array]:
     """log U and log w of the points of a contour, moved along the grid edges on which they lie to the exact zero."""
     low, high = np.floor(line + 1e-9).astype(int), np.ceil(line - 1e-9).astype(int)
-    a, b = (np.array([log_U[i[:, 0]], log_w[i[:, 1]]]) for i in (low, high))
-    start = _sheet(plane, a[0], a[1], sign)[0] > 0
-    for _ in range(BISECTIONS):
-        middle = (a + b) / 2
-        same = (_sheet(plane, middle[0], middle[1], sign)[0] > 0) == start
-        a, b = np.where(same, middle, a), np.where(same, b, middle)
-    x, y = (a + b) / 2
+    start, end = (np.array([log_U[i[:, 0]], log_w[i[:, 1]]]) for i in (low, high))
+
+    def along(t: Array, which: NDArray[np.intp]) -> Array:
+        x, y = (a + t * (b - a) for a, b in zip(start[:, which], end[:, which], strict=True))
+        return _sheet(plane, x, y, sign)[0]
+
+    x, y = start + roots(along, line.shape[0]) * (end - start)
     return x, y
 
 
@@ -322,7 +322,7 @@ def _folded(plane: _Plane) -> list[tuple[float, float]]:
     edges = [U[0]] if has[0] else []
     for k in np.flatnonzero(has[1:] != has[:-1]):
         inside, outside = (U[k + 1], U[k]) if has[k + 1] else (U[k], U[k + 1])
-        for _ in range(BISECTIONS):
+        for _ in range(HALVINGS):
             middle = (inside + outside) / 2
             inside, outside = (middle, outside) if folds(np.array([middle]))[0] else (inside, middle)
         edges.append(inside)

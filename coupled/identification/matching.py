@@ -72,7 +72,7 @@ def simulated(ring: RingResonator, model: Compact, target: Target) -> Cycle:
     """The cycle of the model under the drive of a trace, sampled as the trace is."""
     at, end = target.times, target.duration
     times = np.unique(np.concatenate([at, np.linspace(0.0, end, int(end / STEPS) + 1)]))
-    run = simulate(
+    run = simulate.record(
         ring, model, power=target.power, detuning=target.detuning, duration=target.duration, rtol=RTOL, times=times
     )  # fmt: skip
     return cycle_of(run, at=at, whole=target.whole)

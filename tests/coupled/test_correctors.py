@@ -65,6 +65,7 @@ def test_two_processes():
     assert np.array_equal(run.delta_T, coupled.cosimulate(RING, Exact(NETWORK), **drive).delta_T)
 
 
+@pytest.mark.slow
 def test_a_co_simulation_unit_in_another_process():
     """The example, whole: 22 passes, 4 mK of 10 K from the unit's constant power over steps of 0.1 ns."""
     pytest.importorskip("fmpy", reason="fmpy, which runs the unit, is not installed")

@@ -56,21 +56,21 @@ def test_a_monolithic_stiff_integration_agrees(predictor):
     """Light, carriers and every temperature of a mesh in one system, by SciPy's Radau: 1e-5 of the largest rise."""
     times, rise, error = _monolithic()
     run = coupled.cosimulate(
-        RING, coarse_fem(8), predictor=predictor, power=20e-3, duration=times[-1], max_discrepancy=1e-5, rtol=1e-9
+        RING, coarse_fem(), predictor=predictor, power=20e-3, duration=times[-1], max_discrepancy=1e-5, rtol=1e-9
     )
-    assert rise.max() > 5  # carriers and heat have switched
+    assert rise.max() > 4  # carriers and heat have switched
     assert error < 1e-6 * rise.max()
     assert np.abs(CubicSpline(run.time, run.delta_T)(times) - rise).max() < 1e-5 * rise.max()
 
 
 @cache
 def _monolithic():
-    """Times, rise and how far a run at a tenth of the tolerance is off, for 1628 unknowns.
+    """Times, rise and how far a run at a tenth of the tolerance is off, for 928 unknowns.
 
     SciPy knows no mass matrix, so the field is written in all eigenvectors of the matrices, each with its own power;
     light and carriers see their sum. The Jacobian is an arrow.
     """
-    system, times = coarse_fem(8), np.linspace(0, 0.2e-6, 101)
+    system, times = coarse_fem(), np.linspace(0, 0.2e-6, 101)
     rates, fcd = eq.internal_rates(RING)
     drive, n = eq.internal_pump(RING, 20e-3), system.order
     rate, modes = eigh(-system.A.toarray(), system.E.toarray())

@@ -249,6 +249,7 @@ def test_what_is_no_run_is_named():
         coupled.pulsing(trace(spoiled))
 
 
+@pytest.mark.slow
 def test_no_verdict_at_the_edge_is_contradicted_by_a_run_six_times_as_long():
     """What 20 us at rtol 1e-6 say of some 16 random rings, where it is hardest to say; 120 us at 1e-8 are the judge."""
     said = {"self-pulsing": 0, "stable": 0, "slow transient": 0}
