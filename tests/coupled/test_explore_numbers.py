@@ -13,7 +13,7 @@ from coupled.explore import bundle
 from coupled.explore.contents import model_of
 from coupled.explore.section import on_grid
 
-CASES = 100
+CASES = 60  # every ring with every lifetime and Kerr effect of `ring_and_model`
 SAME = 1e-6  # the aim of the comparison; what is measured stands at each test
 
 
@@ -166,7 +166,7 @@ def test_hopf_points(js):
             off = min(abs(c["w"] / w - 1) + abs(c["turn"] - shift) / scale for c in candidates)
             assert off < SAME
             points += 1
-    assert points > 60
+    assert points > 36
 
 
 def test_hopf_and_fold_curves_lie_on_the_borders(js):
@@ -318,7 +318,7 @@ def test_heaters(js):
     Both integrate at 1e-9 with different methods and step sizes; pulses magnify what that leaves, to 1e-9 here.
     """
     worst = 0.0
-    for seed in range(0, CASES, 25):
+    for seed in (0, 25, 50, 75):
         ring, model, power, detuning, heater = under_a_heater(seed)
         about = argument(ring, model, power, detuning, heater=heater)
         light = {"power": power, "detuning": detuning, "heaters": {"heater": heater}}
