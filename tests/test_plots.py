@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import inspect
+import io
 import pkgutil
 from importlib import import_module
-from itertools import pairwise, product
+from itertools import product
 
 import matplotlib
 import matplotlib.pyplot as plt
@@ -114,16 +115,12 @@ def test_a_fit_is_drawn_with_its_data_and_its_residual(periodic):
     assert np.sqrt(np.mean(missed**2)) == pytest.approx(fit.residual, rel=1e-4, abs=0)
 
 
-def test_numbers_at_a_logarithmic_axis_do_not_touch():
-    left, right = FUNCTIONS["plot_model"](th.Foster(R=[600, 1500, 5000], tau=[3e-9, 30e-9, 8e-6]))
-    left.figure.draw_without_rendering()
-    for panel in (left, right):
+def test_a_logarithmic_axis_has_no_more_numbers_than_fit():
+    model = th.Foster(R=[600, 1500, 2500, 2000, 1200], tau=[3e-9, 30e-9, 200e-9, 1.5e-6, 8e-6])
+    for panel in FUNCTIONS["plot_model"](model):
+        panel.figure.savefig(io.BytesIO(), dpi=130)  # lays the panels out before it draws
         low, high = panel.get_xlim()
-        numbers = [
-            text for text in panel.get_xticklabels() if text.get_text() and low <= text.get_position()[0] <= high
-        ]
-        places = [text.get_window_extent() for text in numbers]
-        assert all(a.x1 + 0.4 * a.height < b.x0 for a, b in pairwise(places))  # a space between two
+        assert sum(low <= text.get_position()[0] <= high for text in panel.get_xticklabels()) <= 6  # seven touch
 
 
 def test_the_logarithmic_panel_shows_the_magnitude_of_every_error():
