@@ -17,9 +17,9 @@ Contract of a `Waveform` (anything that satisfies it can drive every model):
 9. ``wave.words``, optional, is a short description: "pulse 2 mW, 20 us".
 
 To add a waveform, write one file in this folder: a frozen dataclass that keeps the contract, with the decorator
-`contract.stored` where its fields are numbers and arrays. It is found by itself: as ``th.Name``, in files and in the
-tests of readers (which take ``Name.example()`` where it has one). One instance of it goes into
-tests/test_every_waveform.py, which drives every model with it.
+`contract.stored` where its fields are numbers and arrays. It is found by itself: as ``th.Name`` and in files. One
+instance of it goes into tests/test_every_waveform.py, which drives every model with it, and of which the tests of
+readers damage every field.
 """
 
 from __future__ import annotations
