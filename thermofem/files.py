@@ -104,13 +104,21 @@ def lock(handle: int) -> bool:
     return True
 
 
+def named(path: str | Path) -> Path:
+    """The path of what will be written; InputError for a name that no list of one name a line can hold."""
+    path = checks.path("path", path)
+    if any(unicodedata.category(c) in ("Cc", "Zl", "Zp") for c in path.name):
+        raise InputError(f"path = {checks.shown(path.name)} holds a line break or control character; leave it out")
+    return path
+
+
 def open_locked(path: Path, what: str) -> int:
     """Open a file for this process alone, making it where it does not exist; returns the handle.
 
     Raises InputError: it cannot be opened, or another run uses it.
     """
     try:
-        handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        handle = os.open(named(path), os.O_RDWR | os.O_CREAT, 0o666)
     except OSError as error:
         raise InputError(f"{what} cannot be written: {error.strerror}") from None
     if not lock(handle):
@@ -137,13 +145,8 @@ def sweep(folder: Path) -> None:
 
 
 def check_target(path: str | Path) -> Path:
-    """Where a file will be written, links followed; InputError without a folder, or where no file could be.
-
-    A name that breaks a line is refused: other programs, and their scripts, list files one a line.
-    """
-    path = checks.path("path", path)
-    if any(unicodedata.category(c) in ("Cc", "Zl", "Zp") for c in path.name):
-        raise InputError(f"path = {checks.shown(path.name)} holds a line break or control character; leave it out")
+    """Where a file will be written, links followed; InputError without a folder, or where no file could be."""
+    path = named(path)
     try:
         if path.is_symlink():
             path = Path(os.path.realpath(path))
@@ -211,7 +214,7 @@ def _umask() -> int:
 
 def make_folder(path: str | Path) -> Path:
     """Make a folder to write into where it does not exist; InputError when that or writing is not possible."""
-    path = checks.path("path", path)
+    path = named(path)
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:

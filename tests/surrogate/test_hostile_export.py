@@ -11,6 +11,7 @@ from fuzz import hostile
 
 import surrogate
 import thermofem as th
+from thermofem import files
 
 MODEL = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
 MARKS = {"spice": "*", "verilog-a": "//", "csv": "#"}
@@ -70,4 +71,7 @@ def test_a_file_name_is_one_line(to, tmp_path):
     for mark in (*hostile.BREAKS, "\t", "\x1b"):
         with pytest.raises(th.InputError, match="line break or control character"):
             surrogate.export_model(MODEL, tmp_path / f"a{mark}b", to=to)
+        for make in (files.make_folder, lambda path: files.open_locked(path, "map")):
+            with pytest.raises(th.InputError, match="line break or control character"):
+                make(tmp_path / f"a{mark}b")
     assert list(tmp_path.iterdir()) == []

@@ -251,3 +251,32 @@ def test_dask_cluster(tmp_path):
         th.Campaign.from_toml(tmp_path / "campaign.toml").run(tmp_path / "own", executor)
     with th.open_campaign(tmp_path / "out") as data, th.open_campaign(tmp_path / "own") as own:
         assert data.identical(own)
+
+
+INTERRUPTED = """
+import os, signal, sys, threading
+import thermofem as th
+from thermofem.campaign import run
+if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have had it ignored
+    begin = run.begin
+    def soon():
+        begin()
+        threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()  # the server imports for a second
+    run.begin = soon
+    try:
+        th.Campaign.from_toml(sys.argv[1]).run(sys.argv[2], workers=2)
+    except KeyboardInterrupt:
+        print("interrupted")
+"""
+
+
+def test_ctrl_c_while_workers_start_leaves_no_traceback(tmp_path):
+    """Workers complained of queues that were gone: 16 lines on standard error."""
+    (tmp_path / "strip.toml").write_text(th.strip_ring().to_toml())
+    vary = '[[vary]]\npath = "material.SiO2.conductivity"\nfrom = "1 W/m/K"\nto = "2 W/m/K"\ncount = 4\n'
+    (tmp_path / "plan.toml").write_text(f'geometry = "strip.toml"\n{vary}[[drive]]\npower = "1 mW"\n')
+    (tmp_path / "script.py").write_text(INTERRUPTED)
+    command = [sys.executable, "script.py", "plan.toml", "out"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "interrupted\n", "")

@@ -47,6 +47,14 @@ def begin() -> None:
             forkserver.ensure_running()
 
 
+def wait_until_ready() -> None:
+    """Wait for the server process to have its libraries: a worker that Ctrl-C finds in its start leaves a traceback."""
+    if context().get_start_method() == "forkserver":
+        first = context().Process(target=int)  # type: ignore[attr-defined]
+        first.start()
+        first.join()
+
+
 @contextlib.contextmanager
 def one_thread() -> Iterator[None]:
     """Context in which new worker processes use one BLAS thread each."""

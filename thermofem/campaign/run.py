@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from .. import checks
 from ..checks import InputError, MissingLibraryError
 from .collect import Row, write_collections
-from .processes import begin, context, cpus, one_thread
+from .processes import begin, context, cpus, one_thread, wait_until_ready
 from .store import ResultStore
 from .work import Outcome, compute, prepare, ready
 
@@ -128,6 +128,7 @@ class _Workers:
         if self.given:
             self.pool = self.given
         else:
+            wait_until_ready()
             self.pool = ProcessPoolExecutor(self.count, mp_context=context(), initializer=prepare)
         base = self.campaign.base_task() if trial else None
         tests = [self.pool.submit(ready, base if k == 0 else None) for k in range(1 if self.given else self.count)]
