@@ -10,7 +10,9 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test test-slow test-all check lint types validation docs wheel gdsfactory bench fuzz audit clean
 
-demo: .venv/installed
+# two at once: the rest of the installation, and the kernels that every later stage needs
+demo:
+	$(MAKE) --no-print-directory --jobs=2 .venv/installed .venv/kernels
 	$(BIN)/thermofem reproduce -o out
 
 test: .venv/installed-dev
@@ -95,7 +97,16 @@ clean:
 .venv/bin/python:
 	$(PYTHON) -m venv .venv
 
-.venv/installed: .venv/bin/python pyproject.toml
+.venv/numba: .venv/bin/python
+	$(BIN)/python $(INSTALL) numba scipy xarray pint
+	touch $@
+
+# what it does not compile is compiled when first used
+.venv/kernels: .venv/numba
+	-$(BIN)/python -m coupled
+	touch $@
+
+.venv/installed: .venv/numba pyproject.toml
 	$(BIN)/python $(INSTALL) --editable .
 	touch $@
 

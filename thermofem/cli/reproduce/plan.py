@@ -38,7 +38,15 @@ STAGES = (
         "stacks_explained", "stacks that explain the experiment", stack_stages.explained, (), ("cycle",), 15, aside=True
     ),
     Stage("loop", "FEM in the loop", loop_stages.loop, ("elements",), (*LOOP, "fitted"), 15),
-    Stage("loop_map", "FEM in the loop: a map", loop_stages.loop_map, ("elements",), (*LOOP, "grid", "loop_every"), 40),
+    Stage(
+        "loop_map",
+        "FEM in the loop: a map",
+        loop_stages.loop_map,
+        ("elements",),
+        (*LOOP, "grid", "loop_every"),
+        40,
+        aside=True,
+    ),
     Stage("fits", "Fig. 4(d): models fitted to traces", pulsing_stages.fits, ("loop",), ("runs",), 25),
     Stage("marked", "Figs. 4(c) and 6(c): traces", pulsing_stages.marked, TRAINED, ("run",), 2),
     Stage("maps", "Figs. 4 and 6: maps", map_stages.maps, (*TRAINED, "periods"), MAPS, 24),

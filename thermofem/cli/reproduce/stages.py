@@ -37,7 +37,7 @@ class Stage:
     uses: fields of Settings.
     weight [s]: about how long it takes.
     quick: whether it belongs to the one-minute version.
-    aside: whether a second process may compute it: it has no inputs, and no stage has it as an input.
+    aside: whether a second process may compute it: its inputs have no inputs, and no stage has it as an input.
     """
 
     name: str
