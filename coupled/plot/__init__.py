@@ -9,10 +9,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from thermofem.checks import choice
-from thermofem.plot_style import GREEN, PURPLE, takes
+from thermofem.plot_style import GREEN, INK, PURPLE, takes
 from thermofem.plot_style import axes as new_axes
 
-from .axes import HEAT, LIGHT, dbm
+from .axes import HEAT, LIGHT, dbm, draw_stability
 from .maps import plot_map, plot_maps
 from .runs import plot_sweep, plot_traces
 
@@ -51,7 +51,7 @@ def plot_identification(found: Identification, axes: Sequence[Axes] | None = Non
         first = int(one["drop"].values.argmin())  # the cycle begins where the drop power is lowest
         phase, unit = one["phase"].values, 1e3
         measured, model = (np.roll(one[name].values, -first) * unit for name in ("drop", "drop_model"))
-        ax.plot(phase, measured, color="#111111", linewidth=2.4, alpha=0.45, label="measured")
+        ax.plot(phase, measured, color=INK, linewidth=2.4, alpha=0.45, label="measured")
         ax.plot(phase, model, color=HEAT, linewidth=1.3, label="model")
         drive = f"{dbm(at['power'].values):.0f} dBm, {float(at['detuning']) * 1e-9:.0f} GHz"
         periods = f"{float(at['period']) * 1e9:.0f} ns, model {float(at['period_model']) * 1e9:.0f} ns"
@@ -93,7 +93,7 @@ def plot_carrier_decay(decay: xr.Dataset, axes: Sequence[Axes] | None = None) ->
         _, axes = plt.subplots(1, 2, figsize=(7.6, 3.1), layout="constrained")
     left, right = axes
     t, N, tau = (decay[name].values for name in ("time", "carriers", "lifetime"))
-    left.semilogy(t * 1e9, N * 1e-6, color="#111111", linewidth=1.6)
+    left.semilogy(t * 1e9, N * 1e-6, color=INK, linewidth=1.6)
     for at, where, dash in ((0, "first", "--"), (-1, "last", ":")):
         line = N[at] * np.exp(-(t - t[at]) / tau[at]) * 1e-6
         label = f"{where} lifetime, {tau[at] * 1e9:.0f} ns"
@@ -101,7 +101,7 @@ def plot_carrier_decay(decay: xr.Dataset, axes: Sequence[Axes] | None = None) ->
     left.legend(frameon=False, fontsize="small", loc="lower left")
     left.set(xlabel="time (ns)", ylabel="carrier density (cm$^{-3}$)", xlim=(t[0] * 1e9, t[-1] * 1e9))
     left.set_ylim(0.6 * N[-1] * 1e-6, 1.6 * N[0] * 1e-6)
-    right.semilogx(N * 1e-6, tau * 1e9, color="#111111", linewidth=1.6)
+    right.semilogx(N * 1e-6, tau * 1e9, color=INK, linewidth=1.6)
     right.set(xlabel="carrier density (cm$^{-3}$)", ylabel="lifetime (ns)")
     return np.array([left, right])
 
@@ -137,10 +137,7 @@ def plot_transmission(
     stable = curve["regime"].values == "stable"
     ends = _leaves(x, y)
     x, y, stable = np.insert(x, ends, np.nan), np.insert(y, ends, np.nan), np.insert(stable, ends, False)
-    touching = stable | np.concatenate([stable[:1], stable[:-1]])  # so that the two styles meet
-    ax.plot(x, np.where(touching, y, np.nan), color="#111111", linewidth=1.4, label="stable")
-    dots: dict[str, Any] = {"color": "#111111", "linewidth": 1.2, "linestyle": (0, (1, 1.5))}
-    ax.plot(x, np.where(stable, np.nan, y), **dots, label="unstable")
+    draw_stability(ax, x, y, stable, color=INK, labels=("stable", "unstable"))
     for (title, run), colour in zip((sweeps or {}).items(), (LIGHT, HEAT, GREEN, PURPLE), strict=False):
         ax.plot(run[name].values * scale, run[show].values * unit, color=colour, linewidth=1.1, alpha=0.85, label=title)
     ax.set(xlabel="power (mW)" if by_power else "detuning (GHz)", ylabel=label, xlim=(np.nanmin(x), np.nanmax(x)))

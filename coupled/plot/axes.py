@@ -1,13 +1,18 @@
-"""Units of the axes that figures of this package share."""
+"""Units of the axes and styles of the lines that figures of this package share."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from thermofem.plot_style import BLUE as LIGHT
 from thermofem.plot_style import VERMILION as HEAT
 
-__all__ = ["HEAT", "LIGHT", "dbm", "readable"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["HEAT", "LIGHT", "dbm", "draw_stability", "joined", "readable"]
 
 
 def dbm(power: np.ndarray) -> np.ndarray:
@@ -31,3 +36,19 @@ def readable(values: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
         if largest >= factor:
             return values / factor, prefix + unit
     return values, unit
+
+
+def joined(part: np.ndarray) -> np.ndarray:
+    """Extend each true stretch of a mask by the next point, so that lines of different styles meet."""
+    return part | np.concatenate([part[:1], part[:-1]])
+
+
+def draw_stability(
+    ax: Axes, x: np.ndarray, y: np.ndarray, stable: np.ndarray, *, color: str, labels: tuple[str, str]
+) -> None:
+    """Draw a line, solid where stable and dotted elsewhere; ``labels`` name the two styles in the legend."""
+    if stable.any():
+        ax.plot(x, np.where(joined(stable), y, np.nan), color=color, linewidth=1.4, label=labels[0])
+    if not stable.all():
+        dots = (0, (1, 1.5))
+        ax.plot(x, np.where(stable, np.nan, y), color=color, linewidth=1.2, linestyle=dots, label=labels[1])

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem.plot_style import axes, takes
+from thermofem.plot_style import INK, axes, takes
 
-from .axes import HEAT, readable
+from .axes import HEAT, draw_stability, readable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 MARKS = {"fold": ("s", "fold of cycles"), "period doubling": ("D", "period doubling"), "torus": ("^", "torus"),
          "Hopf": ("o", "Hopf point")}  # fmt: skip
-_DOTS = (0, (1, 1.5))
 
 
 def plot_branch(branch: xr.Dataset, ax: Axes | None = None, *, fixed: xr.Dataset | None = None) -> Axes:
@@ -32,11 +31,13 @@ def plot_branch(branch: xr.Dataset, ax: Axes | None = None, *, fixed: xr.Dataset
     factor, label = _axis(branch, name)
     if fixed is not None:
         stable = fixed["regime"].values == "stable"
-        _two_styles(ax, fixed[name].values * factor, fixed["drop"].values * 1e3, stable, "#111111", "fixed point")
+        labels = ("fixed point, stable", "fixed point, unstable")
+        draw_stability(ax, fixed[name].values * factor, fixed["drop"].values * 1e3, stable, color=INK, labels=labels)
     stable = branch["stability"].values == "stable"
     x = branch[name].values * factor
     for k, edge in enumerate(("drop_high", "drop_low")):
-        _two_styles(ax, x, branch[edge].values * 1e3, stable, HEAT, "" if k else "cycle, highest and lowest")
+        labels = ("", "") if k else ("cycle, highest and lowest, stable", "cycle, highest and lowest, unstable")
+        draw_stability(ax, x, branch[edge].values * 1e3, stable, color=HEAT, labels=labels)
     for kind, (marker, words) in MARKS.items():
         at = branch["special"].values == kind
         style: dict[str, Any] = {"marker": marker, "linestyle": "", "markersize": 5.5, "zorder": 4}
@@ -47,17 +48,6 @@ def plot_branch(branch: xr.Dataset, ax: Axes | None = None, *, fixed: xr.Dataset
     ax.set_ylim(bottom=0)
     ax.legend(frameon=False, fontsize="small")
     return ax
-
-
-def _two_styles(ax: Axes, x: np.ndarray, y: np.ndarray, stable: np.ndarray, colour: str, words: str) -> None:
-    """A line, solid where stable and dotted elsewhere."""
-    touching = stable | np.roll(stable, 1)  # so that the two styles meet
-    touching[:1] = stable[:1]
-    if stable.any():
-        ax.plot(x, np.where(touching, y, np.nan), color=colour, linewidth=1.5, label=words and f"{words}, stable")
-    if not stable.all():
-        other = np.where(stable, np.nan, y)
-        ax.plot(x, other, color=colour, linewidth=1.3, linestyle=_DOTS, label=words and f"{words}, unstable")
 
 
 def _axis(branch: xr.Dataset, name: str) -> tuple[float, str]:

@@ -11,10 +11,10 @@ import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
 
 from thermofem.checks import choice
+from thermofem.plot_style import INK, takes
 from thermofem.plot_style import axes as new_axes
-from thermofem.plot_style import takes
 
-from .axes import LIGHT, dbm, readable
+from .axes import LIGHT, dbm, joined, readable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -28,7 +28,7 @@ REGIMES = {  # light to dark, so that the order survives in grey
     "self-pulsing": "#D8734A",
     "failed": "#222222",
 }
-_HOPF: dict[str, Any] = {"color": "#111111", "linewidth": 1.3}
+_HOPF: dict[str, Any] = {"color": INK, "linewidth": 1.3}
 _DASHED = (0, (3.5, 1.8))
 _CYCLE_FOLD: dict[str, Any] = {"color": "#7B2D8B", "linewidth": 1.5, "linestyle": (0, (5, 1.2, 1, 1.2))}
 _FOLD: dict[str, Any] = {"color": LIGHT, "linewidth": 1.3, "linestyle": (0, (1, 1.2))}
@@ -83,10 +83,8 @@ def plot_map(
         nu, power = curve["detuning"].values * 1e-9, dbm(curve["power"].values)
         leading, hard = curve["leading"].values, curve["lyapunov"].values > 0
         for style, part in (("-", leading & ~hard), (_DASHED, leading & hard), (":", ~leading)):
-            drawn = part | np.roll(part, 1) if part.any() else part  # so that the styles meet
-            drawn[0] = part[0] if part.size else False
-            if drawn.any():
-                ax.plot(nu, np.where(drawn, power, np.nan), **{**_HOPF, "linestyle": style})
+            if part.any():
+                ax.plot(nu, np.where(joined(part), power, np.nan), **{**_HOPF, "linestyle": style})
     for curve in folds:
         nu, power = curve["detuning"].values * 1e-9, dbm(curve["power"].values)
         ax.plot(nu, power, **(_CYCLE_FOLD if _of_cycles(curve) else _FOLD))

@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thermofem import Foster, HeatProblem, checks
-from thermofem.heat.derivatives import changes_of, project
+from thermofem.heat.derivatives import project, tangents_of
 from thermofem.heat.projected import ModalDerivative
-from thermofem.heat.tangent import tangent
-from thermofem.heat.velocity import vertex_velocities
 
 from .reduce import Reduction
 
@@ -58,9 +56,7 @@ def pole_derivatives(heat: HeatProblem, reduction: Reduction, parameters: str | 
     b, c = (d.means[name][d.free] for name in (heated, read))
     V = reduction.basis / np.sqrt(np.einsum("nk,nk->k", reduction.basis, d.E @ reduction.basis))
     rate = 1 / np.asarray(model.tau)
-    changes = changes_of(heat, parameters)
-    velocities = vertex_velocities(heat.geometry, heat.mesh, changes, roles=(*heat.heated, read))
-    tangents = [tangent(heat, one, v, (heated, read)) for one, v in zip(changes, velocities, strict=True)]
+    changes, _, tangents = tangents_of(heat, parameters, (heated, read))
     modal = ModalDerivative(rate, V.T @ b, V.T @ c, *project(tangents, (heated, read), d.free, V))
     of_R, of_tau = modal.poles()
     apart = np.abs(rate[:, None] / rate - 1) + np.eye(rate.size)

@@ -94,12 +94,20 @@ def _closed(ring: Array) -> Array:
 
 def distance(points: Array, edges: Array) -> Array:
     """Distance in m from points, shape (..., 2), to the nearest of the edges, shape (n, 2, 2); inf without edges."""
-    nearest = np.full(points.shape[:-1], np.inf)
-    for start, stop in edges:
+    return nearest(points, edges)[0]
+
+
+def nearest(points: Array, edges: Array) -> tuple[Array, NDArray[np.intp], Array]:
+    """`distance` from points to the edges, index of the nearest edge, and share of its length up to the foot."""
+    away = np.full(points.shape[:-1], np.inf)
+    index, place = np.zeros(away.shape, dtype=np.intp), np.zeros(away.shape)
+    for k, (start, stop) in enumerate(edges):
         along = stop - start
         share = np.clip((points - start) @ along / (along @ along), 0, 1)
-        nearest = np.minimum(nearest, np.linalg.norm(points - start - share[..., None] * along, axis=-1))
-    return nearest
+        far = np.linalg.norm(points - start - share[..., None] * along, axis=-1)
+        index, place = np.where(far < away, k, index), np.where(far < away, share, place)
+        away = np.minimum(far, away)
+    return away, index, place
 
 
 def subdivide(geometry: CrossSection) -> Subdivision:

@@ -88,13 +88,11 @@ def derivatives(
     checks.has("heat", heat, "heated", "readable", "mesh", hint="th.assemble(geometry) makes the HeatProblem")
     heated = checks.choice("heated", heated, heat.heated, default=heat.heated[0])
     read = checks.choice("read", read, heat.readable, default=heated)
-    changes = changes_of(heat, parameters)
     t = None if times is None else checks.array("times", times)
     if t is not None and t.min() < 0:
         raise checks.InputError(f"times holds {t.min():g} s; the step is at t = 0")
     f = None if frequencies is None else checks.array("frequencies", frequencies)
-    velocities = vertex_velocities(heat.geometry, heat.mesh, changes, roles=(*heat.heated, read))
-    tangents = [tangent(heat, one, v, (heated, read)) for one, v in zip(changes, velocities, strict=True)]
+    changes, velocities, tangents = tangents_of(heat, parameters, (heated, read))
     found = _responses(heat, tangents, (heated, read), t, f)
     data = dataset_of([(one.name, one.value, one.unit) for one in changes], found, t, f)
     about = {"long_name": "change at which the moved mesh tangles", "units": "of it"}
@@ -102,14 +100,17 @@ def derivatives(
     return data.assign_attrs(heated=heated, read=read, thermal_resistance=heat.thermal_resistance(heated, read))
 
 
-def changes_of(heat: HeatProblem, parameters: Parameter | Sequence[Parameter]) -> list[Change]:
-    """The `Change` of each parameter; InputError where one is named twice."""
+def tangents_of(
+    heat: HeatProblem, parameters: Parameter | Sequence[Parameter], channel: tuple[str, str]
+) -> tuple[list[Change], Array, list[Tangent]]:
+    """The `Change` of each parameter, the velocities of the vertices and the derivative of the matrices with it."""
     each = checks.instances("parameters", [parameters] if isinstance(parameters, str) else parameters, str, tuple, list)
     if not each:
         raise checks.InputError("parameters is empty; name at least one path, e.g. 'part.core.radius'")
     changes = [change(heat.geometry, one) for one in each]
     checks.unique("parameters", [one.name for one in changes])
-    return changes
+    velocities = vertex_velocities(heat.geometry, heat.mesh, changes, roles=(*heat.heated, channel[1]))
+    return changes, velocities, [tangent(heat, *pair, channel) for pair in zip(changes, velocities, strict=True)]
 
 
 def project(

@@ -32,7 +32,7 @@ class _Maps:
 
 
 def element_conduction_tangent(basis: Any, k: Array, of_k: Array, moved: Array) -> Array:
-    """d of `matrices.element_conduction`; with A = adj J its metric is A diag(k) A^T / |det J|."""
+    """Derivative of `matrices.element_conduction`; with A = adj J its metric is A diag(k) A^T / |det J|."""
     m, integrals = _Maps.of(basis, moved), reference(basis)
     A, of_A = (np.array([[J[1, 1], -J[0, 1]], [-J[1, 0], J[0, 0]]]) for J in (m.J, m.of_J))
     metric = np.einsum("mde,de,nde->mne", A, k, A)
@@ -43,7 +43,7 @@ def element_conduction_tangent(basis: Any, k: Array, of_k: Array, moved: Array) 
 
 
 def element_capacity_tangent(basis: Any, c: Array, of_c: Array, moved: Array) -> Array:
-    """d of `matrices.element_capacity`."""
+    """Derivative of `matrices.element_capacity`."""
     m = _Maps.of(basis, moved)
     share = of_c + c * m.of_det / m.det
     weights = 2 * np.pi * np.abs(m.det) * (share * m.r + c * m.of_r)
@@ -55,7 +55,7 @@ def _elements(basis: Any, weights: Array, integrals: Array) -> Array:
 
 
 def volume_tangent(basis: Any, inside: NDArray[np.bool_], moved: Array) -> Array:
-    """d of `matrices.volume`."""
+    """Derivative of `matrices.volume`."""
     m, integrals = _Maps.of(basis, moved), reference(basis)
     weights = 2 * np.pi * np.abs(m.det) * (m.r * m.of_det / m.det + m.of_r)
     shares = weights[:, inside].T @ integrals.load

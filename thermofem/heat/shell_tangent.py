@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..arrays import Array
+from ..geometry.regions import nearest
 from .element_tangent import volume_tangent
 from .shell import FINENESS, Cut, cut_shell, shell_integral
 
@@ -31,16 +32,16 @@ def shell_tangent(heat: HeatProblem, change: Change, moved: Array, name: str) ->
 
 
 def _cut_tangent(cut: Cut, basis, moved: Array, of_shell: float):  # type: ignore[no-untyped-def]
-    """For every basis function the triangles that the edge of the shell cuts, and d of their shares."""
+    """For every basis function the triangles that the edge of the shell cuts, and the derivative of their shares."""
     grid = basis.mesh
     corners, of_corners = (np.moveaxis(x[:, grid.t[:, cut.cells]], (0, 1, 2), (2, 1, 0)) for x in (grid.p, moved))
     weights = np.column_stack([1 - cut.local.sum(axis=1), cut.local])
     points, of_points = (np.einsum("qk,ckx->cqx", weights, x) for x in (corners, of_corners))
-    nearest, of_nearest = _nearest(points, cut.outline, _at_corners(cut.outline, grid.p, moved))
-    away = points - nearest
-    far = np.linalg.norm(away, axis=-1)
-    unit = away / np.where(far, far, 1)[..., None]
-    of_far = np.einsum("cqx,cqx->cq", unit, of_points - of_nearest)
+    edges, of_edges = cut.outline, _at_corners(cut.outline, grid.p, moved)
+    far, index, place = nearest(points, edges)
+    feet, of_feet = (e[index, 0] + place[..., None] * (e[index, 1] - e[index, 0]) for e in (edges, of_edges))
+    unit = (points - feet) / np.where(far, far, 1)[..., None]
+    of_far = np.einsum("cqx,cqx->cq", unit, of_points - of_feet)
     sides, of_sides = (x - np.roll(x, 1, axis=1) for x in (corners, of_corners))
     length = np.linalg.norm(sides, axis=-1)
     pick = length.argmax(axis=1)
@@ -68,19 +69,3 @@ def _at_corners(outline: Array, points: Array, moved: Array) -> Array:
     from scipy.spatial import cKDTree
 
     return moved.T[cKDTree(points.T).query(outline)[1]]
-
-
-def _nearest(points: Array, edges: Array, of_edges: Array) -> tuple[Array, Array]:
-    """The nearest point of the edges and its velocity, for points of shape (..., 2)."""
-    best = np.full(points.shape[:-1], np.inf)
-    nearest, velocity = np.zeros_like(points), np.zeros_like(points)
-    for (start, stop), (of_start, of_stop) in zip(edges, of_edges, strict=True):
-        along = stop - start
-        share = np.clip((points - start) @ along / (along @ along), 0, 1)[..., None]
-        there = start + share * along
-        far = np.linalg.norm(points - there, axis=-1)
-        closer = far < best
-        best = np.where(closer, far, best)
-        nearest[closer] = there[closer]
-        velocity[closer] = (of_start + share * (of_stop - of_start))[closer]
-    return nearest, velocity
