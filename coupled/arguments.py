@@ -28,8 +28,7 @@ R = TypeVar("R")
 
 def check_ring(ring: RingResonator) -> None:
     """Raise InputError unless this is a ring."""
-    if not isinstance(ring, RingResonator):
-        raise checks.InputError(f"ring is a {type(ring).__name__}; it must be a RingResonator, such as borghi2021()")
+    checks.instance("ring", ring, RingResonator, hint="it must be a RingResonator, such as borghi2021()")
 
 
 def one_laser(function: Callable[P, R]) -> Callable[P, R]:

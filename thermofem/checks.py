@@ -216,6 +216,12 @@ def has(name: str, value: Any, *attributes: str, hint: str) -> None:
         raise InputError(f"{name} is a {type(value).__name__}; {hint}")
 
 
+def instance(name: str, value: Any, *kinds: type, hint: str) -> None:
+    """Raise InputError unless ``value`` is of one of the kinds."""
+    if not isinstance(value, kinds):
+        raise InputError(f"{name} is a {type(value).__name__}; {hint}")
+
+
 def text(name: str, value: Any) -> str:
     """Return ``value``, or raise InputError if it is no text."""
     if not isinstance(value, str):
@@ -285,11 +291,17 @@ def whole(value: Any) -> bool:
     return isinstance(value, int | np.integer) and not isinstance(value, np.timedelta64)
 
 
+def integer(name: str, value: Any, low: int, high: float = math.inf, *, hint: str = "") -> int:
+    """Return ``value`` as an int, or raise InputError unless it is a whole number in [low, high]; 3.0 is none."""
+    if not whole(value) or isinstance(value, bool) or not low <= value <= high:
+        end = "" if high == math.inf else f" to {high:,}"
+        raise InputError(f"{name} = {shown(value)} must be a whole number from {low}{end}", hint)
+    return int(value)
+
+
 def seed(value: Any) -> int:
     """Return a seed of random numbers, or raise InputError."""
-    if not whole(value) or value < 0:
-        raise InputError(f"seed = {shown(value)} must be a whole number from 0")
-    return int(value)
+    return integer("seed", value, 0)
 
 
 def choice(name: str, value: Any, choices: Iterable[str], *, default: str | None = None, hint: str = "") -> str:

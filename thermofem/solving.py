@@ -148,8 +148,7 @@ def solve_periodic(
 
 def _check(heat: HeatProblem, wave: Waveform, heated: str | None, method: str) -> str:
     """Name of the heated part, after a check of the types of the arguments."""
-    if not isinstance(heat, HeatProblem):
-        raise checks.InputError(f"heat is a {type(heat).__name__}; th.assemble(geometry) makes the HeatProblem")
+    checks.instance("heat", heat, HeatProblem, hint="th.assemble(geometry) makes the HeatProblem")
     if isinstance(wave, type) or not hasattr(wave, "breakpoints"):
         raise checks.InputError(f"wave = {wave!r} is no waveform; e.g. th.Pulse(power=2e-3, width=20e-6)")
     checks.choice("method", method, ("auto", "stepping"))

@@ -182,6 +182,5 @@ def _named(rings: Any) -> dict[str, RingResonator]:
         raise checks.InputError(f"rings holds {len(named)} rings; 1 to {MOST} are needed")
     for name, ring in named.items():
         check_name("ring", name)
-        if not isinstance(ring, RingResonator):
-            raise checks.InputError(f"ring {name!r} is a {type(ring).__name__}; it must be a RingResonator")
+        checks.instance(f"ring {name!r}", ring, RingResonator, hint="it must be a RingResonator")
     return named

@@ -75,7 +75,7 @@ def circuit_limit_cycle(
     import xarray as xr
 
     checks.between("settle", settle, 1e-9, 1, unit="s", hint="times are in s")
-    checks.between("samples", samples, 3, 10_000_000)
+    samples = checks.integer("samples", samples, 3, 10_000_000)
     system = autonomous(circuit, thermal, inputs, heaters, detuning)
     drive = {"inputs": inputs, "heaters": heaters, "detuning": detuning}
     run = simulate_circuit(circuit, thermal, duration=settle, rtol=1e-6, **drive)  # type: ignore[arg-type]

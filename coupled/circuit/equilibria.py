@@ -69,10 +69,10 @@ def circuit_steady_states(
     >>> coupled.circuit_steady_states(circuit, model, inputs={"in": 5e-3}, detuning=-32e9).growing.values
     array([0, 1, 2])
     """
-    checks.between("starts", starts, 0, 100_000)
+    starts = checks.integer("starts", starts, 0, 100_000)
     system = autonomous(circuit, thermal, inputs, heaters, detuning)
     found: list[Array] = []
-    for guess in _guesses(system, int(starts), seed):
+    for guess in _guesses(system, starts, seed):
         y = _newton(system, guess)
         if y is not None and not any(_same(y, other, len(circuit.names)) for other in found):
             found.append(y)
@@ -85,8 +85,7 @@ def autonomous(
     circuit: Circuit, thermal: Any, inputs: Mapping[str, Any], heaters: Mapping[str, Any] | None, detuning: Any
 ) -> System:
     """A circuit under constant light, or InputError."""
-    if not isinstance(circuit, Circuit):
-        raise checks.InputError(f"circuit is a {type(circuit).__name__}; it must be a Circuit")
+    checks.instance("circuit", circuit, Circuit, hint="it must be a Circuit, such as coupled.bus([ring])")
     heaters = checks.mapping("heaters", heaters)
     for what, values in (("inputs", inputs), ("heaters", heaters), ("detuning", {"": detuning})):
         checks.has(what, values, "items", hint="give numbers by name, {'in': 1e-3}")

@@ -107,10 +107,7 @@ def simulate_circuit(
     from .integrate import integrate
     from .poles import series
 
-    if not isinstance(circuit, Circuit):
-        raise checks.InputError(
-            f"circuit is a {type(circuit).__name__}; it must be a Circuit, such as coupled.bus([ring])"
-        )
+    checks.instance("circuit", circuit, Circuit, hint="it must be a Circuit, such as coupled.bus([ring])")
     check_duration(duration)
     checks.between("rtol", rtol, 1e-13, 1e-1, hint="1e-6 gives traces to better than 1e-5")
     checks.progress(progress)

@@ -13,6 +13,7 @@ from thermofem import checks
 from thermofem.models import Foster, OutputMap, Quadratic, StateSpace, ThermalModel
 from thermofem.models.contract import bare
 
+from ..arguments import check_ring
 from ..heaters import LARGEST_POWER, Channels, channels
 from ..parameters import borghi2021 as borghi
 from ..parameters import vanvaerenbergh2012 as vanvaerenbergh
@@ -106,8 +107,7 @@ def heaters_of(models: list[dict[str, Any]], ring: dict[str, Any], shift: float)
 
 def ring_of(ring: RingResonator) -> dict[str, Any]:
     """Return a ring as the page takes it: its fields in SI, and the window of its plane in dBm and GHz."""
-    if not isinstance(ring, RingResonator):
-        raise checks.InputError(f"ring is a {type(ring).__name__}; it must be a RingResonator, such as borghi2021()")
+    check_ring(ring)
     return asdict(ring) | {"window": WINDOWS.get(ring.name) or window_of(ring)}
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -141,13 +140,8 @@ def identify(
     check_ring(ring)
     what = unknowns(ring, free, model, bounds)
     targets = targets_of(traces)
-    if not isinstance(seed, Integral) or seed < 0:
-        raise checks.InputError(f"seed = {seed!r} must be a whole number, 0 or more")
-    if not isinstance(runs, Integral) or not 1 <= runs <= 1000:
-        raise checks.InputError(
-            f"runs = {runs!r} must be a whole number and lie between 1 and 1000; "
-            "several show whether the search ends in one minimum"
-        )
+    seed = checks.seed(seed)
+    runs = checks.integer("runs", runs, 1, 1000, hint="several show whether the search ends in one minimum")
     found, front = [], np.empty((0, len(targets)))
     wanted = [target.observed.mean() for target in targets]
     with bar("identify", runs, show_bar) as advance:

@@ -74,8 +74,8 @@ class FEM:
         field_times: ArrayLike = (),
         cycles: int = CYCLES,
     ) -> None:
-        if not isinstance(heat, HeatProblem | StateSpace | NonlinearSystem):
-            raise checks.InputError(f"heat is a {type(heat).__name__}; th.assemble(geometry) makes the HeatProblem")
+        hint = "th.assemble(geometry) makes the HeatProblem"
+        checks.instance("heat", heat, HeatProblem, StateSpace, NonlinearSystem, hint=hint)
         checks.between("max_discrepancy", max_discrepancy, 1e-9, 10, unit="K")
         self.problem = heat if isinstance(heat, HeatProblem) else None
         names = heat.heated if isinstance(heat, HeatProblem) else heat.inputs

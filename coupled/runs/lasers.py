@@ -61,10 +61,9 @@ class Laser:
 
     def __post_init__(self) -> None:
         checks.finite("phase", self.phase, unit="rad")
-        if self.resonance is not None and not isinstance(self.resonance, RingResonator):
-            raise checks.InputError(
-                f"resonance is a {type(self.resonance).__name__}; give a ring, such as replace(ring, frequency=194e12)"
-            )
+        if self.resonance is not None:
+            hint = "give a ring, such as replace(ring, frequency=194e12)"
+            checks.instance("resonance", self.resonance, RingResonator, hint=hint)
 
 
 class Traces(NamedTuple):

@@ -230,10 +230,9 @@ def fit_foster(
     InputError
         too few samples, an order out of range, data without power or rise, or that no heating pole fits.
     """
-    if checks.between("order", order, 1, 12) != int(order):
-        raise checks.InputError(f"order = {order!r} must be a whole number of poles")
+    order = checks.integer("order", order, 1, 12)
     training = Training.of(data, thermal_resistance=thermal_resistance, impose=True, transfer=transfer)
-    found, swarm = training.search(int(order), method)
+    found, swarm = training.search(order, method)
     kept = found.gain != 0 if training.transfer else found.gain > 0
     if not np.any(found.gain > 0):
         raise checks.InputError(f"no pole of the fit heats; do power and delta_T belong together? {TRANSFER}")

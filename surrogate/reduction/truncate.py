@@ -100,9 +100,7 @@ def balanced_truncation(system: StateSpace, order: int, *, tolerance: float = 1e
     fine = project(system, tolerance)
     heated, read = int(fine.heated[0]), int(fine.read[0])
     rate, F = fine.projection.rate, fine.projection.ports
-    checks.between("order", order, 1, rate.size, hint="a smaller tolerance gives more to choose from")
-    if order != int(order):
-        raise checks.InputError(f"order = {order} must be a whole number")
+    order = checks.integer("order", order, 1, rate.size, hint="a smaller tolerance gives more to choose from")
     own = fine.projection.gain.diagonal()
     sigma, U = np.linalg.eigh((F / own) @ F.T / (rate[:, None] + rate))
     sigma, U = np.maximum(sigma[::-1], 0) * np.sqrt(own[heated] * own[read]), U[:, ::-1]

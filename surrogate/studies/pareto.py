@@ -57,7 +57,7 @@ def pareto_front(
 
     Source: Deb et al., IEEE Trans. Evol. Comput. 6, 182 (2002).
     """
-    checks.between("generations", generations, 1, 10000)
+    generations = checks.integer("generations", generations, 1, 10000)
     wanted = wanted_of(target)
     if len(wanted) < 2:
         raise checks.InputError("a Pareto front needs two targets or more; surrogate.design takes one")

@@ -104,10 +104,8 @@ def family_over(given: Family | CrossSection, free: Ranges | None, tolerance: fl
     """A family as it is, or one trained over ranges of the parameters of a geometry."""
     if isinstance(given, Family):
         return given
-    if not isinstance(given, CrossSection):
-        raise checks.InputError(
-            f"family is a {type(given).__name__}; surrogate.train_family or load_family gives one, or give a geometry"
-        )
+    hint = "surrogate.train_family or load_family gives one, or give a geometry"
+    checks.instance("family", given, CrossSection, hint=hint)
     if not free:
         raise checks.InputError('free is empty; name what may change, e.g. {"part.core.width": (400e-9, 600e-9)}')
     variations = []

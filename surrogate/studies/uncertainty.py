@@ -97,8 +97,7 @@ def uncertainty(
 def _checked(
     family: Family, distributions: Mapping[str, Any], fixed: Mapping[str, float], samples: int
 ) -> tuple[str, ...]:
-    if not isinstance(family, Family):
-        raise checks.InputError(f"family is a {type(family).__name__}; surrogate.train_family gives one")
+    checks.instance("family", family, Family, hint="surrogate.train_family gives one")
     names = tuple(distributions)
     if not names:
         raise checks.InputError("distributions is empty; give one for at least one parameter")
@@ -108,7 +107,7 @@ def _checked(
         if not callable(getattr(one, "ppf", None)):
             hint = "a distribution of scipy.stats with its numbers is needed"
             raise checks.InputError(f"{name} is a {type(one).__name__}; {hint}")
-    if not checks.whole(samples) or not 2 <= samples <= MOST or samples & (samples - 1):
+    if checks.integer("samples", samples, 2, MOST).bit_count() != 1:
         raise checks.InputError(f"samples = {checks.shown(samples)} must be a power of two, at most {MOST}")
     return names
 

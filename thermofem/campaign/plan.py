@@ -94,7 +94,7 @@ class Campaign:
                 + (f"{', '.join(drawn)} has a range to draw from" if drawn else "nothing has a range to draw from")
                 + "; a range without count needs samples, a list does not"
             )
-        checks.between("samples", self.samples, 0, LARGEST)
+        checks.integer("samples", self.samples, 0, LARGEST)
         if len(self) > LARGEST:
             raise InputError(f"{len(self)} geometries are more than {LARGEST}; take fewer values or draw from ranges")
         first = next(self._values())

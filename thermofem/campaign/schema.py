@@ -19,24 +19,29 @@ import numpy as np
 from .. import checks, quantity, toml_file, waveforms
 from ..checks import InputError, shown
 from ..names import check_name, check_names
-from ..toml_file import write_table
+from ..toml_file import ANY, FLAG, NUMBER, TABLE, TABLES, TEXT, read_table, write_table
 from .vary import LARGEST, Drive, Value, Variation, check_number
 
-_TOP = ("name", "geometry", "samples", "seed", "accuracy", "rtol", "vary", "drive", "probes")
-_VARY = ("path", "name", "values", "from", "to", "count", "spacing")
-_DRIVE = ("name", "power", "pulse", "square", "duty", "periodic", "duration", "first", "samples", "spacing")
+_TOP = {
+    "name": TEXT, "geometry": ANY, "samples": ANY, "seed": ANY, "accuracy": NUMBER, "rtol": NUMBER, "vary": TABLES,
+    "drive": TABLES, "probes": TABLE,
+}  # fmt: skip
+_PROBES = {"heated": ANY, "read": ANY}
+_VARY = {"path": ANY, "name": TEXT, "values": ANY, "from": ANY, "to": ANY, "count": ANY, "spacing": ANY}
+_DRIVE = {
+    "name": TEXT, "power": "W", "pulse": "s", "square": "s", "duty": NUMBER, "periodic": FLAG, "duration": "s",
+    "first": "s", "samples": ANY, "spacing": ANY,
+}  # fmt: skip
 _TRANSIENT = ("duration", "first", "spacing")
 _UNITS = ("m", "K", "rad", "W/m/K", "kg/m^3", "J/kg/K", "W/m^2/K", "m^2*K/W", "")
 
 
 def fields(text: str, folder: Path) -> dict[str, Any]:
     """The fields of the `Campaign` that the text of a campaign file describes; geometry files lie in ``folder``."""
-    top = toml_file.parse(text)
-    _known(top, _TOP, "the file")
+    top = read_table(toml_file.parse(text), _TOP, "the file")
     if "geometry" not in top:
         raise InputError('geometry is missing; name a file, geometry = "strip.toml"')
-    probes = top.get("probes", {})
-    _known(probes, ("heated", "read"), "[probes]")
+    probes = read_table(top.get("probes", {}), _PROBES, "[probes]")
     read = probes.get("read", [])
     read = check_names("[probes]: read", [read] if isinstance(read, str) else read) if read != [] else ()
     heated = probes.get("heated")
@@ -44,13 +49,13 @@ def fields(text: str, folder: Path) -> dict[str, Any]:
         "geometry": _geometry(top["geometry"], folder),
         "variations": tuple(_variation(item, k) for k, item in enumerate(_tables(top, "vary"), 1)),
         "drives": tuple(_drive(item, k) for k, item in enumerate(_tables(top, "drive"), 1)),
-        "name": _text("name", top.get("name", "campaign")),
+        "name": top.get("name", "campaign"),
         "heated": heated if heated is None else check_name("[probes]: heated", heated),
         "read": read,
-        "accuracy": checks.finite("accuracy", top.get("accuracy", 1e-3)),
-        "rtol": checks.finite("rtol", top.get("rtol", 1e-4)),
-        "samples": _integer("samples", top.get("samples", 0), 0),
-        "seed": _integer("seed", top.get("seed", 0), 0),
+        "accuracy": top.get("accuracy", 1e-3),
+        "rtol": top.get("rtol", 1e-4),
+        "samples": checks.integer("samples", top.get("samples", 0), 0, LARGEST),
+        "seed": checks.integer("seed", top.get("seed", 0), 0, LARGEST),
     }
 
 
@@ -69,40 +74,19 @@ def _geometry(given: Any, folder: Path) -> str:
 
 
 def _tables(top: dict[str, Any], key: str) -> list[dict[str, Any]]:
-    items = top.get(key, [])
-    if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
-        raise InputError(f"{key} must be tables, each opened by a line [[{key}]]")
+    items: list[dict[str, Any]] = top.get(key, [])
     check_number(key, len(items))
     return items
-
-
-def _known(table: Any, keys: tuple[str, ...], where: str) -> None:
-    if not isinstance(table, dict):
-        raise InputError(f"{where} = {table!r} must be a table")
-    for key in table:
-        checks.choice(f"{where}: key", key, keys)
-
-
-def _integer(name: str, value: Any, least: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= LARGEST:
-        raise InputError(f"{name} = {shown(value)} must be a whole number from {least} to {LARGEST}")
-    return value
-
-
-def _text(name: str, value: Any) -> str:
-    if not isinstance(value, str):
-        raise InputError(f"{name} = {shown(value)} must be text")
-    return value
 
 
 def _variation(table: dict[str, Any], k: int) -> Variation:
     given = table.get("path")
     paths = tuple(given) if isinstance(given, list) else (given,)
     where = f"vary {given if isinstance(given, str) else k}"
-    _known(table, _VARY, where)
+    table = read_table(table, _VARY, where)
     if not paths or not all(isinstance(path, str) for path in paths):
         raise InputError(f'{where}: path = {shown(given)} is missing or no text; e.g. path = "part.core.width"')
-    name = _text(f"{where}: name", table.get("name", paths[0]))
+    name = table.get("name", paths[0])
     logarithmic = checks.choice(f"{where}: spacing", table.get("spacing", "linear"), ("linear", "log")) == "log"
     if "values" in table:
         if {"from", "to", "count"} & set(table) or not isinstance(table["values"], list) or not table["values"]:
@@ -116,7 +100,7 @@ def _variation(table: dict[str, Any], k: int) -> Variation:
     free = Variation(name, paths, unit, low=low, high=high, logarithmic=logarithmic)
     if "count" not in table:
         return free
-    shares = np.linspace(0, 1, _integer(f"{where}: count", table["count"], 2))
+    shares = np.linspace(0, 1, checks.integer(f"{where}: count", table["count"], 2, LARGEST))
     return Variation(name, paths, unit, tuple(float(f"{free.at(x):.9g}") for x in shares))
 
 
@@ -134,11 +118,8 @@ def _listed(texts: list[Any], where: str) -> tuple[str, tuple[Value, ...]]:
 
 def _drive(table: dict[str, Any], k: int) -> Drive:
     where = f"drive {table.get('name', k)}"
-    _known(table, _DRIVE, where)
-    watts = quantity.parse(table.get("power", "1 mW"), "W", name=f"{where}: power")
-    periodic = table.get("periodic", False)
-    if not isinstance(periodic, bool):
-        raise InputError(f"{where}: periodic = {shown(periodic)} must be true or false")
+    table = read_table(table, _DRIVE, where)
+    watts, periodic = table.get("power", 1e-3), table.get("periodic", False)
     for key, needed, other in (
         ("pulse", "square" not in table, "pulse and square exclude each other; give one"),
         ("duty", "square" in table, "duty goes with square: a pulse or a step has none"),
@@ -151,29 +132,28 @@ def _drive(table: dict[str, Any], k: int) -> Drive:
             raise InputError(f"{where}: {other}")
     wave: Any = waveforms.Constant(watts)
     if "pulse" in table:
-        wave = waveforms.Pulse(watts, quantity.parse(table["pulse"], "s", name=f"{where}: pulse"))
+        wave = waveforms.Pulse(watts, table["pulse"])
     elif "square" in table:
-        period = quantity.parse(table["square"], "s", name=f"{where}: square")
-        wave = waveforms.SquareWave(watts, period, checks.finite(f"{where}: duty", table.get("duty", 1 / 3)))
+        wave = waveforms.SquareWave(watts, table["square"], table.get("duty", 1 / 3))
     kind = next((kind for kind in ("pulse", "square") if kind in table), "step")
-    name = _text(f"{where}: name", table.get("name", kind))
+    name = table.get("name", kind)
     if periodic:
-        return Drive(name, wave, samples=_integer(f"{where}: samples", table.get("samples", 301), 3))
+        return Drive(name, wave, samples=checks.integer(f"{where}: samples", table.get("samples", 301), 3, LARGEST))
     return Drive(name, wave, _times(table, where, logarithmic=kind == "step"))
 
 
 def _times(table: dict[str, Any], where: str, *, logarithmic: bool) -> tuple[float, ...]:
     """Times of a transient: 0, and evenly in time or, for a step, in its logarithm from ``first`` on."""
-    duration = quantity.parse(table.get("duration", "40 us"), "s", name=f"{where}: duration")
+    duration = checks.positive(f"{where}: duration", table.get("duration", 40e-6), unit="s")
     default = "log" if logarithmic else "linear"
     spacing = checks.choice(f"{where}: spacing", table.get("spacing", default), ("linear", "log"))
-    samples = _integer(f"{where}: samples", table.get("samples", 81 if spacing == "log" else 401), 2)
-    checks.positive(f"{where}: duration", duration, unit="s")
+    samples = 81 if spacing == "log" else 401
+    samples = checks.integer(f"{where}: samples", table.get("samples", samples), 2, LARGEST)
     if spacing == "linear":
         if "first" in table:
             raise InputError(f'{where}: first goes with spacing = "log"; even times begin at 0')
         return tuple(map(float, np.linspace(0, duration, samples)))
-    first = quantity.parse(table.get("first", "1 ns"), "s", name=f"{where}: first")
+    first = table.get("first", 1e-9)
     if not 0 < first < duration:
         raise InputError(f"{where}: first = {first:g} s must lie between 0 and duration = {duration:g} s")
     return (0.0, *map(float, np.geomspace(first, duration, max(samples - 1, 2))))
