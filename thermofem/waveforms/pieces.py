@@ -150,7 +150,7 @@ def period_times(wave: Waveform, samples: int) -> Array:
     if period is None:
         raise checks.InputError(f"{type(wave).__name__} has no period; a periodic state needs a periodic waveform")
     edges = wave.breakpoints(0.0, period)
-    samples = checks.integer("samples", samples, 0, MOST_SAMPLES)
+    samples = checks.integer("samples", samples, 3, MOST_SAMPLES)
     if samples < 3 + 2 * edges.size:
         raise checks.InputError(f"samples = {samples} is too few for a period with {edges.size} edges inside")
     times = np.arange(samples, dtype=float) * (period / (samples - 1))
