@@ -107,7 +107,7 @@ def _checked(
         if not callable(getattr(one, "ppf", None)):
             hint = "a distribution of scipy.stats with its numbers is needed"
             raise checks.InputError(f"{name} is a {type(one).__name__}; {hint}")
-    if checks.integer("samples", samples, 2, MOST).bit_count() != 1:
+    if not checks.whole(samples) or not 2 <= samples <= MOST or samples & (samples - 1):
         raise checks.InputError(f"samples = {checks.shown(samples)} must be a power of two, at most {MOST}")
     return names
 
