@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import warnings
+
 import numpy as np
 import pytest
 
@@ -142,3 +145,12 @@ LOOP.append(LOOP)
 def test_what_python_would_stumble_over_is_refused_first(call, words):
     with pytest.raises(th.InputError, match=words):
         call()
+
+
+def test_edges_of_any_power_are_found_without_a_warning(tmp_path):
+    """The product of two changes overflowed."""
+    path = tmp_path / "scope.csv"
+    path.write_text("Time (us),T (K),P (W)\n" + "".join(f"{k},{k % 3},{1e161 * (k == 8)}\n" for k in range(20)))
+    with warnings.catch_warnings(), contextlib.suppress(th.InputError):
+        warnings.simplefilter("error")
+        th.read_csv(path, time="Time", temperature="T", power="P", ambient=0.0, edges="middle")

@@ -191,7 +191,7 @@ def _edges(times: Array, power: Array) -> list[tuple[int, int]]:
     while k < change.size:
         stop = k + 1
         if abs(change[k]) > FLANK * range_:
-            on = change * change[k] > FLANK * range_ * abs(change[k])
+            on = change * np.sign(change[k]) > FLANK * range_  # a product of powers may overflow
             while stop < min(change.size, k + EDGE_ROWS) and on[stop]:
                 stop += 1
             if abs(power[stop] - power[k]) > STEEP * range_ and times[stop] > times[k]:
