@@ -21,13 +21,13 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from scipy.optimize.elementwise import find_root
 
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.models import ThermalModel
 
 from ..arguments import check_axis, check_ring, one_laser
 from ..resonator import RingResonator
-from .roots import HALVINGS, roots
 from .steady import absorbable, internal
 
 if TYPE_CHECKING:
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
 ENERGIES, FREQUENCIES = 160, 200  # grid of the contour
 FOLD_POINTS = 300
+HALVINGS = 48  # to round-off
 JOIN = 0.3  # in log U and log w: a few cells of that grid
 STRETCH = 0.01  # of the window: the longest straight line in a Hopf curve
 
@@ -232,7 +233,9 @@ def _refined(plane: _Plane, line: Array, log_U: Array, log_w: Array, sign: int) 
         x, y = (a + t * (b - a) for a, b in zip(start[:, which], end[:, which], strict=True))
         return _sheet(plane, x, y, sign)[0]
 
-    x, y = start + roots(along, line.shape[0]) * (end - start)
+    exact = {"xatol": 2.0**-HALVINGS, "xrtol": 0.0, "fatol": 0.0, "frtol": 0.0}
+    found = find_root(along, (0.0, 1.0), args=(np.arange(line.shape[0]),), tolerances=exact)
+    x, y = start + np.where(found.success, found.x, 0.0) * (end - start)  # no bracket: on a node, where start is end
     return x, y
 
 
