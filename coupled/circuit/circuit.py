@@ -170,16 +170,13 @@ def _named(rings: Any) -> dict[str, RingResonator]:
     """Rings by name."""
     if isinstance(rings, RingResonator):
         rings = [rings]
-    if isinstance(rings, Mapping):
-        named = dict(rings)
-    elif isinstance(rings, Sequence) and not isinstance(rings, str):
-        named = {f"ring {k}": ring for k, ring in enumerate(rings, 1)}
-    else:
+    if not isinstance(rings, Mapping | Sequence) or isinstance(rings, str):
         raise checks.InputError(
             f"rings is a {type(rings).__name__}; give a list of RingResonator, or a dict of them by name"
         )
-    if not 1 <= len(named) <= MOST:
-        raise checks.InputError(f"rings holds {len(named)} rings; 1 to {MOST} are needed")
+    if not 1 <= len(rings) <= MOST:
+        raise checks.InputError(f"rings holds {len(rings)} rings; 1 to {MOST} are needed")
+    named = dict(rings) if isinstance(rings, Mapping) else {f"ring {k}": ring for k, ring in enumerate(rings, 1)}
     for name, ring in named.items():
         check_name("ring", name)
         checks.instance(f"ring {name!r}", ring, RingResonator, hint="it must be a RingResonator")

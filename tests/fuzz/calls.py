@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import random
+import resource
 import sys
 import tempfile
 import time
@@ -173,6 +174,7 @@ def small_family() -> surrogate.Family:
 
 
 if __name__ == "__main__":
+    resource.setrlimit(resource.RLIMIT_AS, (8 * 2**30,) * 2)  # a call that asks for more ends with its name
     everything = {**calls(), **families(small_family())}
     count, found = tried(everything, 10**9, 60 * (float(sys.argv[1]) if len(sys.argv) > 1 else 10.0))
     for where, call in found.items():
