@@ -8,23 +8,20 @@ INSTALL := -m pip install --quiet --disable-pip-version-check --no-compile
 # some machines set it; every process would then compile the sources again
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow test-all check lint types validation docs wheel gdsfactory bench fuzz audit clean
+.PHONY: demo test test-slow check lint types validation docs wheel gdsfactory bench fuzz audit clean
 
 # two at once: the rest of the installation, and the kernels that every later stage needs
 demo:
 	$(MAKE) --no-print-directory --jobs=2 .venv/installed .venv/kernels
 	$(BIN)/thermofem reproduce -o out
 
+# ALL=1 runs the slow tests, too, as continuous integration does: two processes then wait less for each other than in two runs
 test: .venv/installed-dev
-	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow"
+	$(BIN)/python -m pytest -n auto --dist loadfile $(if $(ALL),,-m "not slow")
 
 # the slow and violent tests, which `make test` leaves out
 test-slow: .venv/installed-dev
 	$(BIN)/python -m pytest -n auto --dist loadfile -m slow
-
-# both at once, as continuous integration does: two processes then wait less for each other than in two runs
-test-all: .venv/installed-dev
-	$(BIN)/python -m pytest -n auto --dist loadfile
 
 check: lint types test
 
