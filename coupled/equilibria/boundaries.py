@@ -21,7 +21,6 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.optimize.elementwise import find_root
 
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.models import ThermalModel
@@ -226,6 +225,8 @@ def _pieces(plane: _Plane) -> list[_Piece]:
 
 def _refined(plane: _Plane, line: Array, log_U: Array, log_w: Array, sign: int) -> tuple[Array, Array]:
     """log U and log w of the points of a contour, moved along the grid edges on which they lie to the exact zero."""
+    from scipy.optimize.elementwise import find_root
+
     low, high = np.floor(line + 1e-9).astype(int), np.ceil(line - 1e-9).astype(int)
     start, end = (np.array([log_U[i[:, 0]], log_w[i[:, 1]]]) for i in (low, high))
 
