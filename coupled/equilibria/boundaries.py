@@ -27,6 +27,7 @@ from thermofem.models import ThermalModel
 
 from ..arguments import check_axis, check_ring, one_laser
 from ..resonator import RingResonator
+from .roots import HALVINGS, roots
 from .steady import absorbable, internal
 
 if TYPE_CHECKING:
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
 
 ENERGIES, FREQUENCIES = 160, 200  # grid of the contour
 FOLD_POINTS = 300
-HALVINGS = 48  # to round-off
 JOIN = 0.3  # in log U and log w: a few cells of that grid
 STRETCH = 0.01  # of the window: the longest straight line in a Hopf curve
 
@@ -225,8 +225,6 @@ def _pieces(plane: _Plane) -> list[_Piece]:
 
 def _refined(plane: _Plane, line: Array, log_U: Array, log_w: Array, sign: int) -> tuple[Array, Array]:
     """log U and log w of the points of a contour, moved along the grid edges on which they lie to the exact zero."""
-    from scipy.optimize.elementwise import find_root
-
     low, high = np.floor(line + 1e-9).astype(int), np.ceil(line - 1e-9).astype(int)
     start, end = (np.array([log_U[i[:, 0]], log_w[i[:, 1]]]) for i in (low, high))
 
@@ -234,9 +232,7 @@ def _refined(plane: _Plane, line: Array, log_U: Array, log_w: Array, sign: int) 
         x, y = (a + t * (b - a) for a, b in zip(start[:, which], end[:, which], strict=True))
         return _sheet(plane, x, y, sign)[0]
 
-    exact = {"xatol": 2.0**-HALVINGS, "xrtol": 0.0, "fatol": 0.0, "frtol": 0.0}
-    found = find_root(along, (0.0, 1.0), args=(np.arange(line.shape[0]),), tolerances=exact)
-    x, y = start + np.where(found.success, found.x, 0.0) * (end - start)  # no bracket: on a node, where start is end
+    x, y = start + roots(along, line.shape[0]) * (end - start)
     return x, y
 
 
