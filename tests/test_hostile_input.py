@@ -57,6 +57,7 @@ def test_attributes_that_are_no_text_are_refused(name):
         surrogate.fit_newton(data)
 
 
+@pytest.mark.slow
 def test_a_family_that_unpacks_to_gigabytes_is_refused(tmp_path):
     path = tmp_path / "family.json"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("header.npy", "w") as member:

@@ -286,6 +286,7 @@ TOML_FILES = {
 
 
 @pytest.mark.parametrize("kind", TOML_FILES)
+@pytest.mark.slow
 def test_every_line_of_a_file_replaced(kind, tmp_path):
     """Each value by values of every other type and size, each line left out and there twice."""
     text, read = TOML_FILES[kind]
@@ -329,6 +330,7 @@ def test_a_drive_of_the_wrong_type_is_refused(line, words, tmp_path):
     ],
     ids=lambda model: type(model).__name__,
 )
+@pytest.mark.slow
 def test_every_field_of_a_model_replaced(model, tmp_path):
     path = surrogate.save_model(model, tmp_path / "m.json", provenance={"a": 1})
     tree = json.loads(path.read_text())

@@ -110,6 +110,7 @@ def test_imports_stay_light():
 
 
 @pytest.mark.parametrize("command", ["simulate m.json", "explore m.json"])
+@pytest.mark.slow
 def test_a_command_of_stored_machine_code_loads_no_compiler(tmp_path, command):
     """Neither Numba's registries, which a compilation needs, nor SciPy's linear algebra: together half of a start."""
     save_model(Foster(R=[600, 1500, 2000, 2200], tau=[20e-9, 100e-9, 400e-9, 2e-6]), tmp_path / "m.json")

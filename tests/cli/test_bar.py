@@ -37,6 +37,7 @@ class Listened(Bar):
         ("cosimulate", ["cosimulate", "--duration", "2 us"], "2 of 2 us"),
     ],
 )
+@pytest.mark.slow
 def test_what_takes_long_says_how_far_it_is(module, arguments, last, tmp_path, monkeypatch):
     (tmp_path / "warm.toml").write_text(th.strip_ring().to_toml().replace('"Si"', '"Si(T)"'))  # stepped: k(T)
     surrogate.save_model(th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6]), tmp_path / "model.json")

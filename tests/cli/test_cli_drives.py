@@ -57,6 +57,7 @@ def test_simulate_sweeps_the_laser(folder):
     assert (folder / "a.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_simulate_with_a_probe_on_another_resonance(folder):
     """Numbers and file against the same run in Python."""
     done = thermofem(

@@ -202,6 +202,7 @@ def test_bad_input_is_one_line_and_exit_code_2(arguments, words, folder):
     assert sorted(folder.iterdir()) == before
 
 
+@pytest.mark.slow
 def test_heated_and_read_pick_a_channel_to_fit_and_to_judge(tmp_path):
     """A heater is judged from heater to core; the figures of the first channel are another's."""
     (tmp_path / "ring.toml").write_text(th.heated_ring().to_toml())

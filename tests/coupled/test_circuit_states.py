@@ -74,6 +74,7 @@ def test_one_ring_has_the_cycle_of_limit_cycle():
     assert ours.delta_T.values[0, 0] == pytest.approx(ours.delta_T.values[0, -1], rel=1e-6, abs=0)
 
 
+@pytest.mark.slow
 def test_a_faint_ring_beside_a_pulsing_one_follows_it():
     """The cycle of both is that of the ring that pulses, and the other one is heated by it."""
     cycle = coupled.circuit_limit_cycle(TWO, pair(), inputs={"one": 6.31e-3, "two": 1e-9}, settle=100e-6)

@@ -9,6 +9,7 @@ import tomllib
 from types import FunctionType
 
 import numpy as np
+import pytest
 from numba import njit, types
 from numba.core.dispatcher import Dispatcher
 from order import PLACES, place
@@ -80,6 +81,7 @@ def test_stored_code_imports_no_library_when_loaded():
     assert {one.globals["__name__"] for one in environments} <= {__name__}
 
 
+@pytest.mark.slow
 def test_the_kernels_compile_before_the_installation_ends():
     """`make demo` runs ``python -m coupled`` beside the installation, when only the first packages are there."""
     first = re.search(r"\.venv/numba:.*\n\t.*\(INSTALL\) (.*)", (ROOT / "Makefile").read_text())

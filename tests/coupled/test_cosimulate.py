@@ -52,6 +52,7 @@ def test_period_at_8_dBm_after_20_us():
 
 
 @pytest.mark.parametrize("predictor", [None, surrogate.newton(tau_th=275e-9)], ids=["own", "newton"])
+@pytest.mark.slow
 def test_a_monolithic_stiff_integration_agrees(predictor):
     """Light, carriers and every temperature of a mesh in one system, by SciPy's Radau: 1e-5 of the largest rise."""
     times, rise, error = _monolithic()
@@ -110,6 +111,7 @@ def test_any_predictor_gives_the_same_answer(predictor):
     assert (run.attrs["passes"] > 2 * run.attrs["windows"]) == (predictor is not None)
 
 
+@pytest.mark.slow
 def test_the_error_falls_with_the_tolerance():
     drive = {"power": 20e-3, "duration": 0.2e-6, "rtol": 1e-8}
     fine = np.linspace(0, 0.2e-6, 20001)

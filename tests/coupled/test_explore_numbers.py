@@ -142,6 +142,7 @@ def test_stability_map(js):
     assert np.array_equal(found, mine.stable_points.values)
 
 
+@pytest.mark.slow
 def test_hopf_points(js):
     """Every point of Python's Hopf curves is found at its energy, with the same D and frequency."""
     points = 0

@@ -38,6 +38,7 @@ def traces():
     return [measured(RING, EXPERIMENT, 5.01e-3, -10e9), measured(RING, EXPERIMENT, 6.31e-3, 0.0, seed=4)]
 
 
+@pytest.mark.slow
 def test_known_parameters_come_back(traces):
     found = coupled.identify(RING, traces, free=["kappa", "tau_f"], model=EXPERIMENT, runs=3)
     assert list(found.parameters) == ["kappa", "tau_f"]
@@ -57,6 +58,7 @@ def test_known_parameters_come_back(traces):
     plt.close("all")
 
 
+@pytest.mark.slow
 def test_optics_and_carriers_come_back_and_seeds_repeat(traces, capsys):
     true = replace(RING, bus_rate=40e9, carriers=replace(RING.carriers, tau_n=38.5e-9, tau_p=24.75e-9))
     trace = measured(true, EXPERIMENT, 6.31e-3, 0.0, noise=0.0)

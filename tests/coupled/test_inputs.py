@@ -243,6 +243,7 @@ def test_two_lasers_are_not_added_up_to_one():
 
 
 @pytest.mark.parametrize("further", [(), [coupled.Laser(power=th.Sampled([0, 4e-6], [0, 1e-6]), detuning=1e9)]])
+@pytest.mark.slow
 def test_a_ramp_of_one_piece_may_begin_in_the_dark(further):
     """The ring follows a slow ramp through its fixed points; the largest power is that at the end of the piece."""
     model = th.Foster(R=[1e-3], tau=[1e-8])  # no heat to wait for

@@ -230,6 +230,7 @@ def test_machine_code_older_than_what_it_calls_is_forgotten(tmp_path):
     assert other.exists()
 
 
+@pytest.mark.slow
 def test_a_class_that_a_kernel_takes_may_be_renamed(tmp_path):
     """Numba reads the old machine code of a file before it sees that the file is newer, and with it the old class."""
     for name in ("Old", "Renamed"):

@@ -191,6 +191,7 @@ def test_a_slow_ring_asks_for_longer_runs_and_then_shows_what_it_does(tmp_path):
         assert words in done.output
 
 
+@pytest.mark.slow
 def test_commands(tmp_path):
     model = tmp_path / "model.json"
     surrogate.save_model(EXPERIMENT, model)

@@ -76,6 +76,7 @@ def test_light_is_neither_made_nor_lost(name):
     assert np.all(run["drop"].values == 0) == (ring.drop_bus_rate == 0)
 
 
+@pytest.mark.slow
 def test_random_rings_agree_with_radau():
     draw = np.random.default_rng(5)
     for _ in range(4):

@@ -135,6 +135,7 @@ def brute_force(ring, R, power, detuning, n=400_000):
 
 @given(power=st.floats(-10, 20), mhz=st.integers(-150000, 60000), R=st.floats(100, 3e4), lumped=st.booleans())
 @settings(max_examples=25, deadline=None, derandomize=True)
+@pytest.mark.slow
 def test_no_fixed_point_is_missed(power, mhz, R, lumped):
     ring = LUMPED if lumped else RING
     found = coupled.steady_states(ring, th.Foster(R=[R], tau=[3e-7]), power=dbm(power), detuning=mhz * 1e6)

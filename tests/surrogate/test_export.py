@@ -182,6 +182,7 @@ print("RESULT", json.dumps([problems, about.fmiVersion, about.description, units
     [(ONE, "core"), (BENT, "core"), (two_parts(), "heater")],
     ids=["one part", "output map", "two parts"],
 )
+@pytest.mark.slow
 def test_fmpy_runs_the_unit_and_finds_the_rise_of_the_model(tmp_path, model, heated, fmi):
     pytest.importorskip("fmpy", reason="fmpy, which runs the unit, is not installed")
     surrogate.export_model(model, tmp_path / "ring.fmu", to="fmu", provenance=PROVENANCE, fmi=fmi)

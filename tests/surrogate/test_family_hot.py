@@ -70,6 +70,7 @@ def test_hot_traces_calibrate_with_exact_derivatives(family):
     assert cold.reduced_chi_square > 100 * max(fit.reduced_chi_square, 1e-3)
 
 
+@pytest.mark.slow
 def test_power_is_for_laws_of_temperature_and_its_absence_is_said(caplog):
     with pytest.raises(th.InputError, match="depend on temperature, and none here does"):
         surrogate.train_family(campaign(th.strip_ring().to_toml()), 0.02, held_out=2, power=1e-3)

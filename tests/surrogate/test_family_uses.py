@@ -232,6 +232,7 @@ def test_no_member_beats_the_pareto_front(family):
         assert not np.any((model.thermal_resistance < 0.97 * R) & (rise < 0.97 * t))
 
 
+@pytest.mark.slow
 def test_targets_that_exclude_each_other_come_with_a_front(family):
     found = surrogate.design(
         family, {"box": (1e-6, 3e-6)}, target={"thermal_resistance": 6e3, "rise_time": 1e-5}, fixed={"radius": 8e-6}

@@ -254,6 +254,7 @@ def test_the_bound_holds_where_the_basis_holds_the_ports_to_round_off(n, ports):
         assert small.order <= n
 
 
+@pytest.mark.slow
 def test_bounds_of_random_pencils_hold_and_no_tolerance_is_refused_falsely():
     """The first of the 1500 of `make audit`, and ports that differ by 1e-1 to 1e-12."""
     cases = [reductions.case(seed) for seed in (*range(15), 911)] + [

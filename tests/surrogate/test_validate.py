@@ -211,6 +211,7 @@ def test_bad_input_is_one_clear_line(call, reason):
         call()
 
 
+@pytest.mark.slow
 def test_figures_show_what_they_are_given(reference, trained, tmp_path):
     import matplotlib as mpl
 

@@ -54,6 +54,7 @@ def largest_error(heat, exact):
 
 
 @pytest.mark.parametrize("case", CASES)
+@pytest.mark.slow
 def test_the_estimate_is_near_the_true_error_and_that_keeps_the_promise(case, needs_mesher):
     geometry = CASES[case]()
     coarse, fine = th.assemble(geometry, 1e-3), th.assemble(geometry, 1e-4)

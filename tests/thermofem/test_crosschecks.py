@@ -219,6 +219,7 @@ def cross_sections(draw):
 
 @given(cross_sections())
 @settings(max_examples=25, deadline=None)
+@pytest.mark.slow
 def test_any_geometry_is_refused_or_meshed_exactly_and_keeps_its_heat(pieces):
     layers, parts, contact, top, outer = pieces
     try:

@@ -111,6 +111,7 @@ def test_unreadable_files(data, tmp_path):
         th.save(data, tmp_path / "no" / "heat.nc")
 
 
+@pytest.mark.slow
 def test_a_disk_that_fills_up_leaves_no_file(tmp_path):
     """HDF5 keeps to itself that its last write failed; a limit on the size of files stands for the full disk."""
     script = f"""

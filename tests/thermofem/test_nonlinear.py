@@ -185,6 +185,7 @@ def test_factors_follow_the_state_for_few_factorizations():
     assert data.attrs["solves"] < 10 * data.attrs["steps"]  # 8.6; at least 5 stages each
 
 
+@pytest.mark.slow
 def test_a_small_amplitude_recovers_the_linear_run():
     heat, times = warm_fem(), np.geomspace(1e-8, 20e-6, 15)
     pulse = th.Pulse(1e-6, 10e-6)  # 8 mK: k moves by some 1e-5 of itself
@@ -210,6 +211,7 @@ def test_long_runs_end_in_the_steady_state():
     assert heat.steady_rise(10e-3) != pytest.approx(10e-3 * heat.thermal_resistance(), rel=5e-3)
 
 
+@pytest.mark.slow
 def test_the_periodic_state_is_what_a_train_settles_to():
     model, wave = coarse_warm_fem(), th.SquareWave(20e-3, 10e-6, 0.3)
     periodic = integrate_periodic(model, wave, 21, rtol=1e-3)

@@ -63,6 +63,7 @@ def test_a_copy_integrates_quadratic_fields_exactly(oxide):
         assert mean @ z == pytest.approx(HEIGHT / 2, rel=1e-9, abs=0)
 
 
+@pytest.mark.slow
 def test_the_quadrature_error_is_far_below_that_of_the_mesh(oxide):
     """Steps of the angle as chosen, against six times as many: below the 1.3e-5 that `off_axis` derives."""
     d = oxide.discretization

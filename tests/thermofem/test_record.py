@@ -66,6 +66,7 @@ def test_a_file_as_it_was_written_is_read_without_xarray(tmp_path):
         ("fit heat.nc", {"surrogate"}),
     ],
 )
+@pytest.mark.slow
 def test_fast_commands_import_neither_xarray_nor_what_it_imports(command, needed, tmp_path):
     model, times = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6]), np.geomspace(1e-9, 1e-5, 41)
     surrogate.save_model(model, tmp_path / "model.json")

@@ -205,6 +205,7 @@ def test_progress_is_the_time_reached_and_changes_nothing():
     assert seen == [2e-6, 1e-6]  # in closed form: at the end
 
 
+@pytest.mark.slow
 def test_a_far_probe_does_not_rule_the_steps():
     """The heater 2 um above has 1e-9 of its rise after 50 ns: relative to that, a run takes three times the work."""
     heat, pulse, times = th.assemble(th.heated_ring()), th.Pulse(2e-3, 10e-6), np.geomspace(1e-9, 20e-6, 60)

@@ -180,6 +180,7 @@ def test_a_narrow_feature_is_found_without_a_breakpoint(width):
         assert wave.mean(0.0, 1.0) == pytest.approx(1e-3 * width * np.sqrt(2 * np.pi), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_time_scale_finds_what_is_narrower_still():
     def spike(t):
         return 1e-3 * np.exp(-(((t - 0.123456) / 1e-6) ** 2) / 2)
