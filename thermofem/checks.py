@@ -291,7 +291,7 @@ def whole(value: Any) -> bool:
     return isinstance(value, int | np.integer) and not isinstance(value, np.timedelta64)
 
 
-def integer(name: str, value: Any, low: int, high: float = math.inf, *, hint: str = "") -> int:
+def integer(name: str, value: Any, low: int, high: float, *, hint: str = "") -> int:
     """Return ``value`` as an int, or raise InputError unless it is a whole number in [low, high]; 3.0 is none."""
     if not whole(value) or isinstance(value, bool) or not low <= value <= high:
         end = "" if high == math.inf else f" to {high:,}"
@@ -301,7 +301,7 @@ def integer(name: str, value: Any, low: int, high: float = math.inf, *, hint: st
 
 def seed(value: Any) -> int:
     """Return a seed of random numbers, or raise InputError."""
-    return integer("seed", value, 0)
+    return integer("seed", value, 0, math.inf)
 
 
 def choice(name: str, value: Any, choices: Iterable[str], *, default: str | None = None, hint: str = "") -> str:

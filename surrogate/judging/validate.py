@@ -212,7 +212,7 @@ def square_waves(
     power: float = 2e-3, *, periods: int = 11, duties: Sequence[float] = (0.1, 0.2, 1 / 3, 0.45, 0.6)
 ) -> list[Waveform]:
     """Square waves from 0.1 to 10 us at every duty: 55 by default, on which orders of models are compared."""
-    periods = checks.integer("periods", periods, 1)
+    periods = checks.integer("periods", periods, 1, 10_000)
     each = checks.array("duties", duties).tolist()
     return [SquareWave(power, t, d) for t in np.geomspace(1e-7, 1e-5, periods) for d in each]
 
