@@ -120,6 +120,7 @@ def test_bad_input_is_one_line_and_exit_code_2(arguments, words, tmp_path):
     assert sorted(tmp_path.iterdir()) == before  # nothing half-written
 
 
+@pytest.mark.slow
 def test_doctor_names_the_missing_library(tmp_path, monkeypatch):
     """gmsh that cannot load its shared library: doctor says which, and strips still solve on the committed mesh."""
     (tmp_path / "gmsh.py").write_text(

@@ -107,6 +107,7 @@ def test_validate_states_the_range(folder):
     assert (folder / "curve.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_validate_trains_every_model_on_a_geometry(folder):
     (folder / "ring.toml").write_text(th.strip_ring().to_toml())
     done = thermofem("validate", "ring.toml", "-o", "ring.png", cwd=folder)

@@ -26,6 +26,7 @@ def test_one_ring_has_the_fixed_points_of_steady_states(power, detuning):
     assert ours.output.sel(port="drop 1").values == pytest.approx(alone["drop"].values, rel=1e-8, abs=0)
 
 
+@pytest.mark.slow
 def test_two_separate_bistable_rings_have_all_pairs_of_states():
     alone = coupled.steady_states(RING, SECOND_ORDER, power=5e-3, detuning=-32e9)
     inputs = {"one": 5e-3, "two": 5e-3}

@@ -17,6 +17,7 @@ import surrogate
 import thermofem as th
 
 
+@pytest.mark.slow
 def test_a_corrector_of_ones_own():
     drive = {"power": MW, "duration": 1e-6}
     corrector = Exact(NETWORK)

@@ -166,6 +166,7 @@ def classes(integrated, linear):
     ],
     ids=["second order", "newton", "fem"],
 )
+@pytest.mark.slow
 def test_linear_stability_agrees_with_integration(ring, model, duration, least, kinds):
     """A subset of 29 powers x 36 detunings, of which 99.0 % (second order) and 93.1 % (Newton) agree after 20 us.
 

@@ -28,6 +28,7 @@ RANDOM = np.random.default_rng(7).normal(size=(LARGEST + 1, LARGEST + 1))
     ],
     ids=["one", "turning", "cycle", "double", "zero", "17 poles", "scaled", "large"],
 )
+@pytest.mark.slow
 def test_eigenvalues_are_those_of_lapack(matrix):
     found, want = eigenvalues(matrix + 0j), np.linalg.eigvals(matrix)
     gaps = abs(found[:, None] - want)

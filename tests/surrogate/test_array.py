@@ -139,6 +139,7 @@ def test_one_ring_alone_is_the_reduction_of_that_ring(ring):
     assert np.abs(ours - other).max() <= 2e-4 * rom.model.thermal_resistance  # each within 1e-4 of the FEM
 
 
+@pytest.mark.slow
 def test_heaters_are_inputs_and_reach_their_neighbours():
     heat = th.assemble(replace(th.heated_ring(), outer_radius=120e-6))
     bank = surrogate.reduce_array(heat, [(0, 0), (25e-6, 0)], heaters=("heater",))

@@ -31,6 +31,7 @@ def test_a_known_network_is_found_again(fitted):
     assert np.sqrt(np.mean((linear - exact) ** 2)) > 1e-2 * np.ptp(exact)  # the squares are needed
 
 
+@pytest.mark.slow
 def test_the_network_keeps_where_it_comes_from(data):
     for first, geometry in (("a ring", "a ring"), ("another", None)):  # one geometry of all data, or none
         named = [d.assign_attrs(geometry=g) for d, g in zip(data, [first, *["a ring"] * (len(data) - 1)], strict=True)]

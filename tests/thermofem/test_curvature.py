@@ -44,6 +44,7 @@ def test_the_forms_are_the_projected_laws():
         assert e == pytest.approx(exact[1], rel=1e-9, abs=1e-13 * np.abs(V.T @ system.content(x)).max())
 
 
+@pytest.mark.slow
 def test_the_amplitudes_follow_their_equation():
     """d(z + e(z))/dt = -rate z - f(z) + heating P, by LSODA in z + e(z)."""
     system = coarse_warm_fem()
