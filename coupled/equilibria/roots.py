@@ -1,4 +1,7 @@
-"""Zeros of functions in brackets, many at once; SciPy has this too, but its import takes longer than `explore` does."""
+"""Zeros of functions in brackets, many at once.
+
+SciPy has such a solver; it would load scipy.optimize and scipy.linalg, which `explore` does not need otherwise.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ def roots(f: Callable[[Array, NDArray[np.intp]], Array], count: int) -> Array:
     """Where each of ``count`` functions changes its sign on [0, 1], to 2^-48.
 
     ``f(t, which)`` takes a point for each of the functions ``which``. Straight lines between the ends of a bracket,
-    moved towards its middle so that one step more than bisection takes is the most: some ten steps where f is smooth.
+    moved towards its middle: some ten steps where f is smooth, and never more than one beyond those of bisection.
 
     Source: I. F. D. Oliveira, R. H. C. Takahashi, ACM Trans. Math. Softw. 47, 5 (2020) (ITP; n_0 = 1, k_1 = 0.2,
     k_2 = 2).
