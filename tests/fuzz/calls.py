@@ -1,6 +1,6 @@
 """Public calls with one argument replaced by a thing of another type, shape or order: a result or InputError.
 
-    python tests/fuzz/calls.py [minutes]
+    python tests/fuzz/calls.py [minutes [seed]]
 
 Prints each place once at which another error comes up; the exit code is then 1.
 """
@@ -176,7 +176,9 @@ def small_family() -> surrogate.Family:
 if __name__ == "__main__":
     resource.setrlimit(resource.RLIMIT_AS, (8 * 2**30,) * 2)  # a call that asks for more ends with its name
     everything = {**calls(), **families(small_family())}
-    count, found = tried(everything, 10**9, 60 * (float(sys.argv[1]) if len(sys.argv) > 1 else 10.0))
+    numbers = [float(text) for text in sys.argv[1:3]]
+    seconds = 60 * (numbers[0] if numbers else 10.0)
+    count, found = tried(everything, 10**9, seconds, int(numbers[1]) if len(numbers) > 1 else 0)
     for where, call in found.items():
         print(where, call.encode("ascii", "backslashreplace").decode())
     print(f"{count} calls, {len(found)} places of other errors")

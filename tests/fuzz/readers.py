@@ -1,7 +1,7 @@
 """Fuzzing of all that reads text: geometry, campaign and ring TOML, model JSON, CSV tables, waveforms, quantities.
 
-    python tests/fuzz/readers.py [minutes]     # hypothesis: edits of valid files, each failure shrunk
-    python tests/fuzz/coverage.py [minutes]    # atheris, where it is installed: bytes guided by the coverage they reach
+    python tests/fuzz/readers.py [minutes [seed]]     # hypothesis: edits of valid files, each failure shrunk
+    python tests/fuzz/coverage.py [minutes]           # atheris, where it is installed: bytes guided by their coverage
 
 Every input must end in a result or in one of the documented errors, `InputError` and `MissingLibraryError`, without a
 warning. Whatever else comes up is printed once with the smallest input that does it; the exit code is then 1.
@@ -261,8 +261,11 @@ def replaced(name: str, texts: list[str]) -> Iterator[str]:
                     yield "\n".join([head, *rows[:k], json.dumps(other), *rows[k + 1 :], ""])
 
 
-def fuzz(minutes: float) -> dict[str, str]:
-    """Rounds of a few hundred files for each target until the time is over; place of each failure -> input."""
+def fuzz(minutes: float, start: int = 0) -> dict[str, str]:
+    """Rounds of a few hundred files for each target until the time is over; place of each failure -> input.
+
+    start: seed of the first round; the next ones count from there.
+    """
     found: dict[str, str] = {}
     last: dict[str, str] = {}
     end, files, rounds = time.monotonic() + 60 * minutes, seeds(), 0
@@ -271,7 +274,7 @@ def fuzz(minutes: float) -> dict[str, str]:
             TARGETS[name](text)  # they are valid
     systematic = {name: list(replaced(name, texts)) for name, texts in files.items()}
     for texts in systematic.values():
-        random.Random(0).shuffle(texts)
+        random.Random(start).shuffle(texts)
     while time.monotonic() < end:
         for name in TARGETS:
             for text in systematic[name][ONCE * rounds : ONCE * (rounds + 1)]:
@@ -289,7 +292,7 @@ def fuzz(minutes: float) -> dict[str, str]:
                 survives(name, text, found)  # noqa: B023
 
             options: dict[str, Any] = {"max_examples": 400, "report_multiple_bugs": False}
-            run = seed(rounds)(settings(**options, **QUIET)(given(inputs)(check)))
+            run = seed(start + rounds)(settings(**options, **QUIET)(given(inputs)(check)))
             try:
                 run()
             except Exception as error:
@@ -303,4 +306,5 @@ def fuzz(minutes: float) -> dict[str, str]:
 
 
 if __name__ == "__main__":
-    sys.exit(bool(fuzz(float(sys.argv[1]) if len(sys.argv) > 1 else 60.0)))
+    numbers = [float(text) for text in sys.argv[1:3]]
+    sys.exit(bool(fuzz(numbers[0] if numbers else 60.0, int(numbers[1]) if len(numbers) > 1 else 0)))
