@@ -25,6 +25,7 @@ from thermofem.models.lumped import (
     second_order_parameters,
 )
 
+from .mismatch import mismatch
 from .projection import FitProblem, Optimum, optimum, polish
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ class Fit(HasModel):
     training : tuple of str
         the drive of each Dataset; the parameters mean little without it.
     notes : tuple of str
-        what makes the data doubtful; time constants that they do not determine.
+        what makes the data doubtful, such as a drive with another duty; time constants that they do not determine.
     geometry : str or None
         TOML of the cross-section, where the data carries it.
     swarm_residual : float or None, K
@@ -294,7 +295,9 @@ class Training:
     @property
     def doubts(self) -> tuple[str, ...]:
         """What makes the data doubtful."""
-        return tuple(dict.fromkeys(doubt for response in self.problem.responses for doubt in response.doubts))
+        responses = self.problem.responses
+        found = [doubt for r in responses for doubt in (*r.doubts, *mismatch(r))]
+        return tuple(dict.fromkeys(found))
 
     def search(self, order: int, method: str) -> tuple[Optimum, float | None]:
         """The optimum, and the residual of the swarm before it was polished."""

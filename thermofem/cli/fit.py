@@ -83,6 +83,7 @@ def fit(
         "thermal_resistance": found.model.thermal_resistance,
         "residual": found.residual,
         "relative_residual": found.relative_residual,
+        "notes": list(getattr(found, "notes", ())),
         "assumed": assumed,
         "model": output,
     }
