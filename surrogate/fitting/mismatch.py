@@ -36,8 +36,8 @@ def mismatch(response: Response) -> list[str]:
     if structure < LARGE**2 or structure < SIGMAS * np.sqrt(lag / left.size) * float(np.mean(left**2)):
         return []
     return [
-        f"the drive does not match delta_T ({response.name}): whatever the poles, {np.sqrt(structure):.1%} of the swing "
-        "remain and are not noise; check duty, period, width, start and edges of the power"
+        f"the drive does not match delta_T ({response.name}): whatever the poles, {np.sqrt(structure):.1%} of the "
+        "swing remain and are not noise; check duty, period, width, start and edges of the power"
     ]
 
 
