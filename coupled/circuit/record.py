@@ -11,6 +11,7 @@ import numpy as np
 from thermofem import dataset
 from thermofem.arrays import Array
 
+from ..runs.record import heater_powers
 from .circuit import Circuit
 from .heat import RingHeat
 from .network import Light
@@ -94,6 +95,7 @@ def dataset_of(
         "port": list(circuit.ports),
         "laser": [laser.name for laser in circuit.lasers],
     }
+    variables |= heater_powers(system.heaters, time)
     return xr.Dataset(variables, coords=coordinates, attrs=_origin(circuit) | attributes)
 
 

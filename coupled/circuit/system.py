@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from thermofem.arrays import Array, NDArray
+from thermofem.waveforms import Constant
 
 from ..inputs import Input, Pieces
 from ..runs.window import floor_of
@@ -20,9 +21,10 @@ from .network import NOTHING, Light, light_of, order_of_rings
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """A circuit under its drive: in SI (light, heat, powers, offsets) and in internal units (the types of `layout`).
+    """A circuit under its drive: light, heat and powers in SI, and the same in internal units (the types of `layout`).
 
     powers [W]: of the lasers.
+    heaters [W]: powers of the heaters as functions of time.
     offsets [K]: what the heaters add to each ring.
     detuning [Hz]: 0 where it varies.
     frame [Hz]: the detuning over time.
@@ -32,6 +34,7 @@ class System:
     light: Light
     heat: RingHeat
     powers: list[Pieces]
+    heaters: dict[str, Any]
     offsets: list[Pieces]
     detuning: float
     frame: Pieces
@@ -58,7 +61,8 @@ def system_of(
     offsets = heater_offsets(heat, heaters, duration)
     drive = internal_drive(circuit, light, powers, frame, offsets, duration)
     rings = _rings(circuit, light, heat, drive.largest)
-    return System(light, heat, powers, offsets, constant, frame, drive, rings, _states(heat), _network(light))
+    watts = {name: p if hasattr(p, "breakpoints") else Constant(p) for name, p in (heaters or {}).items()}
+    return System(light, heat, powers, watts, offsets, constant, frame, drive, rings, _states(heat), _network(light))
 
 
 def units_of(rings: int, states: int) -> Array:

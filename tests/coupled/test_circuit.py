@@ -313,6 +313,10 @@ def test_heaters_shift_and_a_switched_one_rises_as_its_model_says():
     assert steady.delta_T.values[:, -1] == pytest.approx(model.gain[:, 2] * 1e-3, rel=0, abs=1e-8)
     wave = th.Pulse(power=1e-3, width=1e-6, start=0.5e-6)
     run = coupled.simulate_circuit(circuit, model, inputs=dark, heaters={"heater": wave}, duration=4e-6, times=times)
+    assert np.all(steady.heater_power == 1e-3)
+    on = (times >= wave.start) & (times < wave.stop)
+    assert run.heater_power.sel(heater="heater").values == pytest.approx(1e-3 * on)
+    assert run.heater_power.attrs == {"units": "W", "long_name": "power of a heater"}
     for k, name in enumerate(("one", "two")):
         expected = model.channel("heater", name).response(wave, times)
         # cubics between samples: 1e-6; the closed form of the model is asked for 1e-5
