@@ -2,7 +2,8 @@
 
 What is read: columns divided by commas, semicolons, tabs or spaces, after any header. The last line above the table
 with text in all columns names them; a line of bare units below it counts too. Lines that begin with % or # are header.
-Any other line between the header and the table is a damaged row, and refused.
+Any other line between the header and the table is a damaged row, and refused. With semicolons or tabs a comma is a
+decimal mark; a table in which it may divide thousands is refused, and so are two units for one column.
 A unit stands in the header, "Time (s)", "CH1 [mV]" or "time_us", or is given in ``units``. Where the header states the
 start and the increment of the times (Rigol), the first column counts them. Empty columns at the end and
 empty rows are left out.
@@ -27,6 +28,7 @@ SPELLED = {
 }  # fmt: skip
 _UNIT = re.compile(r"\s*[(\[]([^()\[\]]*)[)\]]")
 _ENDING = re.compile(r"(?<!_per)_(s|ms|us|ns|K|mK|degC|V|mV|W|mW|uW)$")
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)  # 1,234: or a decimal comma before three digits
 HOTTEST = 1e5  # K; beyond any temperature: the code of an instrument whose input is overloaded, such as 9.9E+37
 
 
@@ -87,6 +89,7 @@ def parse(text: str) -> Columns:
             raise _damaged(number, line, len(rows[0]))
     if not rows:
         raise InputError("no line of at least two numbers; a table of time and temperature is needed")
+    _check_marks([lines[k - 1] for k in at], at, divider)
     table = np.array(rows)
     used = np.isfinite(table).any(axis=0)
     names, units = _header(lines[: at[0] - 1], divider, used)
@@ -170,6 +173,23 @@ def _floats(cells: list[str], divider: str) -> list[float] | None:
     return values if len(values) > 1 and any(cells) else None
 
 
+def _check_marks(rows: list[str], at: list[int], divider: str) -> None:
+    """InputError where a comma may be a decimal mark and may divide thousands; ``at``: lines of the file."""
+    commas = [k for k, row in enumerate(rows) if "," in row] if divider in (";", "\t") else []
+    if not commas:
+        return
+    point = next((k for k, row in enumerate(rows) if "." in row), None)
+    if point is not None:
+        what = f"a comma in its numbers, and line {at[point]} a point; one of them divides thousands"
+        raise InputError(f"line {at[commas[0]]} has {what}: leave that out")
+    for k in commas:
+        if any("," in cell and not _THOUSANDS.fullmatch(cell) for cell in _cells(rows[k], divider)):
+            return
+    cell = next(cell for cell in _cells(rows[commas[0]], divider) if "," in cell)
+    what = f"{cell!r} may be {cell.replace(',', '')} or {cell.replace(',', '.')}, as may every number with a comma"
+    raise InputError(f"line {at[commas[0]]}: {what}; write a decimal point, or leave the thousands undivided")
+
+
 def _header(lines: list[str], divider: str, used: NDArray[np.bool_]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names and units of the columns from the lines above them; ``used`` marks the columns with numbers.
 
@@ -192,12 +212,29 @@ def _header(lines: list[str], divider: str, used: NDArray[np.bool_]) -> tuple[tu
     if last < 0:
         return tuple(str(k + 1) for k in range(columns)), ("",) * columns
     units = [_bracket(name) for name in split[place]]
+    stated = [(place, split[place]), *((k, split[k]) for k in above if k != place)]
+    _check_units(units, stated if below is None else [*stated, (last, below)])
     if below:
         units = [unit or cell.strip("()[] ") for unit, cell in zip(units, below, strict=True)]
     for k in fitting:
         if not any(units) and any(_is_unit(_bracket(cell)) for cell in split[k]):
             raise InputError(f"line {k + 1} states units, but line {place + 1} is the header; take the wrong one out")
     return tuple(split[place]), tuple(units)
+
+
+def _check_units(units: list[str], stated: list[tuple[int, list[str]]]) -> None:
+    """InputError where header lines, (index, cells), state another unit for a column of that name, or one says two."""
+    names = [_UNIT.split(cell)[0].strip() for cell in stated[0][1]]
+    for k, cells in stated:
+        for name, unit, cell in zip(names, units, cells, strict=True):
+            bare = _is_unit(cell) and cell.strip("()[] ")
+            same = name == _UNIT.split(cell)[0].strip()
+            others = [bare] if bare else [text.strip() for text in _UNIT.findall(cell)] if same else []
+            other = next((o for o in others if unit and header_unit(o) != header_unit(unit) and _is_unit(o)), None)
+            if other is not None:
+                raise InputError(
+                    f"line {k + 1} gives {name!r} in {other}, the header in {unit}; take the wrong one out"
+                )
 
 
 def _names(line: str, divider: str, columns: int) -> list[str]:

@@ -204,3 +204,61 @@ def test_another_word_for_edges_is_refused(tmp_path):
     path = scope(tmp_path / "scope.csv", 0.5e-6, 3e-6)
     with pytest.raises(th.InputError, match=r"edges = 'rows'.*did you mean 'row'"):
         th.read_csv(path, time="t", power="P", temperature="T", edges="rows")
+
+
+def german(text: str) -> str:
+    return text.translate(str.maketrans(",.", ".,"))
+
+
+@pytest.mark.parametrize("divider", [";", "\t", ","])
+@pytest.mark.parametrize("quote", ["", '"'])
+@pytest.mark.parametrize(
+    ("time", "rise"),
+    [
+        (lambda x: f"{x:,.0f}", lambda x: f"{x:.4f}"),
+        (lambda x: f"{x:,.0f}", lambda x: f"{x:.0f}"),
+        (lambda x: f"{x:,.0f}", lambda x: f"{x:,.0f}"),
+        (lambda x: f"{x:,.2f}", lambda x: f"{x:.2f}"),
+        (lambda x: german(f"{x:,.0f}"), lambda x: german(f"{x:.4f}")),
+        (lambda x: german(f"{x:,.2f}"), lambda x: german(f"{x:,.2f}")),
+        (lambda x: german(f"{x:.3f}"), lambda x: german(f"{x:.2f}")),
+        (lambda x: f"{x:.0f}", lambda x: f"{x:.0f}"),
+    ],
+)
+def test_thousands_are_never_read_as_decimals(divider, quote, time, rise, tmp_path):
+    """1,234 ns was read as 1.234 ns in a table with semicolons: time constants 1000 times too short, without a word."""
+    times, rises = np.arange(1000.0, 9000.0, 20.0), np.arange(1000.0, 7800.0, 17.0)
+    rows = [divider.join(f"{quote}{x}{quote}" for x in (time(t), rise(r))) for t, r in zip(times, rises, strict=True)]
+    path = tmp_path / "table.csv"
+    path.write_text(divider.join(["Time (ns)", "T (mK)"]) + "\n" + "\n".join(rows) + "\n")
+    try:
+        data = th.read_csv(path, time="Time", temperature="T", power=1e-3)
+    except th.InputError:
+        readable = time(1000.0) == rise(1000.0) == "1000"
+        assert not readable
+        return
+    np.testing.assert_allclose(data.time, 1e-9 * times, rtol=1e-12)
+    np.testing.assert_allclose(data.delta_T, 1e-3 * rises, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "Time (us),T (K)\nns,mK",
+        "Time (us),T (K)\n(ms),(K)",
+        "Time (ms),T (mK)\nTime (us),T (K)",
+        "Time (us) [ns],T (K)",
+    ],
+)
+def test_two_units_for_one_column_are_refused(header, tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text(f"{header}\n0,0\n1,1\n2,1.5\n")
+    with pytest.raises(th.InputError, match=r"line \d gives 'Time' in .s, the header in us"):
+        th.read_csv(path, time="Time", temperature="T", power=1e-3)
+
+
+@pytest.mark.parametrize("header", ["Time (us),T (K)\nus,K", "Time (us),T (K)\nmicrosecond,K", "Time,T\n(us),K"])
+def test_one_unit_said_twice_is_read(header, tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text(f"{header}\n0,0\n1,1\n2,1.5\n")
+    assert th.read_csv(path, time="Time", temperature="T", power=1e-3).time.values.tolist() == [0, 1e-6, 2e-6]
