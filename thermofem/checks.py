@@ -187,7 +187,10 @@ def numbers(name: str, value: ArrayLike, *, hint: str = "") -> NDArray[np.float6
 
 
 def _floats(name: str, value: ArrayLike, hint: str) -> NDArray[np.float64]:
-    """Convert to a float array; InputError for text, which NumPy would convert, and for complex or Boolean values."""
+    """A copy as a float array, so that no object changes with the caller's array.
+
+    InputError for text, which NumPy would convert, and for complex or Boolean values.
+    """
     import numpy as np
 
     try:
@@ -201,7 +204,8 @@ def _floats(name: str, value: ArrayLike, hint: str) -> NDArray[np.float64]:
         if found.dtype.kind in "bc":
             kind = "complex" if found.dtype.kind == "c" else "true or false"
             raise InputError(f"{name} holds values that are {kind}; real numbers are needed", hint)
-        return np.asarray(found, dtype=float)
+        with np.errstate(over="ignore", invalid="ignore"):  # what float64 cannot hold is inf, and refused as such
+            return np.array(found, dtype=float)
     except InputError:
         raise
     except MemoryError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from . import quantity
+from .checks import InputError
 
 if TYPE_CHECKING:
     from .geometry.cross_section import CrossSection
@@ -31,7 +33,8 @@ def model_html(model: Any) -> str:
     """Table of a thermal model: kind, parts, states and, of a single channel, R_th and the range of time constants."""
     rows = [("heated", ", ".join(model.inputs)), ("read", ", ".join(model.outputs)), ("states", str(model.order))]
     if (len(model.inputs), len(model.outputs)) == (1, 1) and model.order <= 500:
-        rows.append(("thermal resistance", f"{model.thermal_resistance / 1e3:.4g} K/mW"))
+        with contextlib.suppress(InputError):  # matrices that are not those of heat flow are shown without it
+            rows.append(("thermal resistance", f"{model.thermal_resistance / 1e3:.4g} K/mW"))
     tau = getattr(getattr(model, "linear", model), "tau", None)
     if tau is not None:
         ends = [quantity.write(float(f"{t:.3g}"), "s") for t in (np.min(tau), np.max(tau))]

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import checks
+
 Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 QDLDL_LIMIT = 150_000  # unknowns; beyond, SuperLU with minimum degree is faster (measured)
 ONCE = 20_000  # unknowns; beyond, `solve_once` keeps nothing
+SINGULAR = "a matrix of the heat problem is singular; is a boundary held, and every heat capacity positive?"
 CACHE = 24  # factorizations that a Pencil keeps
 PATIENCE = (
     4  # times a shift is factorized in the shared place before it gets its own: numbers alone cost 1/5 (measured)
@@ -24,19 +28,34 @@ def factorize(matrix: Any, *, upper: bool = False) -> Solve:
 
     L D L^T by qdldl up to `QDLDL_LIMIT` unknowns, SuperLU with the symmetric minimum-degree ordering beyond it or
     where qdldl is not installed.
+
+    Raises InputError: a singular matrix.
     """
     from scipy.sparse import csc_matrix, diags
 
     matrix = csc_matrix(matrix)
     qdldl = _qdldl(matrix.shape[0])
     if qdldl is not None:
-        return qdldl.Solver(matrix, upper=upper).solve
+        with _singular_refused():
+            return qdldl.Solver(matrix, upper=upper).solve
     from scipy.sparse.linalg import splu
 
     if upper:
         matrix = csc_matrix(matrix + matrix.T - diags(matrix.diagonal()))
     options = {"SymmetricMode": True}
-    return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options).solve
+    with _singular_refused():
+        return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options).solve
+
+
+@contextmanager
+def _singular_refused() -> Iterator[None]:
+    """Turn what qdldl and SuperLU raise at a pivot of zero into InputError."""
+    try:
+        yield
+    except RuntimeError as error:
+        if "singular" not in str(error) and "quasi-definite" not in str(error):  # such as no memory
+            raise
+        raise checks.InputError(SINGULAR) from None
 
 
 _thread = threading.local()
@@ -58,9 +77,11 @@ def solve_once(matrix: Any, rhs: NDArray[np.float64]) -> NDArray[np.float64]:
     if last is not None and all(
         np.array_equal(a, b) for a, b in zip(last[1:], (upper.indptr, upper.indices), strict=True)
     ):
-        last[0].update(upper, upper=True)
+        with _singular_refused():
+            last[0].update(upper, upper=True)
     else:
-        last = _thread.last = qdldl.Solver(upper, upper=True), upper.indptr, upper.indices
+        with _singular_refused():
+            last = _thread.last = qdldl.Solver(upper, upper=True), upper.indptr, upper.indices
     return np.asarray(last[0].solve(rhs))
 
 
@@ -179,10 +200,11 @@ class Pencil:
         """The numbers of another combination in the shared place."""
         if self._shared is None and self._spare:
             self._shared = self._spare.pop()
-        if self._shared is None:
-            self._shared = _qdldl(self._shape[0]).Solver(matrix, upper=True)
-        else:
-            self._shared.update(matrix, upper=True)
+        with _singular_refused():
+            if self._shared is None:
+                self._shared = _qdldl(self._shape[0]).Solver(matrix, upper=True)
+            else:
+                self._shared.update(matrix, upper=True)
         self._there = key
 
     def _keep(self, key: tuple[float, float], matrix: Any) -> Solve:
@@ -191,7 +213,8 @@ class Pencil:
             del self._own[next(iter(self._own))]
         if self._spare:
             solver = self._spare.pop()
-            solver.update(matrix, upper=True)
+            with _singular_refused():
+                solver.update(matrix, upper=True)
             solve: Solve = solver.solve
         else:
             solve = factorize(matrix, upper=True)

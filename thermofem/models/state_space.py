@@ -11,7 +11,7 @@ import numpy as np
 
 from .. import checks, waveforms
 from ..algebra.factor import factorize
-from ..algebra.krylov import check_heat_flow
+from ..algebra.krylov import REFUSAL, check_heat_flow
 from ..arrays import Array, ArrayLike, NDArray
 from ..display import model_html, shown
 from ..names import check_names
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
 LARGEST = 500  # states to integrate with the optics; a certified reduction needs 10 to 40, and each costs time
+ROUND_OFF = 1e-9  # of a matrix with ones on its diagonal, by which an eigenvalue may be negative
 
 
 @shown
@@ -55,10 +56,7 @@ class StateSpace:
 
     def __post_init__(self) -> None:
         for name in ("E", "A", "B", "C"):
-            matrix = getattr(self, name)
-            checks.has(name, matrix, "shape", "dtype", hint="an array or a sparse matrix is needed")
-            if 0 in matrix.shape or not np.isfinite(matrix.sum()):
-                raise checks.InputError(f"{name} of shape {matrix.shape} is empty or holds what is not finite")
+            object.__setattr__(self, name, _matrix(name, getattr(self, name), sparse=name in ("E", "A")))
         for name in ("inputs", "outputs"):
             object.__setattr__(self, name, check_names(name, getattr(self, name)))
         n = self.A.shape[0]
@@ -88,6 +86,7 @@ class StateSpace:
     @cached_property
     def gain(self) -> Array:
         """Static gain -C A^-1 B in K/W, shape (outputs, inputs)."""
+        self._check_settles()
         solve = factorize(-self._sparse("A"))
         return np.asarray(self.C @ np.column_stack([solve(column) for column in self.B.T]))
 
@@ -115,6 +114,17 @@ class StateSpace:
         """Transients in closed form; InputError where E or A is not symmetric."""
         check_heat_flow(self)
         return Modal(self)
+
+    def _check_settles(self) -> None:
+        """Raise InputError unless E and A are symmetric and, up to 500 states, E and -A positive definite.
+
+        A system that grows has a transient, but no static gain and no periodic state.
+        """
+        check_heat_flow(self)
+        if self.order <= LARGEST:
+            for name, matrix in (("E", self._sparse("E").toarray()), ("-A", -self._sparse("A").toarray())):
+                if not _definite(matrix):
+                    raise checks.InputError(f"{name} is not positive definite: some mode would not decay", REFUSAL)
 
     def step_response(self, times: ArrayLike, *, rtol: float = 1e-5) -> Array:
         """Rise in K/W after a unit step, see `response`."""
@@ -145,6 +155,7 @@ class StateSpace:
     def periodic_response(self, wave: waveforms.Waveform, samples: int, *, rtol: float = 1e-5) -> Array:
         """One period of the periodic state in K, at `waveforms.period_times`, as `response`."""
         check_single(self)
+        self._check_settles()
         times = waveforms.period_times(wave, samples)
         run = self._modal.run(self.C, wave, times, rtol=rtol, periodic=True)
         return (run or integrate_periodic(self, wave, samples, rtol=rtol)).outputs[:, 0]
@@ -170,6 +181,34 @@ class StateSpace:
         model = cls(E, A, B, C, **parts(content))
         _check_definite(E, A)
         return model
+
+
+def _matrix(name: str, value: Any, *, sparse: bool) -> Any:
+    """A copy of a matrix as real floats: an array, or one with columns or rows in compressed form where ``sparse``."""
+    from scipy.sparse import csc_matrix, csr_matrix, issparse
+
+    checks.has(name, value, "shape", "dtype", hint="an array or a sparse matrix is needed")
+    held = issparse(value)
+    found = checks.numbers(name, value.tocoo().data if held else value)
+    if len(np.shape(value)) != 2 or 0 in np.shape(value):
+        raise checks.InputError(f"{name} has shape {np.shape(value)}; two non-empty dimensions are needed")
+    if not held:
+        return found
+    kind = csr_matrix if value.format == "csr" else csc_matrix
+    return kind(value, dtype=float, copy=True) if sparse else np.asarray(value.toarray(), dtype=float)
+
+
+def _definite(matrix: Array) -> bool:
+    """Whether a symmetric matrix has no negative direction, beyond 1e-9 of what round-off makes of its scaled form."""
+    diagonal = np.diagonal(matrix)
+    if np.any(diagonal <= 0):
+        return False
+    length = np.sqrt(diagonal)
+    try:
+        np.linalg.cholesky(matrix / length / length[:, None] + ROUND_OFF * np.eye(len(matrix)))
+    except np.linalg.LinAlgError:
+        return False
+    return True
 
 
 def _check_definite(E: Array, A: Array) -> None:

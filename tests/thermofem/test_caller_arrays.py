@@ -1,0 +1,77 @@
+"""What the caller keeps: no object changes with an array that was given, and matrices are those of heat flow."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+import surrogate
+import thermofem as th
+
+E, K = np.diag([1e-11, 2e-10]), np.array([[3e-4, -1e-4], [-1e-4, 2e-4]])
+B = np.array([[1.0], [0.0]])
+R_TH = 2e-4 / (3e-4 * 2e-4 - 1e-8)  # K/W: the inverse of K by hand
+
+
+@pytest.mark.parametrize("name", ["Sampled", "PiecewiseCubic", "Cauer", "StateSpace", "Quadratic"])
+def test_what_is_kept_shares_no_memory_with_what_was_given(name):
+    """Sampled, PiecewiseCubic, Cauer and StateSpace kept the array itself, and changed with it."""
+    one = np.ones(1)
+    given = {
+        "Sampled": (th.Sampled, np.array([0.0, 1e-6]), np.array([0.0, 1e-3])),
+        "PiecewiseCubic": (th.PiecewiseCubic, np.array([0.0, 1e-6]), np.zeros((1, 4)) + 1e-3),
+        "Cauer": (surrogate.Cauer, np.ones(2), np.ones(2) * 1e-9),
+        "StateSpace": (th.StateSpace, E.copy(), -K, B.copy(), B.T.copy()),
+        "Quadratic": (th.Quadratic, -np.eye(1), np.zeros((1, 1, 1)), np.zeros((1, 1)), one, one.copy()),
+    }[name]
+    kept = [value for value in vars(given[0](*given[1:])).values() if isinstance(value, np.ndarray)]
+    assert kept
+    assert not any(np.shares_memory(a, b) for a in kept for b in given[1:])
+
+
+@pytest.mark.parametrize("kind", ["csc", "csr", "coo", "lil", "dok", "bsr", "dia"])
+@pytest.mark.parametrize("array", [sparse.csc_matrix, sparse.csc_array])
+def test_every_sparse_matrix_is_a_system(kind, array):
+    """Sparse B and C, and formats without places, ended in errors of NumPy and qdldl."""
+    system = th.StateSpace(*(array(matrix).asformat(kind) for matrix in (E, -K, B, B.T)))
+    assert system.thermal_resistance == pytest.approx(R_TH, rel=1e-12)
+    assert system.response(th.Constant(1e-3), [1.0])[0] == pytest.approx(1e-3 * R_TH, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("E", "A", "B", "words"),
+    [
+        (E, -K + np.array([[0, 5e-5], [0, 0]]), B, "A is not symmetric"),  # was 5333 K/W; -C A^-1 B is 4444 K/W
+        (E, K, B, "-A is not positive definite"),  # was -4000 K/W, and grew without end
+        (np.diag([1e-11, 0.0]), -K, B, "E is not positive definite"),
+        (E, np.array([[-1e-4, 1e-4], [1e-4, -1e-4]]), B, "singular"),
+        (E * (1 + 1j), -K, B, "complex"),  # the imaginary part was dropped
+        (sparse.csc_matrix(E * (1 + 1j)), -K, B, "complex"),
+        (np.full((2, 2), "a"), -K, B, "E is not an array of numbers"),
+        (np.array([[1, None], [None, 1]]), -K, B, "E holds nan"),
+        (E, np.array(1.0), B, r"A has shape \(\); two"),
+        (E, -K, np.array([[np.inf], [-np.inf]]), "B holds inf"),
+        (np.array([[np.longdouble("1e400"), 0], [0, 1]]), -K, B, "E holds inf"),
+        (np.ma.masked_array(E, [[0, 1], [1, 0]]), -K, B, "masked"),
+    ],
+)
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda system: system.thermal_resistance,
+        lambda system: system.periodic_response(th.SquareWave(1e-3, 1e-6, 0.3), 5),
+    ],
+    ids=["gain", "periodic"],
+)
+def test_matrices_that_are_not_those_of_heat_flow_are_refused(E, A, B, words, use):
+    with pytest.raises(th.InputError, match=words):
+        use(th.StateSpace(E, A, B, B.T))
+
+
+def test_a_stiff_system_in_mixed_coordinates_is_still_one_of_heat_flow():
+    """Twelve decades of time constants: the check of definiteness allows for round-off."""
+    tau, mix = np.geomspace(1e-12, 1.0, 6), np.random.default_rng(1).normal(size=(6, 6))
+    system = th.StateSpace(mix.T @ np.diag(tau) @ mix, -mix.T @ mix, mix.T @ np.ones((6, 1)), np.ones((1, 6)) @ mix)
+    assert system.thermal_resistance == pytest.approx(6.0, rel=1e-9)
+    assert system.step_response(100.0) == pytest.approx(6.0, rel=1e-5)
