@@ -10,12 +10,14 @@ each result and believe no result without it.
 from __future__ import annotations
 
 import contextlib
+import functools
 import json
 import os
 import re
 import signal
 import stat
 import threading
+import time
 import unicodedata
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -26,6 +28,7 @@ from .checks import InputError
 
 IMAGES = (".png", ".pdf", ".svg", ".jpg")
 _TEMPORARY = re.compile(r"\..*-[0-9a-f]{16}(\.\w+)?")  # names that `write_whole` gives
+FRESH = 60.0  # s; a temporary file that was touched within is left alone, locked or not
 LARGEST_TEXT = 400_000_000  # bytes
 
 
@@ -129,7 +132,8 @@ def open_locked(path: Path, what: str) -> int:
 
 @contextlib.contextmanager
 def folder_locked(folder: Path) -> Iterator[None]:
-    """Keep a folder for this process alone; InputError where another run uses it."""
+    """Keep a folder for this process alone; InputError where another run uses it, and as `sweep` raises it."""
+    check_entries(folder)
     handle = open_locked(folder / ".lock", f"folder {folder}")
     try:
         yield
@@ -138,10 +142,23 @@ def folder_locked(folder: Path) -> Iterator[None]:
 
 
 def sweep(folder: Path) -> None:
-    """Delete what killed runs left half-written in a folder that is locked."""
+    """Delete what killed runs left half-written in a folder that is locked.
+
+    Raises InputError: a link to a file, a pipe or a device in it; what is written there would go elsewhere.
+    """
+    check_entries(folder)
     for path in folder.iterdir():
         if _TEMPORARY.fullmatch(path.name):
             path.unlink(missing_ok=True)
+
+
+def check_entries(folder: Path) -> None:
+    """InputError unless a folder, of any origin, holds only regular files, folders and links to folders."""
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if not (entry.is_dir() or entry.is_file(follow_symlinks=False)):
+                what = "a link to a file" if entry.is_symlink() else "a pipe or a device"
+                raise InputError(f"{Path(entry.path)} is {what}; take it out of the folder, or take another folder")
 
 
 def check_target(path: str | Path) -> Path:
@@ -154,6 +171,8 @@ def check_target(path: str | Path) -> Path:
             raise InputError(f"{path.parent} is not a folder; make it first to write {path.name}")
         if path.exists() and not path.is_file():
             raise InputError(f"{path} is a folder or a device; give the name of a file")
+        if path.exists() and not os.access(path, os.W_OK):
+            raise InputError(f"{path} is write-protected; make it writable, or give another name")
     except OSError as error:  # a name that is too long, a loop of links
         raise InputError(f"{str(path)[:60]}... cannot be written: {error.strerror}") from None
     return path
@@ -168,21 +187,51 @@ def check_image(path: str | Path) -> None:
 def write_whole(path: str | Path, write: Callable[[Path], Any]) -> Path:
     """Call ``write`` on a temporary file beside ``path`` and rename it: a reader sees the whole file or none.
 
-    The temporary file goes with an exception, and with SIGTERM where this is the main thread. SIGKILL leaves it.
+    The temporary file goes with an exception, and with SIGTERM where this is the main thread. SIGKILL leaves it; it is
+    locked while it is written, so that the next process that writes ``path`` knows and deletes it. A file that is
+    replaced keeps its permissions.
     """
     path = check_target(path)
+    _delete_leftovers(path)
     temporary = path.with_name(f".{path.stem[:40]}-{os.urandom(8).hex()}{path.suffix}")  # known before it is there
     try:
         with _without(temporary):
-            os.close(os.open(temporary, os.O_CREAT | os.O_EXCL, 0o600))
-            write(temporary)
-            temporary.chmod(0o666 & ~_umask())
+            handle = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
+            try:
+                lock(handle)
+                write(temporary)
+            finally:
+                os.close(handle)
+            temporary.chmod(stat.S_IMODE(path.stat().st_mode) if path.exists() else 0o666 & ~_umask())
             temporary.replace(path)
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
     finally:
         temporary.unlink(missing_ok=True)
     return path
+
+
+@functools.lru_cache(maxsize=64)
+def _temporaries(folder: Path) -> tuple[Path, ...]:
+    """Temporary files of all outputs in a folder, as this process first finds it: a campaign writes many files."""
+    with os.scandir(folder) as entries:
+        return tuple(Path(entry.path) for entry in entries if _TEMPORARY.fullmatch(entry.name))
+
+
+def _delete_leftovers(path: Path) -> None:
+    """Delete temporary files of an output whose writers no longer live: nobody locks them, or has touched them."""
+    name = re.compile(rf"\.{re.escape(path.stem[:40])}-[0-9a-f]{{16}}{re.escape(path.suffix)}")
+    for other in _temporaries(path.parent.resolve()):
+        with contextlib.suppress(OSError, ImportError):
+            import fcntl  # noqa: F401 - without it no lock tells
+
+            if name.fullmatch(other.name) and time.time() - other.lstat().st_mtime > FRESH:
+                handle = os.open(other, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK)
+                try:
+                    if lock(handle):
+                        other.unlink()
+                finally:
+                    os.close(handle)
 
 
 @contextlib.contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import struct
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -16,6 +17,8 @@ from thermofem.files import LARGEST_TEXT, digest, digest_tree
 from thermofem.netcdf import DAMAGE
 
 HASH = "hash"  # name of the array that holds it
+_DAMAGE = (EOFError, MemoryError, SyntaxError, struct.error, tokenize.TokenError, zipfile.BadZipFile, zlib.error)
+"""What NumPy and zipfile raise on a damaged archive, beside `DAMAGE`."""
 
 
 def pack(arrays: Mapping[str, Any], *, deflated: bool = True) -> bytes:
@@ -40,7 +43,7 @@ def unpack(raw: bytes, *, hashed: bool = True) -> dict[str, NDArray[Any]]:
             if sum(member.file_size for member in archive.zip.infolist()) > LARGEST_TEXT:
                 raise ValueError(f"more than {LARGEST_TEXT} bytes unpacked")
             arrays = {name: archive[name] for name in archive.files}
-    except (*DAMAGE, EOFError, MemoryError, struct.error, zipfile.BadZipFile, zlib.error) as error:
+    except (*DAMAGE, *_DAMAGE) as error:
         raise ValueError(str(error) or type(error).__name__) from None
     written = arrays.pop(HASH, None)
     if (written is not None or hashed) and str(written) != _hash(arrays):

@@ -14,7 +14,7 @@ import numpy as np
 
 from thermofem import CrossSection, assemble, checks
 from thermofem.arrays import Array
-from thermofem.files import read_bytes, write_whole
+from thermofem.files import check_entries, read_bytes, write_whole
 
 from . import archive
 from .affine import LineEngine
@@ -50,6 +50,11 @@ class Solver:
     key: str
     executor: Executor | None = None
     folder: Path | None = None
+
+    def __post_init__(self) -> None:
+        """InputError where the folder holds links to files: members would be written elsewhere."""
+        if self.folder is not None and self.folder.is_dir():
+            check_entries(self.folder)
 
     def __call__(
         self, function: Callable[..., Any], tasks: Sequence[Task], marks: Iterable[Array], shared: str = ""

@@ -6,11 +6,13 @@ import os
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
 import surrogate
 import thermofem as th
+from surrogate.family.solving import Solver
 from thermofem import files
 from thermofem.cli.reproduce import run
 
@@ -65,6 +67,70 @@ def test_what_sigkill_leaves_is_swept_from_a_locked_folder(tmp_path):
     assert len(list(tmp_path.iterdir())) == 2
     files.sweep(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == [".mine-1.txt"]
+
+
+@pytest.mark.parametrize(("age", "left"), [(2 * files.FRESH, ["out.txt"]), (0.0, [".out", "out.txt"])])
+def test_what_sigkill_leaves_goes_with_the_next_write(age, left, tmp_path):
+    """It stayed for ever; a file that was touched just now may be that of a writer between making and locking it."""
+    python(WRITES.format(signal="SIGKILL"), tmp_path / "out.txt", cwd=tmp_path)
+    (leftover,) = tmp_path.iterdir()
+    os.utime(leftover, (time.time() - age,) * 2)
+    files.write_whole(tmp_path / "out.txt", lambda path: path.write_text("whole"))
+    assert sorted(path.name.split("-")[0] for path in tmp_path.iterdir()) == left
+
+
+def test_the_temporary_file_of_a_living_writer_stays(tmp_path):
+    code = WRITES.format(signal="SIGSTOP")
+    writer = subprocess.Popen([sys.executable, "-c", code, tmp_path / "out.txt"])
+    try:
+        os.waitpid(writer.pid, os.WUNTRACED)
+        (temporary,) = tmp_path.iterdir()
+        os.utime(temporary, (0.0, 0.0))
+        files.write_whole(tmp_path / "out.txt", lambda path: path.write_text("other"))
+        assert temporary.is_file()
+    finally:
+        os.kill(writer.pid, signal.SIGCONT)
+    assert writer.wait() == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["out.txt"]
+    assert (tmp_path / "out.txt").read_text() == "whole"
+
+
+def test_a_replaced_file_keeps_its_permissions(tmp_path):
+    """A file of the user alone became one that everybody could read."""
+    path = tmp_path / "out.txt"
+    path.write_text("old")
+    path.chmod(0o600)
+    files.write_whole(path, lambda path: path.write_text("new"))
+    assert (path.read_text(), path.stat().st_mode & 0o777) == ("new", 0o600)
+
+
+def test_a_write_protected_file_stays(tmp_path, monkeypatch):
+    path = tmp_path / "out.txt"
+    path.write_text("old")
+    monkeypatch.setattr(os, "access", lambda *_: False)  # tests may run as root, who may write everywhere
+    with pytest.raises(th.InputError, match="write-protected"):
+        files.write_whole(path, lambda path: path.write_text("new"))
+    assert path.read_text() == "old"
+
+
+@pytest.mark.parametrize("name", [".lock", "index.nc", "results.sha256"])
+@pytest.mark.parametrize("kind", ["link", "pipe"])
+def test_a_folder_of_somebody_else_writes_nowhere_else(name, kind, tmp_path):
+    """A link in the folder of a campaign had the file that it names overwritten; a pipe was waited for."""
+    folder, victim = tmp_path / "rings", tmp_path / "victim.txt"
+    folder.mkdir()
+    victim.write_text("precious")
+    if kind == "link":
+        (folder / name).symlink_to(victim)
+    else:
+        os.mkfifo(folder / name)
+    with pytest.raises(th.InputError, match=f"{name} is a"), files.folder_locked(folder):
+        pass
+    with pytest.raises(th.InputError, match=f"{name} is a"):
+        files.sweep(folder)
+    with pytest.raises(th.InputError, match=f"{name} is a"):
+        Solver("key", folder=folder)
+    assert victim.read_text() == "precious"
 
 
 @pytest.mark.parametrize("arguments", [["show", "model.json"], ["show", "model.json", "--json", "-q"], ["--help"]])

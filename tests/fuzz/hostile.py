@@ -8,6 +8,8 @@ from __future__ import annotations
 import io
 import json
 import random
+import warnings
+import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -248,3 +250,10 @@ def archives(content: bytes) -> Iterator[tuple[str, bytes]]:
             memory = io.BytesIO()
             np.savez(memory, **tree)
             yield f"{name}: {what}", memory.getvalue()
+        for shape in ("(" * 5000, "(-1,)", "(10**9,)", "(1000000000000,)", "'", "(1,)\n  x", "\0"):
+            memory = io.BytesIO(content)
+            with zipfile.ZipFile(memory, "a") as file:  # a second member of the name: the last one counts
+                text = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
+                with warnings.catch_warnings(action="ignore"):
+                    file.writestr(f"{name}.npy", b"\x93NUMPY\x01\0" + len(text).to_bytes(2, "little") + text)
+            yield f"{name}: shape {shape[:9]}", memory.getvalue()
