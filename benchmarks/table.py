@@ -143,13 +143,13 @@ def slopes(curves: dict[str, list[list[float]]]) -> str:
 
 
 def draw(curves: dict[str, list[list[float]]], path: Path) -> None:
-    """Left: against the number of unknowns. Right: against the number of poles, cells or geometries."""
+    """Above: against the number of unknowns. Below: against the number of poles, cells or geometries."""
     import matplotlib.pyplot as plt
 
     by = {name: name.split(", by ") for name in curves}
     left = [name for name in curves if by[name][1] == "unknowns"]
     right = [name for name in curves if name not in left]
-    fig, axes = plt.subplots(1, 2, figsize=(9.6, 4.2), layout="constrained")
+    fig, axes = plt.subplots(2, 1, figsize=(5.7, 6.8), layout="constrained")
     for ax, names in zip(axes, (left, right), strict=True):
         for color, name in zip(("#0072B2", "#D55E00", "#009E73"), names, strict=False):
             size, seconds = np.array(curves[name]).T
@@ -157,6 +157,7 @@ def draw(curves: dict[str, list[list[float]]], path: Path) -> None:
             ax.loglog(size, seconds, "o-", color=color, label=f"{by[name][0]}: {slope:.2f}")
         units = [by[name][1] for name in names]
         ax.set_xlabel("number of " + ", ".join(dict.fromkeys(units)))
+        ax.set_ylabel("time (s)")
         ax.grid(alpha=0.25, which="major")
         ax.legend(
             frameon=False,
@@ -168,7 +169,6 @@ def draw(curves: dict[str, list[list[float]]], path: Path) -> None:
         )
         low, high = ax.get_ylim()
         ax.set_ylim(low, high * (high / low) ** 0.35)  # room for the legend
-    axes[0].set_ylabel("time (s)")
     fig.savefig(path, dpi=150)
 
 

@@ -51,7 +51,7 @@ def main() -> None:
     folder, target = Path(sys.argv[1]), Path(sys.argv[2] if len(sys.argv) > 2 else ".")
     target.mkdir(parents=True, exist_ok=True)
     resistances = np.linspace(8e3, 22e3, 43)
-    fig, (left, right) = plt.subplots(1, 2, figsize=(9.6, 3.8), layout="constrained")
+    fig, (left, right) = plt.subplots(2, 1, figsize=(5.7, 6.6), layout="constrained")
     kept = {}
     for lumped, words in ((True, "lumped dispersion"), (False, "two-term dispersion")):
         rms = misfits(folder, resistances, lumped)
@@ -73,13 +73,13 @@ def main() -> None:
     R = rings.thermal_resistance(box=box, cladding=cladding[:, None]) / 1e3
     above = cladding * 1e6 - CORE
     lines = right.contour(box * 1e6, above, R, levels=np.arange(8, 24, 2), colors="0.5", linewidths=0.8)
-    right.clabel(lines, fmt="%g K/mW", fontsize=8)
+    right.clabel(lines, fmt="%g K/mW", fontsize="small")
     for k, (words, (low, high)) in enumerate(kept.items()):
         right.contourf(box * 1e6, above, R, levels=[low / 1e3, high / 1e3], colors=[f"C{k}"], alpha=0.35)
         right.plot([], [], color=f"C{k}", lw=6, alpha=0.35, label=words)
     right.legend(loc="upper right", fontsize="small")
     right.set(xlabel="buried oxide (µm)", ylabel="oxide above the core (µm)")
-    fig.savefig(target / "calibrate_ring.png", dpi=160)
+    fig.savefig(target / "calibrate_ring.png", dpi=220)
 
 
 if __name__ == "__main__":

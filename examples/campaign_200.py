@@ -34,7 +34,7 @@ def rise_time(data: xr.Dataset) -> np.ndarray:
 
 def figure(data: xr.Dataset, path: Path) -> None:
     """Both quantities against the oxide, colour for the radius, size for the width."""
-    fig, axes = plt.subplots(1, 2, figsize=(9.6, 4.0), layout="constrained")
+    fig, axes = plt.subplots(2, 1, figsize=(5.7, 7), layout="constrained")
     sizes = 12 + 80 * (data.width - 400e-9) / 200e-9
     for ax, values, label in (
         (axes[0], data.thermal_resistance[:, 0] / 1e3, "thermal resistance (K/mW)"),

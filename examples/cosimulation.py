@@ -16,7 +16,7 @@ end = drive["duration"]
 times = end - found.period * np.array([0.9, 0.6, 0.3])
 run = coupled.cosimulate(ring, heat, field_times=times, **drive)
 
-fig = plt.figure(figsize=(9, 5.6), layout="constrained")
+fig = plt.figure(figsize=(5.7, 4.6), layout="constrained")
 top, bottom = fig.subfigures(2, 1, height_ratios=[1, 1.15])
 left = top.subplots()
 last = run.sel(time=slice(end - 2 * found.period, None))
@@ -49,6 +49,6 @@ for k, (ax, time) in enumerate(zip(axes, times, strict=True)):
     )
 axes[0].set_ylabel("z (µm)")
 bottom.colorbar(image, ax=axes, label="temperature rise (K)", ticks=levels[::2])
-fig.savefig("cosimulation.png", dpi=150)
+fig.savefig("cosimulation.png", dpi=220)
 a = run.attrs
 print(f"{a['windows']} windows, {a['passes']} passes, {a['largest_discrepancy'] * 1e3:.2f} mK between light and FEM")

@@ -42,7 +42,7 @@ def relax(model, length, passes=12):
     return np.array(sizes)
 
 
-fig, axes = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained", sharey=True)
+fig, axes = plt.subplots(2, 1, figsize=(5.7, 6.4), layout="constrained", sharex=True, sharey=True)
 cases = {"none": coupled.NO_PREDICTOR, "Newton": newton, "second order": second, "Krylov reduction (default)": None}
 marks = zip(cases.items(), "ovs^", ("#000000", "#D55E00", "#0072B2", "#009E73"), strict=True)
 for (name, model), mark, color in marks:
@@ -50,10 +50,10 @@ for (name, model), mark, color in marks:
 for length, mark, color in zip((10e-9, 20e-9, 40e-9, 80e-9), "ovs^", plt.cm.cividis([0, 0.3, 0.6, 0.85]), strict=True):
     sizes = relax(newton, length)
     axes[1].semilogy(np.arange(1, 13), sizes, color=color, marker=mark, markersize=4, label=f"{length * 1e9:.0f} ns")
-axes[0].set(xlabel="pass", ylabel="largest discrepancy (K)", title="predictors, window of 40 ns", ylim=(1e-8, 100))
-axes[1].set(xlabel="pass", title="Newton's law, length of the window")
+axes[0].set(ylabel="largest discrepancy (K)", title="predictors, window of 40 ns", ylim=(1e-8, 100))
+axes[1].set(xlabel="pass", ylabel="largest discrepancy (K)", title="Newton's law, length of the window")
 for ax in axes:
     ax.axhline(1e-3, color="0.5", linewidth=0.8, linestyle=":")
     ax.legend(frameon=False)
     ax.grid(alpha=0.3)
-fig.savefig("convergence.png", dpi=150)
+fig.savefig("convergence.png", dpi=220)

@@ -14,11 +14,11 @@ from coupled.plot import plot_map
 from coupled.plot.cycles import plot_branch
 
 ring, newton, power = coupled.borghi2021().with_lumped_fcd(), surrogate.newton(tau_th=275e-9), 5e-3
-figure, (left, right) = plt.subplots(1, 2, figsize=(10.5, 3.9), layout="constrained")
+figure, (above, below) = plt.subplots(2, 1, figsize=(5.7, 7.4), layout="constrained")
 
 branch = coupled.continue_cycle(ring, newton, "detuning", (8e9, -2e9), power=power, detuning=-2e9)
 fixed = coupled.transmission(ring, newton, power=power, detuning=(-2e9, 7e9))
-plot_branch(branch, left, fixed=fixed)
+plot_branch(branch, above, fixed=fixed)
 steps = np.linspace(-1.5e9, 6.5e9, 41)
 for name, values, marker in (("up", steps, ">"), ("down", steps[::-1], "<")):
     run, seen = None, []
@@ -28,19 +28,19 @@ for name, values, marker in (("up", steps, ">"), ("down", steps[::-1], "<")):
         seen.append((nu * 1e-9, late.min(), late.max()))
     x, low, high = np.array(seen[::2]).T
     style = {"marker": marker, "linestyle": "", "markersize": 4, "color": "#0072B2", "markerfacecolor": "none"}
-    left.plot(x, high, label=f"integrated, laser stepped {name}", **style)
-    left.plot(x, low, **style)
-left.legend(frameon=False, fontsize="x-small", loc="center left")
-left.set_title(f"{power * 1e3:g} mW", fontsize="small")
+    above.plot(x, high, label=f"integrated, laser stepped {name}", **style)
+    above.plot(x, low, **style)
+above.legend(frameon=False, fontsize="small", loc="center left", bbox_to_anchor=(0, 0.59))
+above.set_title(f"{power * 1e3:g} mW", fontsize="small")
 
 powers, detunings = np.geomspace(2e-3, 10e-3, 60), np.linspace(-20e9, 20e9, 80)
 curves = coupled.cycle_fold_curves(ring, newton, powers, detunings)
 folds = [*coupled.fold_curves(ring, newton, powers, detunings), *curves]
 hopf = coupled.hopf_curves(ring, newton, powers, detunings)
-plot_map(coupled.stability_map(ring, newton, powers, detunings), ax=right, hopf=hopf, folds=folds)
-right.set_title("linear stability, Hopf curve (dashed), folds of cycles (dash-dotted)", fontsize="small")
+plot_map(coupled.stability_map(ring, newton, powers, detunings), ax=below, hopf=hopf, folds=folds)
+below.set_title("linear stability, Hopf curve (dashed), folds of cycles (dash-dotted)", fontsize="small")
 
 (fold,) = branch["detuning"].values[branch["special"].values == "fold"]
 (first,) = branch["detuning"].values[branch["special"].values == "Hopf"]
 print(f"at {power * 1e3:g} mW: pulses or rest between {first * 1e-9:.3f} and {fold * 1e-9:.3f} GHz")
-figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "cycle_hysteresis.png", dpi=150)
+figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "cycle_hysteresis.png", dpi=220)

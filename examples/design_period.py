@@ -38,7 +38,7 @@ def figure(found: surrogate.Design, path: Path) -> None:
         for j, bottom in enumerate(box):
             periods[i, j] = settled_period(found.family.at({BOX: float(bottom), OXIDE: float(top)}))
     height = 0.22  # um, of the core
-    fig, ax = plt.subplots(figsize=(6.4, 4.2), layout="constrained")
+    fig, ax = plt.subplots(figsize=(5.7, 3.9), layout="constrained")
     drawn = ax.contourf(
         box * 1e6, oxide * 1e6 - height, periods * 1e9, levels=np.arange(500, 1101, 50), extend="both", cmap="viridis"
     )
@@ -50,7 +50,7 @@ def figure(found: surrogate.Design, path: Path) -> None:
     where = f"{at[0]:.2f} µm below,\n{at[1]:.2f} µm above"
     ax.annotate(where, at, xytext=(-14, 14), textcoords="offset points", color="white", ha="right")
     ax.set(xlabel="buried oxide (µm)", ylabel="oxide above the core (µm)", title="Self-pulsing at 8 dBm, 0 GHz")
-    fig.savefig(path, dpi=160)
+    fig.savefig(path, dpi=220)
 
 
 def main() -> None:

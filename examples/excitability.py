@@ -42,7 +42,7 @@ def rise(run, after=0.0):
     return float(run.delta_T.values[run.time.values >= after].max() - run.delta_T[0])
 
 
-figure, (a, b, c) = plt.subplots(1, 3, figsize=(9, 3), layout="constrained")
+figure, (a, b, c) = plt.subplots(3, 1, figsize=(5.7, 7.4), layout="constrained")
 colours, dashes = ("#56B4E9", "#0072B2", "#D55E00"), ((0, (1, 1)), (0, (4, 1)), "-")
 rest = at_rest(1e-3 * 10**0.6)
 for energy, colour, dash in zip((15e-12, 22e-12, 30e-12), colours, dashes, strict=True):
@@ -68,6 +68,6 @@ for delay in delays:
 c.plot(delays * 1e6, np.array(second) / rise(answer(rest, pulse(30e-12))), color=colours[2])
 c.set(xlabel="delay of the second pulse (µs)", ylabel="second response over the first", xlim=(0, 4), ylim=(0, None))
 for ax, letter in zip((a, b, c), "abc", strict=True):
-    ax.set_title(f"({letter})", loc="left", fontsize=11)
+    ax.set_title(f"({letter})", loc="left", fontsize="medium")
     ax.spines[["top", "right"]].set_visible(False)
 figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "excitability.png", dpi=200)

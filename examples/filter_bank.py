@@ -35,7 +35,7 @@ print(
     ((by_heater @ naive - wanted) * ring.thermal_shift / 2e9 / np.pi).round(1),
 )
 
-figure, axes = plt.subplots(1, 3, figsize=(12, 3.6), layout="constrained", width_ratios=(1.7, 1, 1))
+figure, axes = plt.subplots(3, 1, figsize=(5.7, 8.6), layout="constrained", height_ratios=(1.4, 1, 1))
 plot_crosstalk(bank, axes[0])
 detunings = np.linspace(-(N + 1) * SPACING, 0.0, 2001)
 for power, style, name in ((naive, ":", "crosstalk left out"), (corrected, "-", "crosstalk taken in")):

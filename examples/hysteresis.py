@@ -17,7 +17,7 @@ ring = coupled.borghi2021()
 model = surrogate.reduce(th.assemble(th.strip_ring()).system, tolerance=1e-3).model
 first, last, duration = 30e9, -130e9, 400e-6
 steps = np.linspace(first, last, 400)
-figure, axes = plt.subplots(1, 3, figsize=(12.5, 3.7), layout="constrained")
+figure, axes = plt.subplots(3, 1, figsize=(5.7, 8.6), layout="constrained")
 for ax, power in zip(axes, (0.5e-3, 2.5e-3, 6.3e-3), strict=True):
     curve = coupled.transmission(ring, model, power=power, detuning=(last, first))
     sweeps = {
@@ -39,7 +39,7 @@ for ax in axes[:-1]:
     ax.get_legend().remove()
 handles, labels = axes[-1].get_legend_handles_labels()
 axes[-1].get_legend().remove()
-key = figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, fontsize="small")
+key = figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False, fontsize="small")
 for line in key.get_lines():
     line.set_linewidth(1.4)
-figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "hysteresis.png", dpi=170)
+figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "hysteresis.png", dpi=220)

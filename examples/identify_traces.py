@@ -42,16 +42,16 @@ traces = [trace for trace in (experiment(*place) for place in places) if np.isfi
 newton = coupled.fit_newton_per_trace(ring, traces, show_bar=True)
 print(f"Newton's law a trace: {newton.sizes['trace']} traces, correlation {newton.attrs['correlation']:.3f}")
 
-figure = plt.figure(figsize=(11.5, 5.4), layout="constrained")
-top, bottom = figure.subfigures(2, 1, height_ratios=(1, 1.15))
-plot_identification(found, top.subplots(1, 3, sharey=True))
-left, right = bottom.subplots(1, 2)
-plot_newton_traces(newton, left, reference=HEAT_CAPACITY)
+figure = plt.figure(figsize=(5.7, 12), layout="constrained")
+top, bottom = figure.subfigures(2, 1, height_ratios=(1.3, 1))
+plot_identification(found, top.subplots(3, 1, sharex=True, sharey=True))
+above, below = bottom.subplots(2, 1)
+plot_newton_traces(newton, above, reference=HEAT_CAPACITY)
 t = np.geomspace(1e-9, 20e-6, 300)
-right.semilogx(
+below.semilogx(
     t * 1e9, heat.step_response(t) / 1e3, color="#111111", linewidth=2.4, alpha=0.45, label="finite elements"
 )
-right.semilogx(t * 1e9, found.model.step_response(t) / 1e3, color="#D55E00", label="trained on the traces")
-right.set(xlabel="time after a step of power (ns)", ylabel="temperature rise (K/mW)")
-right.legend(frameon=False, fontsize="small")
-figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "identify_traces.png", dpi=150)
+below.semilogx(t * 1e9, found.model.step_response(t) / 1e3, color="#D55E00", label="trained on the traces")
+below.set(xlabel="time after a step of power (ns)", ylabel="temperature rise (K/mW)")
+below.legend(frameon=False, fontsize="small")
+figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "identify_traces.png", dpi=220)

@@ -29,7 +29,7 @@ def main(source: str, picture: str) -> None:
         share = 100 * fit.residual / rise[-1]
         print(f"{name}: R_th = {fit.model.thermal_resistance:.4g} K/W, rms {share:.3f} % of the last value")
 
-    _, (a, b, c) = plt.subplots(1, 3, figsize=(12, 3.6), layout="constrained")
+    _, (a, b, c) = plt.subplots(3, 1, figsize=(5.7, 8), layout="constrained")
     a.semilogx(time, rise, ".", color=INK, markersize=4, label="measured")
     a.semilogx(time, few.model.step_response(time), color=VERMILION, linewidth=1, label="six poles")
     a.set(xlabel="time (s)", ylabel="thermal impedance (K/W)")

@@ -132,7 +132,7 @@ def figure(folder):
     print(f"R_th {model.thermal_resistance / 1e3:.2f} K/mW, rms {rms:.1%} and {rms_moved:.1%} the other day")
     for name, value in zip(("mW a unit", "nm, cold", "1/ns absorbed", "ns of the carriers"), x, strict=True):
         print(f"{value:10.4f} {name}")
-    picture, axes = plt.subplots(1, 3, figsize=(12, 3.7), layout="constrained")
+    picture, axes = plt.subplots(3, 1, figsize=(5.7, 9), layout="constrained")
     drawn = (
         (axes[0], first, x, (1552.304, 1552.246, 1552.194)),
         (axes[1], second, moved, (1552.392, 1552.339, 1552.300)),
@@ -172,4 +172,4 @@ def figure(folder):
 if __name__ == "__main__":
     if len(sys.argv) < 2:
         sys.exit(__doc__)
-    figure(Path(sys.argv[1])).savefig(sys.argv[2] if len(sys.argv) > 2 else "measured_bistability.png", dpi=150)
+    figure(Path(sys.argv[1])).savefig(sys.argv[2] if len(sys.argv) > 2 else "measured_bistability.png", dpi=220)

@@ -98,7 +98,7 @@ def system(trench):
     return th.StateSpace(E, A, C.T, C, inputs=("ring 1", "ring 2"), outputs=("ring 1", "ring 2"))
 
 
-figure, axes = plt.subplots(1, 2, figsize=(11, 4), layout="constrained")
+figure, axes = plt.subplots(2, 1, figsize=(5.7, 6), layout="constrained")
 times, circuit = np.geomspace(1e-8, 3e-4, 200), coupled.Circuit(
     [coupled.borghi2021()] * 2,
     lasers=[coupled.LaserPort("one", "ring 1.in"), coupled.LaserPort("two", "ring 2.in")],
@@ -117,4 +117,4 @@ for trench, colour in ((False, "#0072B2"), (True, "#D55E00")):
 axes[0].set(xlabel="time (µs)", ylabel="rise of the other racetrack (K/W)")
 axes[1].set(xlabel="time (µs)", ylabel="rise beside a self-pulsing racetrack (K)")
 axes[0].legend(frameon=False, fontsize="small")
-figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "racetrack.png", dpi=150)
+figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "racetrack.png", dpi=220)

@@ -61,7 +61,7 @@ def narma_error(table):
 
 
 delays, rates = np.arange(1, 6), (20e6, 5e6)
-figure, axes = plt.subplots(1, 3, figsize=(10.5, 3.4), layout="constrained")
+figure, axes = plt.subplots(3, 1, figsize=(5.7, 7.6), layout="constrained")
 cases = [(c, law) for c in circuits for law in laws]
 for rate, ax in zip(rates, axes, strict=False):
     stream = th.Symbols(bits, rate=rate, power=POWER, bias=0.3 * POWER, mask=np.ones(NODES), noise=0.005, seed=1)
@@ -91,6 +91,6 @@ axes[2].set_xticks([0, 1], [f"{rate / 1e6:g} Mvalues/s" for rate in rates])
 axes[2].set_title("NARMA-10", fontsize="small", loc="left")
 axes[2].set(ylabel="error / standard deviation", ylim=(0, 1.1))
 figure.legend(
-    *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False, fontsize="small"
+    *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False, fontsize="small"
 )
 figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "reservoir.png", dpi=200)

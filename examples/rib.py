@@ -9,7 +9,7 @@ from thermofem.plot import plot_field
 times = np.geomspace(1e-9, 50e-6, 100)
 rings = {"strip, no slab": th.strip_ring(width=500e-9)}
 rings |= {f"rib, slab {slab} nm": th.rib_ring(width=500e-9, slab=slab * 1e-9) for slab in (50, 90, 150)}
-fig, axes = plt.subplot_mosaic("lu;lb", figsize=(9.6, 4.4), layout="constrained", width_ratios=(1.3, 1))
+fig, axes = plt.subplot_mosaic("ll;ub", figsize=(5.7, 5.2), layout="constrained", height_ratios=(1.3, 1))
 left, upper, lower = axes.values()
 below = {"strip, no slab": upper, "rib, slab 90 nm": lower}
 for (name, ring), color in zip(rings.items(), ("#222222", "#56B4E9", "#0072B2", "#D55E00"), strict=True):
@@ -27,4 +27,4 @@ left.legend(frameon=False)
 left.xaxis.set_major_formatter("{x:g}")
 left.grid(alpha=0.25)
 upper.set_xlabel("")
-fig.savefig("rib.png", dpi=150)
+fig.savefig("rib.png", dpi=220)

@@ -18,7 +18,8 @@ one = coupled.borghi2021()
 array = surrogate.reduce_array(
     th.assemble(th.strip_ring(outer_radius=150e-6)), [(k * 25e-6, 0) for k in range(3)], tolerance=1e-3
 )
-figure, axes = plt.subplots(2, 2, figsize=(11, 6), layout="constrained")
+figure, column = plt.subplots(4, 1, figsize=(5.7, 10), layout="constrained", height_ratios=(0.7, 1, 1, 1))
+axes = column.reshape(2, 2)
 detunings = np.linspace(-40e9, 40e9, 801)
 for sigma, style in ((0.0, "-"), (8e9, "--")):
     circuit = coupled.scissor([one] * 3, phase=0.5, loss=0.05).scattered(sigma, seed=2)
@@ -35,4 +36,4 @@ run = coupled.simulate_circuit(circuit, array, inputs={"in": 8e-3}, duration=6e-
 plot_rings(run, ax=axes[1, 0])
 plot_ports(run, axes[1, 1])
 print(f"{run.attrs['steps']} steps; hottest {float(run.delta_T.max()):.2f} K")
-figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "scissor.png", dpi=150)
+figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "scissor.png", dpi=220)

@@ -42,7 +42,8 @@ def simulate(circuit, heat, powers, duration):
     return coupled.simulate_circuit(circuit, heat, inputs=inputs, duration=duration, rtol=1e-5)
 
 
-figure, axes = plt.subplots(2, 2, figsize=(11, 6), layout="constrained")
+figure, column = plt.subplots(4, 1, figsize=(5.7, 9.4), layout="constrained")
+axes = column.reshape(2, 2, order="F")
 for label, (heat, colour) in laws.items():
     run = simulate(pair(), heat, (6.31e-3, 3.16e-3), 80e-6)
     late = run.isel(time=run.time.values > 60e-6)
@@ -73,4 +74,4 @@ axes[0, 1].set(xlabel="detuning of ring 2 (GHz)", ylabel="swing of ring 2 (K)")
 axes[1, 1].set(xlabel="time (µs)", ylabel="lead of ring 1 (pulses)")
 share = array.crosstalk[0, 1] / array.crosstalk[0, 0]
 print(f"crosstalk {share:.3f}, half of it after {array.half_times[0, 1] * 1e6:.1f} us")
-figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "two_rings.png", dpi=150)
+figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "two_rings.png", dpi=220)

@@ -69,7 +69,7 @@ def pulses(model: th.Foster, changes: dict[str, float]):
 
 def figure(studies, probability, path: Path) -> None:
     """Bars of Sobol indices beside the map of the probability."""
-    fig, (left, right) = plt.subplots(1, 2, figsize=(10.4, 4.0), layout="constrained")
+    fig, (left, right) = plt.subplots(2, 1, figsize=(5.7, 7), layout="constrained")
     names, bar = list(SPREAD), 0.26
     for k, (label, data) in enumerate(studies.items()):
         total = data.total_order.sel(parameter=names)
@@ -88,7 +88,7 @@ def figure(studies, probability, path: Path) -> None:
     drawn = right.pcolormesh(DETUNINGS / 1e9, dBm, probability["mean"], vmin=0, vmax=1, cmap="magma", shading="nearest")
     fig.colorbar(drawn, ax=right, label="probability of self-pulsing")
     right.set(xlabel="detuning (GHz)", ylabel="power (dBm)")
-    fig.savefig(path, dpi=160)
+    fig.savefig(path, dpi=220)
 
 
 def main() -> None:

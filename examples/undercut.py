@@ -8,7 +8,7 @@ import thermofem as th
 
 ring = th.heated_ring()
 cavity = th.Part("cavity", "void", inner_radius=4e-6, outer_radius=12e-6, bottom=-6e-6, height=4e-6)
-fig, axes = plt.subplots(1, 2, figsize=(10, 3.4), layout="constrained", sharey=True)
+fig, axes = plt.subplots(2, 1, figsize=(5.7, 5.6), layout="constrained", sharex=True)
 for ax, geometry, name in zip(
     axes, (ring, replace(ring, parts=(*ring.parts, cavity))), ("on silicon", "undercut"), strict=True
 ):
@@ -34,8 +34,9 @@ for ax, geometry, name in zip(
         ylim=(-7, 4),
         xticks=range(0, 20, 5),
         xlabel="r (µm)",
+        ylabel="z (µm)",
         title=f"{name}: core {data.delta_T.item():.0f} K at 10 mW",
     )
+    ax.label_outer()
 fig.colorbar(image, ax=axes, label="temperature rise (K)")
-axes[0].set_ylabel("z (µm)")
-fig.savefig("undercut.png", dpi=150)
+fig.savefig("undercut.png", dpi=220)

@@ -167,3 +167,41 @@ def test_a_fit_of_samples_in_equal_ratios_is_drawn_over_them():
     upper, lower = FUNCTIONS["plot_fit"](surrogate.fit_foster(data, order=1), data)
     assert upper.get_xscale() == lower.get_xscale() == "log"
     assert lower.get_xlabel() == "time (s)"
+
+
+def drawn(name: str) -> plt.Figure:
+    """The figure that a plot function makes by itself."""
+    wave = th.SquareWave(1e-3, 1e-6, 0.5)
+    data = th.dataset.build(TIMES, MODEL.response(wave, TIMES), wave)
+    frame = {"dims": ("power", "detuning"), "coords": {"power": [1e-3, 2e-3], "detuning": [0.0, 1e9]}}
+    regimes = xr.DataArray([["stable", "self-pulsing"]] * 2, **frame)
+    numbers = {one: xr.DataArray(np.full((2, 2), value), **frame) for one, value in (("period", 1e-6), ("duty", 0.4))}
+    ring = coupled.borghi2021()
+    run = coupled.simulate(ring, MODEL, power=th.Pulse(1e-3, 5e-8), duration=1e-7)
+    errors = {"period": ("period", [1e-7, 1e-6]), "relative_error": ("period", [0.1, 0.2])}
+    geometry = th.strip_ring()
+    makers = {
+        "plot_model": lambda f: f(MODEL),
+        "plot_step": lambda f: f(MODEL),
+        "plot_fit": lambda f: f(MODEL, data),
+        "plot_preview": lambda f: f(geometry, th.assemble(geometry, accuracy=0.05).mesh),
+        "plot_traces": lambda f: f(run),
+        "plot_circuit": lambda f: f(coupled.scissor([ring] * 3)),
+        "plot_map": lambda f: f(xr.Dataset({"regime": regimes})),
+        "plot_maps": lambda f: f({"Foster": xr.Dataset({"regime": regimes, **numbers})}),
+        "plot_period_errors": lambda f: f({"Foster": xr.Dataset(errors).set_coords("period")}),
+    }
+    return np.ravel(makers[name](FUNCTIONS[name]))[0].figure
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["plot_model", "plot_step", "plot_fit", "plot_preview", "plot_traces", "plot_circuit", "plot_map", "plot_maps",
+     "plot_period_errors"],
+)  # fmt: skip
+def test_a_figure_is_legible_in_half_a_column(name):
+    figure = drawn(name)
+    figure.draw_without_rendering()
+    texts = [text for text in figure.findobj(matplotlib.text.Text) if text.get_visible() and text.get_text().strip()]
+    share = 88 / 25.4 / figure.get_figwidth()  # of 88 mm, a column of two, in the figure's own inches
+    assert min(text.get_fontsize() for text in texts) * share >= 5  # pt, the least that journals print

@@ -19,7 +19,7 @@ from .fields import check_field
 from .files import check_image, write_whole
 from .plot_models import plot_model as plot_model
 from .plot_models import plot_step as plot_step
-from .plot_style import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, VERMILION, takes
+from .plot_style import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, VERMILION, WIDTH, takes
 from .plot_style import axes as _axes
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ def plot_cross_section(
     takes("geometry", geometry, "subdivision", what=GEOMETRY)
     if mesh is not None:
         takes("mesh", mesh, "triangles", what=MESH)
-    ax = _axes(ax, (6.0, 4.2))
+    ax = _axes(ax, (WIDTH, 4.0))
     colours: dict[str, str] = {}
     for face in geometry.subdivision.faces:
         name = geometry.material_of(face.owner).name
@@ -174,10 +174,10 @@ def plot_cross_section(
 
 
 def plot_preview(geometry: CrossSection, mesh: Mesh) -> Axes:
-    """All parts with their names on the left, the mesh around the first heated part on the right; the left Axes."""
+    """All parts with their names above, the mesh around the first heated part below; the upper Axes."""
     takes("geometry", geometry, "subdivision", what=GEOMETRY)
     takes("mesh", mesh, "triangles", what=MESH)
-    figure, (left, right) = plt.subplots(1, 2, figsize=(10.5, 4.6), layout="constrained")
+    figure, (left, right) = plt.subplots(2, 1, figsize=(WIDTH, 7.6), layout="constrained")
     heated = next(part for part in geometry.parts if part.heated)
     plot_cross_section(geometry, ax=left)
     low, high = min(p.bottom for p in geometry.parts), max(geometry.top_z, *(p.top for p in geometry.parts))

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.ticker import LogLocator
 
 from .checks import InputError
-from .plot_style import BLUE, CYCLE, INK, VERMILION, axes, takes
+from .plot_style import BLUE, CYCLE, INK, VERMILION, WIDTH, axes, takes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,13 +42,13 @@ def plot_step(model: ThermalModel, ax: Axes | None = None, *, power: float = 1e-
 
 
 def plot_model(model: ThermalModel, ax: Any = None) -> np.ndarray:
-    """Step response for 1 mW on the left, magnitude and phase of the thermal impedance on the right.
+    """Step response for 1 mW above, magnitude and phase of the thermal impedance below.
 
     model: as for `plot_step`.
     """
     model = _single(model)
     if ax is None:
-        _, ax = plt.subplots(1, 2, figsize=(7.6, 3.1), layout="constrained")
+        _, ax = plt.subplots(2, 1, figsize=(WIDTH, 5.6), layout="constrained")
     left, right = ax
     plot_step(model, left)
     times = _times(model)
@@ -56,11 +56,11 @@ def plot_model(model: ThermalModel, ax: Any = None) -> np.ndarray:
     Z = np.asarray(model.impedance(frequency))
     right.loglog(frequency, np.abs(Z) / 1e3, color=INK)
     right.set(xlabel="frequency (Hz)", ylabel="|Z| (K/mW)")
-    for panel in (left, right):
-        panel.xaxis.set_major_locator(LogLocator(numticks=MOST_DECADES))  # that fit side by side
     phase = right.twinx()
     phase.semilogx(frequency, np.degrees(np.angle(Z)), color=BLUE, linestyle="--", linewidth=1)
     phase.set_ylabel("phase (°)", color=BLUE)
+    for panel in (left, right):
+        panel.xaxis.set_major_locator(LogLocator(numticks=MOST_DECADES))
     resistance = float(model.thermal_resistance)
     left.axhline(resistance * 1e-3, color=INK, linewidth=0.6, linestyle=":")
     left.set_title(f"{type(model).__name__}, $R_\\mathrm{{th}}$ = {resistance / 1e3:.4g} K/mW", fontsize="small")

@@ -16,7 +16,8 @@ INK, BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE = (
     "#222222", "#0072B2", "#D55E00", "#009E73", "#E69F00", "#56B4E9", "#CC79A7",
 )  # fmt: skip
 CYCLE = (VERMILION, BLUE, GREEN, ORANGE, PURPLE, SKY)  # of several lines in one panel
-SIZE = (6.0, 3.6)  # inches of a figure by default: half a slide
+WIDTH = 5.7  # inches at most: in half a column of 88 mm "small", the smallest text, is then 5 pt high
+SIZE = (WIDTH, 3.5)  # of a figure by default
 
 
 def axes(ax: Axes | None, size: tuple[float, float] = SIZE) -> Axes:

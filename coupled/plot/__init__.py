@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from thermofem.checks import choice
-from thermofem.plot_style import GREEN, INK, PURPLE, takes
+from thermofem.plot_style import GREEN, INK, PURPLE, WIDTH, takes
 from thermofem.plot_style import axes as new_axes
 
 from .axes import HEAT, LIGHT, dbm, draw_stability
@@ -38,14 +38,15 @@ def plot_identification(found: Identification, axes: Sequence[Axes] | None = Non
     """Draw the measured mean cycle of every trace and the model's over it, each with its drive and the two periods.
 
     found: from `identify`.
-    axes: one for each trace; a new row of them by default.
+    axes: one for each trace; a new column of them by default.
     """
     takes("found", found, "cycles", "residuals", what="the result of coupled.identify")
     cycles, errors = found.cycles, found.residuals
     n = cycles.sizes["trace"]
     if axes is None:
-        _, row = plt.subplots(1, n, figsize=(2.7 * n + 0.6, 2.7), layout="constrained", sharey=True, squeeze=False)
-        axes = list(row[0])
+        size = (WIDTH, 2.2 * n + 0.4)
+        _, column = plt.subplots(n, 1, figsize=size, layout="constrained", sharey=True, squeeze=False)
+        axes = list(column[:, 0])
     for k, ax in enumerate(axes):
         one, at = cycles.isel(trace=k), errors.isel(trace=k)
         first = int(one["drop"].values.argmin())  # the cycle begins where the drop power is lowest
@@ -90,7 +91,7 @@ def plot_carrier_decay(decay: xr.Dataset, axes: Sequence[Axes] | None = None) ->
     """
     takes("decay", decay, "time", "carriers", "lifetime", what="a Dataset of coupled.carrier_decay")
     if axes is None:
-        _, axes = plt.subplots(1, 2, figsize=(7.6, 3.1), layout="constrained")
+        _, axes = plt.subplots(2, 1, figsize=(WIDTH, 5.6), layout="constrained")
     left, right = axes
     t, N, tau = (decay[name].values for name in ("time", "carriers", "lifetime"))
     left.semilogy(t * 1e9, N * 1e-6, color=INK, linewidth=1.6)

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
 
 from thermofem.checks import choice
-from thermofem.plot_style import BLUE, CYCLE, GREEN, INK, PURPLE, SIZE, VERMILION, axes, takes
+from thermofem.plot_style import BLUE, CYCLE, GREEN, INK, PURPLE, SIZE, VERMILION, WIDTH, axes, takes
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,7 +26,7 @@ _SPLITTER = {"in 1": (-0.4, -0.2), "in 2": (-0.4, 0.2), "out 1": (0.4, -0.2), "o
 def plot_circuit(circuit: Circuit, ax: Axes | None = None) -> Axes:
     """The circuit as a drawing: rings in a row on their two buses, arrows for light from terminal to terminal."""
     takes("circuit", circuit, "names", "splitters", "waveguides", what="a coupled.Circuit")
-    ax = axes(ax, (1.6 * (len(circuit.names) + len(circuit.splitters)) + 2.5, 2.8))
+    ax = axes(ax, (max(WIDTH, 1.2 * (len(circuit.names) + len(circuit.splitters)) + 2.1), 2.4))
     at: dict[str, tuple[float, float]] = {}
     for k, name in enumerate(circuit.names):
         ax.add_patch(Circle((k * PITCH, 0), RADIUS, fill=False, linewidth=2, color=INK))
@@ -44,7 +44,7 @@ def plot_circuit(circuit: Circuit, ax: Axes | None = None) -> Axes:
         _arrow(ax, at[way.start], at[way.stop], BLUE if way.delay == 0 else PURPLE)
         if way.delay:
             x, y = np.mean([at[way.start], at[way.stop]], axis=0)
-            ax.text(x + 0.25, y, f"{way.delay * 1e9:.3g} ns", color=PURPLE, fontsize="x-small", va="center")
+            ax.text(x + 0.25, y, f"{way.delay * 1e9:.3g} ns", color=PURPLE, fontsize="small", va="center")
     for laser in circuit.lasers:
         x, y = at[laser.stop]
         _outside(ax, laser.name, (x, y), VERMILION, inward=True)
@@ -70,7 +70,7 @@ def _outside(ax: Axes, name: str, place: tuple[float, float], colour: str, *, in
     end = (x - 0.5 if left else x + 0.5, y)
     first, last = (end, place) if inward else (place, end)
     ax.add_patch(FancyArrowPatch(first, last, arrowstyle="-|>", mutation_scale=9, color=colour))
-    ax.text(end[0], y + (0.14 if y > 0 else -0.14), name, color=colour, fontsize="x-small", ha="center",
+    ax.text(end[0], y + (0.14 if y > 0 else -0.14), name, color=colour, fontsize="small", ha="center",
             va="bottom" if y > 0 else "top")  # fmt: skip
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
 
 from thermofem.checks import choice
-from thermofem.plot_style import INK, takes
+from thermofem.plot_style import INK, WIDTH, takes
 from thermofem.plot_style import axes as new_axes
 
 from .axes import LIGHT, dbm, joined, readable
@@ -70,7 +70,7 @@ def plot_map(
     if show == "regime":
         _draw_regimes(data, ax, x, y)
         if key:
-            ax.legend(*_regime_key([data]), fontsize="x-small", loc="upper right", framealpha=0.9)
+            ax.legend(*_regime_key([data]), fontsize="small", loc="upper right", framealpha=0.9)
     else:
         factor, label = _SCALED[show]
         values = 1 / data["period"] if show == "frequency" and "period" in data else data[show]
@@ -101,8 +101,6 @@ def plot_maps(
 ) -> np.ndarray:
     """Draw the maps of several models side by side, a row for each variable with one colour scale; return the Axes.
 
-    The variables of a single map stand side by side.
-
     maps [mapping from the model's name to a Dataset of `pulsing_map`]
     show: what to draw, as in `plot_map`.
     hopf, folds [mapping from the model's name to its curves]
@@ -110,10 +108,10 @@ def plot_maps(
     for data in takes("maps", maps, "items", "values", what="a mapping from names to maps").values():
         takes("maps", data, "regime", what=f"a mapping from names to maps, each {MAP}")
     handles, names = _maps_key(maps, show, hopf or {}, folds or {})
-    rows, across = (len(show), len(maps)) if len(maps) > 1 else (1, len(show))  # one map: side by side, as on a slide
-    width = (3.4 if rows > 1 else 3.9) * across + 0.9
+    rows, across = len(show), len(maps)
+    width = max(WIDTH, 1.6 * across + 0.9)
     columns = int(width // 1.8)  # inches that the longest name takes
-    size = (width, (2.6 if rows > 1 else 3.4) * rows + 0.2 + 0.2 * -(-len(names) // columns))
+    size = (width, 2.6 * rows + 0.2 + 0.2 * -(-len(names) // columns))
     figure, axes = plt.subplots(
         rows, across, figsize=size, layout="constrained", sharex=True, sharey=True, squeeze=False
     )
@@ -126,13 +124,7 @@ def plot_maps(
             plot_map(data, name, ax, limits=limits, key=last, hopf=over["hopf"], folds=over["folds"])
             ax.label_outer()
     for ax, title in zip(axes[0], maps, strict=True):
-        if rows > 1:
-            ax.set_title(title, fontsize="medium")
-        else:
-            figure.suptitle(textwrap.fill(title, int(11 * width)), fontsize="medium")  # letters an inch
-    if rows == 1:
-        for ax, name in zip(axes[:, 0], show, strict=True):
-            ax.set_title("regime" if name == "regime" else _SCALED[name][1].partition(" (")[0], fontsize="small")
+        ax.set_title(textwrap.fill(title, int(11 * width / across)), fontsize="medium")  # letters an inch
     if names:
         figure.legend(
             handles, names, loc="outside lower center", ncols=columns, frameon=False, fontsize="small", borderpad=0

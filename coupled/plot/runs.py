@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from thermofem.checks import InputError, choice
-from thermofem.plot_style import GREEN, ORANGE, PURPLE, axes, takes
+from thermofem.plot_style import GREEN, ORANGE, PURPLE, WIDTH, axes, takes
 
 from .axes import HEAT, LIGHT, readable
 
@@ -44,7 +44,7 @@ def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
         drives = _drives(run)
         heights = [1.9, 1.9, *(1.2 for _ in drives)]
         _, column = plt.subplots(
-            len(heights), 1, figsize=(7, sum(heights)), height_ratios=heights, sharex=True, layout="constrained"
+            len(heights), 1, figsize=(WIDTH, sum(heights)), height_ratios=heights, sharex=True, layout="constrained"
         )
         style: Any = "-"
         ax, right = column[0], column[1]
@@ -100,7 +100,7 @@ def _draw_drive(ax: Axes, t: np.ndarray, label: str, curves: dict[str, np.ndarra
     ax.set_ylabel(f"{label} ({shown})" if len(label) < 10 else f"{label}\n({shown})")
     if label != "detuning":
         ax.set_ylim(bottom=0)
-        ax.legend(frameon=False, fontsize="x-small", loc="center left", bbox_to_anchor=(1.0, 0.5))
+        ax.legend(frameon=False, fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
     ax.spines[["top", "right"]].set_visible(False)
 
 

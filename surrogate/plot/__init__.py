@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import matplotlib.pyplot as plt
 import numpy as np
 
-from thermofem.plot_style import BLUE, CYCLE, INK, SKY, takes
+from thermofem.plot_style import BLUE, CYCLE, INK, SKY, WIDTH, takes
 from thermofem.plot_style import axes as _axes
 
 from ..judging.validate import valid_range
@@ -66,12 +66,12 @@ def plot_period_error(
 
 
 def plot_period_errors(curves: Mapping[str, xr.Dataset], *, within: float = 0.1, title: str = "") -> np.ndarray:
-    """Period error twice, side by side: in %, and its magnitude on a logarithmic axis, where good models differ.
+    """Period error twice: in %, and below its magnitude on a logarithmic axis, where good models differ.
 
     curves, within: as in `plot_period_error`.
     title: of the figure.
     """
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 4.4), layout="constrained", sharex=True)
+    figure, (left, right) = plt.subplots(2, 1, figsize=(WIDTH, 6.4), layout="constrained")
     plot_period_error(curves, left, within=within)
     for line in left.lines[1:]:  # the first is zero
         error = np.abs(np.asarray(line.get_ydata(), dtype=float))

@@ -26,7 +26,7 @@ def plot_crosstalk(array: ArrayReduction, ax: Axes | None = None) -> Axes:
         luma = picture.to_rgba(matrix)[..., :3] @ (0.299, 0.587, 0.114)  # ITU-R BT.601
         for (i, j), value in np.ndenumerate(matrix):
             colour = "white" if luma[i, j] < 0.5 else INK
-            ax.text(j, i, f"{value:.2g}", ha="center", va="center", fontsize="x-small", color=colour)
+            ax.text(j, i, f"{value:.2g}", ha="center", va="center", fontsize="small", color=colour)
     ax.set_xticks(range(len(array.model.inputs)), array.model.inputs, rotation=60, ha="right", fontsize="small")
     ax.set_yticks(range(array.rings), array.model.outputs, fontsize="small")
     ax.set(xlabel="heated", ylabel="read")

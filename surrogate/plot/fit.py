@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from thermofem.dataset import response_of
-from thermofem.plot_style import INK, VERMILION, takes, time_unit
+from thermofem.plot_style import INK, VERMILION, WIDTH, takes, time_unit
 from thermofem.waveforms import period_times
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
         rise = np.asarray(model.response(response.wave, response.times))
     if ax is None:
         layout: dict[str, Any] = {"sharex": True, "height_ratios": [3, 1], "layout": "constrained"}
-        _, ax = plt.subplots(2, 1, figsize=(6.0, 4.2), **layout)
+        _, ax = plt.subplots(2, 1, figsize=(WIDTH, 4.2), **layout)
     upper, lower = ax
     factor, unit = time_unit(float(response.times[-1]))
     t, missed = response.times * factor, rise - response.rise

@@ -248,7 +248,7 @@ def test_figures_label_themselves(small):
     long = "Borghi 2021, lumped FCD, Foster with 14 states, R_th = 7.864 K/mW"
     narrow = plot_maps({long: every}, show=("regime",))[0, 0].figure
     narrow.draw_without_rendering()
-    title = narrow._suptitle.get_window_extent()
+    title = narrow.axes[0].title.get_window_extent()
     assert title.x0 >= 0
     assert title.x1 <= narrow.bbox.width
     with pytest.raises(th.InputError, match="perid"):
