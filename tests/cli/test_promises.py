@@ -15,7 +15,7 @@ from commands import thermofem
 import surrogate
 import thermofem as th
 from thermofem import cli
-from thermofem.cli.apart import OUTPUTS, check_apart
+from thermofem.cli.apart import OUTPUTS, USED, check_apart
 from thermofem.cli.files import assigned
 
 MODEL = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
@@ -112,6 +112,38 @@ def test_names_and_values(texts, words):
         assigned("--fix", texts, "a=1")
     assert words in str(error.value)
     assert assigned("--fix", ["a = 1 um", "b=c=d"], "a=1") == {"a": "1 um", "b": "c=d"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["solve", "--no-solve", "--preview", "a.png", "-o", "b.nc"], "--output b.nc has no effect with --no-solve"),
+        (["solve", "--no-solve", "--preview", "a.png", "--power", "3 mW"], "--power 3 mW has no effect"),
+        (["solve", "--square", "1 us", "--periodic", "--duration", "3 us"], "--duration 3 us has no effect"),
+        (["design", "f.json", "--resistance", "9 K/mW", "--power", "3 dBm"], "--power 3 dBm goes with --period"),
+        (
+            ["design", "f.json", "--resistance", "9 K/mW", "--ring", "vanvaerenbergh2012"],
+            "--ring vanvaerenbergh2012 goes",
+        ),
+        (["uncertainty", "f.json", "--spread", "box=2 um,1 nm", "--points", "3, 3"], "--points 3, 3 goes with --map"),
+        (["uncertainty", "f.json", "--spread", "box=2 um,1 nm", "--detuning", "3 GHz"], "--detuning 3 GHz goes with"),
+        (["uncertainty", "f.json", "--spread", "box=2 um,1 nm", "--period", "--map", "m.nc"], "--period and --map"),
+        (["explore", "model.json", "--accuracy", "1e-2"], "--accuracy 0.01 is that of a geometry's mesh"),
+        (["validate", "model.json", "--reference", "model.json", "--accuracy", "1e-2"], "--accuracy 0.01 is that of"),
+    ],
+)
+def test_no_option_is_ignored(arguments, words, folder):
+    """They changed nothing, without a word."""
+    done = thermofem(*arguments, cwd=folder)
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert done.stderr.endswith("; leave it out\n")
+
+
+@pytest.mark.parametrize("name", USED)
+def test_rules_of_options_are_about_options_there_are(name):
+    known = {option.name for option in COMMANDS[name].params}
+    assert not {option for names, _, _ in USED[name] for option in names} - known
 
 
 def test_optics_are_those_of_the_ring(folder):

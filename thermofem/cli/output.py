@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from .. import checks, trees
-from .apart import check_apart
+from .apart import check_apart, check_used
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -107,6 +107,7 @@ def speaking(function: Callable[..., Numbers | None]) -> Callable[..., None]:
             ):
                 raise checks.InputError(f"--{name.strip('_').replace('_', '-')} is empty; leave it out for its default")
         check_apart(options)
+        check_used(function, options)
         _log(quiet, verbose)
         if threads is not None:
             _use_threads(threads)
