@@ -21,8 +21,6 @@ import surrogate
 import thermofem as th
 from thermofem.cli.reproduce import Settings, run
 from thermofem.cli.reproduce.claims import RAISED, Claim, claims, marked_up, plain
-from thermofem.cli.reproduce.plan import STAGES, stages_of
-from thermofem.cli.reproduce.second import _with_inputs
 from thermofem.cli.reproduce.store import Result, StageStore, computes, key_of
 
 pytestmark = pytest.mark.slow
@@ -114,15 +112,6 @@ def test_a_killed_run_goes_on_and_trusts_nothing_damaged(outcome):
     assert numbers(out, "pulse")["rise_K"] == pytest.approx(15.4, abs=0.05)
     assert th.load(out / "data" / "squares.1us.nc").attrs["kind"] == "periodic"
     assert int(re.search(r"\((\d+) taken", printed)[1]) == sum(name.count(".") == 1 for name in before) - 3
-
-
-def test_what_the_second_process_computes_stands_aside():
-    used, aside = {name for stage in STAGES for name in stage.inputs}, [stage for stage in STAGES if stage.aside]
-    assert not any(stage.name in used for stage in aside)
-    inputs = {name for stage in aside for name in stage.inputs}
-    assert not any(stage.inputs for stage in STAGES if stage.name in inputs)  # stored soon after the start
-    assert [stage.name for stage in _with_inputs(STAGES)][-2:] == ["elements", "loop_map"]
-    assert not any(stage.aside for stage in stages_of(Settings(quick=True)))  # a minute needs no second process
 
 
 def test_numbers_are_those_of_independent_codes(outcome):

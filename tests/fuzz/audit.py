@@ -41,7 +41,8 @@ REPRODUCE = """
 import sys
 from pathlib import Path
 from thermofem.cli.reproduce import Settings, run
-print(run(Path(sys.argv[1]), Settings(scan=1, repeats=1, cycle=31, quick=True))["stages"])
+size = Settings(grid=(4, 5), duration=8e-6, scan=1, fitted=5, run=8e-6, loop_every=3, runs=1, repeats=1, cycle=31)
+print(run(Path(sys.argv[1]), size, processes=2)["stages"])
 """
 CAMPAIGN = """
 import sys, thermofem as th
@@ -138,7 +139,7 @@ def killed_campaigns(count: int, seed: int = 0) -> tuple[int, bool]:
 
 
 def killed_reproductions(count: int, seed: int = 0) -> tuple[int, bool]:
-    """Kills of the quick reproduction, and whether the last start ends with the table of an undisturbed one."""
+    """Kills of a small reproduction by two processes, and whether the last start ends with the right table."""
     with tempfile.TemporaryDirectory() as name:
         tables, begin = [], time.monotonic()
         first = subprocess.run(

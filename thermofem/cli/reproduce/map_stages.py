@@ -11,12 +11,15 @@ import coupled
 import surrogate
 from coupled.parameters import borghi2021 as paper
 
+from ...models import ThermalModel
 from .pulsing_stages import models_of
 from .stages import Job
 from .store import Result, slug
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from coupled import RingResonator
 
 CLOSE = 0.2  # mean error of the frequency up to which a map counts as one of the right frequency
 FAR = 0.4  # error of the frequency that a border or doubled cycles make, and nothing else does
@@ -25,23 +28,34 @@ LESS_POWER, LESS_DETUNING = 10**-0.65, 0.45  # of its map: it pulses from less p
 DUTIES = (0.2, 0.3)  # of the points that Fig. 7 shows
 
 
+def reference(job: Job) -> Result:
+    """The map of the FEM-coupled ring, which the maps of the models are held against."""
+    found = _map(job, coupled.borghi2021(), job.inputs["elements"].models["elements"])
+    low, high = job.inputs["periods"].numbers["second order"]["within_10_percent_s"]
+    period = found["period"].values[found["regime"].values == "self-pulsing"]
+    numbers = _describe_map(found, found) | {"in_range": float(np.mean((period >= low) & (period <= high)))}
+    return Result(numbers, {"map": found.assign_attrs(model="FEM")})
+
+
 def maps(job: Job) -> Result:
-    """Figs. 4(a, b) and 6(a, b), and maps that the paper does not have: of the FEM itself, SINDy and the reduction."""
-    s, ring = job.settings, coupled.borghi2021()
-    cases = {"FEM": (ring, job.inputs["elements"].models["elements"]), **models_of(job.inputs)}
+    """Figs. 4(a, b) and 6(a, b), and maps that the paper does not have: of SINDy and the reduction."""
+    s, cases = job.settings, models_of(job.inputs)
     found: dict[str, xr.Dataset] = {}
     for k, (name, (own, model)) in enumerate(cases.items()):
         job.done(k / len(cases))
-        found[name] = coupled.pulsing_map(own, model, s.powers, s.detunings, duration=s.duration).drop_vars("reason")
-    reference = found["FEM"]
-    numbers = {name: _describe_map(data, reference) for name, data in found.items()}
+        found[name] = _map(job, own, model)
+    fem = job.inputs["reference"].data["map"]
+    numbers = {name: _describe_map(data, fem) for name, data in found.items()}
     for name in ("Newton, the paper's", "second order, the paper's"):
         linear = coupled.stability_map(*cases[name], s.powers, s.detunings)["regime"] == "self-pulsing"
         numbers[name]["linear_agrees"] = float((linear == (found[name]["regime"] == "self-pulsing")).mean())
-    low, high = job.inputs["periods"].numbers["second order"]["within_10_percent_s"]
-    period = reference["period"].values[reference["regime"].values == "self-pulsing"]
-    numbers["FEM"]["in_range"] = float(np.mean((period >= low) & (period <= high)))
     return Result(numbers, {slug(name): data.assign_attrs(model=name) for name, data in found.items()})
+
+
+def _map(job: Job, ring: RingResonator, model: ThermalModel) -> xr.Dataset:
+    """Where and how a ring with a model pulses, over the plane of the paper."""
+    s = job.settings
+    return coupled.pulsing_map(ring, model, s.powers, s.detunings, duration=s.duration).drop_vars("reason")
 
 
 def _describe_map(data: xr.Dataset, reference: xr.Dataset) -> dict[str, Any]:
@@ -88,10 +102,7 @@ def scan(job: Job) -> Result:
     Every second power and detuning of the maps, by integration, so that frequencies count as well.
     """
     s, ring = job.settings, coupled.borghi2021().with_lumped_fcd()
-    maps = job.inputs["maps"].data.values()
-    reference = next(m for m in maps if m.attrs["model"] == "FEM").isel(
-        power=slice(0, None, 2), detuning=slice(0, None, 2)
-    )
+    reference = job.inputs["reference"].data["map"].isel(power=slice(0, None, 2), detuning=slice(0, None, 2))
     sigmas, taus = paper.FCD_LUMPED * np.geomspace(0.3, 2, s.scan), np.geomspace(50e-9, 800e-9, s.scan)
     tried: list[dict[str, float]] = []
     for k, sigma in enumerate(sigmas):
@@ -128,7 +139,7 @@ def rings(job: Job) -> Result:
     s, low = job.settings, coupled.borghi2021()
     loss = low.omega / (2 * HIGH_Q)
     high = replace(low, name=f"{low.name}, Q = {HIGH_Q}", bus_rate=(loss - low.loss_rate) / 2)
-    second, numbers, data = job.inputs["fits"].models["second_order"], {}, {}
+    second, numbers, data = job.inputs["second_order_fit"].models["second_order"], {}, {}
     for name, own, less, narrower in (("low", low, 1.0, 1.0), ("high", high, LESS_POWER, LESS_DETUNING)):
         powers, detunings = s.powers[::2] * less, s.detunings[::2] * narrower
         grids = [

@@ -35,6 +35,8 @@ STACK_LINES = (
 
 def map_of(results: Mapping[str, Result], model: str) -> xr.Dataset:
     """The map of a model."""
+    if model == "FEM":
+        return results["reference"].data["map"]
     return next(data for data in results["maps"].data.values() if data.attrs["model"] == model)
 
 
@@ -136,7 +138,7 @@ def centre_traces(results: Mapping[str, Result]) -> Axes:
 
 def newton_fits(results: Mapping[str, Result]) -> Axes:
     """Fig. 4(d): what Newton's law needs at every point, and the pair that the paper uses in Fig. 5."""
-    ax, data = panel(), results["fits"].data["newton"]
+    ax, data = panel(), results["newton_fits"].data["newton"]
     tau, period = data["tau_th"].values * 1e9, data["period"].values * 1e9
     ratio = data["heat_capacity"].values / paper.HEAT_CAPACITY
     dots = ax.scatter(tau, ratio, c=period, s=36, cmap="viridis", edgecolor=INK, linewidth=0.4)
@@ -168,8 +170,7 @@ def bars(results: Mapping[str, Result], what: str) -> Axes:
 
 def overlaps(results: Mapping[str, Result]) -> Axes:
     """Share of the map on which each model agrees with the FEM-coupled ring, and the paper's two numbers."""
-    numbers = {name: row for name, row in results["maps"].numbers.items() if name != "FEM"}
-    ax = panel((4.6, 3.0))
+    numbers, ax = results["maps"].numbers, panel((4.6, 3.0))
     names = list(numbers)[::-1]
     ax.barh(names, [100 * numbers[n]["overlap"] for n in names], color=[COLOURS[n] for n in names], height=0.6)
     for k, name in enumerate(names):

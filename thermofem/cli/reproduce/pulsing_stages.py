@@ -1,4 +1,4 @@
-"""Stages with optics, carriers and heat together: traces, fits to traces, and the CPU time of each model."""
+"""Stages with optics, carriers and heat together: traces, and the CPU time of each model."""
 
 from __future__ import annotations
 
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
     from coupled import Pulsing, RingResonator
 
-LIFETIMES = (150e-9, 600e-9)  # s, searched for Newton's law with silicon's c_p; a second basin lies at 80 ns
-
 
 def models_of(inputs: Mapping[str, Result]) -> dict[str, tuple[RingResonator, ThermalModel]]:
     """Every thermal model with the ring it belongs to, in the order of the report."""
@@ -36,7 +34,7 @@ def models_of(inputs: Mapping[str, Result]) -> dict[str, tuple[RingResonator, Th
     return {
         "Newton, the paper's": (ring.with_lumped_fcd(), newton_of(paper.NEWTON_MAPS)),
         "second order, the paper's": (ring, printed(paper.SECOND_ORDER_EXPERIMENT)),
-        "second order": (ring, inputs["fits"].models["second_order"]),
+        "second order": (ring, inputs["second_order_fit"].models["second_order"]),
         "SINDy": (ring, trained["sindy"]),
         "reduction": (ring, reduced["reduction"]),
     }
@@ -140,52 +138,15 @@ def _lifetime_of(data: xr.Dataset, heat_capacity: float) -> Foster:
     return surrogate.newton(tau_th=float(np.exp(best.x)), heat_capacity=heat_capacity)
 
 
-def fits(job: Job) -> Result:
-    """Fig. 4(d) and the training of Fig. 6: thermal models fitted to drop traces of the FEM in the loop."""
-    ring, runs = coupled.borghi2021(), job.inputs["loop"].data
-    pulsing = {name: run for name, run in runs.items() if run.attrs["regime"] == "self-pulsing"}
-    single = coupled.fit_newton_per_trace(ring, list(pulsing.values()))
-    job.done(0.3)
-    three = [pulsing[label(point)] for point in MARKED]
-    second = coupled.identify(ring, three, free=PARAMETERS, runs=job.settings.runs)
-    job.done(0.9)
-    lumped = coupled.identify(
-        ring.with_lumped_fcd(), three[:1], free=["tau_th"], model=newton_of(paper.NEWTON_MAPS),
-        bounds={"tau_th": LIFETIMES}, runs=1,
-    )  # fmt: skip
-    tau, ratio = single["tau_th"].values, single["heat_capacity"].values / paper.HEAT_CAPACITY
-    pairs = {
-        f"newton_{name}": surrogate.newton(tau_th=float(t), heat_capacity=float(c))
-        for name, t, c in zip(pulsing, tau, single["heat_capacity"].values, strict=True)
-    }
-    numbers = {
-        "count": len(pulsing),
-        "tau_th_s": [tau.min(), tau.max()],
-        "heat_capacity_ratio": [ratio.min(), ratio.max()],
-        "heat_capacity_ratio_mean": ratio.mean(),
-        "correlation": single.attrs["correlation"],
-        "tau_mean_s": tau.mean(),
-        "correlation_ratio_power": np.corrcoef(ratio, single["power"].values)[0, 1],
-        "correlation_tau_period": np.corrcoef(tau, single["period"].values)[0, 1],
-        "q_over_q0": np.mean(ratio) * paper.NEWTON_MAPS.tau_th / np.mean(tau),
-        "runs": job.settings.runs,
-        "second_order": second.parameters,
-        "deviations": second.standard_deviations,
-        "second_order_shape_error": second.residuals["shape_error"].values,
-        "newton": {**lumped.parameters, "shape_error": float(lumped.residuals["shape_error"][0])},
-    }
-    return Result(numbers, {"newton": single}, {**pairs, "second_order": second.model, "newton": lumped.model})
-
-
 def marked(job: Job) -> Result:
     """Traces at the marked points with every model: Figs. 4(c) and 6(c), and the same with SINDy and reduction."""
-    ring, fitted = coupled.borghi2021(), job.inputs["fits"].models
+    ring, fitted = coupled.borghi2021(), job.inputs["newton_fits"].models
     data: dict[str, xr.Dataset] = {}
     numbers: dict[str, Any] = {}
     for point in MARKED:
         models = {
             **models_of(job.inputs),
-            "Newton, fitted to this trace": (ring, fitted[f"newton_{label(point)}"]),
+            "Newton, fitted to this trace": (ring, fitted[label(point)]),
         }
         numbers[label(point)] = {}
         for name, (own, model) in models.items():

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from functools import partial
+import logging
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 from ... import files
@@ -15,10 +18,13 @@ from ..output import console as terminal
 from .claims import Claim, claims, known, plain
 from .page import page, shown
 from .plan import stages_of
-from .second import quiet, run_all
-from .sections import Section, read
+from .sections import Picture, Section, read
 from .settings import Settings
-from .store import Result, StageStore
+from .stages import Project, Task
+from .store import Result
+from .workers import crew, share
+
+EXPLORER, FIGURES = 1.0, 5.0  # s, about, for the page that computes and for all figures
 
 
 def run(out: Path, settings: Settings | None = None, *, processes: int = 1) -> dict[str, Any]:
@@ -37,27 +43,28 @@ def _run(out: Path, settings: Settings, processes: int) -> dict[str, Any]:
     data, figures = (files.make_folder(out / name) for name in ("data", "figures"))
     for folder in (out, data, figures):
         files.sweep(folder)
-    stages = stages_of(settings)
+    project = Project(out, settings, stages_of(settings))
     with quiet():
-        done = run_all(stages, settings, StageStore(data), console, processes)
-    results = done.results
+        computed = _work_through(project, processes, console)
+    results = project.given(project.keys)
     lead, sections = _words(settings, results)
     rows = [claim for claim in claims() if claim.known(results)]
-    pictures = _draw(sections, results, figures)
-    text = page(results, (lead, sections), rows, pictures, stages, _explorer(out / "ring.html"))
+    pictures = {name: (figures / f"{name}.svg").read_bytes() for name in _pictures(sections, results)}
+    explorer = (out / "ring.html").read_text(encoding="utf-8")
+    text = page(results, (lead, sections), rows, pictures, project.stages, explorer)
     report = files.write_whole(out / "report.html", lambda path: path.write_text(text, encoding="utf-8"))
     _write_table(rows, results, data / "table.json")
     console.print(_printed(rows, results))
-    kept = len(stages) - len(done.computed)
+    kept = len(project.stages) - computed
     console.print(
-        f"{len(stages)} stages ({kept} taken from an earlier run), {len(pictures)} figures in {figures}/, "
+        f"{len(project.stages)} stages ({kept} taken from an earlier run), {len(pictures)} figures in {figures}/, "
         f"numbers, netCDF and models in {data}/"
     )
     console.print(f"report: {report}")
     compared = [agrees for agrees in (claim.agrees(results) for claim in rows) if agrees is not None]
     return {
         "report": report,
-        "stages": len(stages),
+        "stages": len(project.stages),
         "kept": kept,
         "figures": len(pictures),
         "compared_with_the_paper": len(compared),
@@ -65,14 +72,26 @@ def _run(out: Path, settings: Settings, processes: int) -> dict[str, Any]:
     }
 
 
-def _explorer(path: Path) -> str:
-    """Write the page that computes the reference ring, and return its text."""
-    import coupled
+def _work_through(project: Project, processes: int, console: Console) -> int:
+    """Compute what is missing, and draw everything; returns how many stages were computed."""
+    left = project.missing()
+    columns = (TextColumn("{task.description:<44}", markup=False), BarColumn(), TimeElapsedColumn(), TextColumn("left"))
+    bars = Progress(*columns, TimeRemainingColumn(), console=console)
+    with bars as progress, crew(project, processes, left) as workers:
+        done: dict[str, float] = {}
+        bar = progress.add_task("", total=sum(task.weight for task in left) + EXPLORER + FIGURES)
 
-    from ..explore import models_of_geometry
+        def tell(task: Task, part: float) -> None:
+            done[task.name] = part * task.weight
+            progress.update(bar, description=task.words, completed=sum(done.values()))
 
-    models, heat = models_of_geometry(None)
-    return coupled.explore(coupled.borghi2021(), models, path, heat=heat).html
+        share(project, left, workers, tell)
+        results = project.given(project.keys)
+        pictures = _pictures(_words(project.settings, results)[1], results)
+        drawn = [Task("draw", f"{p.name}.svg", p.title, FIGURES / len(pictures), p.stages) for p in pictures.values()]
+        share(project, [Task("explore", "ring.html", "the page that computes", EXPLORER), *drawn], workers, tell)
+        progress.update(bar, description="done", completed=progress.tasks[bar].total)
+    return len(left)
 
 
 def _words(settings: Settings, results: Mapping[str, Result]) -> tuple[list[Section], list[Section]]:
@@ -85,16 +104,21 @@ def _words(settings: Settings, results: Mapping[str, Result]) -> tuple[list[Sect
     return [box for box in lead if known(box.text, results)], chosen
 
 
-def _draw(sections: Sequence[Section], results: Mapping[str, Result], folder: Path) -> dict[str, bytes]:
-    """Every panel, also as a file."""
-    from .plot_panels import draw
+def _pictures(sections: Sequence[Section], results: Mapping[str, Result]) -> dict[str, Picture]:
+    """The panels by name."""
+    return {picture.name: picture for section in sections for picture in shown(section, results)}
 
-    pictures: dict[str, bytes] = {}
-    for section in sections:
-        for picture in shown(section, results):
-            pictures[picture.name] = content = draw(picture.name, results)
-            files.write_whole(folder / f"{picture.name}.svg", partial(Path.write_bytes, data=content))
-    return pictures
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Suppress the warning on the finite domain: the reference stack ends where that of the paper does."""
+    log = logging.getLogger("thermofem")
+    before = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        log.setLevel(before)
 
 
 def _write_table(claims: Sequence[Claim], results: Mapping[str, Result], path: Path) -> None:

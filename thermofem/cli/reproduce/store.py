@@ -15,11 +15,11 @@ import hashlib
 import json
 import platform
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from ... import dataset, files, trees
 
@@ -28,8 +28,9 @@ if TYPE_CHECKING:
 
     from ...models import ThermalModel
 
+T = TypeVar("T")
 FORMAT = 1
-WORDS = ("claims", "page", "plan", "run", "second", "sections")  # modules that compute nothing
+WORDS = ("claims", "page", "plan", "run", "sections", "workers")  # modules that compute nothing
 LIBRARIES = ("numpy", "scipy", "scikit-fem", "numba", "pysindy")
 
 
@@ -41,6 +42,23 @@ class Result:
     data: Mapping[str, xr.Dataset] = field(default_factory=dict)
     models: Mapping[str, ThermalModel] = field(default_factory=dict)
     seconds: float = 0.0
+
+
+class Stored(Mapping[str, T]):
+    """Files by name, each read when it is first used: most processes need few of them."""
+
+    def __init__(self, paths: Mapping[str, Path], read: Callable[[Path], T]) -> None:
+        self._paths = paths
+        self._get = functools.cache(lambda name: read(paths[name]))
+
+    def __getitem__(self, name: str) -> T:
+        return self._get(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._paths)
+
+    def __len__(self) -> int:
+        return len(self._paths)
 
 
 @dataclass(frozen=True)
@@ -66,14 +84,14 @@ class StageStore:
             paths = {name: self.folder / name for name in content["files"]}
             if any(files.digest(path) != content["files"][name] for name, path in paths.items()):
                 return None
-            names = {name: name.removeprefix(f"{stage}.") for name in paths}
-            data = {names[n].removesuffix(".nc"): dataset.load(p) for n, p in paths.items() if n.endswith(".nc")}
-            models = {
-                names[n].removesuffix(".json"): surrogate.load_model(p) for n, p in paths.items() if n.endswith(".json")
-            }
+            seconds = float(content["cpu_seconds"])
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return None
-        return Result(content["numbers"], data, models, float(content["cpu_seconds"]))
+        data, models = (
+            {path.name[len(stage) + 1 : -len(end)]: path for path in paths.values() if path.name.endswith(end)}
+            for end in (".nc", ".json")
+        )
+        return Result(content["numbers"], Stored(data, dataset.load), Stored(models, surrogate.load_model), seconds)
 
     def save(self, stage: str, key: str, result: Result, seconds: float) -> Result:
         """Write a result, its manifest last, and return the result as a later run would read it."""
