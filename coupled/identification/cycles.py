@@ -11,6 +11,7 @@ is as a detector of 32/T bandwidth shows it, and moves smoothly with every param
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -56,7 +57,7 @@ class Cycle:
         waves = np.exp(2j * np.pi * np.outer(phase, k))
         return np.asarray((waves @ (self.harmonics * np.sinc(k / k.size) if smooth else self.harmonics)).real)
 
-    @property
+    @cached_property
     def swing(self) -> float:
         """Largest minus smallest value."""
         return float(np.ptp(self.curve(np.linspace(0, 1, 256, endpoint=False))))
@@ -112,8 +113,9 @@ def observe(trace: xr.Dataset, name: str = "trace") -> Observed:
         pieces = np.zeros((8, HARMONICS + 1), dtype=complex)
         pieces[:, 0] = [part.mean() for part in np.array_split(drop, 8)]
         return Observed(clock, pieces, absolute)
+    step = _step(t)
     for _ in range(3):
-        seen = Observed(clock, _pieces(t, drop, t[0] + clock * np.arange((t[-1] - t[0]) / clock)), absolute)
+        seen = Observed(clock, _pieces(t, drop, t[0] + clock * np.arange((t[-1] - t[0]) / clock), step), absolute)
         clock = seen.mean().period
     return seen
 
@@ -149,11 +151,12 @@ def cycle_of(run: xr.Dataset | Record, *, at: Array | None = None, whole: bool =
     if at is not None:
         t, drop = at, np.interp(at, t, drop)
     if not whole or SETTLED_SHARE * (t[-1] - t[0]) < 2 * clock:
-        return Cycle(clock, _pieces(t, drop, edges, SAMPLES).mean(axis=0))
+        return Cycle(clock, _pieces(t, drop, edges, _step(t), SAMPLES).mean(axis=0))
     t, drop = _second_half(t, drop)
+    step = _step(t)
     for _ in range(2):
         marks = t[0] + clock * np.arange((t[-1] - t[0]) / clock)
-        mean = Observed(clock, _pieces(t, drop, marks, SAMPLES), absolute=True).mean()
+        mean = Observed(clock, _pieces(t, drop, marks, step, SAMPLES), absolute=True).mean()
         clock = mean.period
     return mean
 
@@ -205,9 +208,14 @@ def _repetition(t: Array, x: Array) -> float:
     return float(best / fine * (t[-1] - t[0]) / (n - 1))
 
 
-def _pieces(t: Array, drop: Array, edges: Array, least: int = 0) -> Complex:
-    """c_k of the pieces between ``edges``, shape (n, 33)."""
-    n = max(least, 4 * HARMONICS, int(np.ceil((edges[1] - edges[0]) / np.median(np.diff(t)))))
+def _step(t: Array) -> float:
+    """Time between two samples."""
+    return float(np.median(np.diff(t)))
+
+
+def _pieces(t: Array, drop: Array, edges: Array, step: float, least: int = 0) -> Complex:
+    """c_k of the pieces between ``edges``, shape (n, 33), of a trace with a ``step`` between its samples."""
+    n = max(least, 4 * HARMONICS, int(np.ceil((edges[1] - edges[0]) / step)))
     phase = (np.arange(n) + 0.5) / n
     at = edges[:-1, None] + np.diff(edges)[:, None] * phase
     waves = np.fft.rfft(np.interp(at, t, drop), axis=1)[:, : HARMONICS + 1] * (2 / n)

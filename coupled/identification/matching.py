@@ -40,6 +40,8 @@ class Target(NamedTuple):
     duration: float
     times: Array
     """At which the trace was sampled, until ``duration``; s from its start."""
+    simulated: Array
+    """At which a simulated trace is sampled: at those times and at `STEPS` between them."""
     whole: bool = True
     """Whether ``duration`` is that of the trace, so that the same cycles are compared."""
 
@@ -64,18 +66,19 @@ def targets_of(traces: xr.Dataset | Sequence[xr.Dataset]) -> list[Target]:
         kept = times[times <= LONGEST]
         if kept.size > MOST:
             kept = np.linspace(0.0, kept[-1], MOST)
-        targets.append(Target(observed, power, detuning, float(kept[-1]), kept, length <= LONGEST))
+        end = float(kept[-1])
+        dense = np.unique(np.concatenate([kept, np.linspace(0.0, end, int(end / STEPS) + 1)]))
+        targets.append(Target(observed, power, detuning, end, kept, dense, length <= LONGEST))
     return targets
 
 
 def simulated(ring: RingResonator, model: Compact, target: Target) -> Cycle:
     """The cycle of the model under the drive of a trace, sampled as the trace is."""
-    at, end = target.times, target.duration
-    times = np.unique(np.concatenate([at, np.linspace(0.0, end, int(end / STEPS) + 1)]))
     run = simulate.record(
-        ring, model, power=target.power, detuning=target.detuning, duration=target.duration, rtol=RTOL, times=times
+        ring, model, power=target.power, detuning=target.detuning, duration=target.duration, rtol=RTOL,
+        times=target.simulated,
     )  # fmt: skip
-    return cycle_of(run, at=at, whole=target.whole)
+    return cycle_of(run, at=target.times, whole=target.whole)
 
 
 def residuals(what: Unknowns, targets: list[Target], wanted: list[Cycle], x: Array) -> Array:

@@ -26,6 +26,12 @@ TASKS = [
     Task("compute", "d", "", 4.0, ("c", "b")),
 ]
 MUCH = [Task("compute", "much", "", 2 * WORTH)]
+COMMAND = """
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have had it ignored
+from thermofem import __main__
+__main__.run()
+"""
 TREES = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="processes are found in /proc")
 
 
@@ -114,11 +120,11 @@ def test_a_worker_that_is_killed_is_named(tmp_path):
 
 @TREES
 @pytest.mark.slow
-@pytest.mark.parametrize("moment", [0.0, 0.3, 1.0, 3.0])
+@pytest.mark.parametrize("moment", [0.0, 0.3, 2.0])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_processes_end_with_the_command(number, moment, tmp_path):
     """Ctrl-C reaches every process of the terminal, in the imports of a worker, too; other signals one alone."""
-    command = [sys.executable, "-m", "thermofem", "reproduce", "-o", str(tmp_path), "--threads", "2"]
+    command = [sys.executable, "-c", COMMAND, "reproduce", "-o", str(tmp_path), "--threads", "2"]
     with subprocess.Popen(
         command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
     ) as run:
@@ -131,5 +137,6 @@ def test_processes_end_with_the_command(number, moment, tmp_path):
             run.send_signal(number)
         said = run.communicate()[1]
     assert run.returncode == (130 if number == signal.SIGINT else -number)
-    assert said == ("thermofem: interrupted\n" if number == signal.SIGINT else "")
+    if number == signal.SIGINT:
+        assert said == "thermofem: interrupted\n"
     wait_for(lambda: not any(Path(f"/proc/{pid}").exists() for pid in below), 20)
