@@ -15,8 +15,8 @@ import thermofem as th
 from thermofem.cli.reproduce import Settings
 from thermofem.cli.reproduce.claims import PLACE, claims
 from thermofem.cli.reproduce.plan import STAGES, stages_of
+from thermofem.cli.reproduce.project import Project, Task
 from thermofem.cli.reproduce.sections import read
-from thermofem.cli.reproduce.stages import Project, Task
 from thermofem.cli.reproduce.workers import WORTH, chains_of, crew, share
 
 TASKS = [

@@ -18,9 +18,9 @@ from ..output import console as terminal
 from .claims import Claim, claims, known, plain
 from .page import page, shown
 from .plan import stages_of
+from .project import Project, Task
 from .sections import Picture, Section, read
 from .settings import Settings
-from .stages import Project, Task
 from .store import Result
 from .workers import crew, share
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 FORMAT = 1
-WORDS = ("claims", "page", "plan", "run", "sections", "workers")  # modules that compute nothing
+WORDS = ("claims", "page", "plan", "project", "run", "sections", "workers")  # modules that compute nothing
 LIBRARIES = ("numpy", "scipy", "scikit-fem", "numba", "pysindy")
 
 

@@ -18,8 +18,8 @@ from types import FrameType
 from ... import checks
 from ...campaign.work import prepare
 from .plan import stages_of
+from .project import Project, Task
 from .settings import Settings
-from .stages import Project, Task
 
 WORTH = 10.0  # s of work, from which on more processes, which begin with imports, end earlier
 Workers = dict[Connection, SpawnProcess]
