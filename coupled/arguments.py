@@ -115,11 +115,11 @@ def _is_number(value: Any) -> bool:
     return not (callable(value) or isinstance(value, list | tuple) or hasattr(value, "breakpoints"))
 
 
-def check_run(ring: RingResonator, duration: float, rtol: float) -> None:
-    """Raise InputError unless the numbers of a run make sense in SI."""
+def check_run(ring: RingResonator, duration: float, rtol: float) -> tuple[float, float]:
+    """Duration in s and rtol of a run as floats, or InputError unless they make sense in SI."""
     check_ring(ring)
-    check_duration(duration)
-    checks.between("rtol", rtol, 1e-13, 1e-1, hint="1e-6 gives traces and periods to better than 1e-5")
+    hint = "1e-6 gives traces and periods to better than 1e-5"
+    return check_duration(duration), checks.between("rtol", rtol, 1e-13, 1e-1, hint=hint)
 
 
 def check_times(times: ArrayLike, duration: float) -> Array:
@@ -131,10 +131,12 @@ def check_times(times: ArrayLike, duration: float) -> Array:
     return wanted
 
 
-def check_duration(duration: float) -> None:
-    """Raise InputError unless a duration lies between a cycle of the light and a second."""
+def check_duration(duration: float) -> float:
+    """Return a duration in s, or raise InputError unless it lies between a cycle of the light and a second."""
     hint = "times are in s (did you mean 20e-6 for 20 us?)"
-    if checks.positive("duration", duration, unit="s", at_most=LONGEST, hint=hint) < SHORTEST:
+    duration = checks.positive("duration", duration, unit="s", at_most=LONGEST, hint=hint)
+    if duration < SHORTEST:
         raise checks.InputError(
             f"duration = {duration:g} s is shorter than a cycle of the light, {SHORTEST:g} s; {hint}"
         )
+    return duration

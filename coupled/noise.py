@@ -49,8 +49,8 @@ def intensity_noise(power: float, rin: float, *, bandwidth: float, duration: flo
     >>> bool(abs(wave(0.5e-6) / 1e-3 - 1) < 0.1)
     True
     """
-    checks.positive("power", power, unit="W", at_most=1, hint="8 dBm is 6.31e-3")
-    checks.between("rin", rin, -250, 0, unit="dB/Hz", hint="-130 is a common diode laser")
+    power = checks.positive("power", power, unit="W", at_most=1, hint="8 dBm is 6.31e-3")
+    rin = checks.between("rin", rin, -250, 0, unit="dB/Hz", hint="-130 is a common diode laser")
     times, e = _white(10 ** (rin / 10), bandwidth, duration, seed)
     if e.min() <= -1:
         raise checks.InputError(
@@ -79,14 +79,14 @@ def frequency_noise(linewidth: float, *, bandwidth: float, duration: float, seed
     >>> bool(abs(wave(0.5e-6)) < 1e8)
     True
     """
-    checks.positive("linewidth", linewidth, unit="Hz", at_most=1e12, hint="1e5 is 100 kHz")
+    linewidth = checks.positive("linewidth", linewidth, unit="Hz", at_most=1e12, hint="1e5 is 100 kHz")
     return _wave(*_white(linewidth / np.pi, bandwidth, duration, seed))
 
 
 def _white(density: float, bandwidth: float, duration: float, seed: int) -> tuple[Array, Array]:
     """Times and samples of noise of a one-sided density below a bandwidth."""
-    checks.positive("bandwidth", bandwidth, unit="Hz", at_most=1e13, hint="1e9 is 1 GHz")
-    checks.positive("duration", duration, unit="s", at_most=1, hint="did you mean 20e-6 for 20 us?")
+    bandwidth = checks.positive("bandwidth", bandwidth, unit="Hz", at_most=1e13, hint="1e9 is 1 GHz")
+    duration = checks.positive("duration", duration, unit="s", at_most=1, hint="did you mean 20e-6 for 20 us?")
     checks.seed(seed)
     length = LONGER * duration
     n = int(np.ceil(length * OVERSAMPLED * bandwidth))

@@ -105,6 +105,7 @@ class RingResonator:
     rates: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         checks.between("frequency", self.frequency, 1e13, 1e16, unit="Hz", hint="did you mean 192.88e12?")
         checks.between("bus_rate", self.bus_rate, 1e6, 1e13, unit="1/s", hint=_RATE_HINT)
         checks.between("refractive_index", self.refractive_index, 1, 10)
@@ -254,10 +255,10 @@ class RingResonator:
             Q_L not below Q_i, a number of buses other than 1 and 2, one of perimeter and mode_area alone, or both for a
             base whose rates are set and would not follow the new volume.
         """
-        checks.between("frequency", frequency, 1e13, 1e16, unit="Hz", hint="did you mean 192.88e12?")
-        checks.between("loaded_q", loaded_q, 10, 1e10)
-        checks.between("intrinsic_q", intrinsic_q, 10, 1e10)
-        checks.between("absorbed_fraction", absorbed_fraction, 0, 1)
+        frequency = checks.between("frequency", frequency, 1e13, 1e16, unit="Hz", hint="did you mean 192.88e12?")
+        loaded_q = checks.between("loaded_q", loaded_q, 10, 1e10)
+        intrinsic_q = checks.between("intrinsic_q", intrinsic_q, 10, 1e10)
+        absorbed_fraction = checks.between("absorbed_fraction", absorbed_fraction, 0, 1)
         if buses not in (1, 2):
             raise checks.InputError(f"buses = {buses!r} must be 1 or 2")
         if loaded_q >= intrinsic_q:
@@ -275,8 +276,8 @@ class RingResonator:
                     f"base has {' and '.join(fixed)} set by with_rates, which would not follow perimeter x mode_area; "
                     "start from replace(base, rates=()) and set them anew"
                 )
-            checks.between("perimeter", perimeter, 1e-7, 1, unit="m", hint="did you mean 50e-6?")
-            checks.between("mode_area", mode_area, 1e-15, 1e-10, unit="m^2", hint="0.1 um^2 is 1e-13 m^2")
+            perimeter = checks.between("perimeter", perimeter, 1e-7, 1, unit="m", hint="did you mean 50e-6?")
+            mode_area = checks.between("mode_area", mode_area, 1e-15, 1e-10, unit="m^2", hint="0.1 um^2 is 1e-13 m^2")
             volumes = {"tpa_volume": perimeter * mode_area, "fca_volume": perimeter * mode_area}
         whole, own = math.pi * frequency / loaded_q, math.pi * frequency / intrinsic_q
         bus = (whole - own) / buses

@@ -35,6 +35,7 @@ class State:
     thermal: ArrayLike
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         try:
             value = complex(self.field)
         except (TypeError, ValueError):

@@ -114,6 +114,27 @@ def finite(name: str, value: Any, *, unit: str = "", hint: str = "") -> float:
     return number
 
 
+def plain(one: Any) -> None:
+    """Replace NumPy's numbers in the fields of a frozen dataclass by those of Python.
+
+    float32 and uint8 keep their precision and range in arithmetic: 3 dB as uint8 became 253 dB where it was negated.
+    """
+    for name, value in vars(one).items():
+        if (python := _plain(value)) is not value:
+            object.__setattr__(one, name, python)
+
+
+def _plain(value: Any) -> Any:
+    """A number of Python for one of NumPy, xarray or pandas, also in tuples; everything else as it is."""
+    if isinstance(value, tuple):
+        items = tuple(map(_plain, value))
+        return value if all(a is b for a, b in zip(items, value, strict=True)) else items
+    if isinstance(value, float) or getattr(value, "shape", None) != () or hasattr(value, "mask"):
+        return value
+    kind = getattr(getattr(value, "dtype", None), "kind", "")
+    return float(value) if kind == "f" else int(value) if kind in ("i", "u") else value
+
+
 @cache
 def _no_numbers() -> tuple[type, ...]:
     """Types whose values float() takes and that are no real numbers here: "1e-3" would be kept as text."""

@@ -32,6 +32,7 @@ class ConstantLifetime:
     b: ClassVar[float] = 0.0
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         hint = "lifetimes are in s (did you mean 10e-9 for 10 ns?)"
         checks.positive("tau", self.tau, unit="s", at_most=0.1, hint=hint)
         checks.between("tau", self.tau, SHORTEST, 0.1, unit="s", hint=hint)

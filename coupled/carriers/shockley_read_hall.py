@@ -57,6 +57,7 @@ class ShockleyReadHall:
     thermal_energy: float
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         for name in ("tau_n", "tau_p"):
             checks.positive(name, getattr(self, name), unit="s", at_most=0.1, hint=_TIME_HINT)
             checks.between(name, getattr(self, name), SHORTEST, 0.1, unit="s", hint=_TIME_HINT)

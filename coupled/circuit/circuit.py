@@ -63,6 +63,7 @@ class Circuit:
     name: str = "circuit"
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         object.__setattr__(self, "rings", _named(self.rings))
         for field, kind in _PARTS.items():
             object.__setattr__(self, field, checks.instances(field, getattr(self, field), kind))
@@ -145,7 +146,7 @@ class Circuit:
             standard deviation of a normal distribution; the reference frequency stays.
         seed : int
         """
-        checks.between("sigma", sigma, 0, 1e13, unit="Hz", hint="1 nm of wavelength is about 125e9 Hz")
+        sigma = checks.between("sigma", sigma, 0, 1e13, unit="Hz", hint="1 nm of wavelength is about 125e9 Hz")
         shift = np.random.default_rng(checks.seed(seed)).normal(0.0, sigma, len(self.names))
         rings = {
             name: replace(ring, frequency=ring.frequency + float(df))

@@ -74,7 +74,7 @@ def circuit_limit_cycle(
     """
     import xarray as xr
 
-    checks.between("settle", settle, 1e-9, 1, unit="s", hint="times are in s")
+    settle = checks.between("settle", settle, 1e-9, 1, unit="s", hint="times are in s")
     samples = checks.integer("samples", samples, 3, 10_000_000)
     system = autonomous(circuit, thermal, inputs, heaters, detuning)
     drive = {"inputs": inputs, "heaters": heaters, "detuning": detuning}

@@ -59,6 +59,7 @@ class Waveguide:
     delay: float = 0.0
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         of = f"waveguide from {self.start!r}: "
         checks.between(f"{of}loss", self.loss, 0, 400, unit="dB", hint="a waveguide has no gain; 3 dB is a half")
         checks.finite(f"{of}phase", self.phase, unit="rad")
@@ -85,6 +86,7 @@ class Splitter:
     cross: float = 0.5
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         check_name("splitter", self.name)
         checks.between(f"splitter {self.name!r}: cross", self.cross, 0, 1)
 
@@ -112,6 +114,7 @@ class LaserPort:
     offset: float = 0.0
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         check_name("laser", self.name)
         checks.between(f"laser {self.name!r}: loss", self.loss, 0, 400, unit="dB")
         checks.finite(f"laser {self.name!r}: phase", self.phase, unit="rad")
@@ -138,6 +141,7 @@ class Detector:
     bandwidth: float = 0.0
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         check_name("detector", self.name)
         name = f"detector {self.name!r}: bandwidth"
         checks.between(name, self.bandwidth, 0, 1e13, unit="Hz", hint="10e9 is a detector of 10 GHz")

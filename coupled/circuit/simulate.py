@@ -108,8 +108,8 @@ def simulate_circuit(
     from .poles import series
 
     checks.instance("circuit", circuit, Circuit, hint="it must be a Circuit, such as coupled.bus([ring])")
-    check_duration(duration)
-    checks.between("rtol", rtol, 1e-13, 1e-1, hint="1e-6 gives traces to better than 1e-5")
+    duration = check_duration(duration)
+    rtol = checks.between("rtol", rtol, 1e-13, 1e-1, hint="1e-6 gives traces to better than 1e-5")
     checks.progress(progress)
     check_delays(circuit)
     duration = float(duration)

@@ -128,8 +128,8 @@ def _laser(guess: Any, power: float | None, detuning: float | None, turn: float)
     nu = own[1] if detuning is None else detuning
     if P is None:
         raise checks.InputError("power is missing: give the power in W of the first cycle, or a guess that has one")
-    check_power(P)
-    check_detuning(nu)
+    P = check_power(P)
+    nu = check_detuning(nu)
     if is_hopf_point(guess) and (P, nu) != own:
         raise checks.InputError("power and detuning are those of the Hopf point given as guess; leave them out")
     return float(P), float(nu)

@@ -88,8 +88,8 @@ def cycle_derivatives(
     import xarray as xr
 
     check_ring(ring)
-    check_power(power)
-    check_detuning(detuning)
+    power = check_power(power)
+    detuning = check_detuning(detuning)
     warm = constant(model, heaters, heated, read)
     small = warm.model
     names = parameter_names(ring, small) if parameters is None else [*parameters]

@@ -84,8 +84,8 @@ def limit_cycle(
     654.4713 ns, stable
     """
     check_ring(ring)
-    check_power(power)
-    check_detuning(detuning)
+    power = check_power(power)
+    detuning = check_detuning(detuning)
     warm = constant(model, heaters, heated, read)
     p = problem(ring, warm.model, float(power), float(detuning), warm.rise)
     found = settled(p, np.zeros(p.units.size)) if guess is None else from_guess(p, guess)

@@ -79,7 +79,7 @@ def under_laser(p: CycleProblem, power: float, detuning: float) -> CycleProblem:
     """The ring and its heat under another laser."""
     from ..kernels import equations as eq
 
-    check_power(power)
+    power = check_power(power)
     turned = eq.internal_detuning(detuning + turned_by(p.rise, p.ring))
     at = p.at._replace(pump=eq.internal_pump(p.ring, power), detuning=turned)
     floor = window.floor_of(at.rates, at.pump, p.model.thermal_resistance * eq.UW)

@@ -89,8 +89,8 @@ def steady_states(
     from thermofem import dataset
 
     check_ring(ring)
-    check_power(power)
-    check_detuning(detuning)
+    power = check_power(power)
+    detuning = check_detuning(detuning)
     warm = constant(model, heaters, heated, read)
     at = internal(ring, warm.model, absorbable(ring, power))
     U, D = fixed_points(ring, at, power, detuning + warm.turned(ring))

@@ -126,8 +126,8 @@ def explore(
     >>> coupled.explore(coupled.borghi2021(), {"second order": model}).html.startswith("<!doctype html>")
     True
     """
-    check_power(power)
-    check_detuning(detuning)
+    power = check_power(power)
+    detuning = check_detuning(detuning)
     if models is None and family is None:
         raise checks.InputError("models is missing; give a thermal model, several by name, or a family")
     given = models if isinstance(models, Mapping) else {"model": models} if models is not None else {}

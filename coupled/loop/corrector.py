@@ -76,7 +76,7 @@ class FEM:
     ) -> None:
         hint = "th.assemble(geometry) makes the HeatProblem"
         checks.instance("heat", heat, HeatProblem, StateSpace, NonlinearSystem, hint=hint)
-        checks.between("max_discrepancy", max_discrepancy, 1e-9, 10, unit="K")
+        max_discrepancy = checks.between("max_discrepancy", max_discrepancy, 1e-9, 10, unit="K")
         self.problem = heat if isinstance(heat, HeatProblem) else None
         names = heat.heated if isinstance(heat, HeatProblem) else heat.inputs
         self.heaters = checks.mapping("heaters", heaters, hint="e.g. {'heater': th.Constant(5e-3)}")
@@ -94,7 +94,7 @@ class FEM:
         system = heat.model(inputs, self.heated) if isinstance(heat, HeatProblem) else _channels(heat, inputs)
         self.nonlinear = system if isinstance(system, NonlinearSystem) else None
         self.linear = system.linear if isinstance(system, NonlinearSystem) else system
-        self.basis = krylov(self.linear, cycles)
+        self.basis = krylov(self.linear, checks.integer("cycles", cycles, 0, 100))
         self.field = FieldIntegrator(
             system,
             self.basis,

@@ -104,8 +104,10 @@ def cosimulate(
     >>> print(f"{last.period * 1e9:.0f} ns, {last.swing:.2f} K")
     680 ns, 5.87 K
     """
-    check_run(ring, duration, rtol)
-    checks.between("max_discrepancy", max_discrepancy, 1e-8, 1, unit="K", hint="1e-3 K gives periods to about 1e-4")
+    duration, rtol = check_run(ring, duration, rtol)
+    max_discrepancy = checks.between(
+        "max_discrepancy", max_discrepancy, 1e-8, 1, unit="K", hint="1e-3 K gives periods to about 1e-4"
+    )
     light = {"input_power": power_in_time(power, duration), "detuning": detuning_in_time(detuning, duration)}
     checks.progress(progress)
     kept = checks.array("field_times", field_times, increasing=True, empty=True)

@@ -138,9 +138,8 @@ def pulsing_map(
         settled = duration is None and follow is None
     elif settled and not (duration is None and follow is None):
         raise checks.InputError("settled=True goes with neither duration nor follow, which belong to traces")
-    duration = 20e-6 if duration is None else duration
-    check_duration(duration)
-    checks.between("rtol", rtol, 1e-13, 1e-3, hint="1e-5 gives periods to 1e-4")
+    duration = check_duration(20e-6 if duration is None else duration)
+    rtol = checks.between("rtol", rtol, 1e-13, 1e-3, hint="1e-5 gives periods to 1e-4")
     order = None if follow is None else Follow(checks.choice("follow", str(follow), [str(way) for way in Follow]))
     attrs = provenance("pulsing map", ring, small) | {"settled": int(settled), **grid.fixed, **warm.attributes}
     if not settled:

@@ -60,6 +60,7 @@ class Laser:
     phase: float = 0.0
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         checks.finite("phase", self.phase, unit="rad")
         if self.resonance is not None:
             hint = "give a ring, such as replace(ring, frequency=194e12)"

@@ -123,7 +123,7 @@ def simulate(
     >>> print(f"{coupled.pulsing(run).period * 1e9:.1f} ns, {coupled.pulsing(run).swing:.2f} K")
     686.0 ns, 5.90 K
     """
-    check_run(ring, duration, rtol)
+    duration, rtol = check_run(ring, duration, rtol)
     light = {"input_power": power_in_time(power, duration), "detuning": detuning_in_time(detuning, duration)}
     wanted = NO_TIMES if times is None else check_times(times, duration)
     if adiabatic and not (event is None and method is None):

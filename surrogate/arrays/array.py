@@ -162,7 +162,7 @@ def reduce_array(
     >>> (pair.crosstalk / 1e3).round(2).tolist()  # K/mW
     [[7.86, 0.21], [0.21, 7.86]]
     """
-    checks.between("tolerance", tolerance, 1e-7, 0.1, hint="it is relative to the static gain")
+    tolerance = checks.between("tolerance", tolerance, 1e-7, 0.1, hint="it is relative to the static gain")
     places = places_of(positions)
     rings = rings_of(heat, len(places), heated, heaters)
     apart = check_places(rings, places)

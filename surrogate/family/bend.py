@@ -85,7 +85,7 @@ def bend_of(
     solver: nothing is kept in its folder.
     Raises InputError: no material depends on temperature, or a member has no steady state at this power.
     """
-    checks.power("power", power)
+    power = checks.power("power", power)
     if not engine.reference.nonlinear:
         raise checks.InputError("power is for materials that depend on temperature, and none here does; leave it out")
     box = engine.box

@@ -88,7 +88,9 @@ def train_family(
         a campaign that varies nothing or words; ranges that contradict each other; a mesh that cannot follow.
     """
     started = time.perf_counter()
-    checks.between("tolerance", tolerance, 1e-4, 0.05, hint="it is the wanted relative error of every member")
+    tolerance = checks.between(
+        "tolerance", tolerance, 1e-4, 0.05, hint="it is the wanted relative error of every member"
+    )
     checks.between("held_out", held_out, 1, 1000)
     box = Box.of(campaign if isinstance(campaign, Campaign) else read_campaign(campaign))
     report = report or (lambda line: None)

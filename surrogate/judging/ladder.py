@@ -107,7 +107,7 @@ def train_all(
     InputError
         a power or duty out of range, a name that is none of the models', of no heated part, of nothing that is read.
     """
-    checks.power("power", power)
+    power = checks.power("power", power)
     checks.has("heat", heat, "heated", "channels", hint="th.assemble(geometry) makes the HeatProblem")
     part = checks.choice("heated", heated, heat.heated, default=heat.heated[0])
     read = read or part
@@ -253,7 +253,7 @@ def judge(
     for j, power in enumerate(watts):
         exact = swings(reference, periods, float(power), duty)
         for i, model in enumerate(models.values()):
-            curve = error_curve(model, exact, periods, float(power), duty)
+            curve = error_curve(model, exact, periods, float(power), float(duty))
             error[i, j], ends[i, j] = curve["relative_error"].values, valid_range(curve)
             swing[i, j] = curve["swing_model"].values / exact - 1
     over = ("model", "power", "period")
@@ -272,7 +272,7 @@ def judge(
             "period": ("period", periods, describe("period")),
         },
     )
-    return found.assign_attrs(verdict=verdict(found), duty=duty)
+    return found.assign_attrs(verdict=verdict(found), duty=float(duty))
 
 
 def verdict(judged: xr.Dataset, *, within: float = 0.1) -> str:

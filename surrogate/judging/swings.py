@@ -31,8 +31,8 @@ def swings(reference: ThermalModel, periods: Array, power: float, duty: float) -
     """
     checks.positive("periods[0]", periods[0], unit="s")
     checks.positive("periods[-1]", periods[-1], unit="s", at_most=0.1, hint="periods are in s (did you mean 1e-6?)")
-    checks.power("power", power)
-    checks.between("duty", duty, 1e-6, 1 - 1e-6, hint="the duty cycle is the fraction of the period that is on")
+    power = checks.power("power", power)
+    duty = checks.between("duty", duty, 1e-6, 1 - 1e-6, hint="the duty cycle is the fraction of the period that is on")
     system = bare(reference)
     if not isinstance(system, NonlinearSystem):
         look = swing_over_period(reference, periods, power, duty)

@@ -63,7 +63,8 @@ def period_error(
     """
     check_models({"reference": reference, "model": model})
     periods = checks.array("periods", periods, increasing=True, hint="periods are in s (did you mean 1e-6?)")
-    return error_curve(model, swings(reference, periods, power, duty), periods, power, duty)
+    swing = swings(reference, periods, power, duty)
+    return error_curve(model, swing, periods, float(power), float(duty))
 
 
 def check_models(models: Mapping[str, ThermalModel]) -> None:
@@ -99,7 +100,7 @@ def valid_range(curve: xr.Dataset, *, within: float = 0.1) -> tuple[float, float
     stretch. A stretch of less than an octave, `OCTAVE`, does not count unless it is the whole curve: an error that
     crosses zero is small at one period only, and that period is not known beforehand. (nan, nan) if there is none.
     """
-    checks.positive("within", within, hint="0.1 is ten percent")
+    within = checks.positive("within", within, hint="0.1 is ten percent")
     if not {"period", "relative_error"} <= set(getattr(curve, "variables", ())):
         raise checks.InputError(f"curve is a {type(curve).__name__} without period errors; period_error makes one")
     x, y = np.log(curve["period"].values), np.abs(curve["relative_error"].values)
@@ -176,8 +177,8 @@ def compare(
     check_models({"reference": reference})
     for drive in drives:
         checks.has("drives", drive, "breakpoints", hint="waveforms are needed, such as those of held_out_drives()")
-    checks.positive("wavelength", wavelength, unit="m", at_most=1e-4, hint="did you mean 1.55e-6?")
-    checks.finite("shift", shift, unit="Hz/K")
+    wavelength = checks.positive("wavelength", wavelength, unit="m", at_most=1e-4, hint="did you mean 1.55e-6?")
+    shift = checks.finite("shift", shift, unit="Hz/K")
     exact = [_answer(reference, drive) for drive in drives]
     swing = np.array([np.ptp(y) for y in exact])
     if np.any(swing <= 0):

@@ -178,7 +178,7 @@ def check_matrices(system: StateSpace) -> None:
 
 def project(system: StateSpace, tolerance: float) -> Projected:
     """The certified projection that `reduce` and `balanced_truncation` begin with; raises as `reduce`."""
-    checks.between("tolerance", tolerance, 1e-7, 0.1, hint="it is relative to the static gain")
+    tolerance = checks.between("tolerance", tolerance, 1e-7, 0.1, hint="it is relative to the static gain")
     K, M, ports, heated, read = _parts(system)
     space = CertifiedSpace(K, M, ports, tolerance)
     pairs = (np.repeat(read, heated.size), np.tile(heated, read.size))

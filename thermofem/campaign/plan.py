@@ -81,6 +81,7 @@ class Campaign:
     seed: int = 0
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         checks.between("accuracy", self.accuracy, 1e-5, 1e-2)
         checks.between("rtol", self.rtol, 1e-10, 0.1)
         for what, names in (("drive", self.drives), ("vary", self.variations)):

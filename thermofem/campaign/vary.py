@@ -53,6 +53,7 @@ class Variation:
     logarithmic: bool = False
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         check_name("vary:", self.name)
         if not self.paths:
             raise InputError(f"vary {self.name!r} needs at least one path, e.g. 'part.core.width'")
@@ -112,6 +113,7 @@ class Drive:
     samples: int = 301
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         if not check_name("drive", self.name).isidentifier():
             raise InputError(f"drive name = {self.name!r} is not usable; take letters, digits and _")
         if self.name in _RESULT:

@@ -69,6 +69,7 @@ class CrossSection:
     probes: tuple[Probe, ...] = ()
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         checks.text("name", self.name)
         for field, kind in _LISTS.items():
             object.__setattr__(self, field, checks.instances(field, getattr(self, field), kind))

@@ -39,6 +39,7 @@ class Layer:
     datum: bool = False
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         check_name("layer", self.name)
         checks.text(f"layer {self.name!r}: material", self.material)
         if self.material == VOID:
@@ -75,6 +76,7 @@ class Part:
     heated: bool = False
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         of = f"part {self.name!r}: "
         check_name("part", self.name)
         checks.text(f"{of}material", self.material)
@@ -136,6 +138,7 @@ class Boundary:
     """Unit of each kind's coefficient; None where it has none."""
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         unit = self.KINDS[checks.choice("boundary", self.kind, self.KINDS)]
         if unit is not None:
             checks.positive(self.kind, self.coefficient, unit=unit, at_most=1e12)
@@ -164,6 +167,7 @@ class Interface:
     resistance: float
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         hint = "silicon on oxide has about 1e-8"
         checks.between(f"interface of {self.part!r}: resistance", self.resistance, 0, 1, unit="m^2*K/W", hint=hint)
 
@@ -201,6 +205,7 @@ class Probe:
     distance: float | None = None
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         check_name("probe", self.name)
         if (self.shell is None) == (self.distance is None):
             both = "not both" if self.shell is not None else "it has neither"

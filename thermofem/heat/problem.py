@@ -236,7 +236,7 @@ class HeatProblem:
             a power out of range; no steady state is found, see `nonlinear.NonlinearSystem.steady_state`.
         """
         heated = heated or self.heated[0]
-        checks.between("power", power, -checks.MOST_POWER, checks.MOST_POWER, unit="W", hint=checks.POWER_HINT)
+        power = checks.between("power", power, -checks.MOST_POWER, checks.MOST_POWER, unit="W", hint=checks.POWER_HINT)
         model = self.model(heated, read or heated)
         if isinstance(model, NonlinearSystem):
             return float(model.steady_rise(power)[0])

@@ -43,6 +43,7 @@ class PowerLaw:
     reference: float = 300.0
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         checks.between("exponent", self.exponent, -5, 5, hint="f(T) = (T/reference)^exponent")
         checks.between("reference", self.reference, 1, 3000, unit="K")
 
@@ -72,6 +73,7 @@ class Polynomial:
     reference: float = 300.0
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         object.__setattr__(self, "coefficients", tuple(map(float, checks.array("polynomial", self.coefficients))))
         checks.between("reference", self.reference, 1, 3000, unit="K")
 
@@ -121,6 +123,7 @@ class Table:
     reference: float = 300.0
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         T, values = checks.array("temperature", self.temperatures), checks.array("values", self.values)
         if T.size != values.size or T.size < 2:
             raise checks.InputError(

@@ -56,6 +56,7 @@ class Material:
     conductivity_z: float | None = None
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         of = f"material {self.name!r}: "
         if self.name == VOID:
             if (self.conductivity, self.density, self.specific_heat) != (0, 0, 0):

@@ -47,6 +47,7 @@ class Network(Delegates):
     origin: Mapping[str, Any] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         check_names("states", self.names)
 
     @property
@@ -98,7 +99,7 @@ def gate(A: ArrayLike, b: ArrayLike, static: float, *, name: str = "core") -> Fo
         complex or growing poles, a negative residue, or a static gain off by more than 1e-3.
     """
     A, b = checks.numbers("A", A), checks.array("b", b)
-    checks.positive("static", static, unit="K/W")
+    static = checks.positive("static", static, unit="K/W")
     if A.shape != (b.size, b.size):
         raise checks.InputError(f"A has shape {A.shape}; ({b.size}, {b.size}) goes with b")
     rate, modes = np.linalg.eig(A)

@@ -52,6 +52,7 @@ class OutputMap(AtSmallPower):
     origin: Mapping[str, Any] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         hint = "it is in 1/K, of the order of -4e-4 for silicon in oxide"
         object.__setattr__(self, "coefficient", checks.between("coefficient", self.coefficient, -0.1, 0.1, hint=hint))
         check_rise(self.largest_rise)

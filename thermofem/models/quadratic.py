@@ -65,6 +65,7 @@ class Quadratic:
     origin: Mapping[str, Any] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         n = checks.array("B", self.B).size
         for name, shape in {"A": (n, n), "H": (n, n, n), "G": (n, n), "B": (n,), "C": (n,)}.items():
             value = np.array(checks.numbers(name, getattr(self, name)))

@@ -39,6 +39,7 @@ class Chirp(Switched):
     duty: float = 1 / 3
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         checks.power("power", self.power, zero=True)
         checks.positive("first", self.first, unit="s", at_most=10, hint=TIME_HINT)
         checks.positive("last", self.last, unit="s", at_most=10, hint=TIME_HINT)

@@ -29,6 +29,7 @@ class Constant:
     period: ClassVar[None] = None
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         checks.power("power", self.power, zero=True)
 
     @property

@@ -33,6 +33,7 @@ class Pulse(Steps):
     start: float = 0.0
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         checks.power("power", self.power, zero=True)
         checks.positive("width", self.width, unit="s", at_most=10, hint=TIME_HINT)
         checks.between("start", self.start, 0, 1e3, unit="s", hint=TIME_HINT)

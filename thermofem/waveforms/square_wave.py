@@ -33,6 +33,7 @@ class SquareWave:
     piecewise_linear: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         checks.power("power", self.power, zero=True)
         checks.positive("period", self.period, unit="s", at_most=10, hint=TIME_HINT)
         checks.between("duty", self.duty, 0, 1, hint="the duty cycle is the fraction of the period that is on")

@@ -63,6 +63,7 @@ class Symbols(Steps):
     start: float = 0.0
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         values, mask = checks.array("values", self.values), checks.array("mask", self.mask)
         for name, numbers in (("values", values), ("mask", mask)):
             if numbers.min() < 0:

@@ -36,6 +36,7 @@ class Telegraph(Switched):
     seed: int = 0
 
     def __post_init__(self) -> None:
+        checks.plain(self)
         checks.power("power", self.power, zero=True)
         checks.positive("dwell", self.dwell, unit="s", at_most=10, hint=TIME_HINT)
         checks.positive("duration", self.duration, unit="s", at_most=1e6 * self.dwell, hint=TIME_HINT)

@@ -1,0 +1,79 @@
+"""A number means the same in every type: float32, longdouble, uint8 or a 0-d array give what the float gives."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import coupled
+import surrogate
+import thermofem as th
+
+RING = coupled.borghi2021()
+MODEL = th.Foster([2000.0, 5800.0], [56e-9, 1.2e-6])
+TYPES = [np.float32, np.longdouble, lambda value: np.array(np.float32(value))]
+VALUES = [  # the classes, by their names and fields that are valid in every type
+    th.Constant(1e-3),
+    th.Pulse(1e-3, 1e-7, 1e-6),
+    th.SquareWave(1e-3, 1e-6, 0.3),
+    th.Chirp(1e-3, 1e-7, 1e-6, 1e-5),
+    th.Telegraph(1e-3, 1e-7, 1e-5, 1),
+    th.Symbols([0, 1], 1e6, 1e-3, bias=1e-4),
+    th.Layer("box", "SiO2", 2e-6),
+    th.Part("core", "Si", 4e-6, 5e-6, 1e-8, 2e-7),
+    th.Boundary("convection", 10.0),
+    th.Interface("core", 1e-8),
+    th.Probe("far", "core", distance=2e-5),
+    th.Material("glass", 1.4, 2200.0, 700.0),
+    th.PowerLaw(1.3, 300.0),
+    th.strip_ring(),
+    coupled.ConstantLifetime(1e-9),
+    RING.carriers,
+    RING,
+    coupled.Waveguide("a.through", "b.in", loss=3.0, phase=0.5),
+    coupled.LaserPort("in", "a.in", loss=3.0),
+    coupled.Detector("out", "a.drop", 1e10),
+    coupled.Splitter("half", 0.25),
+]
+
+
+@pytest.mark.parametrize("one", VALUES, ids=lambda one: type(one).__name__)
+@pytest.mark.parametrize("kind", TYPES, ids=["float32", "longdouble", "0d"])
+def test_fields_are_numbers_of_python(one, kind):
+    """They kept float32, in which a geometry has seven digits, and longdouble, which shapely and Numba refuse."""
+    floats = [field.name for field in dataclasses.fields(one) if type(getattr(one, field.name)) is float]
+    assert floats
+    made = dataclasses.replace(one, **{name: kind(getattr(one, name)) for name in floats})
+    for name in floats:
+        assert type(getattr(made, name)) is float
+        assert getattr(made, name) == float(kind(getattr(one, name)))
+
+
+def test_a_loss_of_few_bits_does_not_wrap():
+    """3 dB as uint8 became 253 dB where it was negated: 10^(-loss/20) of -3 as uint8 is 10^(253/20)."""
+    guide = coupled.Waveguide("a.through", "b.in", loss=np.uint8(3))
+    assert type(guide.loss) is int
+    assert abs(guide.transmission) == pytest.approx(10 ** (-3 / 20), rel=1e-12)
+
+
+@pytest.mark.parametrize("kind", [*TYPES, np.float16], ids=["float32", "longdouble", "0d", "float16"])
+@pytest.mark.parametrize(
+    ("call", "value"),
+    [
+        (lambda x: coupled.steady_states(RING, MODEL, power=x).delta_T, 5e-3),
+        (lambda x: coupled.steady_states(RING, MODEL, power=5e-3, detuning=x).delta_T, -32768.0),
+        (lambda x: coupled.simulate(RING, MODEL, power=1e-3, duration=1e-9, rtol=x).delta_T, 1e-4),
+        (lambda x: coupled.simulate(RING, MODEL, power=1e-3, duration=x).delta_T, 1e-6),
+        (lambda x: surrogate.period_error(MODEL, MODEL, [1e-6, 2e-6], duty=x).error, 0.3),
+        (lambda x: coupled.intensity_noise(1e-3, -130, bandwidth=1e7, duration=x).edges, 1e-6),
+    ],
+    ids=["power", "detuning", "rtol", "duration", "duty", "noise"],
+)
+def test_arguments_mean_the_same_in_every_type(call, value, kind):
+    """float16 overflowed, longdouble ended in Numba's errors, float32 moved the result by its precision."""
+    x = kind(value)
+    if not np.isfinite(x) or x == 0:
+        pytest.skip("out of range of the type")
+    assert np.array_equal(call(x), call(float(x)))
