@@ -132,6 +132,9 @@ def in_si(data: xr.Dataset) -> xr.Dataset:
     for name, variable in data.variables.items():
         field = _field(str(name))
         given = variable.attrs.get("units")
+        odd = _misnamed(variable.attrs)
+        if field is not None and odd is not None:
+            raise InputError(f"variable {name!r} has an attribute {odd!r}; netCDF calls it 'units': rename it")
         if field is not None and variable.values.dtype.kind == "c":
             raise InputError(f"variable {name!r} holds complex values; real numbers are needed")
         if field is None or given is None or (isinstance(given, str) and given == field.unit):
@@ -151,7 +154,14 @@ def in_si(data: xr.Dataset) -> xr.Dataset:
 def says_si(name: str, attrs: Mapping[str, Any]) -> bool:
     """Whether a variable needs no conversion: one of `quantity.VARIABLES` in its unit, or none of them."""
     field = _field(name)
-    return field is None or "units" not in attrs or bool(np.all(attrs["units"] == field.unit))
+    if field is None or "units" not in attrs:
+        return field is None or _misnamed(attrs) is None
+    return bool(np.all(attrs["units"] == field.unit))
+
+
+def _misnamed(attrs: Mapping[Any, Any]) -> str | None:
+    """An attribute that means the unit, such as "Units", where there is no "units"."""
+    return None if "units" in attrs else next((str(k) for k in attrs if str(k).lower() in ("unit", "units")), None)
 
 
 def _line(given: str, field: quantity.Variable, name: str) -> tuple[float, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -128,6 +129,11 @@ def test_names_and_values(texts, words):
         (["uncertainty", "f.json", "--spread", "box=2 um,1 nm", "--points", "3, 3"], "--points 3, 3 goes with --map"),
         (["uncertainty", "f.json", "--spread", "box=2 um,1 nm", "--detuning", "3 GHz"], "--detuning 3 GHz goes with"),
         (["uncertainty", "f.json", "--spread", "box=2 um,1 nm", "--period", "--map", "m.nc"], "--period and --map"),
+        (
+            ["simulate", "model.json", "--sweep", "1 GHz, 2 GHz", "--detuning", "3 GHz"],
+            "--detuning 3 GHz has no effect",
+        ),
+        (["simulate", "model.json", "--sweep", "1 mW, 2 mW", "--power", "3 mW"], "--power 3 mW has no effect"),
         (["explore", "model.json", "--accuracy", "1e-2"], "--accuracy 0.01 is that of a geometry's mesh"),
         (["validate", "model.json", "--reference", "model.json", "--accuracy", "1e-2"], "--accuracy 0.01 is that of"),
     ],
@@ -138,6 +144,18 @@ def test_no_option_is_ignored(arguments, words, folder):
     assert done.returncode == 2
     assert words in done.stderr
     assert done.stderr.endswith("; leave it out\n")
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [("strip.toml", "read and written at once"), ("-o", "written twice"), ("--figure", "twice")]
+)
+def test_the_files_beside_a_pvd_are_outputs(name, words, folder):
+    """--paraview heat.pvd wrote heat_0000.vtu over the geometry, or over the training data of that name."""
+    shutil.copy(folder / "strip.toml", folder / "heat_0000.vtu")
+    given = ["heat_0000.vtu"] if name == "strip.toml" else ["strip.toml", name, "heat_0000.vtu"]
+    done = thermofem("solve", *given, "--field-times", "1 us", "--paraview", "heat.pvd", cwd=folder)
+    assert (done.returncode, words in done.stderr) == (2, True), done.stderr
+    assert (folder / "heat_0000.vtu").read_text() == (folder / "strip.toml").read_text()
 
 
 @pytest.mark.parametrize("name", USED)

@@ -128,6 +128,11 @@ def netcdf(folder: Path) -> Iterator[tuple[str, Path]]:
             made["time"].attrs["units"] = unit
             made["delta_T"] = np.zeros(20)
         yield "variable 'time'", folder / f"{name}.nc"
+    for name in ("unit", "Units"):  # read as K, 1000 times too large
+        with file(name) as made:
+            made["delta_T"] = np.linspace(0, 1e3, 20)
+            made["delta_T"].attrs[name] = "mK"
+        yield f"has an attribute '{name}'", folder / f"{name}.nc"
 
 
 def damaged(content: bytes, seed: int, count: int) -> Iterator[bytes]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import re
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -19,11 +20,18 @@ def check_apart(options: Mapping[str, Any]) -> None:
     Every option but those in `OUTPUTS` counts as an input, so that no command has to list its own.
     """
     given = [item for name, value in options.items() if name not in OUTPUTS for item in _each(value)]
-    taken = {os.path.realpath(item) for item in given if isinstance(item, str | Path) and os.path.isfile(item)}
+    taken = [item for item in given if isinstance(item, str | Path) and os.path.isfile(item)]
     for name in OUTPUTS & options.keys():
         for path in filter(None, _each(options[name])):
-            if os.path.realpath(path) in taken:
+            if any(writes(path, item) for item in taken):
                 raise InputError(f"{path} would be read and written at once; give it another name")
+
+
+def writes(output: str | Path, other: str | Path) -> bool:
+    """Whether a command that writes one file writes the other: the .vtu files beside a .pvd are written with it."""
+    first, second = Path(os.path.realpath(output)), Path(os.path.realpath(other))
+    step = re.fullmatch(rf"{re.escape(first.stem)}_\d{{4,}}\.vtu", second.name)
+    return first == second or (first.suffix == ".pvd" and first.parent == second.parent and step is not None)
 
 
 def _each(value: Any) -> Iterable[Any]:
@@ -33,6 +41,13 @@ def _each(value: Any) -> Iterable[Any]:
 def _pulses(options: Mapping[str, Any]) -> bool:
     """Whether light is asked for: a cycle, a range of pulsing or a map of it."""
     return any(options.get(name) for name in ("period", "swing", "range_", "map_"))
+
+
+def _swept(options: Mapping[str, Any]) -> str | None:
+    """Whether --sweep goes through "power" or "detuning"; None without it."""
+    from .drives import kind
+
+    return kind("--sweep", options["sweep"].split(",")[0].strip()) if options["sweep"] else None
 
 
 def _meshes(options: Mapping[str, Any]) -> bool:
@@ -58,6 +73,10 @@ USED: Mapping[str, tuple[Rule, ...]] = {
         (frozenset({"period"}), lambda o: not o["map_"], "and --map exclude each other"),
         (frozenset({"power", "detuning"}), _pulses, "goes with --period or --map"),
         (frozenset({"ring"}), lambda o: _pulses(o) or o["optics"], "goes with --period or --map"),
+    ),
+    "simulate": (
+        (frozenset({"power"}), lambda o: _swept(o) != "power", "has no effect with a --sweep of the power"),
+        (frozenset({"detuning"}), lambda o: _swept(o) != "detuning", "has no effect with a --sweep of the detuning"),
     ),
     "explore": ((frozenset({"accuracy"}), _meshes, "is that of a geometry's mesh; models have none"),),
     "validate": ((frozenset({"accuracy"}), _meshes, "is that of a geometry's mesh; models have none"),),

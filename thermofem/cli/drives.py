@@ -68,13 +68,13 @@ def light(
     swept = None
     if sweep is not None:
         parts = [part.strip() for part in sweep.split(",")]
-        swept = _kind("--sweep", parts[0])
+        swept = kind("--sweep", parts[0])
         values = [quantity.parse(part, "Hz" if swept == "detuning" else "W", name="--sweep") for part in parts]
         if len(values) < 2:
             raise InputError(f"--sweep = {sweep!r} must be two quantities or more, such as '20 GHz, -40 GHz'")
         found[swept] = coupled.Sweep([duration * k / (len(values) - 1) for k in range(len(values))], values)
     for text in modulate:
-        name = _kind("--modulate", text)
+        name = kind("--modulate", text)
         added = varying("--modulate", text, "Hz" if name == "detuning" else "W")
         found[name] = [*(found[name] if isinstance(found[name], list) else [found[name]]), added]
     return found, swept
@@ -102,7 +102,7 @@ def lasers(texts: list[str], ring: RingResonator) -> list[Laser]:
     return found
 
 
-def _kind(option: str, text: str) -> str:
+def kind(option: str, text: str) -> str:
     """Whether a text begins with a frequency (a detuning) or a power."""
     amount = _split(text)[0]
     for name, unit in (("detuning", "Hz"), ("power", "W")):

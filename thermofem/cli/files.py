@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .. import checks, files, quantity
 from ..checks import InputError
+from .apart import writes
 from .kinds import expect
 from .output import hold, note
 from .output import working as working
@@ -24,12 +24,12 @@ DEFAULT_RING = "borghi2021"
 
 def check_outputs(outputs: Iterable[Path | None], *, images: Iterable[Path | None] = ()) -> None:
     """InputError unless every output has a folder, is no device and no other output, and images have an ending."""
-    taken = set()
+    taken: list[Path] = []
     for path in filter(None, outputs):
         files.check_target(path)
-        if os.path.realpath(path) in taken:
+        if any(writes(path, other) or writes(other, path) for other in taken):
             raise InputError(f"{path} would be written twice; give it another name")
-        taken.add(os.path.realpath(path))
+        taken.append(path)
     for path in filter(None, images):
         files.check_image(path)
 
