@@ -25,7 +25,7 @@ TASKS = [
     Task("compute", "c", "", 3.0, ("a",)),
     Task("compute", "d", "", 4.0, ("c", "b")),
 ]
-MUCH = [Task("compute", "much", "", 2 * WORTH)]
+MUCH = [Task("compute", name, "", WORTH) for name in "ab"]
 COMMAND = """
 import signal
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have had it ignored
@@ -92,15 +92,18 @@ def test_every_stage_is_read_by_the_report_or_by_a_stage():
 def test_little_work_needs_no_other_process():
     quick = stages_of(Settings(quick=True))
     assert sum(stage.weight for stage in quick) < WORTH  # the one-minute version
-    with crew(Project(Path(), Settings(), quick), 2, [MUCH[0]._replace(weight=WORTH / 2)]) as workers:
-        assert not workers
+    chain = [MUCH[0], MUCH[1]._replace(inputs=("a",))]
+    for left in (chain, MUCH[:1], [MUCH[0]._replace(weight=WORTH / 4), MUCH[1]._replace(weight=WORTH / 4)]):
+        with crew(Project(Path(), Settings(), quick), 64, left) as workers:
+            assert not workers
 
 
 @pytest.mark.slow
 def test_what_stops_a_task_stops_the_run_and_every_process(tmp_path):
     project, several = Project(tmp_path, Settings(), ()), [Task("draw", f"no{k}.svg", "", 1.0) for k in range(2)]
-    with pytest.raises(KeyError, match="no") as caught, crew(project, 2, MUCH) as workers:  # noqa: PT012
+    with pytest.raises(KeyError, match="no") as caught, crew(project, 64, MUCH) as workers:  # noqa: PT012
         processes = list(workers.values())
+        assert len(processes) == 2
         share(project, several, workers, lambda task, part: None)
     assert "in draw" in caught.value.__notes__[0]  # where it happened
     assert not any(process.is_alive() for process in processes)

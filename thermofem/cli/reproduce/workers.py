@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import multiprocessing
 import signal
 import traceback
@@ -29,12 +30,15 @@ Workers = dict[Connection, SpawnProcess]
 def crew(project: Project, processes: int, left: Sequence[Task]) -> Iterator[Workers]:
     """Processes that do what `share` sends them, until the end of the block or of this process.
 
-    There are none, and this process works alone, where one is enough for what is ``left``.
+    There are at most as many as the longest chain of tasks that are ``left`` leaves something to do, and none, so that
+    this process works alone, where one is enough.
     """
+    work = sum(task.weight for task in left)
+    count = min(processes, math.ceil(work / max(chains_of(left).values()))) if work > WORTH else 1
     context = multiprocessing.get_context("spawn")
     workers: Workers = {}
     try:
-        for _ in range(processes if processes > 1 and sum(task.weight for task in left) > WORTH else 0):
+        for _ in range(count if count > 1 else 0):
             ours, theirs = context.Pipe()
             process = context.Process(target=_work, args=(project.out, project.settings, theirs), daemon=True)
             _start(process)
