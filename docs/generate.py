@@ -101,8 +101,8 @@ LAWS = """
 {}
 ```
 
-One of the lines each. `exponent`: value × (T/reference)^exponent. `polynomial`: value × (1 + c₁ (T − reference) +
-c₂ (T − reference)² + …). `temperature` and `values`: straight between the points. `r` and `z`: conductivity along and
+Take one of these lines. `exponent`: value × (T/reference)^exponent. `polynomial`: value × (1 + c₁ (T − reference) +
+c₂ (T − reference)² + …). `temperature` and `values`: linear between the points. `r` and `z`: conductivity along and
 across the layers.
 
 ## Built-in materials

@@ -26,7 +26,7 @@ PACKED = 1100  # values a byte of a file can stand for: deflate reaches 1032 to 
 ROOM = 64_000_000  # bytes that any file may declare
 LARGEST = 16_000_000_000  # bytes that no file may declare
 DAMAGE = (ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, TypeError, ValueError)
-"""What HDF5, h5netcdf and xarray raise on a damaged file."""
+"""Exceptions of HDF5, h5netcdf and xarray for a damaged file."""
 OPEN: dict[str, Any] = {"decode_times": False, "decode_timedelta": False, "phony_dims": "sort"}  # for open_dataset
 HASH = "content_hash"  # attribute of the files that `dataset.save` writes
 _HASHED = ("kind", "heated", "read", "waveform", "thermal_resistance", "thermal_resistances")  # attributes

@@ -1,8 +1,8 @@
 """The cycle on which a ring settles from a given state: a short transient, then Newton's method.
 
-A transient that has a few pulses starts Newton's method. What comes out counts if the ring can settle on it: it is
-stable, and where a stable fixed point could win in the end it is as large as the pulses of the transient. Else the
-transient goes on, up to twice as long every time, until it rests or pulses as the cycle does.
+A transient with a few pulses starts Newton's method. The cycle found is accepted if it is stable and, where a stable
+fixed point exists too, as large as the pulses of the transient. Otherwise the transient is continued, each time up to
+twice as long, until the ring rests or pulses like the cycle.
 """
 
 from __future__ import annotations

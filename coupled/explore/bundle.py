@@ -39,7 +39,7 @@ def script() -> str:
 
 
 def tableaus() -> dict[str, Any]:
-    """Return the coefficients of the integrators as the page takes them, from the table of the compiled ones."""
+    """Return the coefficients of the compiled integrators in the format of the page."""
     found = {}
     for method in Method:
         table = tableau(method)

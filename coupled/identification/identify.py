@@ -229,7 +229,7 @@ def _result(
 
 
 def multiples(periods: Array, models: Array) -> tuple[str, ...]:
-    """What to say of traces whose period is a multiple of the model's, or the other way round; logged as warnings."""
+    """Sentences on traces whose period is a multiple of the model's, or the other way round; logged as warnings."""
     notes = []
     for k, (seen, own) in enumerate(zip(periods, models, strict=True)):
         ratio = max(seen / own, own / seen)

@@ -1,8 +1,8 @@
 """Ctrl-C and compiled code: an exception raised while a kernel hands its results over crashes the interpreter.
 
-Python runs its signal handlers between two of its own instructions. While a kernel runs there is none, but numba runs
-some to turn results into objects: a KeyboardInterrupt raised there ends in a SystemError or a crash. So it must come
-after the kernel, or in another thread.
+Python runs its signal handlers between two of its own instructions. A kernel contains none, but Numba executes some
+when it turns the results into objects, and a KeyboardInterrupt raised there ends in a SystemError or a crash. The
+interrupt must therefore be raised after the kernel, or in another thread.
 """
 
 from __future__ import annotations

@@ -129,7 +129,7 @@ class FEM:
 
     @property
     def remainder(self) -> float:
-        """What `revise` keeps of the rise: the largest change in the window of its part outside the amplitudes, K."""
+        """Largest change in the window of the part of the rise that `revise` keeps, outside the amplitudes, K."""
         return self.field.remainder
 
     def _kept(self, times: Array) -> Array:

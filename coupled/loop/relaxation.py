@@ -51,7 +51,7 @@ class Passed(NamedTuple):
     discrepancy: float
     """Largest difference between the temperature that the light saw and the corrector's, K."""
     moved: float
-    """What one more pass would change in the temperature, K; estimated by the predictor."""
+    """Change of the temperature by one more pass, K; estimated by the predictor."""
     rest: float
     """The corrector's temperature less the predictor's at the end, K."""
 

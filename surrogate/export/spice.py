@@ -1,8 +1,7 @@
 """SPICE subcircuit: heat is a current (1 A = 1 W), temperature rise a voltage (1 V = 1 K).
 
-A model whose heated part is the one that is read becomes a Foster network and, where it is passive, also a Cauer
-ladder. A model of several parts, or one with an output map, becomes one R and C for each pole, coupled to the pins by
-controlled sources.
+A model that reads the part that it heats becomes a Foster network and, where it is passive, also a Cauer ladder. One of
+several parts, or with an output map, becomes one R and one C for each pole; controlled sources couple them to the pins.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from thermofem.netcdf import DAMAGE
 
 HASH = "hash"  # name of the array that holds it
 _DAMAGE = (EOFError, MemoryError, SyntaxError, struct.error, tokenize.TokenError, zipfile.BadZipFile, zlib.error)
-"""What NumPy and zipfile raise on a damaged archive, beside `DAMAGE`."""
+"""Exceptions of NumPy and zipfile for a damaged archive, beside `DAMAGE`."""
 
 
 def pack(arrays: Mapping[str, Any], *, deflated: bool = True) -> bytes:

@@ -294,7 +294,7 @@ class Training:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What makes the data doubtful."""
+        """Sentences on doubtful data."""
         responses = self.problem.responses
         found = [doubt for r in responses for doubt in (*r.doubts, *mismatch(r))]
         return tuple(dict.fromkeys(found))

@@ -139,7 +139,7 @@ class Property:
 
 
 def _real(found: Any) -> Any:
-    """What a quantity returned; InputError unless it is a number or an array of them, nan where there is none."""
+    """Value that a quantity returned; InputError unless it is a number or an array of them, nan where there is none."""
     try:
         kind = np.asarray(found).dtype.kind
     except ValueError:  # lists of different lengths

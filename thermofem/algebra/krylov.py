@@ -223,7 +223,7 @@ def rates(system: LinearSystem, static: Solve) -> tuple[float, float]:
 def slopes(M: Any, B: Array) -> Array:
     """Initial slope b^T M^-1 b of the step response of each column b, in K/J; InputError where M is not definite.
 
-    From below: (b^T D^-1 b)^2 / (b^T D^-1 M D^-1 b) with D the diagonal of M.
+    Lower bound: (b^T D^-1 b)^2 / (b^T D^-1 M D^-1 b) with D the diagonal of M.
     """
     if np.any(M.diagonal() <= 0):
         raise checks.InputError("E is not positive definite; every heat capacity must be positive")

@@ -244,7 +244,7 @@ def _fill(variables: dict[str, dict[str, Any]], rows: list[Row | None], start: i
 
 
 def _read(path: Path, drives: list[dict[str, Any]]) -> Row:
-    """What the index holds of one result, from its file."""
+    """Values of one result for the index, from its file."""
     import h5py
 
     try:

@@ -144,7 +144,7 @@ def _solve(task: Task) -> dict[str, Record]:
 
 
 def _row(results: dict[str, Record]) -> Row:
-    """What the index holds of one geometry, see `collect`."""
+    """Values of one geometry for the index, see `collect`."""
     first = next(iter(results.values())).attrs
     row = {name: np.asarray(first[name], dtype=float) for name in NUMBERS}
     row["thermal_resistance"] = np.asarray(first["thermal_resistances"], dtype=float)

@@ -106,7 +106,7 @@ def main() -> None:
 
 
 def _place(error: OSError) -> str:
-    """What an operating-system error is about: errors of files carry a name or are InputErrors already."""
+    """Subject of an operating-system error: errors of files carry a name or are InputErrors already."""
     if error.filename is not None:
         return str(error.filename)
     if isinstance(error, FileNotFoundError):  # of os.getcwd

@@ -1,4 +1,4 @@
-"""What a start of the command line pays for: each command is imported and built when it is asked for, no other.
+"""Commands that are imported and built only when they are called, so that the command line starts quickly.
 
 `Commands` is the group that does so. `convert_plainly` reads options without pydantic, which typer imports for that.
 `later` leaves out modules that other libraries import and that no command uses.

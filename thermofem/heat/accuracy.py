@@ -94,7 +94,7 @@ class MeshError:
         return np.append(10.0 ** np.arange(FASTEST, first - 1, -1), 0.0)
 
     def known(self, name: str) -> Array | None:
-        """Fields of a heated part from earlier estimates, shape (unknowns, f), static one last; None without any."""
+        """Fields of a heated part from earlier estimates, shape (unknowns, f), static one last; None if none."""
         fields = self.fields.get(name)
         if fields is None or self._second is None or name != self.heat.heated[0]:
             return fields

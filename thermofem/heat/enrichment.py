@@ -139,13 +139,13 @@ class Enrichment:
         return np.asarray(integral[functions.quadratic :] / integral[: functions.quadratic].sum())
 
     def added(self, shifts: Array, quadratic: Array, load: Array) -> tuple[Array, Array]:
-        """What the cubic functions add to quadratic solutions, and its energy in every triangle.
+        """Correction of quadratic solutions by the cubic functions, and its energy in every triangle.
 
         shifts [shape (s,), 1/s]
         quadratic [shape (quadratic functions, s, n), K/W]: solutions of (K + s M) u = c.
         load [shape (cubic functions, n)]: c for the cubic functions.
-        Returns [shape (s, n, n), K/W]: c_i^T x_j of what is added.
-        Returns [shape (s, n, n, triangles), K/W]: its share in every triangle, without what surfaces add.
+        Returns [shape (s, n, n), K/W]: c_i^T x_j of the correction x.
+        Returns [shape (s, n, n, triangles), K/W]: its share in every triangle, without the surfaces.
         """
         count, s = load.shape[1], np.asarray(np.repeat(shifts, load.shape[1]), dtype=float)
         u = quadratic.reshape(len(quadratic), -1)[self.quadratic]

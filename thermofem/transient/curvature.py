@@ -33,7 +33,7 @@ ROWS = 4096  # of amplitudes whose products are held at once
 
 @dataclass(frozen=True, eq=False)
 class Departure:
-    """What the integral of one law departs from its parabola, d(x) = integral - x - chord x^2, at groups of nodes.
+    """Deviation of the integral of one law from its parabola, d(x) = integral - x - chord x^2, at groups of nodes.
 
     fields [shape (groups, k)]: mean of V over a group.
     loads [shape (groups, k), J/K]: what the heat in a group adds to the amplitudes.

@@ -333,7 +333,7 @@ class FieldIntegrator:
         return True
 
     def _correction(self, fast: FastPart, z: Array, t: float, h: float) -> Array:
-        """What the stages miss of E V f - [F(V z) - K V z] in a step, W, shape (6, n), to second order in z.
+        """Error of the stages in E V f - [F(V z) - K V z] in a step, W, shape (6, n), to second order in z.
 
         Its products z_j z_k enter by their best cubics, as the power does: else pulses of z between the stages would
         leave their heat out.
