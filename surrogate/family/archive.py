@@ -38,6 +38,8 @@ def unpack(raw: bytes, *, hashed: bool = True) -> dict[str, NDArray[Any]]:
         no archive, a damaged one, one that unpacks to more than `LARGEST_TEXT` bytes, or arrays that are not those
         of the hash.
     """
+    if raw[:4] != b"PK\x03\x04":  # NumPy would say how to run what is in it
+        raise ValueError("no archive")
     try:
         with np.load(io.BytesIO(raw), allow_pickle=False) as archive:
             if sum(member.file_size for member in archive.zip.infolist()) > LARGEST_TEXT:
