@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import typer
 from commands import thermofem
@@ -156,6 +157,15 @@ def test_the_files_beside_a_pvd_are_outputs(name, words, folder):
     done = thermofem("solve", *given, "--field-times", "1 us", "--paraview", "heat.pvd", cwd=folder)
     assert (done.returncode, words in done.stderr) == (2, True), done.stderr
     assert (folder / "heat_0000.vtu").read_text() == (folder / "strip.toml").read_text()
+
+
+def test_an_error_of_the_data_names_their_file(folder):
+    """`data.delta_T[2] = nan is not finite` did not say which file."""
+    data = th.dataset.build([0.0, 1e-7, 1e-6], [0.0, 1.0, 2.0], th.Constant(1e-3))
+    data["delta_T"][2] = np.nan
+    data.to_netcdf("data.nc", engine="h5netcdf")
+    done = thermofem("fit", "data.nc", cwd=folder)
+    assert done.stderr == "thermofem: error: data.nc: data.delta_T[2] = nan is not finite\n"
 
 
 @pytest.mark.parametrize("name", USED)

@@ -12,7 +12,7 @@ import typer
 from .. import quantity
 from ..checks import InputError, choice
 from . import options
-from .files import assigned, check_outputs, ring_of, working
+from .files import about, assigned, check_outputs, ring_of, working
 from .kinds import expect
 from .maps import grid
 from .output import note, say, written
@@ -246,7 +246,7 @@ def calibrate(
     found = surrogate.load_family(file)
     for path in data:
         expect(path, "data")
-    with working("fitting"):
+    with working("fitting"), about(data):
         result = surrogate.calibrate(found, [dataset.load(path) for path in data], noise=noise)
     for name, unit in zip(found.names, found.box.units, strict=True):
         value, error = result.values[name], result.standard_errors[name]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import contextlib
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +33,17 @@ def check_outputs(outputs: Iterable[Path | None], *, images: Iterable[Path | Non
         taken.append(path)
     for path in filter(None, images):
         files.check_image(path)
+
+
+@contextlib.contextmanager
+def about(paths: Sequence[Path]) -> Iterator[None]:
+    """Name the file in an InputError that does not; of several files the one at fault is not known."""
+    try:
+        yield
+    except InputError as error:
+        if len(paths) != 1 or str(paths[0]) in str(error) or error.rule.startswith("--"):
+            raise
+        raise InputError(f"{paths[0]}: {error.for_text()}") from None
 
 
 def assigned(option: str, texts: Iterable[str], example: str) -> dict[str, str]:

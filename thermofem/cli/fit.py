@@ -11,7 +11,7 @@ import typer
 from .. import checks, quantity, trees
 from ..checks import InputError
 from . import options
-from .files import check_outputs, in_volts
+from .files import about, check_outputs, in_volts
 from .kinds import expect, kind_of
 from .output import note, say, working, written
 from .solve_options import waveform
@@ -64,12 +64,13 @@ def fit(
     columns["baseline"] = baseline
     drive = {"power": power, "pulse": pulse, "square": square, "duty": duty}
     training, assumed = _training(data, columns, drive)
-    training = [_channel(path, one, heated, read, kind) for path, one in zip(data, training, strict=True)]
-    if kind == "sindy":
-        found = _sindy(training)
-    else:
-        with working("training"):
-            found = _trained(kind, training, order, transfer or None)
+    with about(data):
+        training = [_channel(path, one, heated, read, kind) for path, one in zip(data, training, strict=True)]
+        if kind == "sindy":
+            found = _sindy(training)
+        else:
+            with working("training"):
+                found = _trained(kind, training, order, transfer or None)
     provenance = {**found.provenance, **({"assumed": assumed} if assumed else {})}
     surrogate.save_model(found.model, output, provenance=trees.plain(provenance))
     _print(found, kind, "V" if in_volts(assumed) else "K")
