@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from decimal import Decimal
 
 import numpy as np
 import pytest
@@ -77,3 +78,39 @@ def test_arguments_mean_the_same_in_every_type(call, value, kind):
     if not np.isfinite(x) or x == 0:
         pytest.skip("out of range of the type")
     assert np.array_equal(call(x), call(float(x)))
+
+
+@pytest.mark.parametrize("words", [coupled.Regime, coupled.Method])
+@pytest.mark.parametrize("value", ["x", 1, None, Decimal(1), (), [], b"stable"])
+def test_a_word_that_is_none_of_a_choice_is_refused(words, value):
+    """The error was Python's: ValueError without a hint."""
+    with pytest.raises(th.InputError, match=f"{words.__name__.lower()} = .* is unknown; "):
+        words(value)
+
+
+@pytest.mark.parametrize("value", ["no", None, np.array([True, False]), np.zeros(0), 0.0])
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda value: th.Part("core", "Si", 4e-6, 5e-6, 0.0, 2e-7, heated=value),
+        lambda value: th.Layer("box", "SiO2", 2e-6, datum=value),
+        lambda value: coupled.simulate(RING, MODEL, power=1e-3, duration=1e-9, adiabatic=value),
+    ],
+    ids=["heated", "datum", "adiabatic"],
+)
+def test_what_is_neither_true_nor_false_is_refused(call, value):
+    """Arrays ended in NumPy's errors, and heated="no" was heated."""
+    with pytest.raises(th.InputError, match="must be True or False"):
+        call(value)
+
+
+@pytest.mark.parametrize("drives", [3, 1.0, "abc", range(10**12), iter(())])
+def test_drives_that_are_no_list_are_refused(drives):
+    """A range without end was turned into a list; numbers were iterated."""
+    with pytest.raises(th.InputError, match="must be a list of waveforms"):
+        surrogate.compare({"one": MODEL}, MODEL, drives)
+
+
+def test_a_name_that_is_an_array_is_refused():
+    with pytest.raises(th.InputError, match="must be text"):
+        th.Material(np.zeros(3), 1.4, 2200.0, 700.0)

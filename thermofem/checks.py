@@ -6,6 +6,7 @@ import math
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from enum import StrEnum
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -254,6 +255,13 @@ def text(name: str, value: Any) -> str:
     return value
 
 
+def flag(name: str, value: Any) -> bool:
+    """Return ``value`` as a bool, or raise InputError: an array has no truth, and the text "no" is true."""
+    if not isinstance(value, bool) and type(value).__name__ not in ("bool", "bool_"):  # the second are NumPy's
+        raise InputError(f"{name} = {shown(value)} must be True or False")
+    return bool(value)
+
+
 def instances(name: str, values: Any, *kinds: type) -> tuple[Any, ...]:
     """Return a list as a tuple, or raise InputError unless all that it holds is of these kinds."""
     words = " or ".join(kind.__name__ for kind in kinds)
@@ -339,6 +347,14 @@ def choice(name: str, value: Any, choices: Iterable[str], *, default: str | None
     near = difflib.get_close_matches(shown(value).strip("'"), known, n=1, cutoff=0.5)
     guess = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
     raise InputError(f"{name} = {shown(value)} is unknown; {guess}", hint)
+
+
+class Words(StrEnum):
+    """Words of a choice. One that is none of them raises InputError."""
+
+    @classmethod
+    def _missing_(cls, value: object) -> Words:
+        return cls(choice(cls.__name__.lower(), value, map(str, cls)))
 
 
 def symmetric(name: str, matrix: Any, *, hint: str = "") -> None:

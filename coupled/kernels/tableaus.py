@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from enum import StrEnum
 from functools import cache
 from importlib.resources import files
 from typing import NamedTuple
@@ -11,10 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from thermofem import checks
+
 Array = NDArray[np.float64]
 
 
-class Method(StrEnum):
+class Method(checks.Words):
     """Which Rosenbrock method integrates; both are L-stable, with error estimate and dense output."""
 
     RODAS4 = "rodas4"

@@ -6,7 +6,6 @@ import os
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
-from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -37,7 +36,7 @@ if TYPE_CHECKING:
 FAILED = "failed"
 
 
-class Follow(StrEnum):
+class Follow(checks.Words):
     """Which way a laser is stepped along the second axis of a map, each point from where the last one ended."""
 
     UP = "up"

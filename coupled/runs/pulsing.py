@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -36,7 +35,7 @@ LEAVES = 20  # e-foldings in which what is left of a transient, some 1e-9, becom
 LONGER = 10  # times as long, where a trace does not tell how much of it is missing
 
 
-class Regime(StrEnum):
+class Regime(checks.Words):
     """The behaviour of a trace at its end."""
 
     SELF_PULSING = "self-pulsing"

@@ -126,7 +126,7 @@ def simulate(
     duration, rtol = check_run(ring, duration, rtol)
     light = {"input_power": power_in_time(power, duration), "detuning": detuning_in_time(detuning, duration)}
     wanted = NO_TIMES if times is None else check_times(times, duration)
-    if adiabatic and not (event is None and method is None):
+    if checks.flag("adiabatic", adiabatic) and not (event is None and method is None):
         raise checks.InputError("adiabatic goes with neither event nor method; it has a method of its own")
     checks.progress(progress)
     chosen = check_method(method) or (Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)

@@ -170,10 +170,12 @@ def compare(
     import xarray as xr
 
     given: Any = held_out_drives() if drives is None else drives
+    if not hasattr(given, "breakpoints") and not isinstance(given, list | tuple):
+        raise checks.InputError(f"drives = {checks.shown(given)} must be a list of waveforms", "such as square_waves()")
     drives = [given] if hasattr(given, "breakpoints") else list(given)
+    check_models(models)
     if not models or not drives:
         raise checks.InputError("compare needs at least one model and one drive")
-    check_models(models)
     check_models({"reference": reference})
     for drive in drives:
         checks.has("drives", drive, "breakpoints", hint="waveforms are needed, such as those of held_out_drives()")

@@ -44,6 +44,7 @@ class Layer:
         checks.text(f"layer {self.name!r}: material", self.material)
         if self.material == VOID:
             raise checks.InputError(f"layer {self.name!r} is void; leave it out, or cut it with a void part")
+        checks.flag(f"layer {self.name!r}: datum", self.datum)
         length(f"layer {self.name!r}: thickness", self.thickness, typical=2e-6)
 
 
@@ -98,7 +99,7 @@ class Part:
         outline = self.outline()
         if np.any(np.diff(outline[:, 0])[[0, 2]] * [1, -1] <= 0) or outline[:, 0].min() < 0:
             raise checks.InputError(f"{of}the sidewalls cross; the height is too large for a wall of {degrees:g} deg")
-        if self.heated and self.material == VOID:
+        if checks.flag(f"{of}heated", self.heated) and self.material == VOID:
             raise checks.InputError(f"{of}void cannot be heated; give it a material or heated = false")
 
     @property

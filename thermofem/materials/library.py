@@ -57,7 +57,7 @@ class Material:
 
     def __post_init__(self) -> None:
         checks.plain(self)
-        of = f"material {self.name!r}: "
+        of = f"material {checks.text('name', self.name)!r}: "
         if self.name == VOID:
             if (self.conductivity, self.density, self.specific_heat) != (0, 0, 0):
                 raise checks.InputError(f"{of}void is not a material, it cannot have properties; take another name")
