@@ -105,3 +105,12 @@ def test_the_enrichment_adds_nearly_what_cubic_elements_add(strip, s):
     # alone they add less; 0.82 to 0.98 of it on random cross-sections (thermofem.heat.enrichment)
     assert 0.8 < error / (cubic / quadratic - 1) < 1
     assert estimate.shares["core", "core"].sum(axis=1) == pytest.approx(estimate.errors["core", "core"], rel=1e-9)
+
+
+def test_a_solve_does_not_depend_on_the_solves_before_it(strip):
+    """Steps that differ by round-off share a factorization; it is the same one, whichever of them came first."""
+    E, K = strip.discretization.E, strip.discretization.K
+    rhs, b = np.random.default_rng(1).normal(size=E.shape[0]), 1e-9
+    fresh, used = Pencil(E, K), Pencil(E, K)
+    used.solve(1.0, b * (1 + 1e-10), rhs)
+    np.testing.assert_array_equal(used.solve(1.0, b, rhs), fresh.solve(1.0, b, rhs))

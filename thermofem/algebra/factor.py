@@ -162,7 +162,7 @@ class Pencil:
         return key == self._there or key in self._own
 
     def solve(self, a: float, b: float, rhs: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(a E + b K)^-1 rhs; factors equal to 9 digits share a factorization."""
+        """(a E + b K)^-1 rhs, with a and b rounded to 9 digits: nothing depends on which solve came first."""
         with self._lock:
             if self._asked[0] != (a, b):
                 self._asked = (a, b), _key(a, b)
@@ -172,12 +172,12 @@ class Pencil:
             if key != self._there:
                 self._seen[key] = self._seen.get(key, 0) + 1
                 if self._seen[key] > PATIENCE or _qdldl(self._shape[0]) is None:
-                    return self._keep(key, self._matrix(a, b))(rhs)
-                self._replace(key, self._matrix(a, b))
+                    return self._keep(key, self._matrix(*key))(rhs)
+                self._replace(key, self._matrix(*key))
             return self._shared.solve(rhs)
 
     def keep(self, a: float, b: float) -> Solve:
-        """Return the solver of (a E + b K), with a factorization that is kept."""
+        """Return the solver of (a E + b K), a and b rounded as in `solve`, with a factorization that is kept."""
         key = _key(a, b)
         with self._lock:
             if key in self._own:
@@ -187,7 +187,7 @@ class Pencil:
                 return self._own[key]
             if self._shared is not None and not self._spare:  # other numbers cost a fifth of another ordering
                 self._spare, self._shared, self._there = [self._shared], None, None
-            return self._keep(key, self._matrix(a, b))
+            return self._keep(key, self._matrix(*key))
 
     def _matrix(self, a: float, b: float) -> Any:
         """Upper triangle of a E + b K, with the places of both."""
