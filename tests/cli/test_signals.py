@@ -95,6 +95,22 @@ def test_the_temporary_file_of_a_living_writer_stays(tmp_path):
     assert (tmp_path / "out.txt").read_text() == "whole"
 
 
+@pytest.mark.slow
+def test_workers_of_a_killed_training_end(tmp_path):
+    """Those of `family --workers 2` lived on for ever: standard error stayed open."""
+    (tmp_path / "strip.toml").write_text(th.strip_ring().to_toml())
+    vary = 'path = "layer.box.thickness"\nfrom = "1 um"\nto = "3 um"\n'
+    (tmp_path / "rings.toml").write_text(f'geometry = "strip.toml"\n[[vary]]\n{vary}')
+    command = [sys.executable, "-m", "thermofem", "family", "rings.toml", "--workers", "2", "--folder", "parts"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, cwd=tmp_path) as training:
+        until = time.monotonic() + 60
+        while not list(tmp_path.glob("parts/*.npz")) and time.monotonic() < until and training.poll() is None:
+            time.sleep(0.05)
+        assert training.poll() is None
+        training.kill()
+        training.communicate(timeout=15)  # ends when the last worker has closed it
+
+
 def test_a_replaced_file_keeps_its_permissions(tmp_path):
     """A file of the user alone became one that everybody could read."""
     path = tmp_path / "out.txt"

@@ -63,13 +63,15 @@ class Outcome:
 
 
 def prepare() -> None:
-    """Set up a worker process of our own: the parent alone hears Ctrl-C, and a worker never outlives its parent.
+    """Set up a worker process; warnings about the domain stay silent: the index holds ``domain_error`` of each case."""
+    logging.getLogger("thermofem").setLevel(logging.ERROR)
+    follow_parent()
 
-    Warnings about the domain stay silent: the index holds ``domain_error`` of every geometry.
-    """
+
+def follow_parent() -> None:
+    """In a worker process: the parent alone hears Ctrl-C, and a worker never outlives its parent."""
     import multiprocessing
 
-    logging.getLogger("thermofem").setLevel(logging.ERROR)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     if parent is not None:

@@ -57,8 +57,10 @@ def family(
             import multiprocessing
             from concurrent.futures import ProcessPoolExecutor
 
+            from ..campaign.work import follow_parent
+
             spawn = multiprocessing.get_context("spawn")
-            pool = stack.enter_context(ProcessPoolExecutor(workers, mp_context=spawn))
+            pool = stack.enter_context(ProcessPoolExecutor(workers, mp_context=spawn, initializer=follow_parent))
         hot = None if power is None else quantity.parse(power, "W", name="--power")
         found = surrogate.train_family(file, tolerance, executor=pool, folder=folder, power=hot)
     found.save(output)
