@@ -15,17 +15,17 @@ import thermofem as th
 from thermofem.cli.reproduce import Settings
 from thermofem.cli.reproduce.claims import PLACE, claims
 from thermofem.cli.reproduce.plan import STAGES, stages_of
-from thermofem.cli.reproduce.project import Project, Task
+from thermofem.cli.reproduce.project import Project, WorkItem
 from thermofem.cli.reproduce.sections import read
 from thermofem.cli.reproduce.workers import WORTH, chains_of, crew, share
 
 TASKS = [
-    Task("compute", "a", "", 1.0),
-    Task("compute", "b", "", 5.0),
-    Task("compute", "c", "", 3.0, ("a",)),
-    Task("compute", "d", "", 4.0, ("c", "b")),
+    WorkItem("compute", "a", "", 1.0),
+    WorkItem("compute", "b", "", 5.0),
+    WorkItem("compute", "c", "", 3.0, ("a",)),
+    WorkItem("compute", "d", "", 4.0, ("c", "b")),
 ]
-MUCH = [Task("compute", name, "", WORTH) for name in "ab"]
+MUCH = [WorkItem("compute", name, "", WORTH) for name in "ab"]
 COMMAND = """
 import signal
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have had it ignored
@@ -100,7 +100,7 @@ def test_little_work_needs_no_other_process():
 
 @pytest.mark.slow
 def test_what_stops_a_task_stops_the_run_and_every_process(tmp_path):
-    project, several = Project(tmp_path, Settings(), ()), [Task("draw", f"no{k}.svg", "", 1.0) for k in range(2)]
+    project, several = Project(tmp_path, Settings(), ()), [WorkItem("draw", f"no{k}.svg", "", 1.0) for k in range(2)]
     with pytest.raises(KeyError, match="no") as caught, crew(project, 64, MUCH) as workers:  # noqa: PT012
         processes = list(workers.values())
         assert len(processes) == 2
@@ -118,7 +118,7 @@ def test_a_worker_that_is_killed_is_named(tmp_path):
             os.kill(process.pid, signal.SIGKILL)
 
     with pytest.raises(th.InputError, match="step 'the ring' was killed"), crew(project, 2, MUCH) as workers:
-        share(project, [Task("explore", "the ring", "", 1.0)], workers, kill)
+        share(project, [WorkItem("explore", "the ring", "", 1.0)], workers, kill)
 
 
 @TREES

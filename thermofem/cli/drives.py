@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from .. import checks, quantity
 from ..checks import InputError
 from .detuning import detuning_of
-from .files import assigned
+from .values import assigned
 
 if TYPE_CHECKING:
     from coupled import Laser, RingResonator

@@ -12,11 +12,12 @@ import typer
 from .. import quantity
 from ..checks import InputError, choice
 from . import options
-from .files import about, assigned, check_outputs, ring_of, working
+from .files import about, check_outputs, ring_of, working
 from .kinds import expect
 from .maps import grid
 from .output import note, say, written
 from .quantities import cycle_property, optics_of, pulsing_points, pulsing_range
+from .values import assigned
 
 if TYPE_CHECKING:
     from surrogate import Family

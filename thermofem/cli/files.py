@@ -46,19 +46,6 @@ def about(paths: Sequence[Path]) -> Iterator[None]:
         raise InputError(f"{paths[0]}: {error.for_text()}") from None
 
 
-def assigned(option: str, texts: Iterable[str], example: str) -> dict[str, str]:
-    """Names and values of a repeatable option 'NAME=VALUE'; InputError for another form, or a name given twice."""
-    found: dict[str, str] = {}
-    for text in texts:
-        name, equals, value = (part.strip() for part in text.partition("="))
-        if not (name and equals and value):
-            raise InputError(f"{option} {text!r} is not of the form NAME=VALUE, such as {example!r}")
-        if name in found:
-            raise InputError(f"{option} {name!r} is given twice; give it once")
-        found[name] = value
-    return found
-
-
 def section_of(path: Path | None) -> CrossSection:
     """The geometry of a file, or the reference strip."""
     from ..geometry import CrossSection, strip_ring

@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from .. import checks, trees
-from .apart import check_apart, check_used
+from .apart import check_apart
+from .used import check_used
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType

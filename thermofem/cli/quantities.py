@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 from .. import checks, quantity
 from ..checks import InputError
 from .detuning import detuning_of
-from .files import assigned, ring_of, say_ring
+from .files import ring_of, say_ring
+from .values import assigned
 
 if TYPE_CHECKING:
     from coupled import RingResonator

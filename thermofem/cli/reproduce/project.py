@@ -17,7 +17,7 @@ from .store import Result, StageStore, key_of
 Done = Callable[[float], None]
 
 
-class Task(NamedTuple):
+class WorkItem(NamedTuple):
     """A stage, a figure or the page that computes: what one process does at one go.
 
     kind: the method of `Project` that does it.
@@ -56,10 +56,10 @@ class Project:
             keys[stage.name] = key_of(stage.name, stage.used(self.settings), (keys[name] for name in stage.inputs))
         return keys
 
-    def missing(self) -> list[Task]:
+    def missing(self) -> list[WorkItem]:
         """The stages that have no result on disk, in order."""
         left = [stage for stage in self.stages if self._find(stage.name) is None]
-        return [Task("compute", stage.name, stage.words, stage.weight, stage.inputs) for stage in left]
+        return [WorkItem("compute", stage.name, stage.words, stage.weight, stage.inputs) for stage in left]
 
     def given(self, names: Iterable[str]) -> dict[str, Result]:
         """Results by stage.
@@ -71,7 +71,7 @@ class Project:
             raise checks.InputError(f"{self.store.manifest(name)} was changed during the run", "start it again")
         return {name: result for name, result in found.items() if result is not None}
 
-    def compute(self, task: Task, done: Done) -> None:
+    def compute(self, task: WorkItem, done: Done) -> None:
         """Compute and store the result of a stage."""
         stage = next(stage for stage in self.stages if stage.name == task.name)
         inputs, begin = self.given(stage.inputs), time.process_time()
@@ -79,7 +79,7 @@ class Project:
         seconds = time.process_time() - begin
         self.results[stage.name] = self.store.save(stage.name, self.keys[stage.name], found, seconds)
 
-    def draw(self, task: Task, done: Done) -> None:
+    def draw(self, task: WorkItem, done: Done) -> None:
         """Draw a panel of the report into figures/."""
         from .plot_panels import draw
 
@@ -87,7 +87,7 @@ class Project:
         content = draw(path.stem, self.given(task.inputs))
         files.write_whole(path, partial(Path.write_bytes, data=content))
 
-    def explore(self, task: Task, done: Done) -> None:
+    def explore(self, task: WorkItem, done: Done) -> None:
         """Write the page that computes the reference ring."""
         import coupled
 

@@ -18,7 +18,7 @@ from ..output import console as terminal
 from .claims import Claim, claims, known, plain
 from .page import page, shown
 from .plan import stages_of
-from .project import Project, Task
+from .project import Project, WorkItem
 from .sections import Picture, Section, read
 from .settings import Settings
 from .store import Result
@@ -81,15 +81,17 @@ def _work_through(project: Project, processes: int, console: Console) -> int:
         done: dict[str, float] = {}
         bar = progress.add_task("", total=sum(task.weight for task in left) + EXPLORER + FIGURES)
 
-        def tell(task: Task, part: float) -> None:
+        def tell(task: WorkItem, part: float) -> None:
             done[task.name] = part * task.weight
             progress.update(bar, description=task.words, completed=sum(done.values()))
 
         share(project, left, workers, tell)
         results = project.given(project.keys)
         pictures = _pictures(_words(project.settings, results)[1], results)
-        drawn = [Task("draw", f"{p.name}.svg", p.title, FIGURES / len(pictures), p.stages) for p in pictures.values()]
-        share(project, [Task("explore", "ring.html", "the page that computes", EXPLORER), *drawn], workers, tell)
+        drawn = [
+            WorkItem("draw", f"{p.name}.svg", p.title, FIGURES / len(pictures), p.stages) for p in pictures.values()
+        ]
+        share(project, [WorkItem("explore", "ring.html", "the page that computes", EXPLORER), *drawn], workers, tell)
         progress.update(bar, description="done", completed=progress.tasks[bar].total)
     return len(left)
 

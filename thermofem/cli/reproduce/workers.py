@@ -19,7 +19,7 @@ from types import FrameType
 from ... import checks
 from ...campaign.work import prepare
 from .plan import stages_of
-from .project import Project, Task
+from .project import Project, WorkItem
 from .settings import Settings
 
 WORTH = 10.0  # s of work, from which on more processes, which begin with imports, end earlier
@@ -27,7 +27,7 @@ Workers = dict[Connection, SpawnProcess]
 
 
 @contextmanager
-def crew(project: Project, processes: int, left: Sequence[Task]) -> Iterator[Workers]:
+def crew(project: Project, processes: int, left: Sequence[WorkItem]) -> Iterator[Workers]:
     """Processes that do what `share` sends them, until the end of the block or of this process.
 
     There are at most as many as the longest chain of tasks that are ``left`` leaves something to do, and none, so that
@@ -52,7 +52,9 @@ def crew(project: Project, processes: int, left: Sequence[Task]) -> Iterator[Wor
             process.join()
 
 
-def share(project: Project, tasks: Sequence[Task], workers: Workers, tell: Callable[[Task, float], None]) -> None:
+def share(
+    project: Project, tasks: Sequence[WorkItem], workers: Workers, tell: Callable[[WorkItem, float], None]
+) -> None:
     """Do the tasks, each after its inputs; ``tell`` hears of a task and the share of it that is done.
 
     Without workers they are done here, in order. What stops a task is raised here.
@@ -65,7 +67,7 @@ def share(project: Project, tasks: Sequence[Task], workers: Workers, tell: Calla
         return
     chains = chains_of(tasks)
     waiting = sorted(tasks, key=lambda task: -chains[task.name])
-    unfinished, busy = set(chains), dict[Connection, Task]()
+    unfinished, busy = set(chains), dict[Connection, WorkItem]()
     while unfinished:
         for worker in workers.keys() - busy.keys():
             ready = next((task for task in waiting if unfinished.isdisjoint(task.inputs)), None)
@@ -83,7 +85,7 @@ def share(project: Project, tasks: Sequence[Task], workers: Workers, tell: Calla
                 unfinished.discard(busy.pop(worker).name)
 
 
-def chains_of(tasks: Sequence[Task]) -> dict[str, float]:
+def chains_of(tasks: Sequence[WorkItem]) -> dict[str, float]:
     """Weight of each task with the longest chain of tasks that wait for it, by name; inputs come first in ``tasks``."""
     chains: dict[str, float] = {}
     for task in reversed(tasks):
@@ -91,7 +93,7 @@ def chains_of(tasks: Sequence[Task]) -> dict[str, float]:
     return chains
 
 
-def _hear(worker: Connection, task: Task) -> float | None:
+def _hear(worker: Connection, task: WorkItem) -> float | None:
     """The share of a task that is done, None at its end; what stopped it is raised."""
     try:
         said = worker.recv()

@@ -1,0 +1,26 @@
+"""The values of options that may be given several times."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from ..checks import InputError
+
+
+def each(value: Any) -> Iterable[Any]:
+    """The values of an option that may be given several times."""
+    return value if isinstance(value, list | tuple) else [value]
+
+
+def assigned(option: str, texts: Iterable[str], example: str) -> dict[str, str]:
+    """Names and values of a repeatable option 'NAME=VALUE'; InputError for another form, or a name given twice."""
+    found: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not (name and equals and value):
+            raise InputError(f"{option} {text!r} is not of the form NAME=VALUE, such as {example!r}")
+        if name in found:
+            raise InputError(f"{option} {name!r} is given twice; give it once")
+        found[name] = value
+    return found
