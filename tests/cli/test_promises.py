@@ -18,8 +18,8 @@ import surrogate
 import thermofem as th
 from thermofem import cli
 from thermofem.cli.apart import OUTPUTS, check_apart
-from thermofem.cli.files import assigned
 from thermofem.cli.used import USED
+from thermofem.cli.values import assigned
 
 MODEL = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
 RING = 'base = "borghi2021"\n[carriers]\nlifetime = "10 ns"\n'
