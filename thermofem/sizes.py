@@ -2,7 +2,7 @@
 
 With d the distance to the outlines of the heated parts and d_c that to one of their corners,
 
-    size(r, z) = min(h + slope d, h_c + slope d_c, max(4 um, d/10))
+    size(r, z) = min(h + slope d, h_c + slope d_c, max(4 um, d/10))        (4 um and h grow in large domains: `fitted`)
 
 The heat flux is singular where conductivities meet at a corner, and so h_c decides the accuracy. Outlines and corners
 of other parts and of voids count in the same way with h and h_c multiplied by 1 + d/(0.3 um): what is far from the heat
@@ -31,6 +31,7 @@ LARGEST = 4e-6  # m, near the heat
 REACH = 0.3e-6  # m, the size of a core: where the field around it begins to smooth out
 THICKNESS, EXTENT = 450e-9 * 220e-9 / 1340e-9, math.sqrt(450e-9 * 220e-9)  # m, of the reference core: see `fitted`
 EXPOSED = 0.15  # an insulated surface makes the singularity r^(1/2) instead of r^(2/3): h_c is reduced to this
+THICK, WIDE = 60.0, 500e-6  # times the reference core, and m: sizes grow in proportion beyond both, see `fitted`
 
 MANY = 60  # outlines or corners; fewer take less time one by one (measured)
 
@@ -40,11 +41,15 @@ Corner = tuple[float, float, float]  # r, z and size in m
 
 @dataclass(frozen=True)
 class Sizes:
-    """Element sizes: ``h`` in m on an outline, growing by ``slope`` per length, ``h_c`` in m at a corner."""
+    """Element sizes: ``h`` in m on an outline, growing by ``slope`` per length, ``h_c`` in m at a corner.
+
+    ``largest`` in m near the heat.
+    """
 
     h: float
     slope: float
     h_c: float
+    largest: float = LARGEST
 
 
 def sizes(accuracy: float) -> Sizes:
@@ -68,13 +73,16 @@ def fitted(geometry: CrossSection, at: Sizes) -> Sizes:
     """Sizes for the heated parts of a geometry, scaled from those for the reference core of 450 x 220 nm.
 
     The early step errs in the layer of cold material around a part, by h^4 perimeter/area; R_th errs at its corners,
-    by a share of the part's extent.
+    by a share of the part's extent. In domains beyond `WIDE`, sizes grow with a core thicker than `THICK`: an
+    unresolved layer as thin as h is then too small a share of the heat to matter.
     """
     faces = [face for face in geometry.subdivision.faces if face.owner in geometry.heated]
     areas = np.array([face.area for face in faces])
     perimeters = np.array([np.linalg.norm(np.diff(face.edges(), axis=1), axis=-1).sum() for face in faces])
     thickness, extent = float((areas / perimeters).min()) / THICKNESS, float(np.sqrt(areas).min()) / EXTENT
-    return Sizes(h=at.h * min(thickness, 16.0) ** 0.25, slope=at.slope, h_c=at.h_c * min(extent, 2.0))
+    grown = max(1.0, min(thickness / THICK, geometry.outer_radius / WIDE))
+    h = at.h * grown * min(thickness, 16.0) ** 0.25
+    return Sizes(h=h, slope=at.slope, h_c=at.h_c * min(extent, 2.0), largest=LARGEST * grown)
 
 
 def size_function(geometry: CrossSection, at: Sizes) -> Callable[[float, float], float]:
@@ -91,14 +99,14 @@ def size_function(geometry: CrossSection, at: Sizes) -> Callable[[float, float],
     grouped = [] if len(corners) > MANY else list(groups.items())
     at_r, at_z, at_size = np.array(corners if len(corners) > MANY else np.empty((0, 3))).T
     to_heated, to_other = _to_nearest(heated), _to_nearest(other)
-    slope, h, sqrt = at.slope, at.h, math.sqrt
+    slope, h, largest, sqrt = at.slope, at.h, at.largest, math.sqrt
     copies = _copies(geometry)
     far = min(1.0, at.slope / sizes(1e-3).slope) if copies else 1.0
     edge = max(part.outer_radius for part in geometry.parts if part.heated)
 
     def size(r: float, z: float) -> float:
         d = to_heated(r, z)
-        smallest = min(h + slope * d, far * max(LARGEST, d / 10))
+        smallest = min(h + slope * d, far * max(largest, d / 10))
         if other:
             smallest = min(smallest, h * (1 + d / REACH) + slope * to_other(r, z))
         for inner, outer, middle in copies:

@@ -139,6 +139,17 @@ def test_open_sides_and_a_large_domain_agree(needs_mesher, fresh_log):
     assert not fresh_log.records
 
 
+@pytest.mark.slow
+def test_a_strip_of_millimetres_is_solved_in_seconds():
+    """A thousand times the reference took minutes and more than 6 GB. All lengths times s: R_th/s, exactly."""
+    lengths = (7.955e-6, 450e-9, 220e-9, 2e-6, 2e-6, 30e-6, 60e-6)
+    large = th.assemble(th.strip_ring(*(1000 * length for length in lengths)))
+    assert large.unknowns < 100_000
+    assert large.mesh_error() < 1e-3
+    exact = th.assemble(th.strip_ring(*lengths), 1e-4).thermal_resistance() / 1000
+    assert large.thermal_resistance() == pytest.approx(exact, rel=1e-3 + 1e-4)
+
+
 def test_the_energy_balance_counts_what_leaves_through_open_sides():
     opened = th.strip_ring().opened()
     data = th.solve(th.assemble(opened), th.Pulse(2e-3, 20e-6), [20e-6, 100e-6], rtol=1e-3)
