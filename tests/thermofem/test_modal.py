@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import pickle
 import tracemalloc
 from concurrent.futures import ThreadPoolExecutor
@@ -223,6 +224,18 @@ def test_a_system_travels_to_another_process_after_a_run():
     system = coarse_fem()
     rise = system.response(STEP, TIMES)
     assert pickle.loads(pickle.dumps(system)).response(STEP, TIMES) == pytest.approx(rise, rel=1e-12)
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda heat: pickle.loads(pickle.dumps(heat))])
+def test_a_heat_problem_travels_to_another_process_after_a_run(copied):
+    """The factors of qdldl and the locks around them could not be copied."""
+    heat = th.assemble(th.strip_ring(), 1e-2)
+    pulse, times = th.Pulse(1e-3, 1e-6), [1e-9, 1e-7, 1e-5]
+    first, stepped = th.solve(heat, pulse, times), th.solve(heat, Cosine(1e6), times)
+    other = copied(heat)
+    assert np.array_equal(th.solve(other, pulse, times).delta_T, first.delta_T)
+    assert np.array_equal(th.solve(other, Cosine(1e6), times).delta_T, stepped.delta_T)
+    assert other.thermal_resistance() == heat.thermal_resistance()
 
 
 def test_a_waveform_that_does_not_say_whether_it_is_straight_is_stepped():

@@ -114,6 +114,11 @@ class Pencil:
             row[slice(None) if at.size == every.size else np.searchsorted(every, at)] = data
         self._places = every
         self._shape = E.shape
+        self.factorizations = 0
+        self._forget()
+
+    def _forget(self) -> None:
+        """Start without factors."""
         self._shared: Any = None
         self._there: tuple[float, float] | None = None
         self._asked = (0.0, 0.0), (0.0, 0.0)  # the last combination, and its key
@@ -121,7 +126,16 @@ class Pencil:
         self._seen: dict[tuple[float, float], int] = {}
         self._spare: list[Any] = []  # qdldl's solvers with an ordering and a symbolic factorization for these places
         self._lock = threading.Lock()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The matrices alone: factors and locks cannot be copied or sent to another process."""
+        return {name: getattr(self, name) for name in ("_indices", "_indptr", "_data", "_places", "_shape")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Factors are made again when they are needed."""
+        self.__dict__.update(state)
         self.factorizations = 0
+        self._forget()
 
     def inherit(self, other: Pencil) -> None:
         """Take over the factors of another pencil with the same places: their ordering and symbolic part are kept.

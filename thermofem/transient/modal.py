@@ -19,6 +19,7 @@ import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -82,8 +83,21 @@ class Modal:
         self.known = known
         constant = np.ones((system.order, 1))
         self._contents = constant if contents is None else np.column_stack([constant, contents])
+        self._forget()
+
+    def _forget(self) -> None:
+        """Start without spaces."""
         self._spaces: dict[tuple[float, bool], Rounds] = {}
         self._lock = threading.Lock()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the spaces and the lock: the factors in them cannot be copied or sent to another process."""
+        return {name: value for name, value in self.__dict__.items() if name not in ("_spaces", "_lock")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Spaces are made again when they are needed."""
+        self.__dict__.update(state)
+        self._forget()
 
     def run(
         self,
