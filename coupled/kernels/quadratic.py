@@ -4,6 +4,9 @@ With s = 1/(gamma h) and heat eliminated, what is left is a 3 x 3 system, as for
 
     k_x = M^-1 (r_x + b (w.k_o)),        M = s - A - 2 H[x, .] - G P,    b = G x + B,    w = d(P_abs)/d(Re a, Im a, N)
     (s - J_o - (C M^-1 b) u w^T) k_o = r_o + u C M^-1 r_x,               u = d(optics)/d(dT)
+
+An L-stable step damps a mode that grows faster than s, and its error does not show it. Without such a mode det M > 0;
+a step with det M < 0 counts as one without an answer, so that the step becomes shorter than the growth.
 """
 
 from __future__ import annotations
@@ -23,7 +26,10 @@ def step(
     y: Array, h: float, pump: Array, detuning: Array, slopes: Array, rates: Rates, fcd: Array, thermal: QuadraticHeat,
     method: Tableau, out: Array, k: Array, total: Array, space: tuple[Array, NDArray[np.int64], Array],
 ) -> tuple[float, float]:  # fmt: skip
-    """Take one step; as `rosenbrock.step`, with workspace of shape (n, n), (n,) and (3, 3 + n)."""
+    """Take one step; as `rosenbrock.step`, with workspace of shape (n, n), (n,) and (3, 3 + n).
+
+    Its error is nan where heat alone grows faster than the step can follow.
+    """
     n, stages = y.size - 3, method.a.shape[0]
     a, c, s, per_h = method.a, method.c, 1.0 / (method.gamma * h), 1.0 / h
     matrix, order, work = space
@@ -40,6 +46,12 @@ def step(
                 matrix[i, j] -= 2.0 * thermal.H[i, j, m] * y[3 + m]
         matrix[i, i] += s
     factorize(matrix, order)
+    followed = True  # the sign of det M
+    for i in range(n):
+        followed ^= (order[i] != i) ^ (matrix[i, i] < 0.0)
+    if not followed:
+        k[stages - 1, 0] = np.nan
+        return start, start
     solve(matrix, order, b)
     G = 0.0
     for i in range(n):

@@ -16,6 +16,7 @@ from coupled import Method
 from coupled.kernels import equations as eq
 from coupled.kernels import quadratic, rosenbrock
 from coupled.kernels.tableaus import tableau
+from coupled.runs import window
 from coupled.thermal import compact
 
 MAPPED = th.OutputMap(SECOND_ORDER, -4e-3)
@@ -152,6 +153,15 @@ def test_a_resistance_that_no_ring_has_is_refused(name):
 def test_light_and_heat_that_run_away_end_in_one_line():
     away = th.Quadratic(FAST, np.full((2, 2, 2), 1e30), 0 * FAST, 1e9 * np.ones(2), np.ones(2))
     with pytest.raises(th.InputError, match="no step small enough"):
+        coupled.simulate(RING, away, power=1e-4, duration=1e-10)
+
+
+@pytest.mark.parametrize("G", [1e26, 1e30])
+def test_heat_that_grows_within_a_step_is_not_damped(G, monkeypatch):
+    """An L-stable step ended on the unstable fixed point -B/G, a rise of -2e-21 K under light, without a word."""
+    monkeypatch.setattr(window, "MAX_STEPS", 100_000)
+    away = th.Quadratic(FAST, np.zeros((2, 2, 2)), np.full((2, 2), G), 1e9 * np.ones(2), np.ones(2))
+    with pytest.raises(th.InputError, match="no step small enough|takes more than"):
         coupled.simulate(RING, away, power=1e-4, duration=1e-10)
 
 
