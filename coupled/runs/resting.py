@@ -71,7 +71,7 @@ def rest_of(
 
 
 def rest_near(ring: RingResonator, model: Quadratic, state: State, power: float, detuning: float) -> Rest | None:
-    """Return the fixed point that Newton's method finds from the end of a run; None where it diverges.
+    """Return the fixed point that Newton's method finds from the end of a run; None where it finds none.
 
     For quadratic models, which are too large for the attributes of a run.
     """
@@ -83,9 +83,11 @@ def rest_near(ring: RingResonator, model: Quadratic, state: State, power: float,
     y = state.as_array() / unit
     begun, step = y[0] ** 2 + y[1] ** 2, y
     for _ in range(NEWTON_STEPS):
-        step = np.linalg.solve(
-            eq.jacobian(y, turned, rates, fcd, heat), eq.right_hand_side(y, pump, turned, rates, fcd, heat)
-        )
+        J, rate = eq.jacobian(y, turned, rates, fcd, heat), eq.right_hand_side(y, pump, turned, rates, fcd, heat)
+        try:
+            step = np.linalg.solve(J, rate)
+        except np.linalg.LinAlgError:  # its numbers are too far apart
+            return None
         y = y - step
         if not np.abs(step).max() > CLOSE * np.abs(y).max():
             break

@@ -161,8 +161,15 @@ def test_heat_that_grows_within_a_step_is_not_damped(G, monkeypatch):
     """An L-stable step ended on the unstable fixed point -B/G, a rise of -2e-21 K under light, without a word."""
     monkeypatch.setattr(window, "MAX_STEPS", 100_000)
     away = th.Quadratic(FAST, np.zeros((2, 2, 2)), np.full((2, 2), G), 1e9 * np.ones(2), np.ones(2))
-    with pytest.raises(th.InputError, match="no step small enough|takes more than"):
+    with pytest.raises(th.InputError, match=r"no step small enough|takes more than"):
         coupled.simulate(RING, away, power=1e-4, duration=1e-10)
+
+
+def test_heat_whose_loss_outweighs_all_else_rests_where_gain_and_loss_balance():
+    """G x + B = 0; the search for a fixed point after the run ended in NumPy's "Singular matrix"."""
+    lossy = th.Quadratic(FAST, np.zeros((2, 2, 2)), np.full((2, 2), -1e30), 1e9 * np.ones(2), np.ones(2))
+    data = coupled.simulate(RING, lossy, power=1e-4, duration=1e-8)
+    assert float(data.delta_T[-1]) == pytest.approx(1e9 / 1e30, rel=1e-3, abs=0)
 
 
 def _two(B):
