@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,9 @@ from thermofem.display import shown
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+FIELD_HINT = "fields are in sqrt(J); 20 fJ is 1.4e-7"
 
 
 @shown
@@ -37,12 +41,13 @@ class State:
     def __post_init__(self) -> None:
         checks.plain(self)
         try:
+            if isinstance(self.field, str):
+                raise TypeError
             value = complex(self.field)
-        except (TypeError, ValueError):
-            raise checks.InputError(f"field = {self.field!r} is not a complex number") from None
-        checks.between(
-            "field energy", abs(value) ** 2, 0, 1e-9, unit="J", hint="fields are in sqrt(J); 20 fJ is 1.4e-7"
-        )
+        except (TypeError, ValueError, OverflowError):
+            raise checks.InputError(f"field = {checks.shown(self.field)} is not a complex number", FIELD_HINT) from None
+        size = math.hypot(value.real, value.imag)
+        checks.between("field energy", size * size, 0, 1e-9, unit="J", hint=FIELD_HINT)
         checks.between("carriers", self.carriers, 0, 1e28, unit="1/m^3", hint="1e17 cm^-3 is 1e23")
         object.__setattr__(self, "field", value)
         object.__setattr__(self, "thermal", checks.array("thermal", self.thermal))

@@ -36,6 +36,7 @@ def compact(model: ThermalModel) -> Compact:
         checks.finite("model.coefficient", small.coefficient, unit="1/K")
         _checked_poles(small.linear)
         return small
+    checks.instance("model.dynamics", small, Foster, hint=NEEDED)
     return _checked_poles(small)
 
 

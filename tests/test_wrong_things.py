@@ -184,3 +184,24 @@ def test_targets_are_looked_at_before_a_family_is_trained(study, target):
     """`pareto_front` raised TypeError and AttributeError; both trained a family first, which takes seconds."""
     with pytest.raises(th.InputError, match=r"target|word"):
         study(th.strip_ring(), {"part.core.width": (400e-9, 401e-9)}, target=target)
+
+
+def test_a_class_is_no_model():
+    with pytest.raises(th.InputError, match="model is the class Foster"):
+        coupled.stability_map(RING, th.Foster, [1e-3], [0.0, 1e9])
+
+
+def test_a_field_beyond_all_numbers_is_refused():
+    with pytest.raises(th.InputError, match="field energy = inf"):
+        coupled.State(1e300, 0.0, [0.0])
+
+
+def test_the_arrays_of_a_model_are_read_only():
+    for kept in (MODEL.R, MODEL.tau, surrogate.cauer(MODEL).R):
+        with pytest.raises(ValueError, match="read-only"):
+            kept[0] = 1.0
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_step_long_ago_has_settled_without_a_warning():
+    assert MODEL.step_response(1e308) == pytest.approx(7e3)

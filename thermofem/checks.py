@@ -237,9 +237,18 @@ def _floats(name: str, value: ArrayLike, hint: str) -> NDArray[np.float64]:
 
 
 def has(name: str, value: Any, *attributes: str, hint: str) -> None:
-    """Raise InputError unless ``value`` has the attributes; otherwise it is an object of the wrong type."""
+    """Raise InputError unless ``value`` has the attributes; a class has those of its objects, and is refused."""
+    if isinstance(value, type):
+        raise InputError(f"{name} is the class {value.__name__} and no object of it; {hint}")
     if not all(hasattr(value, attribute) for attribute in attributes):
         raise InputError(f"{name} is a {type(value).__name__}; {hint}")
+
+
+def keep(one: Any, **arrays: Any) -> None:
+    """Set arrays as fields of a frozen dataclass, read-only: a value written there later would pass no check."""
+    for name, kept in arrays.items():
+        kept.flags.writeable = False
+        object.__setattr__(one, name, kept)
 
 
 def instance(name: str, value: Any, *kinds: type, hint: str) -> None:

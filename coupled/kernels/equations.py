@@ -85,7 +85,7 @@ def internal_thermal(model: Compact) -> Thermal:
         return kinds.Poles(_poles(model.linear), float(model.coefficient))
     if isinstance(model, Foster):
         return kinds.Poles(_poles(model), 0.0)
-    A, H, G, B, C = (np.ascontiguousarray(getattr(model, name), dtype=float) for name in "AHGBC")
+    A, H, G, B, C = (np.array(getattr(model, name), dtype=float, order="C") for name in "AHGBC")
     static = np.linalg.solve(A, B)
     weight = np.where(C != 0, np.abs(C), np.abs(C @ static) / np.abs(static).max())
     return kinds.QuadraticHeat(A * NS, H * NS, G * FJ, B * FJ, C, weight)

@@ -69,8 +69,7 @@ class Cauer(Delegates):
             raise checks.InputError("R and C of a ladder must be positive")
         for name in ("inputs", "outputs"):
             object.__setattr__(self, name, check_one(name, getattr(self, name)))
-        object.__setattr__(self, "R", R)
-        object.__setattr__(self, "C", C)
+        checks.keep(self, R=R, C=C)
 
     @property
     def thermal_resistance(self) -> float:

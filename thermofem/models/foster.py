@@ -62,8 +62,7 @@ class Foster:
         for name in ("inputs", "outputs"):
             object.__setattr__(self, name, check_one(name, getattr(self, name)))
         order = np.argsort(tau)
-        object.__setattr__(self, "R", R[order])
-        object.__setattr__(self, "tau", tau[order])
+        checks.keep(self, R=R[order], tau=tau[order])
 
     _repr_html_ = model_html
 
@@ -85,7 +84,8 @@ class Foster:
     def step_response(self, times: ArrayLike) -> Array:
         """sum_i R_i (1 - exp(-t/tau_i)) in K/W; zero before t = 0."""
         t = np.maximum(checks.numbers("times", times), 0)[..., None]
-        return -np.expm1(-t / self.tau) @ np.asarray(self.R)
+        with np.errstate(over="ignore"):  # t / tau beyond all numbers: the step has settled
+            return -np.expm1(-t / self.tau) @ np.asarray(self.R)
 
     def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
         """sum_i R_i / (1 + 2 pi i f tau_i) in K/W."""

@@ -68,10 +68,10 @@ class Quadratic:
         checks.plain(self)
         n = checks.array("B", self.B).size
         for name, shape in {"A": (n, n), "H": (n, n, n), "G": (n, n), "B": (n,), "C": (n,)}.items():
-            value = np.array(checks.numbers(name, getattr(self, name)))
+            value = checks.numbers(name, getattr(self, name))
             if value.shape != shape or n == 0:
                 raise checks.InputError(f"{name} has shape {value.shape}; {shape} is needed")
-            object.__setattr__(self, name, value)
+            checks.keep(self, **{name: value})
         if not np.allclose(self.H, self.H.transpose(0, 2, 1), rtol=1e-9, atol=1e-12 * float(np.abs(self.H).max())):
             raise checks.InputError("H must be symmetric in its last two indices; average it with its transpose")
         fastest = float(np.linalg.eigvals(self.A).real.max())
