@@ -221,6 +221,8 @@ def _floats(name: str, value: ArrayLike, hint: str) -> NDArray[np.float64]:
         if np.ma.is_masked(value):
             raise InputError(f"{name} holds masked values; leave them out", hint)
         found = np.asarray(value)
+        if found.size > MOST:  # a view may repeat one number without end
+            raise InputError(f"{name} holds {found.size} numbers; at most {MOST:g} fit into memory", hint)
         if found.dtype.kind in "USmM":
             raise TypeError
         if found.dtype.kind in "bc":

@@ -268,7 +268,10 @@ def save(data: xr.Dataset | Record, path: str | Path) -> Path:
     encoding = {name: {"zlib": True} for name, v in data.data_vars.items() if v.size > 1000}
     whole = io.BytesIO()  # in memory first: HDF5 swallows the error of a disk that fills up while it closes a file
     with h5netcdf.File(whole, "w") as file:  # `to_netcdf` loads all of dask for its locks, where that is installed
-        data.dump_to_store(H5NetCDFStore(file), encoding=encoding)
+        try:
+            data.dump_to_store(H5NetCDFStore(file), encoding=encoding)
+        except (TypeError, ValueError, OverflowError) as error:  # of objects that are neither numbers nor text
+            raise checks.InputError(f"data cannot be written as netCDF: {' '.join(str(error).split())}") from None
     return write_whole(path, lambda p: p.write_bytes(whole.getbuffer()))
 
 

@@ -126,11 +126,7 @@ def delay_loop(ring: RingResonator, delay: float, *, loss: float = 3.0, phase: f
 def _rings(rings: RingResonator | Sequence[RingResonator]) -> list[RingResonator]:
     if isinstance(rings, RingResonator):
         return [rings]
-    checks.has("rings", rings, "__len__", "__iter__", hint="give one RingResonator, or a list of them")
-    every = list(rings)
-    for ring in every:
-        if not isinstance(ring, RingResonator):
-            raise checks.InputError(f"rings holds a {type(ring).__name__}; every one must be a RingResonator")
+    every = checks.instances("rings", rings, RingResonator)
     if not every:
         raise checks.InputError("rings is empty; give at least one RingResonator")
-    return every
+    return list(every)

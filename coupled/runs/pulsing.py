@@ -122,6 +122,7 @@ def pulsing(run: xr.Dataset | Record) -> Pulsing:
 
     Source of the duty cycle: Borghi et al., Opt. Express 29, 4363 (2021), caption of Fig. 6.
     """
+    checks.has("run", run, "variables", "attrs", hint="a Dataset from coupled.simulate is needed")
     if getattr(run, "sizes", {}).get("ring"):
         names = run["ring"].values
         raise checks.InputError(f"run holds {names.size} rings; pick one of them, run.sel(ring={str(names[0])!r})")

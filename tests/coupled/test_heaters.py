@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from correctors import RING
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
 
 import coupled
@@ -134,7 +135,9 @@ def test_a_settled_cycle_under_a_heater():
     cold = coupled.limit_cycle(RING, model.channel("core"), power=6.31e-3)
     warm = coupled.limit_cycle(RING, model, power=6.31e-3, detuning=moved, heaters={"heater": 4e-3})
     assert warm.attrs["period"] == pytest.approx(cold.attrs["period"], rel=1e-9)
-    assert warm["delta_T"].values.max() == pytest.approx(cold["delta_T"].values.max() + rise, rel=1e-9)
+    # between the samples, which lie up to a picosecond elsewhere: the splines of 266 of them agree to 1e-12 there
+    rises = CubicSpline(warm.time, warm.delta_T)(cold.time[:-1]) - cold.delta_T.values[:-1]
+    assert rises == pytest.approx(rise, rel=1e-9)
 
 
 def test_branches_and_derivatives_of_cycles_under_a_heater():

@@ -176,7 +176,7 @@ class Pencil:
         return key == self._there or key in self._own
 
     def solve(self, a: float, b: float, rhs: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(a E + b K)^-1 rhs, with a and b rounded to 9 digits: nothing depends on which solve came first."""
+        """(a E + b K)^-1 rhs, with a and b rounded to 10 digits: nothing depends on which solve came first."""
         with self._lock:
             if self._asked[0] != (a, b):
                 self._asked = (a, b), _key(a, b)
@@ -237,8 +237,8 @@ class Pencil:
 
 
 def _key(a: float, b: float) -> tuple[float, float]:
-    """The pair rounded to nine digits, as a key of the cache."""
-    return float(f"{a:.8e}"), float(f"{b:.8e}")
+    """The pair rounded to ten digits, as a key of the cache."""
+    return float(f"{a:.9e}"), float(f"{b:.9e}")
 
 
 def _upper_triangle(matrix: Any) -> tuple[NDArray[np.intp], NDArray[np.float64]]:

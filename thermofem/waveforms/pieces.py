@@ -146,6 +146,7 @@ def period_times(wave: Waveform, samples: int) -> Array:
 
     Raises InputError: the waveform has no period, or ``samples`` is too small to hold its edges.
     """
+    checks.has("wave", wave, "breakpoints", "mean", hint="a waveform is needed, such as th.SquareWave(1e-3, 1e-6)")
     period = getattr(wave, "period", None)
     if period is None:
         raise checks.InputError(f"{type(wave).__name__} has no period; a periodic state needs a periodic waveform")
