@@ -85,7 +85,7 @@ def test_an_interrupt_as_soon_as_a_file_is_there_leaves_none(tmp_path, monkeypat
 def test_a_current_folder_that_was_deleted_is_named(tmp_path):
     gone = tmp_path / "gone"
     gone.mkdir()
-    th.save_model(th.Foster(R=[1e3], tau=[1e-6]), tmp_path / "model.json")
+    surrogate.save_model(th.Foster(R=[1e3], tau=[1e-6]), tmp_path / "model.json")
     words = ["export", str(tmp_path / "model.json"), "--to", "csv", "-o", "x.csv"]
     code = f"import os, sys; os.rmdir({str(gone)!r}); sys.argv[1:] = {words!r}; "
     run = subprocess.run(
