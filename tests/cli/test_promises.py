@@ -84,6 +84,8 @@ def test_every_output_is_an_option():
         ["explore", "model.json", "--heated", "nope"],
         ["simulate", "model.json", "--heater", "core=1 mW"],
         ["map", "model.json", "--points", "2,2", "--heater", "core=1 mW"],
+        ["export", "", "--to", "csv"],
+        ["export", "/", "--to", "csv"],
     ],
 )
 def test_nothing_is_said_before_an_error(arguments, folder, monkeypatch, capsys):

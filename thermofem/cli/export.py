@@ -29,10 +29,10 @@ def export(
     from .. import checks
 
     _, ending = FORMATS[checks.choice("--to", to, FORMATS)]
-    target = output or model.with_suffix(ending)
-    check_outputs([target])
     expect(model, "model")
-    provenance = surrogate.load_provenance(model)
-    surrogate.export_model(surrogate.load_model(model), target, to=to, provenance=provenance, fmi=fmi)
+    loaded, provenance = surrogate.load_model(model), surrogate.load_provenance(model)
+    target = output or model.with_suffix(ending)  # a folder such as "." has no name to put an ending to
+    check_outputs([target])
+    surrogate.export_model(loaded, target, to=to, provenance=provenance, fmi=fmi)
     say(f"wrote {target}")
     return {"file": target, "to": to}
