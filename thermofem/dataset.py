@@ -201,7 +201,7 @@ def responses_of(data: xr.Dataset | Sequence[xr.Dataset]) -> list[Response]:
         an empty list; a trace that stands twice, which would make the standard errors too small.
     """
     datasets: Any = data if isinstance(data, list | tuple) else [data]
-    responses = [response_of(one) for one in datasets]
+    responses = [_response(k, datasets) for k in range(len(datasets))]
     if not responses:
         raise checks.InputError("data is empty; give at least one Dataset")
     seen: dict[bytes, int] = {}
@@ -210,6 +210,16 @@ def responses_of(data: xr.Dataset | Sequence[xr.Dataset]) -> list[Response]:
         if first < k:
             raise checks.InputError(f"data[{k}] is the same trace as data[{first}]; give every trace once")
     return responses
+
+
+def _response(k: int, datasets: Sequence[Any]) -> Response:
+    """`response_of` of one Dataset of a list; the error says which one, as ``data[1]``."""
+    try:
+        return response_of(datasets[k])
+    except checks.InputError as error:
+        if len(datasets) == 1:
+            raise
+        raise checks.InputError(f"data[{k}]: {error.rule}", error.hint) from None
 
 
 def warn_of(responses: Sequence[Response]) -> None:

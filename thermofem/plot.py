@@ -5,6 +5,7 @@ Every function draws into ``ax`` (a new figure by default), labels its axes with
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
@@ -227,5 +228,7 @@ def save_figure(ax: Axes, path: Any) -> None:
     figure = ax.get_figure(root=True)
     if figure is None:
         raise InputError("ax belongs to no figure; nothing to save")
-    write_whole(path, lambda p: figure.savefig(p, dpi=200))
+    image = io.BytesIO()  # matplotlib's writers of files trip over a full disk
+    figure.savefig(image, dpi=200, format=checks.path("path", path).suffix[1:])
+    write_whole(path, lambda p: p.write_bytes(image.getvalue()))
     plt.close(figure)

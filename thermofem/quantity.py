@@ -140,6 +140,14 @@ def positive(text: Any, unit: str, *, name: str = "value") -> float:
     return value
 
 
+def positive_rise(text: Any, *, name: str = "value") -> float:
+    """`positive` of a difference of temperatures in K; InputError for degrees Celsius, whose 1 degC is 274.15 K."""
+    value = positive(text, "K", name=name)
+    if str(text).rstrip().endswith(("degC", "°C")):
+        raise InputError(f"{name} = {shown(text)} is a difference of temperatures; write it in K")
+    return value
+
+
 def not_negative(text: Any, unit: str, *, name: str = "value") -> float:
     """`parse`, and InputError where the quantity is below zero."""
     value = parse(text, unit, name=name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -12,17 +13,15 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.runtime import rtsys
 from numba.extending import register_jitable
 
+_log = logging.getLogger(__name__)
+
 # Sums may be reordered and fused; NaN and infinity keep their meaning, which the step control relies on.
 _FAST = {"contract", "reassoc", "nsz", "arcp"}
 
 # What nobody uses is not made: an entry for C, and in what only compiled code calls (`overload`) the one for Python.
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": _FAST, "no_cfunc_wrapper": True}
-_compile = njit(cache=True, nogil=True, **OPTIONS)
-_inner = register_jitable(cache=True, **OPTIONS)
-_inline = register_jitable(cache=True, forceinline=True, **OPTIONS)
-_lean = njit(cache=True, nogil=True, _nrt=False, **OPTIONS)
-_inline_lean = njit(cache=True, nogil=True, forceinline=True, _nrt=False, **OPTIONS)
 _seen: set[str] = set()  # files whose own outdated caches are gone
+_kept: dict[str, bool] = {}  # folder of sources -> whether machine code of its functions can be stored
 
 
 class _Stored(CompileResultCacheImpl):
@@ -55,17 +54,17 @@ class StoredCode(FunctionCache):
 
 def compiled(function: Callable[..., Any]) -> Any:
     """Compile when first called."""
-    return _fresh(_compile(function))
+    return _made(function, njit, nogil=True)
 
 
 def inner(function: Callable[..., Any]) -> Any:
     """Compile for the compiled functions that call it; called from Python it runs as Python."""
-    return _fresh(_inner(function))
+    return _made(function, register_jitable)
 
 
 def inlined(function: Callable[..., Any]) -> Any:
     """Compile into the compiled functions that call it; called from Python it runs as Python."""
-    return _fresh(_inline(function))
+    return _made(function, register_jitable, forceinline=True)
 
 
 def lean(function: Callable[..., Any]) -> Any:
@@ -73,12 +72,12 @@ def lean(function: Callable[..., Any]) -> Any:
 
     Counting is atomic: for each of the many small arrays of a step it takes as long as a short loop.
     """
-    return _fresh(_lean(function))
+    return _made(function, njit, nogil=True, _nrt=False)
 
 
 def inlined_lean(function: Callable[..., Any]) -> Any:
     """Compile into the caller, without counting references: for a function that makes no array."""
-    return _fresh(_inline_lean(function))
+    return _made(function, njit, nogil=True, forceinline=True, _nrt=False)
 
 
 def merged(function: Callable[..., Any]) -> Any:
@@ -90,6 +89,33 @@ def merged(function: Callable[..., Any]) -> Any:
     merging: Any = function
     merging.py_func, merging.targetoptions = function, {"inline": "always"}  # what Numba asks what it is to inline
     return register_jitable(function)
+
+
+def storable(function: Callable[..., Any]) -> bool:
+    """Whether machine code of a function can be stored: beside its file, or else in the user's cache folder.
+
+    A system account has neither where the installation is read-only and its home does not exist.
+    """
+    folder = str(Path(function.__code__.co_filename).parent)
+    if folder not in _kept:
+        try:
+            StoredCode(function)
+        except RuntimeError:  # Numba: no locator
+            if all(_kept.values()):
+                _log.warning(
+                    "no folder for machine code is writable: every run compiles it; set NUMBA_CACHE_DIR to one"
+                )
+            _kept[folder] = False
+        else:
+            _kept[folder] = True
+    return _kept[folder]
+
+
+def _made(function: Callable[..., Any], decorator: Callable[..., Any], **options: Any) -> Any:
+    """Compile with these options, and store the machine code where that is possible."""
+    stored = storable(function)
+    kernel = decorator(cache=stored, **options, **OPTIONS)(function)
+    return _fresh(kernel) if stored else kernel
 
 
 def _fresh(kernel: Any) -> Any:
@@ -108,6 +134,8 @@ def forget_if_older(kernel: Any, source: str) -> None:
 
     Numba compares a cache with the kernel's own file only.
     """
+    if not storable(getattr(kernel, "py_func", kernel)):
+        return
     edited, module = Path(source).stat().st_mtime, kernel.__module__.rpartition(".")[2]
     where = kernel.stats.cache_path if hasattr(kernel, "stats") else StoredCode(kernel).cache_path
     for index in Path(where).glob(f"{module}.*.nbi"):

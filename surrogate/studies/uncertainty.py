@@ -72,8 +72,8 @@ def uncertainty(
     Raises
     ------
     InputError
-        a parameter that the family does not have, more than 0.1 % of the samples outside its box, or samples that are
-        no power of two.
+        a parameter that the family does not have, or that is fixed and varied at once; more than 0.1 % of the samples
+        outside its box; samples that are no power of two.
 
     Source: I. M. Sobol, Math. Comput. Simul. 55, 271 (2001); estimators of `scipy.stats.sobol_indices`.
     """
@@ -103,6 +103,9 @@ def _checked(
         raise checks.InputError("distributions is empty; give one for at least one parameter")
     for name in (*names, *fixed):
         checks.choice("parameter", name, family.names)
+    for name in fixed:
+        if name in distributions:
+            raise checks.InputError(f"{name} is fixed and has a distribution, too; give one of the two")
     for name, one in distributions.items():
         if not callable(getattr(one, "ppf", None)):
             hint = "a distribution of scipy.stats with its numbers is needed"

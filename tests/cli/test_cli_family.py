@@ -88,7 +88,9 @@ def test_calibrate(folder):
     times = np.append(0.0, np.geomspace(2e-9, 50e-6, 60))
     rise = 1e-3 * surrogate.load_family(folder / "family.json").model(box=1.8e-6).step_response(times)
     th.save(th.dataset.build(times, rise, th.Constant(1e-3)), folder / "trace.nc")
-    assert "box = 1.8 ± " in run("calibrate", str(folder / "family.json"), str(folder / "trace.nc"))
+    asked = ("calibrate", str(folder / "family.json"), str(folder / "trace.nc"))
+    assert "box = 1.8 ± " in run(*asked)
+    assert run(*asked, "--noise", "10 mK") == run(*asked, "--noise", "0.01")
 
 
 @pytest.mark.parametrize(
@@ -102,6 +104,13 @@ def test_calibrate(folder):
             "not of the form NUMBER/PARAMETER=SLOPE",
         ),
         (("uncertainty", "{}/family.json", "--spread", "box=2 um,1 nm", "--optics", "bus/box=1"), "did you mean"),
+        (
+            ("uncertainty", "{}/family.json", "--spread", "box=2 um,1 nm", "--fix", "box=2 um"),
+            "--fix and --spread are both given for 'box'",
+        ),
+        (("calibrate", "{}/family.json", "{}/none.nc", "--noise", "1 degC"), "difference of temperatures"),
+        (("calibrate", "{}/family.json", "{}/none.nc", "--noise", "nan"), "does not begin with a number"),
+        (("design", "{}/family.json", "--swing", "6 degC"), "--swing = '6 degC' is a difference of temperatures"),
         (("design", "{}/rings.toml", "--resistance", "9000 K/W"), "is not a family"),
     ],
 )

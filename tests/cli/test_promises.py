@@ -204,3 +204,24 @@ def test_closed_streams_change_no_code(folder):
     assert os.waitstatus_to_exitcode(os.system(f"{command} show model.json >&- 2>&-")) == 0
     assert os.waitstatus_to_exitcode(os.system(f"{command} show none.json >&- 2>&-")) == 2
     assert json.loads(thermofem("show", "model.json", "--json", cwd=folder).stdout)["command"] == "show"
+
+
+def test_of_several_files_the_one_at_fault_is_named(folder):
+    """`data.delta_T[2] = nan is not finite` did not say which of the files."""
+    for name, last in (("good.nc", 2.0), ("bad.nc", np.nan)):
+        data = th.dataset.build(1e-7 * np.arange(10), np.arange(10.0), th.Constant(1e-3))
+        data["delta_T"][2] = last
+        data.to_netcdf(name, engine="h5netcdf")
+    done = thermofem("fit", "good.nc", "bad.nc", cwd=folder)
+    assert done.stderr == "thermofem: error: bad.nc: data.delta_T[2] = nan is not finite\n"
+
+
+@pytest.mark.parametrize("name", ["plan.json", "index.nc", "training.nc", "results.sha256"])
+def test_a_campaign_does_not_write_over_its_own_file(name, folder):
+    """A file of that name in the folder of the campaign was replaced by the list of its geometries."""
+    text = 'geometry = "../strip.toml"\n[[drive]]\npower = "1 mW"\n'
+    (folder / "made").mkdir()
+    (folder / "made" / name).write_text(text)
+    done = thermofem("campaign", f"made/{name}", "-o", "made", cwd=folder)
+    assert (done.returncode, done.stderr.count("\n"), "another name" in done.stderr) == (2, 1, True), done.stderr
+    assert [path.read_text() for path in (folder / "made").iterdir()] == [text]

@@ -11,13 +11,15 @@ from types import FunctionType
 import numpy as np
 import pytest
 from numba import njit, types
+from numba.core.caching import CacheImpl
 from numba.core.dispatcher import Dispatcher
 from order import PLACES, place
 from paths import ROOT
 
 import coupled
 import thermofem as th
-from coupled.kernels.compiling import StoredCode, inner, merged
+from coupled.kernels import compiling
+from coupled.kernels.compiling import StoredCode, forget_if_older, inner, merged
 
 
 @njit
@@ -115,3 +117,21 @@ def test_files_that_need_kernels_stand_at_one_end():
     assert place(ROOT / "tests" / "thermofem" / "test_mesh.py") == len(PLACES) - 1
     found = [place(path) for path in sorted((ROOT / "tests").rglob("test_*.py"))]
     assert np.unique(found).tolist() == list(range(len(PLACES)))  # every place has files
+
+
+def test_a_kernel_runs_where_no_folder_can_keep_its_machine_code(monkeypatch, caplog):
+    """An account without a home, on an installation that it cannot write."""
+    monkeypatch.setattr(CacheImpl, "_locator_classes", [])
+    monkeypatch.setattr(compiling, "_kept", {}, raising=False)
+    for decorate in (compiling.compiled, compiling.lean, compiling.inlined, compiling.inlined_lean, inner):
+        kernel = decorate(lambda x: x / 4)
+        assert kernel(9.0) == 9 / 4
+        assert compiled_caller_of(kernel)(9.0) == 9 / 4
+        forget_if_older(kernel, __file__)
+    (record,) = caplog.records
+    assert "NUMBA_CACHE_DIR" in record.message
+
+
+def compiled_caller_of(kernel):
+    """A compiled function that calls a kernel."""
+    return njit(lambda x: kernel(x))

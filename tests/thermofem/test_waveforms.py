@@ -130,6 +130,11 @@ def test_json_round_trip(wave):
         (lambda: period_times(th.SquareWave(1e-3, 1e-6, 0.5), 3), "samples = 3 is too few"),
         (lambda: from_json('{"kind": "SquareWav"}'), "did you mean 'SquareWave'"),
         (lambda: from_json("{"), "cannot be read"),
+        (lambda: th.Sampled([0, 1e-6], [0, 1e-3], repeat="false"), "repeat = 'false' must be True or False"),
+        (
+            lambda: th.PiecewiseCubic([0, 1e-6], [[0, 0, 0, 1]], repeat="false"),
+            "repeat = 'false' must be True or False",
+        ),
         (lambda: th.Telegraph(1e-3, 1e-6, 1e-5, seed=-1), "whole number from 0"),
         (lambda: th.Telegraph(1e-3, 1e-6, 1e-5, seed={}), "whole number from 0"),
         (lambda: th.Telegraph(1e-3, 1e-6, 1e-5, seed=np.timedelta64(1, "us")), "whole number from 0"),

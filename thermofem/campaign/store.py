@@ -27,6 +27,8 @@ from .plan_file import check_plan
 if TYPE_CHECKING:
     from .plan import Campaign, Case
 
+WRITTEN = ("plan.json", "index.nc", "training.nc", "results.sha256", ".lock")
+
 
 @dataclass(frozen=True)
 class ResultStore:
@@ -61,6 +63,12 @@ class ResultStore:
     def failure(self, key: str) -> Path:
         """File of the reason why one geometry has no result."""
         return self.failures / f"{key}.json"
+
+    def check_apart(self, path: Path) -> None:
+        """InputError where a file that is read is one of this folder that a campaign writes."""
+        here, given = os.path.realpath(self.directory), os.path.realpath(path)
+        if os.path.dirname(given) == here and os.path.basename(given) in WRITTEN:
+            raise InputError(f"{path} would be written over by the campaign of its folder; give it another name")
 
     @contextlib.contextmanager
     def opened(self) -> Iterator[None]:

@@ -14,6 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextC
 from ..campaign import Campaign, Summary
 from ..campaign.collect import domain_errors
 from ..campaign.processes import begin
+from ..campaign.store import ResultStore
 from ..checks import InputError, MissingLibraryError
 from .kinds import expect
 from .output import console, note, threads_wanted
@@ -24,6 +25,7 @@ def run(file: Path, output: Path, *, workers: int | None, scheduler: str | None,
     if scheduler and workers:
         raise InputError(f"--workers {workers} and --scheduler {scheduler} exclude each other; the cluster has its own")
     expect(file, "campaign")
+    ResultStore(output).check_apart(file)
     if scheduler is None and not (output / "index.nc").exists():  # of a finished campaign it would be in vain
         begin()
     campaign = Campaign.from_toml(file)

@@ -57,7 +57,7 @@ def cosimulate(
     settings: dict[str, Any] = {
         "power": quantity.not_negative(power, "W", name="--power"),
         "detuning": quantity.parse(detuning, "Hz", name="--detuning"),
-        "max_discrepancy": quantity.positive(max_discrepancy, "K", name="--max-discrepancy"),
+        "max_discrepancy": quantity.positive_rise(max_discrepancy, name="--max-discrepancy"),
         "heaters": heaters(heater or []),
         "field_times": times_of(field_times or []),
         "predictor": _predictor(predictor, model_file),

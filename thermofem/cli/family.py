@@ -110,7 +110,7 @@ def design(
         ("--swing", swing, "K", lambda: cycle_property("swing", *drive)),
         ("--range", range_, "Hz", lambda: pulsing_range(*drive)),
     ]
-    target = {make(): quantity.parse(text, unit, name=option) for option, text, unit, make in asked if text is not None}
+    target = {make(): _wanted(text, unit, option) for option, text, unit, make in asked if text is not None}
     if not target:
         raise InputError("nothing is wanted; add --resistance, --rise-time, --period, --swing or --range")
     with working("searching"):
@@ -143,6 +143,11 @@ def design(
         "error": result.certified.error,
         "front": front,
     }
+
+
+def _wanted(text: str, unit: str, option: str) -> float:
+    """A target in SI; a swing is a difference of temperatures."""
+    return quantity.positive_rise(text, name=option) if unit == "K" else quantity.parse(text, unit, name=option)
 
 
 def _some(count: int) -> list[int]:
@@ -189,6 +194,9 @@ def uncertainty(
         "fixed": _fixed(found, fix),
         "optics": optics_of(found, optics, ring),
     }
+    both = next((name for name in common["fixed"] if name in spreads), None)
+    if both is not None:
+        raise InputError(f"--fix and --spread are both given for {both!r}; leave one of the two out")
     common["seed"] = seed
     held = {n: v for n, v in zip(found.names, found.box.middle, strict=True) if n not in spreads}
     held.update(common["fixed"])
@@ -239,18 +247,21 @@ def _spreads(found: Family, given: list[str]) -> dict[str, Any]:
 def calibrate(
     file: FamilyFile,
     data: Annotated[list[Path], typer.Argument(help="Measured or simulated thermal traces (netCDF).")],
-    noise: Annotated[float | None, typer.Option(help="Standard deviation of a sample in K.")] = None,
+    noise: Annotated[
+        str | None, typer.Option(help="Standard deviation of a sample, e.g. '10 mK'; a number alone is in K.")
+    ] = None,
 ) -> dict[str, Any]:
     """Find the ring of a family that explains thermal traces best, with standard errors."""
     import surrogate
 
     from .. import dataset
 
+    spread = None if noise is None else _noise(noise)
     found = surrogate.load_family(file)
     for path in data:
         expect(path, "data")
     with working("fitting"), about(data):
-        result = surrogate.calibrate(found, [dataset.load(path) for path in data], noise=noise)
+        result = surrogate.calibrate(found, [dataset.load(path) for path in data], noise=spread)
     for name, unit in zip(found.names, found.box.units, strict=True):
         value, error = result.values[name], result.standard_errors[name]
         say(f"{name} = {written(value, unit, error)}" + (" (end of its range)" if name in result.active else ""))
@@ -264,6 +275,13 @@ def calibrate(
         "unseen": list(result.unseen),
         "active": list(result.active),
     }
+
+
+def _noise(text: str) -> float:
+    """--noise in K: a quantity, or a number alone."""
+    with contextlib.suppress(ValueError):
+        text = f"{float(text)!r} K"
+    return quantity.positive_rise(text, name="--noise")
 
 
 def _ranges(found: Family) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -37,12 +38,14 @@ def check_outputs(outputs: Iterable[Path | None], *, images: Iterable[Path | Non
 
 @contextlib.contextmanager
 def about(paths: Sequence[Path]) -> Iterator[None]:
-    """Name the file in an InputError that does not; of several files the one at fault is not known."""
+    """Name the file in an InputError that does not; of several files those that it calls ``data[0]``, ``data[1]``."""
     try:
         yield
     except InputError as error:
-        if len(paths) != 1 or str(paths[0]) in str(error) or error.rule.startswith("--"):
+        if any(str(path) in str(error) for path in paths) or error.rule.startswith("--"):
             raise
+        if len(paths) > 1:
+            raise InputError(re.sub(r"\bdata\[(\d+)\]", lambda k: str(paths[int(k[1])]), error.for_text())) from None
         raise InputError(f"{paths[0]}: {error.for_text()}") from None
 
 

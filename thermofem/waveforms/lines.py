@@ -26,6 +26,7 @@ class Lines:
 
     def check_samples(self, values: Array, hint: str = "") -> None:
         """Keep ``times`` as an array; InputError for times that do not increase or do not belong to ``values``."""
+        checks.flag("repeat", self.repeat)
         times = checks.array("times", self.times, increasing=True, hint=hint)
         if times.size != values.size or times.size < 2:
             raise checks.InputError(

@@ -49,7 +49,7 @@ class PiecewiseCubic:
             )
         if np.any(np.diff(edges) <= 0):
             raise checks.InputError("edges must increase from one to the next")
-        if self.repeat and edges[0] != 0:
+        if checks.flag("repeat", self.repeat) and edges[0] != 0:
             raise checks.InputError(f"edges start at {edges[0]:g} s; one period must start at 0")
         object.__setattr__(self, "edges", edges)
         object.__setattr__(self, "coefficients", coefficients)
