@@ -11,6 +11,7 @@ import pytest
 import coupled
 import surrogate
 import thermofem as th
+from thermofem.campaign import Variation
 
 MODEL = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
 TIMES = np.geomspace(1e-9, 1e-5, 30)
@@ -137,6 +138,16 @@ def test_what_names_no_file_no_part_and_no_numbers(call, words, heat, tmp_path, 
             lambda: coupled.circuit_limit_cycle(coupled.bus(RING), MODEL, inputs={"in": 1e-3}, samples=10.5),
             "samples = 10.5 must be a whole number",
         ),
+        (lambda: coupled.fit_carrier_decay(DATA, 3), "material is a int; coupled.borghi2021"),
+        (lambda: th.Campaign(STRIP, ()), "geometry = CrossSection.* must be text"),
+        (lambda: th.Campaign("a", ()), "geometry is not valid TOML.*to_toml"),
+        (lambda: th.Campaign(STRIP.to_toml(), (3,)), "variations holds 3, which is no Variation"),
+        (lambda: th.Campaign(STRIP.to_toml(), (), (th.Constant(1.0),)), "drives holds Constant.* no Drive"),
+        (lambda: th.Campaign(STRIP.to_toml(), (), read="core"), "read = 'core' must be a list of str"),
+        (lambda: th.Campaign(STRIP.to_toml(), (), seed="a"), "seed = 'a' must be a whole number"),
+        (lambda: Variation("r", (3,)), "paths holds 3, which is no str"),
+        (lambda: Variation("r", ("outer_radius",), "m", values=3), "values = 3 must be a list of str or int or float"),
+        (lambda: Variation("r", ("outer_radius",), "nm", values=(1.0,)), "unit = 'nm' is unknown"),
         (lambda: surrogate.gate([[-1e6, 0]], [1e9], 1e3), r"A has shape \(1, 2\); \(1, 1\) goes with b"),
         (lambda: surrogate.gate([[np.nan]], [1e9], 1e3), "A holds nan"),
         (lambda: surrogate.gate([[-1e6]], [1e9], np.nan), "static = nan is not finite"),

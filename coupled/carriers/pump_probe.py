@@ -122,6 +122,7 @@ def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFi
     """
     from scipy.optimize import least_squares
 
+    checks.instance("material", material, ShockleyReadHall, hint="coupled.borghi2021().carriers is one")
     for name in ("time", "carriers"):
         if name not in getattr(data, "variables", {}):
             raise checks.InputError(f"data has no variable {name!r}; it needs carriers (1/m^3) over time (s)")

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 NO_PREDICTOR = Foster(R=[0.0], tau=[1e-6])
 """A predictor of zero temperature rise: the fed-back discrepancy is the whole temperature."""
 
+INTEGER = 63  # bits of the largest integer of a file, beside its sign
 FIRST = 0.25e-6  # s, about the first window
 
 
@@ -180,7 +181,6 @@ def _dataset(
     run = _joined(parts)
     kelvin = {"units": "K", "long_name": "largest discrepancy of the temperature"}
     starts = np.array([part.run.time[0] for part in parts])
-    summary = _summary(loop.corrector)
     data = xr.Dataset(
         {
             **{name: ("time", values, dataset.describe(name)) for name, values in traces(ring, run, light).items()},
@@ -205,9 +205,9 @@ def _dataset(
             "estimated_change": max(part.moved for part in parts),
             "cpu_optics": loop.seconds["optics"],
             "cpu_corrector": loop.seconds["corrector"],
-            **summary,
         },
     )
+    data.attrs.update(_summary(loop.corrector, data.attrs))
     fem = loop.corrector
     if isinstance(fem, FEM):
         end = loop.state
@@ -220,8 +220,8 @@ def _dataset(
     return data
 
 
-def _summary(corrector: Any) -> Mapping[str, Any]:
-    """The summary of a corrector, if it has one, checked so that a file can hold it."""
+def _summary(corrector: Any, taken: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The summary of a corrector, if it has one, checked so that a file can hold it beside what is taken."""
     said = corrector.summary() if callable(getattr(corrector, "summary", None)) else {}
     if not isinstance(said, Mapping):
         raise checks.InputError(f"corrector.summary() returned a {type(said).__name__}; a dict of numbers is needed")
@@ -230,6 +230,10 @@ def _summary(corrector: Any) -> Mapping[str, Any]:
             raise checks.InputError(
                 f"corrector.summary() has {name!r}: a {type(value).__name__}; names with numbers or texts are needed"
             )
+        if name in taken:
+            raise checks.InputError(f"corrector.summary() has {name!r}, which the result uses itself; rename it")
+        if isinstance(value, int) and value.bit_length() > INTEGER:
+            raise checks.InputError(f"corrector.summary() has {name!r} = {checks.shown(value)}; a file holds 64 bits")
     return said
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from thermofem import Foster, OutputMap, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.display import shown
-from thermofem.heat.derivatives import dataset_of
+from thermofem.heat.derivatives import dataset_of, step_times
 from thermofem.heat.projected import ModalDerivative
 from thermofem.netcdf import DAMAGE
 
@@ -235,7 +235,7 @@ class Family:
         a, b = self._channel(heated, read)
         row = self.box.row(values)
         modal = self.modal_derivative(row, (a, b))
-        t = None if times is None else checks.array("times", times)
+        t = None if times is None else step_times(times)
         f = None if frequencies is None else checks.array("frequencies", frequencies)
         step, impedance = None if t is None else modal.step_response(t), None if f is None else modal.impedance(f)
         parameters = list(zip(self.names, row.tolist(), self.box.units, strict=True))

@@ -10,6 +10,8 @@ from thermofem import checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.display import shown
 
+LATEST = 10.0  # begin of the times over their length; exp(-t/tau) of the first guess is zero from 18 times on
+
 
 @shown
 @dataclass(frozen=True, eq=False)
@@ -39,14 +41,15 @@ def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
     Parameters
     ----------
     times : array, shape (n,), s
-        after the power went off, increasing from about 0.
+        after the power went off, increasing from about 0: it begins within `LATEST` times its length.
     rise : array, shape (n,), K
     order : int, 1 to 5
 
     Raises
     ------
     InputError
-        too few samples, times that do not increase, numbers that are not finite.
+        too few samples, times that do not increase or begin far from 0, numbers that are not
+        finite.
 
     Source of the form: Borghi et al., Opt. Express 29, 4363 (2021), Section 5, C_s exp(-t/tau_s) + C_f exp(-t/tau_f).
     """
@@ -59,13 +62,19 @@ def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
             f"times has {t.size} samples and rise {y.size}; both need the same, more than {2 * order}"
         )
 
+    span, size = np.ptp(t), float(np.abs(y).max()) or 1.0
+    if abs(t[0]) > LATEST * span:
+        raise checks.InputError(
+            f"times begins at {t[0]:g} s and lasts {span:g} s; 0 is the end of the power: subtract that moment"
+        )
+    y = y / size  # SciPy's tolerance of the gradient is absolute
+
     def misfit(log_tau: Array) -> Array:
         columns = np.exp(-t[:, None] / np.exp(log_tau))
         return y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
 
-    span = np.ptp(t)
     start = np.log(np.geomspace(span / 40, span / 3, order) if order > 1 else [span / 5])
-    tau = np.exp(np.sort(least_squares(misfit, start, xtol=1e-12, ftol=1e-12).x))
+    tau = np.exp(np.sort(least_squares(misfit, start, xtol=1e-12, ftol=1e-12, gtol=1e-12).x))
     columns = np.exp(-t[:, None] / tau)
     amplitude = np.linalg.lstsq(columns, y, rcond=None)[0]
-    return Decay(amplitude, tau, float(np.sqrt(np.mean((y - columns @ amplitude) ** 2))))
+    return Decay(size * amplitude, tau, size * float(np.sqrt(np.mean((y - columns @ amplitude) ** 2))))

@@ -248,6 +248,7 @@ def judge(
         raise checks.InputError("models is empty; surrogate.train_all(heat).models has them all")
     periods = checks.array("periods", periods, increasing=True)
     watts = checks.array("powers", powers, increasing=True)
+    checks.unique("powers", watts.tolist())
     shape = (len(models), watts.size, periods.size)
     error, swing, ends = np.empty(shape), np.empty(shape), np.empty((*shape[:2], 2))
     for j, power in enumerate(watts):
@@ -277,6 +278,7 @@ def judge(
 
 def verdict(judged: xr.Dataset, *, within: float = 0.1) -> str:
     """Which model suffices where, one line for each model and power, and the smallest that suffices everywhere."""
+    within = checks.positive("within", within, hint="0.1 is ten percent")
     if not {"period_error", "power"} <= set(getattr(judged, "variables", ())):
         raise checks.InputError(f"judged is a {type(judged).__name__} without period errors; judge makes one")
     lines = []
@@ -293,7 +295,7 @@ def verdict(judged: xr.Dataset, *, within: float = 0.1) -> str:
             lines.append(said + "no model suffices everywhere")
         for m in here["model"].values:
             if m not in enough:
-                a, b = (float(here[end].sel(model=m)) for end in ("shortest", "longest"))
+                a, b = valid_range(here.sel(model=m).rename(period_error="relative_error"), within=within)
                 reach = f"{a * 1e6:.3g} to {b * 1e6:.3g} us" if a <= b else "nowhere"
                 lines.append(f"  {m}: {reach}")
     return "\n".join(lines)

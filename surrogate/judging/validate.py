@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import Chirp, Constant, Pulse, SquareWave, Telegraph, ThermalModel, Waveform, checks, waveforms
+from thermofem import Chirp, Constant, Pulse, SquareWave, Telegraph, ThermalModel, Waveform, checks, netcdf, waveforms
 from thermofem.arrays import Array, ArrayLike
 from thermofem.constants import c
 
@@ -103,7 +103,11 @@ def valid_range(curve: xr.Dataset, *, within: float = 0.1) -> tuple[float, float
     within = checks.positive("within", within, hint="0.1 is ten percent")
     if not {"period", "relative_error"} <= set(getattr(curve, "variables", ())):
         raise checks.InputError(f"curve is a {type(curve).__name__} without period errors; period_error makes one")
-    x, y = np.log(curve["period"].values), np.abs(curve["relative_error"].values)
+    period, error = netcdf.in_si(curve)["period"], curve["relative_error"]
+    x = np.log(checks.array("curve.period", np.atleast_1d(period.values), increasing=True))
+    if error.dtype.kind not in "fiu" or error.size != x.size:
+        raise checks.InputError("curve.relative_error needs one number for each period; pick one model of several")
+    y = np.abs(error.values.ravel())
     good = np.concatenate([[False], y <= within, [False]])
     first, last = np.flatnonzero(~good[:-1] & good[1:]), np.flatnonzero(good[:-1] & ~good[1:]) - 1
     if not first.size:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from thermofem import CrossSection, Foster, OutputMap, checks, waveforms
 from thermofem.arrays import Array
-from thermofem.dataset import Response, responses_of, warn_of
+from thermofem.dataset import Response, at_probe, responses_of, warn_of
 from thermofem.display import shown
 
 from ..family import Certified, Family
@@ -100,13 +100,15 @@ def calibrate(
     Raises
     ------
     InputError
-        fewer samples than parameters, ranges outside the family's box, or data without a drive.
+        fewer samples than parameters, ranges outside the family's box, data without a drive, or data of another part
+        than the family's first channel.
     """
     from scipy.optimize import least_squares
 
     family = family_over(geometry, free, tolerance)
     low, high = _bounds(family, free)
     responses = responses_of(data)
+    _check_channel(family, data)
     warn_of(responses)
     measured = np.concatenate([response.rise for response in responses])
     if measured.size <= len(low):
@@ -172,6 +174,19 @@ def _rise(model: Foster | OutputMap, response: Response) -> Array:
     if response.periodic:
         return model.periodic_response(response.wave, response.times.size)
     return model.response(response.wave, response.times)
+
+
+def _check_channel(family: Family, data: Any) -> None:
+    """InputError where data of the finite elements were heated or read in another part than the members are."""
+    a, b = family._channel(None, None)
+    parts = family.box.base.region_names
+    for one in map(at_probe, data if isinstance(data, list | tuple) else [data]):
+        for what, port in (("heated", a), ("read", b)):
+            given, wanted = str(one.attrs.get(what)), family.ports[port]
+            if "heated" in one.attrs and given != wanted and given in parts:
+                raise checks.InputError(
+                    f"data was {what} in {given!r}, and the members are in {wanted!r}; solve for that"
+                )
 
 
 def _bounds(family: Family, free: Ranges | None) -> tuple[Array, Array]:

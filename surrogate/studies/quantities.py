@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from thermofem import Foster, OutputMap, checks
-from thermofem.arrays import ArrayLike
+from thermofem.arrays import Array, ArrayLike
 from thermofem.display import shown
 
 from ..family import Family
@@ -41,13 +41,16 @@ class Optics:
 
     def check(self, family: Family) -> None:
         """Raise InputError for a parameter that the family does not have, or a table that is not two arrays."""
-        for name in self.at:
+        for name, value in checks.mapping("optics: at", self.at).items():
             checks.choice("optics: parameter", name, family.names)
+            checks.finite(f"optics: at {name}", value)
+        hint = "a mapping from number to slopes is needed"
+        checks.has("optics: slopes", self.slopes, "items", hint=hint)
         for number, each in self.slopes.items():
             checks.has(f"optics: slopes of {number}", each, "items", hint="a mapping from parameter to slope is needed")
             for name, slope in each.items():
                 checks.choice(f"optics: slopes of {number}: parameter", name, family.names)
-                self._between(number, slope, 0.0, 0.0)
+                _slope(number, slope)
 
     def changes(self, family: Family, values: Mapping[str, float]) -> dict[str, float]:
         """Change of every number at a member."""
@@ -55,20 +58,40 @@ class Optics:
         found = {}
         for number, each in self.slopes.items():
             parts = (
-                self._between(number, slope, float(self.at.get(name, middle[name])), values[name])
+                _change(f"{number} over {name}", slope, float(self.at.get(name, middle[name])), values[name])
                 for name, slope in each.items()
             )
             found[number] = float(sum(parts))
         return found
 
-    @staticmethod
-    def _between(number: str, slope: Slope, start: float, end: float) -> float:
-        if isinstance(slope, tuple):
-            x, y = (np.asarray(column, dtype=float) for column in slope)
-            if x.ndim != 1 or x.shape != y.shape or x.size < 2 or not np.all(np.diff(x) > 0):
-                raise checks.InputError(f"optics: table of {number} must be two arrays of one length, the first rising")
-            return float(np.interp(end, x, y) - np.interp(start, x, y))
-        return checks.finite(f"optics: slope of {number}", slope) * (end - start)
+
+def _slope(number: str, slope: Slope) -> float | tuple[Array, Array]:
+    """A slope, or both columns of a table; InputError for anything else."""
+    if not isinstance(slope, tuple):
+        return checks.finite(f"optics: slope of {number}", slope)
+    columns = [checks.numbers(f"optics: table of {number}", column) for column in slope]
+    if (
+        len({c.shape for c in columns}) != 1
+        or len(columns) != 2
+        or columns[0].ndim != 1
+        or columns[0].size < 2
+        or not (np.all(np.diff(columns[0]) > 0))
+    ):
+        raise checks.InputError(f"optics: table of {number} must be two arrays of one length, the first rising")
+    return columns[0], columns[1]
+
+
+def _change(number: str, slope: Slope, start: float, end: float) -> float:
+    """Change of a number from one parameter to another; InputError where a table does not reach."""
+    found = _slope(number, slope)
+    if isinstance(found, float):
+        return found * (end - start)
+    x, y = found
+    slack = 1e-9 * (x[-1] - x[0])
+    for at in (start, end):
+        if not x[0] - slack <= at <= x[-1] + slack:
+            raise checks.InputError(f"optics: table of {number} is from {x[0]:g} to {x[-1]:g}, and {at:g} is needed")
+    return float(np.interp(end, x, y) - np.interp(start, x, y))
 
 
 def rise_time(model: Model) -> float:

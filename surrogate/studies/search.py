@@ -144,6 +144,8 @@ def _ranges(family: Family, free: Ranges | None, fixed: Mapping[str, float]) -> 
         checks.choice("parameter", name, family.names)
     for k, name in enumerate(family.names):
         if free is not None and name in free:
+            if name in fixed:
+                raise checks.InputError(f"{name} is in fixed and in free; give it in one of them")
             low[k], high[k] = inside(family, name, free[name])
         elif free is not None or name in fixed:
             held[k] = checks.between(name, fixed.get(name, held[k]), low[k], high[k], unit=family.box.units[k])

@@ -272,7 +272,7 @@ def _many(one: Property, names: tuple[str, ...], fixed: Mapping[str, float]) -> 
     """The property of many members from parameters of shape (p, n); the resistance of all members in one call."""
     family = one.family
     middle = dict(zip(family.names, family.box.middle, strict=True))
-    rest = {name: float(fixed.get(name, middle[name])) for name in family.names if name not in names}
+    rest = {name: checks.finite(name, fixed.get(name, middle[name])) for name in family.names if name not in names}
 
     def values(x: Array) -> Any:
         if one.quantity == "thermal_resistance":

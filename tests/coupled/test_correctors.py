@@ -133,8 +133,14 @@ def test_a_corrector_without_real_numbers_is_named(answer):
 
 @pytest.mark.parametrize(
     ("said", "message"),
-    [([1, 2], "returned a list"), ({"device": object()}, "'device': a object"), ({3: 4}, "3: a int")],
-    ids=["list", "object", "number"],
+    [
+        ([1, 2], "returned a list"),
+        ({"device": object()}, "'device': a object"),
+        ({3: 4}, "3: a int"),
+        ({"schema": "mine"}, "'schema', which the result uses itself"),  # th.load refused the file
+        ({"device": 10**400}, "a file holds 64 bits"),
+    ],
+    ids=["list", "object", "number", "taken", "huge"],
 )
 def test_a_summary_that_no_file_can_hold_is_named(said, message):
     class Talkative(Exact):

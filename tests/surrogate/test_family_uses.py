@@ -140,6 +140,37 @@ def test_calibration_needs_data(family):
         surrogate.calibrate(family, [])
 
 
+def test_calibration_refuses_data_of_another_part(family):
+    """The rise of the oxide was fitted by the members of the core."""
+    heat = th.assemble(family.box.base, accuracy=1e-2)
+    data = th.solve(heat, th.Constant(1e-3), np.append(0.0, np.geomspace(1e-9, 1e-5, 20)), read="box")
+    with pytest.raises(th.InputError, match="data was read in 'box', and the members are in 'core'"):
+        surrogate.calibrate(family, data)
+
+
+def test_a_parameter_is_given_once_and_as_a_number(family):
+    width = {"width": stats.norm(500e-9, 1e-9)}
+    for call, words in (
+        (lambda: surrogate.uncertainty(family, width, fixed={"box": "2 um"}), "box = '2 um' is not a number"),
+        (
+            lambda: surrogate.design(
+                family, {"width": (4e-7, 6e-7)}, target={"rise_time": 1e-6}, fixed={"width": 5e-7}
+            ),
+            "width is in fixed and in free",
+        ),
+        (lambda: family.at([7e-6, 5e-7, 2e-6]), "values is a list; a mapping"),
+        (
+            lambda: family.thermal_resistance(
+                radius=np.full((9999, 1), 7e-6), width=np.full((1, 9999), 5e-7), box=2e-6
+            ),
+            "99980001 members, at most",
+        ),
+        (lambda: family.derivatives([-1e-6], radius=7e-6, width=5e-7, box=2e-6), "times holds -1e-06 s"),
+    ):
+        with pytest.raises(th.InputError, match=words):
+            call()
+
+
 def test_ishigami_has_its_known_indices(family, monkeypatch):
     # y = sin x1 + 7 sin^2 x2 + 0.1 x3^4 sin x1 over (-pi, pi)^3; I. M. Sobol and Y. L. Levitan (1999)
     monkeypatch.setattr(surrogate.Family, "at", lambda self, values: None)
@@ -195,8 +226,18 @@ def test_optics_follow_the_geometry(family):
         surrogate.uncertainty(
             family, {"box": stats.norm(2e-6, 1e-9)}, rate, optics=surrogate.Optics({"a": {"widht": 1.0}})
         )
-    with pytest.raises(th.InputError, match="two arrays of one length"):
-        surrogate.Optics({"a": {"width": ([1.0, 0.0], [1.0, 2.0])}}).check(family)
+    for optics, words in (
+        (surrogate.Optics({"a": {"width": ([1.0, 0.0], [1.0, 2.0])}}), "two arrays of one length"),
+        (surrogate.Optics({"a": {"width": ("a", "b")}}), "table of a is not an array of numbers"),
+        (surrogate.Optics({"a": {"width": (1.0, 2.0, 3.0)}}), "two arrays of one length"),
+        (surrogate.Optics({}, at={"width": "500 nm"}), "at width = '500 nm' is not a number"),
+        (surrogate.Optics(None), "slopes is a NoneType"),
+    ):
+        with pytest.raises(th.InputError, match=words):
+            optics.check(family)
+    short = surrogate.Optics({"a": {"width": ([450e-9, 550e-9], [1e9, 2e9])}})
+    with pytest.raises(th.InputError, match=r"table of a over width is from 4\.5e-07 to 5\.5e-07, and 6e-07"):
+        short.changes(family, {"radius": 7e-6, "width": 600e-9, "box": 2e-6})
 
 
 def test_an_interpolated_property_states_its_error(family):

@@ -109,6 +109,20 @@ def test_without_a_large_power_the_reference_is_that_of_small_power():
     assert ladder.reference.thermal_resistance == pytest.approx(heat.thermal_resistance(), rel=1e-9)
 
 
+def test_the_verdict_gives_the_range_of_its_own_limit():
+    """It named the range within 10 % under every limit; here the error grows with the period."""
+    slow, fast = th.Foster(R=[1e4], tau=[1e-6]), th.Foster(R=[9.7e3], tau=[0.95e-6])
+    judged = surrogate.judge({"fast": fast}, slow)
+    said = surrogate.verdict(judged, within=0.04).splitlines()[1]
+    longest = float(said.split()[-2]) * 1e-6
+    error = abs(surrogate.period_error(fast, slow, [longest]).relative_error.item())
+    assert 0.02 < error < 0.04  # between periods a sixth of a decade apart
+    with pytest.raises(th.InputError, match="within = -1 must be positive"):
+        surrogate.verdict(judged, within=-1)
+    with pytest.raises(th.InputError, match=r"powers holds 0\.001 twice"):
+        surrogate.judge({"fast": fast}, slow, powers=[1e-3, 1e-3])
+
+
 def test_nothing_to_judge_is_refused():
     with pytest.raises(th.InputError, match="models is empty"):
         surrogate.judge({}, th.Foster(R=[1.0], tau=[1e-6]))

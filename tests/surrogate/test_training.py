@@ -128,6 +128,15 @@ def test_decay_recovers_two_exponentials():
     assert found.amplitude == pytest.approx([9, 6], rel=1e-6, abs=0)
 
 
+@pytest.mark.parametrize("scale", [1e-200, 1e-5, 1e200])
+def test_a_decay_has_the_same_time_constants_at_every_scale(scale):
+    """Exact data again: at 10 uK the search stopped where it began, at 4 us for 1 us."""
+    t = np.linspace(0, 20e-6, 400)
+    found = surrogate.fit_decay(t, scale * np.exp(-t / 1e-6), order=1)
+    assert found.tau == pytest.approx([1e-6], rel=1e-6, abs=0)
+    assert found.amplitude == pytest.approx([scale], rel=1e-6, abs=0)
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [
@@ -142,6 +151,7 @@ def test_decay_recovers_two_exponentials():
         (lambda d: surrogate.second_order(kappa=8.87e-4, tau_f=55.8e-9, tau_s=1.2e-6, eta=0.31), "is it in 1/s"),
         (lambda d: surrogate.newton(tau_th=-1e-9), "tau_th = -1e-09 must be positive"),
         (lambda d: surrogate.fit_decay([0, 1, 2], [3, 2, 1]), "more than 4"),
+        (lambda d: surrogate.fit_decay(1 + 1e-6 * np.arange(9), np.exp(-np.arange(9))), "times begins at 1 s"),
     ],
 )
 def test_bad_input(call, words):

@@ -105,6 +105,20 @@ def test_a_crossing_of_zero_is_no_range():
     assert surrogate.valid_range(short) == pytest.approx((periods[19], periods[21]))
 
 
+def test_a_range_is_read_in_order_and_in_the_unit_of_the_periods():
+    a, b = th.Foster(R=[1e4], tau=[1e-6]), th.Foster(R=[9.7e3], tau=[0.95e-6])
+    curve = surrogate.period_error(b, a, np.geomspace(1e-7, 1e-5, 13))
+    micro = curve.assign_coords(period=("period", curve.period.values * 1e6, {"units": "us"}))
+    assert surrogate.valid_range(micro) == pytest.approx(surrogate.valid_range(curve), rel=1e-12, abs=0)
+    for bad, words in (
+        (curve.isel(period=slice(None, None, -1)), "must increase"),
+        (curve.expand_dims(model=2), "pick one model"),
+        (curve.assign(relative_error=curve.relative_error.astype(str)), "one number for each period"),
+    ):
+        with pytest.raises(th.InputError, match=words):
+            surrogate.valid_range(bad)
+
+
 def test_compare_states_the_range_of_every_model_at_the_power_of_the_drives(trained, reference):
     mapped = th.OutputMap(reference, -1e-3)
     drives = [th.Pulse(30e-3, 1e-6), th.SquareWave(2e-3, 1e-6, 0.5)]

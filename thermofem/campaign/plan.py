@@ -82,6 +82,10 @@ class Campaign:
 
     def __post_init__(self) -> None:
         checks.plain(self)
+        checks.text("geometry", self.geometry)
+        checks.seed(self.seed)
+        for field, kind in (("variations", Variation), ("drives", Drive), ("read", str)):
+            object.__setattr__(self, field, checks.instances(field, getattr(self, field), kind))
         checks.between("accuracy", self.accuracy, 1e-5, 1e-2)
         checks.between("rtol", self.rtol, 1e-10, 0.1)
         for what, names in (("drive", self.drives), ("vary", self.variations)):
@@ -117,7 +121,11 @@ class Campaign:
 
     @cached_property
     def _table(self) -> dict[str, Any]:
-        return tomllib.loads(self.geometry)
+        try:
+            return tomllib.loads(self.geometry)
+        except (tomllib.TOMLDecodeError, RecursionError) as error:
+            hint = "give the text of a geometry file, e.g. th.strip_ring().to_toml()"
+            raise InputError(f"geometry is not valid TOML: {error}", hint) from None
 
     def _values(self) -> Iterator[tuple[Value, ...]]:
         """The values of every geometry, in order: lists crossed, the first one slowest, hypercube innermost."""

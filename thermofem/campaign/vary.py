@@ -55,6 +55,10 @@ class Variation:
     def __post_init__(self) -> None:
         checks.plain(self)
         check_name("vary:", self.name)
+        for field, kinds in (("paths", (str,)), ("values", (str, int, float))):
+            given = checks.instances(f"vary {self.name!r}: {field}", getattr(self, field), *kinds)
+            object.__setattr__(self, field, given)
+        checks.choice(f"vary {self.name!r}: unit", self.unit, quantity.SI, hint="it is in SI")
         if not self.paths:
             raise InputError(f"vary {self.name!r} needs at least one path, e.g. 'part.core.width'")
         if self.values:

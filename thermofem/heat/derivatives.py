@@ -38,6 +38,14 @@ SETTLED = (
 FEWEST, ROUNDS = 8, 24  # of the Krylov space: the derivative errs like the field, so more than for the response itself
 
 
+def step_times(times: ArrayLike) -> Array:
+    """Times of a step response, in s; InputError for one before the step."""
+    t = checks.array("times", times)
+    if t.min() < 0:
+        raise checks.InputError(f"times holds {t.min():g} s; the step is at t = 0")
+    return t
+
+
 def derivatives(
     heat: HeatProblem,
     parameters: Parameter | Sequence[Parameter],
@@ -88,9 +96,7 @@ def derivatives(
     checks.has("heat", heat, "heated", "readable", "mesh", hint="th.assemble(geometry) makes the HeatProblem")
     heated = checks.choice("heated", heated, heat.heated, default=heat.heated[0])
     read = checks.choice("read", read, heat.readable, default=heated)
-    t = None if times is None else checks.array("times", times)
-    if t is not None and t.min() < 0:
-        raise checks.InputError(f"times holds {t.min():g} s; the step is at t = 0")
+    t = None if times is None else step_times(times)
     f = None if frequencies is None else checks.array("frequencies", frequencies)
     changes, velocities, tangents = tangents_of(heat, parameters, (heated, read))
     found = _responses(heat, tangents, (heated, read), t, f)
