@@ -240,6 +240,8 @@ def test_what_is_no_run_is_named():
     with pytest.raises(th.InputError, match="'carriers'"):
         coupled.pulsing(trace(wave()).drop_vars("carriers"))
     with pytest.raises(th.InputError, match="'time'"):
+        coupled.pulsing(trace(wave()).drop_vars("time"))
+    with pytest.raises(th.InputError, match="run is a dict; a Dataset"):
         coupled.pulsing({"carriers": 1})
     with pytest.raises(th.InputError, match="at least 8"):
         coupled.pulsing(trace(wave()).isel(time=slice(5)))
