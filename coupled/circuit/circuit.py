@@ -17,7 +17,7 @@ from ..resonator import RingResonator
 from . import file
 from .parts import IN, OUT, SPLITTER_IN, SPLITTER_OUT, Detector, LaserPort, Splitter, Waveguide, check_name
 
-MOST = 1000  # rings
+MOST = 1000  # rings, and splitters
 _PARTS = {"waveguides": Waveguide, "lasers": LaserPort, "detectors": Detector, "splitters": Splitter}
 
 
@@ -67,6 +67,8 @@ class Circuit:
         object.__setattr__(self, "rings", _named(self.rings))
         for field, kind in _PARTS.items():
             object.__setattr__(self, field, checks.instances(field, getattr(self, field), kind))
+        if len(self.splitters) > MOST:
+            raise checks.InputError(f"splitters holds {len(self.splitters)} splitters; at most {MOST} are possible")
         checks.text("name", self.name)
         if self.frequency is None:
             object.__setattr__(self, "frequency", self.resonators[0].frequency)

@@ -86,6 +86,7 @@ def test_every_output_is_an_option():
         ["map", "model.json", "--points", "2,2", "--heater", "core=1 mW"],
         ["export", "", "--to", "csv"],
         ["export", "/", "--to", "csv"],
+        ["family", "plan.toml", "--workers", str(2**62)],
     ],
 )
 def test_nothing_is_said_before_an_error(arguments, folder, monkeypatch, capsys):

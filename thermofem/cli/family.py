@@ -41,7 +41,7 @@ def family(
     folder: Annotated[
         Path | None, typer.Option(help="Keeps solved members; started again, training goes on from it.")
     ] = None,
-    workers: Annotated[int, typer.Option(help="Processes that solve members.", min=1)] = 1,
+    workers: Annotated[int, typer.Option(help="Processes that solve members.", min=1, max=1024)] = 1,
     power: Annotated[
         str | None, typer.Option(help="Largest absorbed power, e.g. '2 mW'; for conductivities k(T).")
     ] = None,
