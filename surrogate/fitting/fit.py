@@ -35,6 +35,7 @@ METHODS = ("variable projection", "pso")
 EXPLAINED = 0.2  # share of the variance below which data count as noise; the paper's single pole explains 0.9 and more
 TRANSFER = "where another part is read than the one that is heated, give transfer=True"
 CANCELLING = 100.0  # R of a pole over R_th from which poles of opposite sign count as one
+SAME = 1.02  # ratio of two misfits that differ by noise: each parameter of a fit to n samples takes off 1/(2 n)
 UNSEEN = np.log(2)  # standard deviation of ln(tau) from which a time constant counts as not seen: a factor of two
 
 
@@ -49,7 +50,8 @@ class Fit(HasModel):
     parameters : dict of float
         in SI, by name.
     standard_errors : dict of float
-        one standard deviation of each parameter, from the Jacobian and the residual's variance.
+        one standard deviation of each parameter, from the Jacobian and the residual's variance, for noise that is
+        independent from sample to sample. Noise correlated over n samples moves the parameters sqrt(n) times as much.
     correlations : array, shape (parameters, parameters)
         in the order of ``parameters``.
     residual : float, K
@@ -169,7 +171,7 @@ def fit_second_order(
     Raises
     ------
     InputError
-        data without power or rise, or that no stable pair of heating poles fits.
+        data without power or rise, that show one pole only, or that no stable pair of heating poles fits.
     """
     heat_capacity = check_heat_capacity(heat_capacity)
     training = Training.of(data, transfer=transfer)
@@ -179,6 +181,9 @@ def fit_second_order(
     poles = Foster(R=[g_f / fast, g_s / slow], tau=[1 / fast, 1 / slow], **training.parts)
     parameters = second_order_parameters(poles, heat_capacity)
     if min(c_f, c_s) < 0 and not training.transfer:
+        one = optimum(training.problem, 1)
+        if one.gain[0] > 0 and one.relative_residual < found.relative_residual * SAME + 1e-6:
+            raise checks.InputError("delta_T shows one pole: a second one fits noise", "train fit_newton")
         raise checks.InputError(
             f"the best pair of poles cools when heated (kappa = {parameters['kappa']:.3g} 1/s, eta = "
             f"{parameters['eta']:.3g}); do power and delta_T belong together? {TRANSFER}"
@@ -285,9 +290,8 @@ class Training:
         geometry = _common([d.attrs.get("geometry") for d in datasets])
         heated, read = (_common([d.attrs.get(name) for d in datasets]) for name in ("heated", "read"))
         known = bool(heated and read)
-        if transfer is None:
-            transfer = known and heated != read
         apart = known and heated != read
+        transfer = apart if transfer is None else checks.flag("transfer", transfer)
         parts = {"inputs": (heated if apart else "heater",), "outputs": (read if apart else "core",)}
         problem = FitProblem(responses, thermal_resistance, impose and not transfer)
         return cls(problem, tuple(d.name for d in responses), geometry, transfer, parts if transfer else {})

@@ -125,8 +125,8 @@ def train_all(
     }
     reference: ThermalModel = exact
     error = fine.error_bound
-    if heat.nonlinear and hot != 0:
-        hot = 10 * power if hot is None else checks.positive("hot", hot, unit="W", at_most=10)
+    hot = 10 * power if hot is None else checks.between("hot", hot, 0, 10, unit="W")
+    if heat.nonlinear and hot:
         model: NonlinearSystem = heat.model(part, read)  # type: ignore[assignment]  # heat.nonlinear
         reference = reduce_quadratic(model, hot).model
         pulse = solve(heat, Pulse(hot, 2e-5), _pulse_times(), heated=part, read=read)

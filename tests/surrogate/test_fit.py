@@ -307,3 +307,12 @@ def test_bad_input_is_one_clear_line(call, reason):
     model = th.Foster(R=[2000.0, 5000.0], tau=[5e-8, 1e-6])
     with pytest.raises(th.InputError, match=reason):
         call(from_rest(model, th.Constant(1e-3), np.geomspace(1e-9, 1e-5, 50)))
+
+
+def test_data_of_one_pole_are_sent_to_newtons_law():
+    """A second pole that fits noise may cool; the error said that power and delta_T may not belong together."""
+    t, model = np.linspace(0, 2e-5, 400), th.Foster(R=[5e3], tau=[1e-6])
+    noise = np.random.default_rng(2).normal(0, 0.05, t.size)
+    data = th.dataset.build(t, 1e-3 * model.step_response(t) + noise, th.Constant(1e-3), read=("core",))
+    with pytest.raises(th.InputError, match=r"shows one pole.*fit_newton"):
+        surrogate.fit_second_order(data)
