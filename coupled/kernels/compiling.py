@@ -134,11 +134,11 @@ def forget_if_older(kernel: Any, source: str) -> None:
 
     Numba compares a cache with the kernel's own file only.
     """
-    if not storable(getattr(kernel, "py_func", kernel)):
+    if not hasattr(kernel, "stats") and not storable(kernel):
         return
     edited, module = Path(source).stat().st_mtime, kernel.__module__.rpartition(".")[2]
     where = kernel.stats.cache_path if hasattr(kernel, "stats") else StoredCode(kernel).cache_path
-    for index in Path(where).glob(f"{module}.*.nbi"):
+    for index in Path(where).glob(f"{module}.*.nbi") if where else ():  # none where no code can be stored
         with suppress(FileNotFoundError):  # another process may delete it first
             if index.stat().st_mtime < edited:
                 index.unlink()
