@@ -137,7 +137,8 @@ def test_the_copied_command_gives_the_same_numbers(page, tmp_path):
     page_says = page.evaluate("ringPage.shown.trace.pulsing")
     assert found.period * 1e9 == pytest.approx(page_says["period"], rel=1e-6)
     assert found.duty == pytest.approx(page_says["duty"], abs=1e-5)
-    assert found.swing == pytest.approx(page_says["swing"], rel=1e-4)  # the file's samples pass the top by 3e-5
+    # accepted steps pass the top of 7.467798 K (rtol = 1e-10): those of the file by 1.3e-5, those of the page by 1.2e-4
+    assert found.swing == pytest.approx(page_says["swing"], rel=1.5e-4)
 
 
 def test_the_plane_shows_where_cycles_fold(page):
