@@ -55,9 +55,9 @@ def crew(project: Project, processes: int, left: Sequence[WorkItem]) -> Iterator
 def share(
     project: Project, tasks: Sequence[WorkItem], workers: Workers, tell: Callable[[WorkItem, float], None]
 ) -> None:
-    """Do the tasks, each after its inputs; ``tell`` hears of a task and the share of it that is done.
+    """Do the tasks, each after its inputs, and call ``tell`` with a task and the finished share of it.
 
-    Without workers they are done here, in order. What stops a task is raised here.
+    Without workers, this process does them in order. The exception of a task is raised here.
     """
     if not workers:
         for task in tasks:
@@ -75,7 +75,7 @@ def share(
                 waiting.remove(ready)
                 busy[worker] = ready
                 tell(ready, 0.0)
-                with suppress(BrokenPipeError):  # `_hear` says of which task
+                with suppress(BrokenPipeError):  # `_hear` then names the task
                     worker.send(ready)
         wait(list(busy))
         for worker in [worker for worker in busy if worker.poll()]:
@@ -94,7 +94,7 @@ def chains_of(tasks: Sequence[WorkItem]) -> dict[str, float]:
 
 
 def _hear(worker: Connection, task: WorkItem) -> float | None:
-    """The share of a task that is done, None at its end; what stopped it is raised."""
+    """Return the finished share of a task, None at its end, or raise the exception that ended it."""
     try:
         said = worker.recv()
     except (EOFError, ConnectionResetError):
@@ -108,7 +108,7 @@ def _hear(worker: Connection, task: WorkItem) -> float | None:
 
 
 def _work(out: Path, settings: Settings, parent: Connection) -> None:
-    """Life of a worker."""
+    """Do the tasks that the parent sends, and send their progress back, until the parent ends."""
     prepare()
     project = Project(out, settings, stages_of(settings))
     with suppress(EOFError, BrokenPipeError):  # the parent has gone
