@@ -1,4 +1,5 @@
-"""Fuzzing of all that reads text: geometry, campaign and ring TOML, model JSON, CSV tables, waveforms, quantities.
+"""Fuzzing of all that reads text: geometry, campaign and ring TOML, model JSON, CSV tables, waveforms, quantities,
+and bytes: mesh files.
 
     python tests/fuzz/readers.py [minutes [seed]]     # hypothesis: edits of valid files, each failure shrunk
     python tests/fuzz/coverage.py [minutes]           # atheris, where it is installed: bytes guided by their coverage
@@ -10,6 +11,7 @@ warning. Whatever else comes up is printed once with the smallest input that doe
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import random
 import sys
@@ -115,6 +117,13 @@ def waveform(text: str) -> None:
     wave(np.array([0.0, 1e-6]))
 
 
+def mesh(text: str) -> None:
+    """Mesh file, a character for each byte."""
+    path = FOLDER / "ring.msh"
+    path.write_bytes(text.encode("latin-1", "replace"))
+    assert np.isfinite(list(th.mesh.load(path).volumes().values())).all()
+
+
 def amount(text: str) -> None:
     """Text with a unit, read as each kind of quantity."""
     for unit in ("m", "s", "W", "K", "W/m/K", "m^2*K/W", ""):
@@ -142,6 +151,7 @@ TARGETS: dict[str, Callable[[str], None]] = {
     "waveform": waveform,
     "circuit": circuit,
     "journal": journal,
+    "mesh": mesh,
     "quantity": amount,
 }
 
@@ -171,6 +181,10 @@ def seeds() -> dict[str, list[str]]:
     rows = "".join(f"{k},{293.15 + k % 3}\n" for k in range(12))
     rows_of_map = FOLDER / "seed.jsonl"
     coupled.pulsing_map(file=rows_of_map, **MAP)
+    saved = FOLDER / "saved.msh"
+    th.mesh.Mesh([[0, 0], [1e-6, 0], [1e-6, 1e-6], [0, 1e-6]], [[0, 1, 2], [0, 2, 3]], [0, 1], ("core", "box")).save(
+        saved
+    )
     driven = "".join(f"{k},{293.15 + k % 3},{k // 6 % 2}\n" for k in range(24))
     return {
         "circuit": [(circuits.file.__doc__ or "").split("```toml\n")[1].split("```")[0]],
@@ -185,6 +199,7 @@ def seeds() -> dict[str, list[str]]:
             f"% COMSOL\n% Time (s)  Temperature (degC)\n{rows}".replace(",29", "  2"),
         ],
         "waveform": [th.waveforms.to_json(wave) for wave in waves],
+        "mesh": [content.decode("latin-1") for content in [*hostile.meshes().values(), saved.read_bytes()]],
         "quantity": ["450 nm", "8 dBm", "-10 GHz", "1.4 W/m/K", "293.15 K", "20 degC", "1e-8 m^2*K/W"],
     }
 
@@ -233,11 +248,12 @@ def place(error: BaseException) -> str:
 
 
 def survives(name: str, text: str, known: dict[str, str]) -> None:
-    """Run one target; raise what is neither documented nor known."""
+    """Run one target, which prints nothing; raise what is neither documented nor known."""
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()) as out:
             warnings.simplefilter("error")
             TARGETS[name](text)
+        assert not out.getvalue(), f"prints {out.getvalue()!r:.60}"
     except (th.InputError, th.MissingLibraryError):
         pass
     except th.OutsideTrainingWarning:
@@ -249,8 +265,10 @@ def survives(name: str, text: str, known: dict[str, str]) -> None:
 
 def replaced(name: str, texts: list[str]) -> Iterator[str]:
     """Every valid file with one line of TOML or one node of JSON replaced, left out or there twice, in random order."""
-    for text in texts:
-        if name in ("model", "waveform"):
+    for k, text in enumerate(texts):
+        if name == "mesh":
+            yield from (content.decode("latin-1") for content in hostile.damaged(text.encode("latin-1"), k, 2000))
+        elif name in ("model", "waveform"):
             yield from map(json.dumps, hostile.replaced_leaves(json.loads(text)))
         elif name in ("geometry", "campaign", "ring", "circuit"):
             yield from hostile.replaced_lines(text)

@@ -1,14 +1,17 @@
+import contextlib
 import os
 import re
 import signal
 import subprocess
 import sys
 import threading
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from fuzz import hostile
 from hypothesis import assume, given, settings
 from sections import HEATER, STRIP, core, on_oxide, random_parts
 
@@ -16,7 +19,7 @@ from thermofem import mesh
 from thermofem.checks import InputError, MissingLibraryError
 from thermofem.geometry import CrossSection, Part, strip_ring
 from thermofem.materials import Material
-from thermofem.mesh import Mesh, binary, triangles
+from thermofem.mesh import Mesh, gmsh_file
 from thermofem.sizes import fitted, size_function, sizes
 
 ROUND_OFF = 1e-12  # 16 ulps of the largest coordinate (60 um) over the smallest thickness (100 nm)
@@ -254,16 +257,94 @@ def test_a_mesh_file_gives_back_everything(heater_mesh, tmp_path):
     assert os.listdir(tmp_path) == ["heater.msh"]
 
 
-def test_our_own_file_is_read_as_meshio_reads_it(heater_mesh, tmp_path, monkeypatch):
+def test_a_file_is_read_as_meshio_reads_it(heater_mesh, tmp_path):
+    import meshio
+
     path = tmp_path / "heater.msh"
     heater_mesh.save(path)
-    content, other = binary.read(path.read_bytes()), triangles._read_any(path)
-    assert all(np.array_equal(*pair) for pair in zip(content[:3], other[:3], strict=True))
-    assert content.names == other.names
-    for cut in (100, len(path.read_bytes()) // 2, -20):  # a damaged file is for meshio to refuse
-        assert binary.read(path.read_bytes()[:cut]) is None
-    monkeypatch.setattr(triangles, "_read_any", None)
-    assert same(mesh.load(path), heater_mesh)
+    content, other = gmsh_file.read(path.read_bytes()), meshio.gmsh.read(path)
+    assert np.array_equal(content.points, other.points)
+    assert np.array_equal(content.triangles, other.cells_dict["triangle"])
+    assert np.array_equal(content.tags, other.cell_data_dict["gmsh:physical"]["triangle"])
+    assert content.names == {tag: name for name, (tag, _) in other.field_data.items()}
+
+
+def squares(path, version, binary, *, joined=True, quads=False, z=0.0):
+    """Two squares of 1 um beside each other, as gmsh writes them."""
+    import gmsh
+
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        first, second = (gmsh.model.occ.addRectangle(k * 1e-6, 0, z, 1e-6, 1e-6) for k in range(2))
+        if joined:
+            gmsh.model.occ.fragment([(2, first)], [(2, second)])
+        gmsh.model.occ.synchronize()
+        gmsh.model.addPhysicalGroup(2, [first], 7, "core")
+        gmsh.model.addPhysicalGroup(2, [second], 9, "box")
+        gmsh.model.addPhysicalGroup(1, [1], 3, "edge")
+        for name, value in (("MeshSizeMax", 3e-7), ("RecombineAll", quads), ("MshFileVersion", version)):
+            gmsh.option.setNumber(f"Mesh.{name}", value)
+        gmsh.option.setNumber("Mesh.Binary", binary)
+        gmsh.model.mesh.generate(2)
+        gmsh.write(str(path))
+    finally:
+        gmsh.finalize()
+    return path
+
+
+@pytest.mark.parametrize("binary", [0, 1])
+@pytest.mark.parametrize("version", [2.2, 4.1])
+def test_what_gmsh_writes_is_read_or_refused(needs_mesher, tmp_path, version, binary):
+    """Quadrangles were left out, points out of the plane moved into it, and parts that do not touch kept apart."""
+    path = tmp_path / "squares.msh"
+    found = mesh.load(squares(path, version, binary)).volumes()
+    assert found == pytest.approx({"core": np.pi * 1e-18, "box": 3 * np.pi * 1e-18}, rel=ROUND_OFF, abs=0)
+    for change, words in (
+        ({"quads": True}, "are no triangles"),
+        ({"z": 1e-6}, "out of the plane z = 0"),
+        ({"joined": False}, "not joined"),
+    ):
+        with pytest.raises(InputError, match=rf"squares\.msh'.*{words}"):
+            mesh.load(squares(path, version, binary, **change))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("8 2e-6 0 0\n", "8 0.5e-6 0 0\n", "overlap"),
+        ("8 2e-6 0 0\n", "8 1e308 0 0\n", r"lies at 1e\+308 m"),
+        ("8 2e-6 0 0\n", "8 nan 0 0\n", "not finite"),
+        ("8 2e-6 0 0\n", "8 2e-6 0 1_0\n", "text where a number belongs"),
+        ("$Nodes\n5\n", "$Nodes\n999999999\n", "promises more"),
+        ("$Elements\n4\n", "$Elements\n3\n", "holds more numbers"),
+        ("2 8 3\n", "2 7 3\n", "none of its points"),
+        ("8 2e-6", "4 2e-6", "the same number"),
+        ("2.2 0 8", "1.0 0 8", "no gmsh file of format 2.2 or 4.1"),
+        ("4 2 2 9", "4 2 2 5", r"groups \[5\] have no names"),
+    ],
+)
+def test_a_damaged_text_file_is_one_line(old, new, words, tmp_path, capfd):
+    assert old in hostile.TEXT_22
+    path = tmp_path / "ring.msh"
+    path.write_text(hostile.TEXT_22.replace(old, new))
+    with warnings.catch_warnings(action="error"), pytest.raises(InputError, match=rf"ring\.msh'.*{words}"):
+        mesh.load(path)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_damaged_bytes_are_refused_or_make_a_mesh(heater_mesh, tmp_path, capfd):
+    """A count that was overwritten took 4 GB, and meshio printed what it thought of the file."""
+    path = tmp_path / "ring.msh"
+    heater_mesh.save(path)
+    for content in (*hostile.meshes().values(), path.read_bytes()):
+        path.write_bytes(content)
+        mesh.load(path)
+        for damaged in hostile.damaged(content, 7, 100):
+            path.write_bytes(damaged)
+            with warnings.catch_warnings(action="error"), contextlib.suppress(InputError):
+                mesh.load(path)
+    assert capfd.readouterr() == ("", "")
 
 
 def test_gmsh_reads_the_file_and_its_names(heater_mesh, tmp_path):

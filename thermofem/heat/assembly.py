@@ -18,9 +18,10 @@ from .. import checks
 from ..checks import InputError
 from ..geometry.cross_section import CrossSection
 from ..geometry.rings import strip_ring
-from ..mesh import find_committed, load, make, mesh_for
+from ..mesh import find_committed, make, mesh_for
 from ..mesh.motion import Motion, quality
 from ..mesh.refine import refined
+from ..mesh.triangles import trusted
 from ..sizes import sizes
 from .adaptive import marked
 from .interface import split
@@ -108,7 +109,7 @@ def meshed(geometry: CrossSection, accuracy: float) -> tuple[HeatProblem, Mesh]:
     sizes(accuracy)
     committed = find_committed(geometry, accuracy)
     if committed:
-        return adapted(geometry, load(committed), accuracy)
+        return adapted(geometry, trusted(committed), accuracy)
     leader = _strip(accuracy) if _like_a_strip(geometry) else None
     found = leader and leader.follow(geometry)
     return found or adapted(geometry, make(geometry, accuracy), accuracy)
@@ -151,5 +152,5 @@ def _strip(accuracy: float) -> Leader | None:
     if accuracy not in kept:
         geometry = strip_ring()
         there = [find_committed(geometry, a) for a in COMMITTED if a <= accuracy <= COARSER * a]
-        kept[accuracy] = Leader(geometry, load(there[0]), accuracy) if there and there[0] else None
+        kept[accuracy] = Leader(geometry, trusted(there[0]), accuracy) if there and there[0] else None
     return kept[accuracy]

@@ -11,7 +11,7 @@ import numpy as np
 from ..geometry.regions import GRID
 from ..sizes import sizes
 from .generate import make
-from .triangles import Mesh, load
+from .triangles import Mesh, trusted
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
@@ -27,7 +27,7 @@ def mesh_for(geometry: CrossSection, accuracy: float) -> Mesh:
     """
     sizes(accuracy)
     committed = find_committed(geometry, accuracy)
-    return load(committed) if committed else make(geometry, accuracy)
+    return trusted(committed) if committed else make(geometry, accuracy)
 
 
 def find_committed(geometry: CrossSection, accuracy: float) -> Path | None:

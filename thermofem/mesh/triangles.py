@@ -1,4 +1,4 @@
-"""Triangles in (r, z) with named regions, and their files (those of others read through meshio)."""
+"""Triangles in (r, z) with named regions, and their files."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ from .. import checks, files
 from ..checks import InputError
 from ..display import shown
 from ..names import check_names
-from . import binary
+from . import gmsh_file
 
 KEPT = 20_000  # triangles; of more, the facets are not kept for the next mesh
 MOST = 2**53  # of an index: larger floats skip whole numbers
+LARGEST = 1e3  # m, of a coordinate
 FLAT = 1e-10  # height over longest side, of a triangle that has no area
 
 _thread = threading.local()
@@ -94,6 +95,10 @@ def check_triangles(
     check_names("region_names", names)
     if points.ndim != 2 or points.shape[1] != 2 or triangles.ndim != 2 or triangles.shape[1] != 3 or not len(triangles):
         raise InputError(f"points of shape {points.shape} and triangles of shape {triangles.shape} are no mesh")
+    if np.abs(points).max() > LARGEST:
+        raise InputError(
+            f"a point of the mesh lies at {np.abs(points).max():g} m; lengths are in m, at most {LARGEST:g}"
+        )
     if points[:, 0].min() < -1e-12 * np.abs(points).max():  # round-off of gmsh on the axis
         raise InputError(f"r = {points[:, 0].min():g} m of the mesh lies beyond the axis; r counts from the axis on")
     if triangles.min() < 0 or triangles.max() >= len(points):
@@ -127,36 +132,59 @@ def signed_areas(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> N
 
 
 def load(path: str | Path) -> Mesh:
-    """Read a mesh that `Mesh.save` or gmsh wrote: triangles whose physical groups are named.
+    """Read a mesh that `Mesh.save` or gmsh wrote: triangles in the plane z = 0 whose physical groups are named.
+
+    Formats 2.2 and 4.1, as text or binary. Clockwise triangles are turned round; points of no triangle are left out.
 
     Raises
     ------
     InputError
-        no such file, not a gmsh file, one without named groups of triangles, or triangles without area, beyond the axis
-        or with points that are not finite.
+        no such file, a damaged one, elements other than triangles, groups without names, triangles without area, beyond
+        the axis or out of the plane, and triangles that overlap or do not share the points where they meet.
     """
+    found = trusted(path)
+    try:
+        _check_plane(found)
+    except InputError as error:
+        raise _of_file(path, error) from None
+    return found
+
+
+def trusted(path: str | Path) -> Mesh:
+    """`load` of a mesh that comes with the package, whose triangles are known to cover the plane once."""
     path = files.regular(path, "mesh")
-    points, triangles, tags, named = binary.read(files.read_bytes(path, "mesh")) or _read_any(path)
-    unnamed = set(map(int, tags)) - set(named)
-    if unnamed:
-        raise InputError(f"mesh file {str(path)!r}: the physical groups {sorted(unnamed)} have no names")
+    content = files.read_bytes(path, "mesh", most=gmsh_file.LARGEST)
+    try:
+        points, triangles, tags, named = gmsh_file.read(content)
+    except InputError as error:
+        raise InputError(f"mesh file {str(path)!r} cannot be read: {error.rule}", error.hint) from None
     used = sorted(set(map(int, tags)))
     try:
+        if unnamed := set(used) - set(named):
+            raise InputError(f"the physical groups {sorted(unnamed)} have no names")
+        points = checks.numbers("points", points)
+        if np.abs(points[:, 2]).max() > 1e-12 * np.abs(points).max():
+            raise InputError("it has points out of the plane z = 0; gmsh's x and y are r and z here")
+        with np.errstate(over="ignore", invalid="ignore"):  # too far away, as `Mesh` says
+            turned = signed_areas(points, triangles) < 0
+        triangles[turned] = triangles[turned][:, ::-1]
         return Mesh(points[:, :2].copy(), triangles, np.searchsorted(used, tags), tuple(named[tag] for tag in used))
     except InputError as error:
-        raise InputError(f"mesh file {str(path)!r}: {error}") from None
+        raise _of_file(path, error) from None
 
 
-def _read_any(path: Path) -> binary.Content:
-    """The triangles of any file of gmsh."""
-    import meshio
+def _of_file(path: str | Path, error: InputError) -> InputError:
+    """The error of a mesh with the name of its file."""
+    return InputError(f"mesh file {str(path)!r}: {error.rule}", error.hint)
 
-    try:
-        mesh = meshio.gmsh.read(path)
-        blocks = [k for k, block in enumerate(mesh.cells) if block.type == "triangle"]
-        triangles = np.concatenate([mesh.cells[k].data for k in blocks]).astype(np.int64)
-        tags = np.concatenate([mesh.cell_data["gmsh:physical"][k] for k in blocks])
-        names = {int(tag): name for name, (tag, dimension) in mesh.field_data.items() if dimension == 2}
-        return binary.Content(mesh.points.astype(float), triangles, tags, names)
-    except Exception as error:  # meshio raises whatever a damaged file makes it trip over
-        raise InputError(f"mesh file {str(path)!r} cannot be read: {error or type(error).__name__}") from None
+
+def _check_plane(mesh: Mesh) -> None:
+    """InputError where triangles overlap, or meet without sharing their points: no heat would flow there."""
+    import shapely
+
+    hint = "gmsh's Coherence or BooleanFragments joins the parts"
+    if len(np.unique(mesh.points, axis=0)) < len(mesh.points):
+        raise InputError("two of its points lie at the same place, so that the triangles there are not joined", hint)
+    corners = mesh.points[mesh.triangles]
+    if not shapely.coverage_is_valid(shapely.polygons(np.concatenate([corners, corners[:, :1]], axis=1))):
+        raise InputError("its triangles overlap, or meet without sharing their points", hint)
