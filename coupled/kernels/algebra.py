@@ -47,6 +47,20 @@ def factorize(m: Array, order: NDArray[np.int64]) -> None:
 
 
 @inlined
+def follows(m: Array, order: NDArray[np.int64]) -> bool:
+    """Factorize ``m`` = 1 - h J/s or s/h - J of an implicit step; return whether det M > 0.
+
+    An L-stable step damps a mode that grows faster than it follows, and its error does not show it. Without such a mode
+    det M > 0. A step with det M < 0 counts as one without an answer, so that it becomes shorter than the growth.
+    """
+    factorize(m, order)
+    positive = True
+    for i in range(m.shape[0]):
+        positive ^= (order[i] != i) ^ (m[i, i] < 0.0)
+    return positive
+
+
+@inlined
 def solve(m: Array, order: NDArray[np.int64], x: Array) -> None:
     """Overwrite ``x`` by the solution of the factorized system."""
     n = x.size

@@ -22,7 +22,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from . import algebra, equations, kinds
-from .algebra import eliminate
+from .algebra import eliminate, follows
 from .compiling import compiled, forget_if_older, inner
 from .equations import Array, Rates, dispersion, optics, optics_jacobian
 from .kinds import rise_of
@@ -273,26 +273,31 @@ def network_pass(start: Array, Y: Array, tau: Array, T: float, ring: Ring, schem
 
 @compiled
 def full_pass(start: Array, Y: Array, tau: Array, T: float, ring: Ring, scheme: Scheme, forcing: Array) -> Any:
-    """`linearize` with all states as unknowns of an interval: for every kind of heat, at a cost like (s m)^3."""
+    """`linearize` with all states as unknowns of an interval: for every kind of heat, at a cost like (s m)^3.
+
+    The derivative is nan where heat grows faster than an interval follows (`algebra.follows`).
+    """
     intervals, s, m = Y.shape
     extra, A = 2 + forcing.shape[3], scheme.A
-    light = np.empty((intervals, s * m, m + extra))
+    light, none = np.empty((intervals, s * m, m + extra)), np.empty((0, 0, 0))
     prop = np.zeros((m, m + extra))
     for i in range(m):
         prop[i, i] = 1.0
     K, f, J = np.empty((s * m, s * m)), np.empty((s, m)), np.empty((s, m, m))
-    size = 0.0
+    heat, one, order, own, size = np.empty((m - 3, m - 3)), np.eye(m - 3), np.empty(m - 3, np.int64), 0.0, 0.0
+    for value in scheme.eigenvalue:
+        own = value.real if abs(value.imag) < 1e-9 else own  # the real one
     for k in range(intervals):
         h = T * (tau[k + 1] - tau[k])
         begin = start if k == 0 else Y[k - 1, s - 1]
         right = np.zeros((s * m, m + extra))
         for j in range(s):
-            rate = equations.right_hand_side(Y[k, j], ring.pump, ring.detuning, ring.rates, ring.fcd, ring.thermal)
-            slope = equations.jacobian(Y[k, j], ring.detuning, ring.rates, ring.fcd, ring.thermal)
-            for a in range(m):
-                f[j, a] = rate[a]
-                for b in range(m):
-                    J[j, a, b] = slope[a, b]
+            f[j] = equations.right_hand_side(Y[k, j], ring.pump, ring.detuning, ring.rates, ring.fcd, ring.thermal)
+            J[j] = equations.jacobian(Y[k, j], ring.detuning, ring.rates, ring.fcd, ring.thermal)
+            heat[:] = one - h * own * J[j, 3:, 3:]
+            if not follows(heat, order):
+                prop[:] = np.nan  # no step of Newton's method
+                return prop, Intervals(light, none, none, none, none), size
         for j in range(s):
             for a in range(m):
                 row, residual, turn = m * j + a, begin[a] - Y[k, j, a], 0.0
@@ -319,7 +324,6 @@ def full_pass(start: Array, Y: Array, tau: Array, T: float, ring: Ring, scheme: 
             for col in range(m, m + extra):
                 following[a, col] += solved[last + a, col]
         prop = following
-    none = np.empty((0, 0, 0))
     return prop, Intervals(light, none, none, none, none), size
 
 

@@ -5,8 +5,7 @@ With s = 1/(gamma h) and heat eliminated, what is left is a 3 x 3 system, as for
     k_x = M^-1 (r_x + b (w.k_o)),        M = s - A - 2 H[x, .] - G P,    b = G x + B,    w = d(P_abs)/d(Re a, Im a, N)
     (s - J_o - (C M^-1 b) u w^T) k_o = r_o + u C M^-1 r_x,               u = d(optics)/d(dT)
 
-An L-stable step damps a mode that grows faster than s, and its error does not show it. Without such a mode det M > 0;
-a step with det M < 0 counts as one without an answer, so that the step becomes shorter than the growth.
+A step whose heat grows faster than s has no answer (`algebra.follows`).
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .algebra import factorize, inverse, solve
+from .algebra import follows, inverse, solve
 from .compiling import compiled
 from .equations import Array, Rates, absorbed_power, dispersion, optics, optics_jacobian
 from .kinds import QuadraticHeat, flow
@@ -45,11 +44,7 @@ def step(
             for m in range(n):
                 matrix[i, j] -= 2.0 * thermal.H[i, j, m] * y[3 + m]
         matrix[i, i] += s
-    factorize(matrix, order)
-    followed = True  # the sign of det M
-    for i in range(n):
-        followed ^= (order[i] != i) ^ (matrix[i, i] < 0.0)
-    if not followed:
+    if not follows(matrix, order):
         k[stages - 1, 0] = np.nan
         return start, start
     solve(matrix, order, b)

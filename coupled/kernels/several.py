@@ -21,11 +21,12 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba.extending import overload
 from numpy.typing import NDArray
 
 from . import algebra, equations, kinds
-from .algebra import factorize, solve
-from .compiling import compiled, forget_if_older, inlined, inner
+from .algebra import factorize, follows, solve
+from .compiling import OPTIONS, compiled, forget_if_older, inlined, inner
 from .control import DONE, STEP_TOO_SMALL, STOPPED, TOO_MANY_STEPS, dense_output, doubled, tally
 from .equations import Array, Rates, dispersion
 from .kinds import flow, read, rise_of, spread, weigh
@@ -167,6 +168,21 @@ def jacobian(y: Array, n: int, d: Array, modes: Array, rates: Rates, fcd: Array,
             out[i, j] = block[i, j]
 
 
+def _follows(M: Array, n: int, thermal: Any) -> Any:
+    """Return whether heat alone grows no faster than a step with the matrix ``M`` follows; `algebra.follows`."""
+
+
+@overload(_follows, jit_options=OPTIONS, strict=False)
+def _follows_of(M: Any, n: Any, thermal: Any) -> Any:
+    def network(M: Array, n: int, thermal: Any) -> bool:
+        return True
+
+    def full(M: Array, n: int, thermal: Any) -> bool:
+        return follows(M[3 : 3 + n, 3 : 3 + n].copy(), np.empty(n, np.int64))
+
+    return kinds.chosen(thermal, network, full)
+
+
 @compiled
 def integrate(
     y: Array, n: int, lasers: Lasers, modes: Array, rates: Rates, fcd: Array, thermal: Any, method: Tableau,
@@ -217,6 +233,7 @@ def integrate(
                 for j in range(size):
                     J[i, j] = -J[i, j]
                 J[i, i] += per_h / method.gamma
+            followed = _follows(J, n, thermal)
             factorize(J, order)
             for q in range(stages):
                 for i in range(size):
@@ -239,7 +256,7 @@ def integrate(
                     k[q, i] = f0[i]
             for i in range(size):
                 out[i] = at[i] + k[stages - 1, i]
-            error = _error(y, out, k, n, fields, rtol, floor, thermal)
+            error = _error(y, out, k, n, fields, rtol, floor, thermal) if followed else math.inf
             if not error <= 1.0:
                 rejected += 1
                 h *= max(0.2, 0.9 * error ** (-1.0 / method.order)) if error < math.inf else 0.2

@@ -16,7 +16,7 @@ from coupled import Method
 from coupled.kernels import equations as eq
 from coupled.kernels import quadratic, rosenbrock
 from coupled.kernels.tableaus import tableau
-from coupled.runs import window
+from coupled.runs import lasers, window
 from coupled.thermal import compact
 
 MAPPED = th.OutputMap(SECOND_ORDER, -4e-3)
@@ -163,6 +163,27 @@ def test_heat_that_grows_within_a_step_is_not_damped(G, monkeypatch):
     away = th.Quadratic(FAST, np.zeros((2, 2, 2)), np.full((2, 2), G), 1e9 * np.ones(2), np.ones(2))
     with pytest.raises(th.InputError, match=r"no step small enough|takes more than"):
         coupled.simulate(RING, away, power=1e-4, duration=1e-10)
+
+
+@pytest.mark.parametrize("G", [1e26, 1e30])
+def test_heat_that_grows_within_a_step_is_not_damped_beside_several_lasers(G, monkeypatch):
+    monkeypatch.setattr(lasers, "MAX_STEPS", 100_000)
+    away = th.Quadratic(FAST, np.zeros((2, 2, 2)), np.full((2, 2), G), 1e9 * np.ones(2), np.ones(2))
+    with pytest.raises(th.InputError, match=r"no step small enough|takes more than"):
+        coupled.simulate(RING, away, power=1e-4, duration=1e-10, lasers=coupled.Laser(1e-6, -2e9))
+
+
+def test_no_cycle_damps_heat_that_grows_within_an_interval():
+    """A third mode that grows at 3e11 1/s: Newton's method gave a stable cycle, on which it rests at -B/G."""
+
+    def with_third(gain: float) -> th.Quadratic:
+        rate = np.array([*1 / SECOND_ORDER.tau, 1e9])
+        G, B = np.diag([0, 0, gain]), np.array([*SECOND_ORDER.gain, 1e6])
+        return th.Quadratic(-np.diag(rate), np.zeros((3, 3, 3)), G, B, np.ones(3))
+
+    cycle = coupled.limit_cycle(RING, with_third(0.0), power=6.31e-3)
+    with pytest.raises(th.InputError, match="near the one given as guess"):
+        coupled.limit_cycle(RING, with_third(1e14), power=6.31e-3, guess=cycle)
 
 
 def test_heat_whose_loss_outweighs_all_else_rests_where_gain_and_loss_balance():
