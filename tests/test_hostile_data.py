@@ -34,6 +34,34 @@ def test_data_damaged_in_one_place_are_a_result_or_one_line():
     assert tried > 80
 
 
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("wave", [STEP, th.Pulse(1e-3, 2e-6), th.SquareWave(1e-3, 1e-6, 0.5)])
+def test_what_contradicts_its_own_values_is_refused_or_noted(wave, seed, tmp_path):
+    """Valid ranges were ignored, a time that begins late gave another model, twice the resistance a slower pole."""
+    data = th.dataset.build(TIMES, MODEL.response(wave, TIMES), wave)
+    assert not surrogate.fit_spectrum(data).notes
+    for what, odd in hostile.contradicting(data, seed):
+        found = says_one_line(lambda odd=odd: surrogate.fit_spectrum(odd))
+        assert found is None or found.notes, what
+
+
+def test_a_valid_range_is_that_of_the_stored_numbers(tmp_path):
+    """Packed data: the range counts whole numbers as stored, another one counts K, and goes with the unit."""
+    odd = DATA.copy(deep=True)
+    odd["delta_T"].encoding = {"dtype": "int16", "scale_factor": 1e-3, "_FillValue": -32768}
+    highest = float(odd["delta_T"].max())
+    for limit, refused in ((np.int16(6000), True), (np.int16(7000), False), (6.0, True), (highest + 0.1, False)):
+        odd["delta_T"].attrs["valid_max"] = limit
+        odd.to_netcdf(tmp_path / "packed.nc", engine="h5netcdf")
+        found = says_one_line(lambda: th.load(tmp_path / "packed.nc"))
+        assert (found is None) == refused, limit
+    odd = DATA.copy(deep=True)
+    odd["time"] = ("time", TIMES * 1e6, {"units": "us", "valid_max": 5.0})
+    assert th.dataset.response_of(odd).times[-1] == pytest.approx(TIMES[-1], rel=1e-12)
+    odd.to_netcdf(tmp_path / "us.nc", engine="h5netcdf")
+    assert "valid_max" not in th.load(tmp_path / "us.nc")["time"].attrs
+
+
 @pytest.mark.parametrize("other", ["text", "records", "arrays", "one nan", "nan"])
 def test_power_that_is_no_number_is_refused_beside_a_waveform(other):
     damaged = DATA.assign(power=("time", hostile.VARIABLE_DAMAGE[other](DATA["power"].values)))

@@ -30,7 +30,8 @@ DAMAGE = (ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, T
 OPEN: dict[str, Any] = {"decode_times": False, "decode_timedelta": False, "phony_dims": "sort"}  # for open_dataset
 HASH = "content_hash"  # attribute of the files that `dataset.save` writes
 _HASHED = ("kind", "heated", "read", "waveform", "thermal_resistance", "thermal_resistances")  # attributes
-ENCODED = {"missing_value", "scale_factor", "add_offset", "calendar"}  # attributes that change values
+VALID = ("valid_min", "valid_max", "valid_range")  # attributes; what lies outside is missing by CF's convention
+ENCODED = {"missing_value", "scale_factor", "add_offset", "calendar", *VALID}  # attributes that change values
 _PREFIXES = ("time_", "power_", "delta_T_")  # of a campaign: DRIVE follows
 
 
@@ -126,11 +127,13 @@ def packed(data: xr.Dataset) -> bool:
 def in_si(data: xr.Dataset) -> xr.Dataset:
     """The Dataset with every known variable in the unit of `quantity.VARIABLES`; no unit counts as that unit.
 
-    Raises InputError: a unit that is no text, unknown, or of another dimension.
+    Raises InputError: a unit that is no text, unknown, or of another dimension; values that the file calls missing.
     """
     changed = {}
     for name, variable in data.variables.items():
         field = _field(str(name))
+        if field is not None:
+            _check_valid(str(name), variable)
         given = variable.attrs.get("units")
         odd = _misnamed(variable.attrs)
         if field is not None and odd is not None:
@@ -146,9 +149,35 @@ def in_si(data: xr.Dataset) -> xr.Dataset:
                 raise InputError(f"variable {name!r} states the unit {given!r}; {field.unit} is needed")
             continue
         offset, factor = _line(given, field, str(name))
-        attributes = {**variable.attrs, "units": field.unit}
+        attributes = {key: value for key, value in variable.attrs.items() if key not in VALID}
+        attributes["units"] = field.unit
         changed[name] = (variable.dims, offset + factor * np.asarray(variable.values, dtype=float), attributes)
     return data.assign(changed) if changed else data
+
+
+def _check_valid(name: str, variable: Any) -> None:
+    """InputError where a value is one that the attributes of its variable call missing, or outside its valid range.
+
+    xarray has made nan of ``missing_value`` in a file that it read, and has scaled values but not their valid range.
+    """
+    values, attrs = variable.values, variable.attrs
+    given = {key: np.ravel(attrs[key]) for key in (*VALID, "missing_value", "_FillValue") if key in attrs}
+    if not given or values.dtype.kind not in "fiu":
+        return
+    for key, limit in given.items():
+        if limit.dtype.kind not in "fiu" or (key in VALID and limit.size != 1 + (key == "valid_range")):
+            raise InputError(f"variable {name!r} has {key} = {shown(attrs[key])}, which is no number or range")
+        if key in VALID and limit.dtype.kind in "iu" and "scale_factor" in variable.encoding:
+            scale, offset = (float(variable.encoding.get(k, d)) for k, d in (("scale_factor", 1), ("add_offset", 0)))
+            limit = limit * scale + offset
+        low = limit[0] if key in ("valid_min", "valid_range") else -np.inf
+        high = limit[-1] if key in ("valid_max", "valid_range") else np.inf
+        missing = (values < low) | (values > high) if key in VALID else np.isin(values, limit)
+        if np.any(missing):
+            raise InputError(
+                f"variable {name!r} holds {values[missing][0]:g}, which its {key} = {shown(attrs[key])} calls missing; "
+                "leave such samples out"
+            )
 
 
 def says_si(name: str, attrs: Mapping[str, Any]) -> bool:

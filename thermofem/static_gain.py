@@ -1,11 +1,12 @@
 """The thermal resistance that a Dataset states, held against its own temperatures.
 
 A Dataset that was scaled, shifted or stored in another unit contradicts the ``thermal_resistance`` beside it. Where
-no property depends on temperature, three things hold for every geometry and every part that is read:
+no property depends on temperature, these hold for every geometry, the last where the heated part is read:
 
     the step response rises from 0 to R_th, so that     dT(t) <= R_th max P
     over one period of a periodic state                 mean dT = R_th mean P
     before any heat                                     dT = 0
+    the step response of a heated part is concave       dT(t0) >= dT(t) t0 / t under constant power, t0 < t
 
 What is left after a settled step has no such bound: a pole much slower than the record is possible. It is noted.
 """
@@ -55,6 +56,8 @@ def contradictions(data: xr.Dataset, wave: Waveform, times: Array, rise: Array, 
     noise = SIGMAS * float(np.median(np.abs(np.diff(rise, 2)))) / (0.6745 * np.sqrt(6)) if rise.size > 4 else 0.0
     R = static_gain(data)
     notes = [] if periodic else _before_heat(wave, times, rise, noise + _rtol(data) * swing)
+    if not periodic and data.attrs.get("heated") in (None, data.attrs.get("read")):
+        notes += _cold(wave, times, rise, noise + _rtol(data) * swing)
     if R is None or _varies(data):
         return tuple(notes)
     pieces = cubic_pieces(wave, float(times[0]), float(times[-1]))
@@ -85,6 +88,32 @@ def _before_heat(wave: Waveform, times: Array, rise: Array, tolerance: float) ->
     if offset <= max(tolerance, 0.01 * float(np.ptp(rise))):
         return []
     return [f"delta_T is {first[np.argmax(np.abs(first))]:.4g} K before any heat, 0 K is at rest; {WRONG}"]
+
+
+def _cold(wave: Waveform, times: Array, rise: Array, tolerance: float) -> list[str]:
+    """A sentence where a heated part is colder at the first sample than the power before it allows.
+
+    Under constant power, and from period to period, the rise from rest is concave in time.
+    """
+    first, period = float(times[0]), wave.period
+    if first <= 0:
+        return []
+    if period is None or first < period:
+        try:
+            low, high = ends(cubic_pieces(wave, 0.0, first))[0], ends(cubic_pieces(wave, 0.0, float(times[-1])))[1]
+        except InputError:  # samples of the power that begin later say nothing about the time before
+            return []
+        due = float(np.max(rise * (first / times))) * (max(low, 0.0) / high if high > 0 else 0.0)
+    else:
+        before = first // period
+        later = np.arange(1, min(1000, (times[-1] - first) // period + 1))
+        due = float(np.max(np.interp(first + later * period, times, rise) * before / (before + later), initial=0))
+    if rise[0] >= 0.5 * due - tolerance:
+        return []
+    return [
+        f"delta_T is {rise[0]:.4g} K at the first sample, {first:.3g} s after the power set in, which heats to at "
+        f"least {due:.4g} K by then: does time begin where the power does?"
+    ]
 
 
 def _settled(wave: Waveform, times: Array, rise: Array, R: float, tolerance: float) -> list[str]:

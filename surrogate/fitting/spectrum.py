@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thermofem import Foster, checks
+from thermofem.arrays import Array
 
 from .fit import Fit, Training
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 MARGIN = 10.0  # the grid reaches this factor beyond the times that the data show
+SLOW, BEYOND = 3.0, 0.1  # share of the resistance in poles so many times slower than the data that is worth a note
 
 
 def fit_spectrum(
@@ -75,6 +77,17 @@ def fit_spectrum(
         residual=float(np.sqrt(np.mean((misfit / problem.weight) ** 2))),
         relative_residual=float(np.sqrt(np.mean(misfit**2))),
         training=training.names,
-        notes=training.doubts,
+        notes=(*training.doubts, *_beyond(R, tau[kept], longest)),
         geometry=training.geometry,
     )
+
+
+def _beyond(R: Array, tau: Array, longest: float) -> list[str]:
+    """A sentence where much of the thermal resistance lies in poles that the data are too short to show."""
+    share = float(R[tau > SLOW * longest].sum() / R.sum())
+    if share <= BEYOND:
+        return []
+    return [
+        f"{share:.0%} of the thermal resistance lies in poles slower than {SLOW * longest:.3g} s, which the data are "
+        "too short to show: only the stated thermal_resistance says so"
+    ]

@@ -204,6 +204,31 @@ $EndElements
 """
 
 
+def contradicting(data: Any, seed: int = 0) -> Iterator[tuple[str, Any]]:
+    """Copies of a Dataset of a part heated from rest, in K over s, whose time or attributes contradict its values.
+
+    Each is refused, or carries a note.
+    """
+    pick = random.Random(seed)
+    end, top = float(data["time"][-1]), float(data["delta_T"].max())
+    for _ in range(4):
+        offset = end * 10 ** pick.uniform(-2, 1)
+        yield f"{offset:g} s late", data.assign_coords(time=("time", data["time"].values + offset, data["time"].attrs))
+        factor = 10 ** pick.uniform(0.3, 4)
+        gain = top / float(data["power"].max())
+        yield f"{factor:g} times the resistance", data.assign_attrs(thermal_resistance=factor * gain)
+        yield f"a {factor:g}th of the resistance", data.assign_attrs(thermal_resistance=gain / factor)
+    for name in ("delta_T", "time", "power"):
+        value = float(data[name].max())
+        for key, limit in {
+            "valid_min": value * 1.01, "valid_max": value * 0.99, "valid_range": [-1.0, value * 0.99],
+            "missing_value": value, "_FillValue": value, "valid_range ": "x",
+        }.items():  # fmt: skip
+            odd = data.copy(deep=True)
+            odd[name].attrs[key.strip()] = limit
+            yield f"{name}: {key} = {limit}", odd
+
+
 def meshes() -> dict[str, bytes]:
     """Files of gmsh that are valid: two squares in the plane, the second one half cut away."""
     formats = {  # of the numbers of each line of 4.1: int, size_t, double; the last letter goes on
