@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import skfem
+from scipy.signal import lfilter
 
 import thermofem as th
 
@@ -76,3 +77,9 @@ def geometries(count):
             "k_oxide": rng.uniform(0.9, 1.5),
             "smallest": 0.3,
         }
+
+
+def autoregressive(rng, rho, count):
+    """Noise of unit variance, AR(1): the correlation of samples k apart is rho^k."""
+    drawn = rng.standard_normal(count if rho == 0 else 200 + count)
+    return lfilter([np.sqrt(1 - rho**2)], [1, -rho], drawn)[-count:]

@@ -50,8 +50,8 @@ class Fit(HasModel):
     parameters : dict of float
         in SI, by name.
     standard_errors : dict of float
-        one standard deviation of each parameter, from the Jacobian and the residual's variance, for noise that is
-        independent from sample to sample. Noise correlated over n samples moves the parameters sqrt(n) times as much.
+        one standard deviation of each parameter, from the Jacobian, the residual's variance and its autocorrelation,
+        which a trace of fewer than 50 samples does not show: there noise counts as independent from sample to sample.
     correlations : array, shape (parameters, parameters)
         in the order of ``parameters``.
     residual : float, K

@@ -22,9 +22,12 @@ from thermofem.algebra.poles import pole_responses
 from thermofem.arrays import Array
 from thermofem.dataset import Response
 
+from .correlated import correlated
+
 STATIC_WEIGHT = 1e3  # of the static-gain row over all samples together; the last 1e-6 are rescaled away
 STEP = 1e-6  # in ln(rate), of the difference quotient of a column: square root of round-off
 UNSEEN = 1e3  # times their span after the last change of the power, samples show nothing of its heat
+CUT = 3e-8  # of the largest singular value, below which a direction counts as not there: square root of round-off
 SCANNED = 3  # up to this order all sets of grid rates are tried for the start; beyond, log-spaced starts
 
 
@@ -34,7 +37,7 @@ class Optimum:
 
     log_rate [shape (n,)]
     gain [shape (n,), K/J]
-    covariance [shape (2n, 2n)]: of (log_rate, gain), from the Jacobian and the residual's variance.
+    covariance [shape (2n, 2n)]: of (log_rate, gain), from the Jacobian, the residual's variance and autocorrelation.
     residual [K]: rms over all samples.
     relative_residual: rms of residual over swing.
     """
@@ -190,7 +193,11 @@ def _conclude(problem: FitProblem, log_rate: Array) -> Optimum:
     scale[scale == 0] = 1.0  # a pole without gain: its rate has no effect
     unknowns = 2 * log_rate.size - (problem.thermal_resistance is not None)
     freedom = max(misfit.size - unknowns, 1)
-    inverse = np.linalg.pinv((jacobian / scale).T @ (jacobian / scale), hermitian=True) / np.outer(scale, scale)
+    U, size, Vt = np.linalg.svd(jacobian / scale, full_matrices=False)
+    seen = size > CUT * size[0]
+    back = Vt[seen].T / size[seen] / scale[:, None]
+    ends = np.cumsum([d.rise.size for d in problem.responses])[:-1]
+    inverse = back @ correlated(np.split(misfit, ends), U[:, seen]) @ back.T
     return Optimum(
         log_rate=log_rate,
         gain=gain,

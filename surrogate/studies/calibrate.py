@@ -15,6 +15,7 @@ from thermofem.display import shown
 
 from ..family import Certified, Family
 from ..family.box import Box
+from ..fitting.correlated import correlated
 from .search import Ranges, family_over, inside
 
 if TYPE_CHECKING:
@@ -82,7 +83,8 @@ def calibrate(
         min over the box of sum over samples of (delta_T(t; p) - measured)^2/noise^2,    covariance = noise^2 (J^T J)^-1
 
     by Gauss-Newton (trust region with bounds, SciPy) from several starts, on the derivatives of a family's members with
-    respect to its parameters.
+    respect to its parameters. This covariance is that of independent noise; where the residuals of a trace of 50
+    samples or more are correlated, it is that of noise with their autocorrelation.
 
     Parameters
     ----------
@@ -141,7 +143,8 @@ def calibrate(
     x, left = np.asarray(best.x), np.asarray(best.fun)
     freedom = measured.size - len(low)
     variance = 1.0 if noise is not None else float(left @ left) / freedom
-    covariance, unseen = _covariance(jacobian(x), variance, family.names)
+    parts = np.split(left, np.cumsum([d.rise.size for d in responses])[:-1])
+    covariance, unseen = _covariance(jacobian(x), variance, parts, family.names)
     found = values_of(x)
     slope = _slope(span, x)
     errors = np.sqrt(np.diag(covariance)) * slope
@@ -197,13 +200,16 @@ def _bounds(family: Family, free: Ranges | None) -> tuple[Array, Array]:
     return low, high
 
 
-def _covariance(J: Array, variance: float, names: Sequence[str]) -> tuple[Array, tuple[str, ...]]:
+def _covariance(
+    J: Array, variance: float, residuals: Sequence[Array], names: Sequence[str]
+) -> tuple[Array, tuple[str, ...]]:
     """Covariance in shares of the ranges, and the combinations whose standard error exceeds `BLIND`."""
-    _, s, vt = np.linalg.svd(J, full_matrices=False)
+    u, s, vt = np.linalg.svd(J, full_matrices=False)
     size = np.sqrt(variance) / np.maximum(s, 1e-12 * s[0] if s[0] > 0 else 1e-300)
-    covariance = (vt.T * size**2) @ vt
+    noise = correlated(residuals, u)
+    covariance = (vt.T * size) @ noise @ (vt.T * size).T
     unseen = []
-    for error, direction in zip(size, vt, strict=True):
+    for error, direction in zip(size * np.sqrt(noise.diagonal()), vt, strict=True):
         if error > BLIND:
             direction = direction * np.sign(direction[np.abs(direction).argmax()])
             terms = [f"{value:+.2f} {name}" for name, value in zip(names, direction, strict=True) if abs(value) > 0.1]

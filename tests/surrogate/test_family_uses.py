@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy import stats
+from surrogate_systems import autoregressive
 from test_family import rings
 
 import coupled
@@ -108,23 +109,25 @@ def test_a_distribution_that_is_none_is_refused(family, ppf):
         surrogate.uncertainty(family, {"width": Drawn(ppf)}, samples=2)
 
 
-def synthetic(family: surrogate.Family, truth: dict[str, float], noise: float, seed: int):
-    times = np.append(0.0, np.geomspace(2e-9, 50e-6, 150))
+def synthetic(family: surrogate.Family, truth: dict[str, float], noise: float, seed: int, rho: float = 0.0):
+    times = np.append(0.0, np.geomspace(2e-9, 50e-6, 1500 if rho else 150))
     rise = 1e-3 * family.model(**truth).step_response(times)
-    rise = rise + noise * np.random.default_rng(seed).standard_normal(times.size)
+    rise = rise + noise * autoregressive(np.random.default_rng(seed), rho, times.size)
     return th.dataset.build(times, rise, th.Constant(1e-3))
 
 
 @pytest.mark.slow
-def test_calibration_recovers_the_truth_with_honest_errors(family):
+@pytest.mark.parametrize("rho", [0.0, 0.9])
+def test_calibration_recovers_the_truth_with_honest_errors(family, rho):
     truth = {"radius": 6.2e-6, "width": 470e-9, "box": 2.2e-6}
     pulls, chi = [], []
     for seed in range(12):
-        found = surrogate.calibrate(family, synthetic(family, truth, 0.01, seed), noise=0.01)
+        found = surrogate.calibrate(family, synthetic(family, truth, 0.01, seed, rho), noise=0.01)
         pulls += [(found.values[name] - truth[name]) / found.standard_errors[name] for name in truth]
         chi.append(found.reduced_chi_square)
     # 36 pulls of unit variance, 12 independent triples: their mean square within 1 +- 3 sqrt(2/36)
     assert 0.3 < np.mean(np.square(pulls)) < 1.7
+    # of 148 degrees of freedom; 1500 samples of correlation .9 count as 1500 (1 - .9^2)/(1 + .9^2) = 157
     assert abs(np.mean(chi) - 1) < 4 * np.sqrt(2 / 148 / 12)
 
 
