@@ -100,10 +100,13 @@ def test_calibrate(folder):
         (("design", "{}/family.json", "--resistance", "9000 K/W", "--fix", "radius=7 um"), "is unknown"),
         (("uncertainty", "{}/family.json", "--spread", "box=2 um"), "needs a mean and a standard deviation"),
         (
-            ("uncertainty", "{}/family.json", "--spread", "box=2 um,1 nm", "--optics", "bus_rate=1"),
+            ("uncertainty", "{}/family.json", "--spread", "box=2 um,1 nm", "--period", "--optics", "bus_rate=1"),
             "not of the form NUMBER/PARAMETER=SLOPE",
         ),
-        (("uncertainty", "{}/family.json", "--spread", "box=2 um,1 nm", "--optics", "bus/box=1"), "did you mean"),
+        (
+            ("uncertainty", "{}/family.json", "--spread", "box=2 um,1 nm", "--period", "--optics", "bus/box=1"),
+            "did you mean",
+        ),
         (
             ("uncertainty", "{}/family.json", "--spread", "box=2 um,1 nm", "--fix", "box=2 um"),
             "--fix and --spread are both given for 'box'",

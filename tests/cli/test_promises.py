@@ -17,6 +17,7 @@ from commands import thermofem
 import surrogate
 import thermofem as th
 from thermofem import cli
+from thermofem.campaign.store import ResultStore
 from thermofem.cli.apart import OUTPUTS, check_apart
 from thermofem.cli.used import USED
 from thermofem.cli.values import assigned
@@ -226,3 +227,56 @@ def test_a_campaign_does_not_write_over_its_own_file(name, folder):
     done = thermofem("campaign", f"made/{name}", "-o", "made", cwd=folder)
     assert (done.returncode, done.stderr.count("\n"), "another name" in done.stderr) == (2, 1, True), done.stderr
     assert [path.read_text() for path in (folder / "made").iterdir()] == [text]
+
+
+@pytest.mark.parametrize("name", ["plan.json", "index.nc", "training.nc", "results.sha256"])
+def test_a_campaign_writes_over_no_file_of_others(name, folder):
+    """The base geometry was called plan.json, in the folder of the results: the list of geometries replaced it."""
+    (folder / "made").mkdir()
+    text = (folder / "strip.toml").read_text()
+    (folder / "made" / name).write_text(text)
+    vary = '[[vary]]\npath = "layer.box.thickness"\nfrom = "1.9 um"\nto = "2 um"\ncount = 2\n'
+    (folder / "plan.toml").write_text(f'geometry = "made/{name}"\n{vary}[[drive]]\npower = "1 mW"\n')
+    done = thermofem("campaign", "plan.toml", "-o", "made", cwd=folder)
+    assert done.returncode == 2
+    assert done.stderr.endswith(f"made/{name} is no file of a campaign; move it, or take another folder\n"), done.stderr
+    assert (folder / "made" / name).read_text() == text
+
+
+def test_a_plan_that_was_damaged_is_written_again(folder):
+    store = ResultStore(folder / "made")
+    with store.opened():
+        for content in (b"", b"\0\xff{", b'{"name": "x", "cas', b'{"cases": []}'):
+            store.plan.write_bytes(content)
+            store.check_ours()
+        for content in (b'{"a": 1}', b"[1, 2]", b'a = "x"'):
+            store.plan.write_bytes(content)
+            with pytest.raises(th.InputError, match="is no file of a campaign"):
+                store.check_ours()
+
+
+@pytest.mark.parametrize("option", [["--pulse", "2 us"], ["--square", "9 us"]])
+def test_a_drive_that_the_run_cuts_off_is_noted(option, folder):
+    """A pulse that outlasts the run gave the data of a step without a word."""
+    for duration, said in (("1 us", True), ("4 us", False)):
+        done = thermofem("solve", *option, "--duration", duration, "--samples", "5", cwd=folder)
+        assert done.returncode == 0, done.stderr
+        assert ("is that of a step" in done.stdout + done.stderr) == said
+
+
+@pytest.mark.parametrize(
+    "option", [["--heater", "core=1 mW pulse 1 us at 20 ns"], ["--modulate", "1 mW pulse 1 us at 10 ns"],
+               ["--laser", "1 mW pulse 1 us at 1 s, 0 GHz"]]
+)  # fmt: skip
+def test_a_pulse_after_the_run_is_refused(option, folder):
+    surrogate.save_model(th.Foster(R=[5e3], tau=[1e-6]), folder / "model.json")
+    done = thermofem("simulate", "model.json", "--duration", "10 ns", *option, cwd=folder)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "begins after the run of 10 ns" in done.stderr
+
+
+def test_optics_without_light_are_refused(folder):
+    for command, more in (("design", ["--resistance", "9000 K/W"]), ("uncertainty", ["--spread", "box=2 um,1 nm"])):
+        done = thermofem(command, "ring.family", *more, "--optics", "bus_rate/box=-1e17", cwd=folder)
+        assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+        assert "--optics bus_rate/box=-1e17 goes with --period" in done.stderr

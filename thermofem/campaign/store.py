@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .. import files, waveforms
+from .. import files, trees, waveforms
 from ..checks import InputError
 from ..files import make_folder, write_whole
 from .plan_file import check_plan
@@ -136,8 +136,18 @@ class ResultStore:
         except (InputError, KeyError, TypeError):
             return ""
 
+    def check_ours(self) -> None:
+        """InputError where a file of the folder has a name that a campaign writes and no campaign wrote it."""
+        ours = {".lock"}
+        with contextlib.suppress(FileNotFoundError):
+            ours = {*WRITTEN} - ({self.plan.name} if _of_others(self.plan.read_bytes()) else set())
+        for name in WRITTEN:
+            if name not in ours and (self.directory / name).exists():
+                raise InputError(f"{self.directory / name} is no file of a campaign; move it, or take another folder")
+
     def write_plan(self, campaign: Campaign, cases: list[Case]) -> None:
-        """Write the plan of the campaign into its folder."""
+        """Write the plan of the campaign into its folder; InputError where that holds files of others."""
+        self.check_ours()
         plan = {
             "name": campaign.name,
             "geometry": campaign.geometry,
@@ -158,6 +168,15 @@ class ResultStore:
             return check_plan(files.read_json(self.plan, "plan"))
         except InputError as error:
             raise InputError(f"{self.plan} cannot be read: {error}") from None
+
+
+def _of_others(content: bytes) -> bool:
+    """Whether a plan.json is another file, such as a geometry; a plan that was damaged is written again."""
+    for read in (trees.from_json, trees.from_toml):
+        with contextlib.suppress(InputError):
+            tree = read(content.decode("utf-8", "replace"))
+            return bool(content.strip()) and not (isinstance(tree, dict) and "cases" in tree)
+    return False
 
 
 def write_file(path: Path, content: bytes) -> None:

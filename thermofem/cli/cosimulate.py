@@ -58,7 +58,7 @@ def cosimulate(
         "power": quantity.not_negative(power, "W", name="--power"),
         "detuning": quantity.parse(detuning, "Hz", name="--detuning"),
         "max_discrepancy": quantity.positive_rise(max_discrepancy, name="--max-discrepancy"),
-        "heaters": heaters(heater or []),
+        "heaters": heaters(heater or [], length),
         "field_times": times_of(field_times or []),
         "predictor": _predictor(predictor, model_file),
     }

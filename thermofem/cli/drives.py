@@ -8,6 +8,7 @@ AMOUNT sine FREQUENCY               AMOUNT sin(2 pi FREQUENCY t)
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -33,10 +34,10 @@ PAIR = re.compile(r"([-+\d.eE]+\s*[^\s\d,]+)\s+([-+\d.eE]+\s*\S+)")
 FORMS = "AMOUNT, AMOUNT square PERIOD [duty SHARE], AMOUNT pulse WIDTH [at START] or AMOUNT sine FREQUENCY"
 
 
-def heaters(texts: list[str]) -> dict[str, Any]:
-    """Powers of heaters: numbers where constant, else waveforms."""
+def heaters(texts: list[str], duration: float = math.inf) -> dict[str, Any]:
+    """Powers of heaters in a run of some duration: numbers where constant, else waveforms."""
     given = assigned("--heater", texts, "heater=5 mW")
-    return {name: varying("--heater", power, "W") for name, power in given.items()}
+    return {name: varying("--heater", power, "W", duration) for name, power in given.items()}
 
 
 def steady_heaters(texts: list[str]) -> dict[str, float]:
@@ -75,13 +76,13 @@ def light(
         found[swept] = coupled.Sweep([duration * k / (len(values) - 1) for k in range(len(values))], values)
     for text in modulate:
         name = kind("--modulate", text)
-        added = varying("--modulate", text, "Hz" if name == "detuning" else "W")
+        added = varying("--modulate", text, "Hz" if name == "detuning" else "W", duration)
         found[name] = [*(found[name] if isinstance(found[name], list) else [found[name]]), added]
     return found, swept
 
 
-def lasers(texts: list[str], ring: RingResonator) -> list[Laser]:
-    """Further lasers, of constant or varying power.
+def lasers(texts: list[str], ring: RingResonator, duration: float = math.inf) -> list[Laser]:
+    """Further lasers, of constant or varying power, in a run of some duration.
 
     Raises InputError: a text of another form, a quantity with another unit, or a resonance that is not above 0 Hz.
     """
@@ -97,7 +98,7 @@ def lasers(texts: list[str], ring: RingResonator) -> list[Laser]:
                 "'1 mW pulse 10 ns, -5 GHz on 1.5 THz'"
             )
         at = replace(ring, frequency=ring.frequency + detuning_of(offset, ring, "--laser")) if on else None
-        power = varying("--laser", pair[0].strip(), "W")
+        power = varying("--laser", pair[0].strip(), "W", duration)
         found.append(Laser(power, detuning_of(pair[1].strip(), at or ring, "--laser"), at))
     return found
 
@@ -123,10 +124,11 @@ def _split(text: str) -> tuple[str, str, str]:
     return text.strip(), "", ""
 
 
-def varying(option: str, text: str, unit: str) -> Any:
+def varying(option: str, text: str, unit: str, duration: float = math.inf) -> Any:
     """A number, or a function of time, in W or Hz.
 
-    Raises InputError: a text of another form, or a quantity with another unit or out of range.
+    Raises InputError: a text of another form, a quantity with another unit or out of range, or a pulse that begins when
+        the run of ``duration`` in s is over.
     """
     from ..waveforms import Function, Pulse, SquareWave
 
@@ -145,6 +147,8 @@ def varying(option: str, text: str, unit: str) -> Any:
     length = quantity.positive(first, "s", name=option)
     if word == "pulse":
         start = quantity.not_negative(second, "s", name=option) if second else 0.0
+        if start >= duration:
+            raise InputError(f"{option} = {text!r} begins after the run of {quantity.write(duration, 's')}")
         if unit == "W":
             return Pulse(value, length, start)
         edges = [start, start + length] if start else [length]

@@ -219,12 +219,12 @@ def simulate(
 
     check_outputs([output, figure], images=[figure])
     expect(model, "model")
-    powers = drives.heaters(heater or [])
+    length = quantity.positive(duration, "s", name="--duration")
+    powers = drives.heaters(heater or [], length)
     thermal, parts = model_of(model, *drives.channel(channel, heated, read), powers)
     resonator = ring_of(ring)
-    length = quantity.positive(duration, "s", name="--duration")
     light, swept = drives.light(resonator, power, detuning, sweep, modulate or [], length)
-    others = drives.lasers(laser or [], resonator)
+    others = drives.lasers(laser or [], resonator, length)
     settings: dict[str, Any] = {"duration": length, "heaters": powers, "lasers": others, **parts, **light}
     say_ring(resonator, ring)
     first = "the first run on a machine compiles for some seconds"

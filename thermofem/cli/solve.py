@@ -15,7 +15,7 @@ from .files import check_outputs, section_of
 from .kinds import expect
 from .output import console as terminal
 from .output import note, working
-from .solve_options import times_of, waveform
+from .solve_options import note_unseen_end, times_of, waveform
 
 if TYPE_CHECKING:
     from ..geometry import CrossSection
@@ -59,6 +59,8 @@ def solve(
     files = [output, figure, preview, paraview, animation]
     check_outputs(files, images=[figure, preview])
     length = quantity.positive(duration, "s", name="--duration")
+    if not periodic:
+        note_unseen_end(pulse, square, wave, length)
     kept = _field_times(field_times or [], length, wanted=bool(paraview or animation), periodic=periodic)
     import numpy as np
 

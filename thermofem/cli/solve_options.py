@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from .. import checks, quantity
 from ..checks import InputError
+from .output import note
 
 if TYPE_CHECKING:
     from .. import waveforms
@@ -28,6 +29,13 @@ def waveform(power: str, pulse: str | None, square: str | None, duty: float | No
         share = 1 / 3 if duty is None else duty
         return waveforms.SquareWave(watts, quantity.positive(square, "s", name="--square"), share)
     return waveforms.Constant(watts)
+
+
+def note_unseen_end(pulse: str | None, square: str | None, wave: waveforms.Waveform, duration: float) -> None:
+    """Say where the power of --pulse or --square does not change before --duration ends."""
+    if (pulse or square) and not wave.breakpoints(0.0, duration).size:
+        given = f"--pulse {pulse}" if pulse else f"--square {square}"
+        note(f"{given} is on all through --duration {quantity.write(duration, 's')}: the result is that of a step")
 
 
 def times_of(texts: list[str]) -> tuple[float, ...]:

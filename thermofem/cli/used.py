@@ -37,14 +37,12 @@ USED: Mapping[str, tuple[Rule, ...]] = {
         (frozenset({"duration"}), lambda o: not o["periodic"], "has no effect with --periodic: one period is solved"),
     ),
     "design": (
-        (frozenset({"power", "detuning"}), _pulses, "goes with --period, --swing or --range"),
-        (frozenset({"ring"}), lambda o: _pulses(o) or o["optics"], "goes with --period, --swing or --range"),
+        (frozenset({"power", "detuning", "optics", "ring"}), _pulses, "goes with --period, --swing or --range"),
     ),
     "uncertainty": (
         (frozenset({"points"}), lambda o: o["map_"], "goes with --map"),
         (frozenset({"period"}), lambda o: not o["map_"], "and --map exclude each other"),
-        (frozenset({"power", "detuning"}), _pulses, "goes with --period or --map"),
-        (frozenset({"ring"}), lambda o: _pulses(o) or o["optics"], "goes with --period or --map"),
+        (frozenset({"power", "detuning", "optics", "ring"}), _pulses, "goes with --period or --map"),
     ),
     "simulate": (
         (frozenset({"power"}), lambda o: _swept(o) != "power", "has no effect with a --sweep of the power"),
