@@ -1,7 +1,7 @@
 """The command ``thermofem``, and ``python -m thermofem``.
 
-Ctrl-C while a library is imported would be swallowed by some libraries and end in a traceback of others. No file is
-open then, so that the process ends at once.
+Ctrl-C while a library is imported, or in the functions that LLVM calls when code is compiled, would be swallowed by
+some libraries and end in a traceback of others. No file is open then, so that the process ends at once.
 """
 
 from __future__ import annotations
@@ -9,6 +9,8 @@ from __future__ import annotations
 import os
 import signal
 from types import FrameType
+
+CALLED_BY_LLVM = ("_raw_object_cache_notify", "_raw_object_cache_getbuffer")
 
 
 def run() -> None:
@@ -21,15 +23,15 @@ def run() -> None:
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    """End the process where a module is being imported, unless a file is being written; KeyboardInterrupt elsewhere."""
-    importing, at = False, frame
+    """End the process where KeyboardInterrupt would be lost, unless a file is being written; else raise it."""
+    lost, at = False, frame
     while at is not None:
-        importing |= at.f_code.co_filename.startswith("<frozen importlib")
+        lost |= at.f_code.co_filename.startswith("<frozen importlib") or at.f_code.co_name in CALLED_BY_LLVM
         if at.f_code.co_name == "write_whole":  # `files`: it takes its temporary file away
-            importing = False
+            lost = False
             break
         at = at.f_back
-    if not importing:
+    if not lost:
         raise KeyboardInterrupt
     os.write(2, b"thermofem: interrupted\n")
     os._exit(130)

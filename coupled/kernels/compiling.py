@@ -31,8 +31,15 @@ class _Stored(CompileResultCacheImpl):
         """Leave out environments without constants: machine code reads nothing else, and each imports its module.
 
         NumPy's arrays in Numba are such a module: .08 CPU s.
+
+        Raises KeyboardInterrupt: it came in a function that LLVM called, where Python drops it and the code is lost.
         """
-        *kept, environments = super().reduce(cres)
+        try:
+            *kept, environments = super().reduce(cres)
+        except RuntimeError as error:
+            if "no compiled object yet" not in str(error):
+                raise
+            raise KeyboardInterrupt from None
         return (*kept, tuple(one for one in environments if one.consts))
 
 

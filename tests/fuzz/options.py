@@ -30,7 +30,8 @@ import surrogate  # noqa: E402
 import thermofem as th  # noqa: E402
 from thermofem import cli  # noqa: E402
 
-LONGEST = 60  # s, of one call
+LONGEST = 60  # CPU s of one call: a loaded machine takes no longer
+STUCK = 900  # s after which a call waits for something that does not come
 LEFT_OUT = ("reproduce", "doctor")
 COMMANDS: dict[str, Any] = typer.main.get_command(cli.app).commands  # type: ignore[attr-defined]
 BASE = {
@@ -96,20 +97,23 @@ def jobs(seed: int) -> Iterator[list[str]]:
 
 
 def _late(number: int, frame: FrameType | None) -> None:
-    raise TimeoutError(f"takes more than {LONGEST} s")
+    raise TimeoutError(f"takes more than {LONGEST} CPU s" if number == signal.SIGPROF else f"waits for {STUCK} s")
 
 
 def failure(arguments: list[str], folder: Path) -> str:
     """What is wrong with a call; empty where nothing is."""
     before = {path.name for path in folder.iterdir()}
+    signal.signal(signal.SIGPROF, _late)
     signal.signal(signal.SIGALRM, _late)
-    signal.alarm(LONGEST)
+    signal.setitimer(signal.ITIMER_PROF, LONGEST)
+    signal.alarm(STUCK)
     try:
         done = thermofem(*arguments, cwd=folder)
     except Exception as error:
         return f"{type(error).__name__}: {error}"[:300]
     finally:
         signal.alarm(0)
+        signal.setitimer(signal.ITIMER_PROF, 0)
     new = {path.name for path in folder.iterdir()} - before
     if [name for name in new if name.startswith(".") and name != ".lock"]:
         return f"leaves {sorted(new)}"
