@@ -6,7 +6,6 @@ import math
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from enum import StrEnum
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +16,7 @@ if TYPE_CHECKING:  # NumPy is imported where it is used: --help and errors of us
 
 SYMMETRY = 1e-9  # of the largest entry, in which round-off may leave a matrix asymmetric
 SMALLEST = 1e-150  # of a positive number: its square and the inverse of it are floats
+LARGEST = 1e100  # of any number: products of three are floats
 MESSAGE = 1200  # characters of an error message
 VALUE = 80  # characters of a value in an error message
 _LONG = re.compile(r"\S{300,}")  # no word, name or path of a person
@@ -112,6 +112,8 @@ def finite(name: str, value: Any, *, unit: str = "", hint: str = "") -> float:
         raise InputError(_rule(f"{name} = {shown(value)} is not a number", unit), hint) from None
     if not math.isfinite(number):
         raise InputError(_rule(f"{name} = {number} is not finite", unit), hint)
+    if abs(number) > LARGEST:
+        raise InputError(_rule(f"{name} = {number:g} is beyond {LARGEST:g}, which is no quantity", unit), hint)
     return number
 
 
@@ -176,9 +178,15 @@ def power(name: str, value: Any, *, zero: bool = False) -> float:
 
 
 def array(
-    name: str, value: ArrayLike, *, increasing: bool = False, empty: bool = False, hint: str = ""
+    name: str,
+    value: ArrayLike,
+    *,
+    increasing: bool = False,
+    empty: bool = False,
+    hint: str = "",
+    most: float = LARGEST,
 ) -> NDArray[np.float64]:
-    """Return ``value`` as a 1-D float array, or raise InputError if it is not finite or not increasing.
+    """Return ``value`` as a 1-D float array, or raise InputError if it is not finite, too large or not increasing.
 
     Nothing, such as (), is an InputError, too, unless ``empty``.
     """
@@ -192,19 +200,23 @@ def array(
     bad = np.flatnonzero(~np.isfinite(result))
     if bad.size:
         raise InputError(f"{name}[{bad[0]}] = {result[bad[0]]} is not finite", hint)
+    if np.abs(result).max() > most:
+        raise InputError(f"{name} holds a number beyond {most:g}, which is no quantity", hint)
     if increasing and np.any(np.diff(result) < 0):
         at = int(np.argmax(np.diff(result) < 0)) + 1
         raise InputError(f"{name}[{at}] = {result[at]:g} is before {name}[{at - 1}]; times must increase", hint)
     return result
 
 
-def numbers(name: str, value: ArrayLike, *, hint: str = "") -> NDArray[np.float64]:
-    """Return ``value`` as a float array of its own shape, or raise InputError where one of them is not finite."""
+def numbers(name: str, value: ArrayLike, *, hint: str = "", most: float = LARGEST) -> NDArray[np.float64]:
+    """Return ``value`` as a float array of its own shape, or raise InputError where one is not finite or too large."""
     import numpy as np
 
     result = _floats(name, value, hint)
     if not np.all(np.isfinite(result)):
         raise InputError(f"{name} holds {result[~np.isfinite(result)][0]}, which is not finite", hint)
+    if np.abs(result).max(initial=0.0) > most:
+        raise InputError(f"{name} holds a number beyond {most:g}, which is no quantity", hint)
     return result
 
 
@@ -247,9 +259,10 @@ def has(name: str, value: Any, *attributes: str, hint: str) -> None:
 
 
 def keep(one: Any, **arrays: Any) -> None:
-    """Set arrays as fields of a frozen dataclass, read-only: a value written there later would pass no check."""
+    """Set arrays, dense or sparse, as fields of a frozen dataclass, read-only: what is written later is not checked."""
     for name, kept in arrays.items():
-        kept.flags.writeable = False
+        for array in (kept.data, kept.indices, kept.indptr) if hasattr(kept, "indptr") else (kept,):
+            array.flags.writeable = False
         object.__setattr__(one, name, kept)
 
 
@@ -358,14 +371,6 @@ def choice(name: str, value: Any, choices: Iterable[str], *, default: str | None
     near = difflib.get_close_matches(shown(value).strip("'"), known, n=1, cutoff=0.5)
     guess = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
     raise InputError(f"{name} = {shown(value)} is unknown; {guess}", hint)
-
-
-class Words(StrEnum):
-    """Words of a choice. One that is none of them raises InputError."""
-
-    @classmethod
-    def _missing_(cls, value: object) -> Words:
-        return cls(choice(cls.__name__.lower(), value, map(str, cls)))
 
 
 def symmetric(name: str, matrix: Any, *, hint: str = "") -> None:

@@ -7,16 +7,17 @@ holds for every name, whichever file or call it comes from; `one_line` is what e
 from __future__ import annotations
 
 import re
+from enum import EnumType, StrEnum
 from typing import Any
 
-from .checks import InputError, one_line, shown
+from .checks import InputError, choice, one_line, shown
 
 LONGEST = 100  # characters
 MOST = 10_000  # names in one list
 _NAME = re.compile(r"\w[\w .+-]*")
 RULE = f"take letters, digits, spaces and _ . + -, at most {LONGEST}"
 
-__all__ = ["LONGEST", "RULE", "ascii_lines", "check_name", "check_names", "check_one", "lines_of", "one_line"]
+__all__ = ["LONGEST", "RULE", "Words", "ascii_lines", "check_name", "check_names", "check_one", "lines_of", "one_line"]
 
 
 def check_name(what: str, name: Any) -> str:
@@ -62,3 +63,20 @@ def lines_of(text: str, *, most: int = 4000) -> list[str]:
 def ascii_lines(text: str) -> list[str]:
     """`lines_of` in ASCII, fit for a comment in any program's file."""
     return [line.encode("ascii", "backslashreplace").decode() for line in lines_of(text)]
+
+
+class _Closed(EnumType):
+    """The class of an enumeration that nothing extends: a call with more than a value makes no other enumeration."""
+
+    def __call__(cls, value: Any, *further: Any, **options: Any) -> Any:
+        if cls.__members__ and (further or any(option is not None for option in options.values())):
+            raise InputError(f"{cls.__name__.lower()} takes one value; known: {', '.join(map(str, cls))}")
+        return super().__call__(value, *further, **options)
+
+
+class Words(StrEnum, metaclass=_Closed):
+    """Words of a choice. One that is none of them raises InputError."""
+
+    @classmethod
+    def _missing_(cls, value: object) -> Words:
+        return cls(choice(cls.__name__.lower(), value, map(str, cls)))

@@ -23,7 +23,7 @@ from thermofem.arrays import Array, Complex, NDArray
 from .circuit import Circuit
 from .parts import Waveguide
 
-SINGULAR = 1e8  # condition number of 1 - C S from which on a loop without delay counts as lossless
+SINGULAR = 1e-8  # smallest pivot of 1 - C S over the largest, below which a loop without delay counts as lossless
 NOTHING = 1e-14  # of the largest entry of M: round-off
 
 
@@ -55,19 +55,22 @@ def light_of(circuit: Circuit, offset: float = 0.0) -> Light:
 
     Raises InputError: a loop of waveguides without delay and without loss, in which light would pile up.
     """
+    from scipy.sparse import csc_array, eye_array, lil_array
+    from scipy.sparse.linalg import splu
+
     entry = {name: k for k, name in enumerate(circuit.entries)}
     exit = {name: k for k, name in enumerate(circuit.exits)}
     n, size = len(circuit.names), len(entry)
     K = np.zeros((size, n), dtype=complex)
     for i, ring in enumerate(circuit.resonators):
         K[2 * i, i], K[2 * i + 1, i] = np.sqrt(2 * ring.bus_rate), np.sqrt(2 * ring.drop_bus_rate)
-    S = np.eye(size, dtype=complex)
+    S = lil_array(eye_array(size, dtype=complex))
     for k, splitter in enumerate(circuit.splitters):
         straight, cross = np.sqrt(1 - splitter.cross), 1j * np.sqrt(splitter.cross)
         at = 2 * (n + k)
         S[at : at + 2, at : at + 2] = [[straight, cross], [cross, straight]]
     late = [w for w in circuit.waveguides if w.delay > 0]
-    C, D = np.zeros((size, size), dtype=complex), np.zeros((size, len(late)), dtype=complex)
+    C, D = lil_array((size, size), dtype=complex), np.zeros((size, len(late)), dtype=complex)
     for w in circuit.waveguides:
         if w.delay == 0:
             C[entry[w.stop], exit[w.start]] = w.transmission
@@ -76,25 +79,32 @@ def light_of(circuit: Circuit, offset: float = 0.0) -> Light:
     E = np.zeros((size, len(circuit.lasers)), dtype=complex)
     for k, laser in enumerate(circuit.lasers):
         E[entry[laser.stop], k] = laser.transmission
-    loop = np.eye(size) - C @ S
-    if np.linalg.cond(loop) > SINGULAR:
+    S, C = S.tocsr(), C.tocsr()
+    try:
+        factors = splu(csc_array(eye_array(size) - C @ S))  # nearly every entry is zero
+        pivots = np.abs(factors.U.diagonal())
+    except RuntimeError:  # exactly singular
+        pivots = np.zeros(1)
+    if pivots.min() < SINGULAR * pivots.max() or not pivots.max():
         raise checks.InputError(
             "the waveguides form a loop without delay and without loss in which light piles up; "
             "give one of them a delay, a loss or another phase"
         )
-    G = np.linalg.inv(loop)
+    from_ring, from_laser, from_delay = (
+        factors.solve(waves) if waves.size else waves for waves in (C @ (1j * K), E, D)
+    )
     lossy = [w for w in circuit.waveguides if w.loss > 0]
     terminals = (*(w.start for w in late), *circuit.outputs.values(), *(w.start for w in lossy))
     rows = [exit[name] for name in terminals]
     lost = np.zeros(len(terminals))
     lost[len(terminals) - len(lossy) :] = [1 - abs(w.transmission) ** 2 for w in lossy]
     return Light(
-        between=1j * K.T @ G @ C @ (1j * K),
-        from_laser=K.T @ G @ E,
-        from_delay=K.T @ G @ D,
-        seen_ring=(S @ G @ C @ (1j * K) + 1j * K)[rows],
-        seen_laser=(S @ G @ E)[rows],
-        seen_delay=(S @ G @ D)[rows],
+        between=1j * K.T @ from_ring,
+        from_laser=K.T @ from_laser,
+        from_delay=K.T @ from_delay,
+        seen_ring=(S @ from_ring + 1j * K)[rows],
+        seen_laser=(S @ from_laser)[rows],
+        seen_delay=(S @ from_delay)[rows],
         terminals=terminals,
         delay=np.array([w.delay for w in late]),
         lost=lost,

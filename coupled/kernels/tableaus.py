@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofem import checks
+from thermofem.names import Words
 
 Array = NDArray[np.float64]
 
 
-class Method(checks.Words):
+class Method(Words):
     """Which Rosenbrock method integrates; both are L-stable, with error estimate and dense output."""
 
     RODAS4 = "rodas4"

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Quadratic, checks, dataset, renamed
 from thermofem.models import ThermalModel
+from thermofem.names import Words
 from thermofem.record import Record, as_dataset, recorded
 
 from ..arguments import check_duration, one_laser
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
 FAILED = "failed"
 
 
-class Follow(checks.Words):
+class Follow(Words):
     """Which way a laser is stepped along the second axis of a map, each point from where the last one ended."""
 
     UP = "up"

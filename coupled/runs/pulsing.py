@@ -11,6 +11,7 @@ import numpy as np
 from thermofem import checks
 from thermofem.arrays import Array
 from thermofem.display import shown
+from thermofem.names import Words
 from thermofem.record import Record
 
 from ..arguments import LONGEST
@@ -35,7 +36,7 @@ LEAVES = 20  # e-foldings in which what is left of a transient, some 1e-9, becom
 LONGER = 10  # times as long, where a trace does not tell how much of it is missing
 
 
-class Regime(checks.Words):
+class Regime(Words):
     """The behaviour of a trace at its end."""
 
     SELF_PULSING = "self-pulsing"

@@ -55,7 +55,7 @@ def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
     """
     from scipy.optimize import least_squares
 
-    t, y = checks.array("times", times, increasing=True), checks.array("rise", rise)
+    t, y = checks.array("times", times, increasing=True), checks.array("rise", rise, most=np.inf)
     order = checks.integer("order", order, 1, 5)
     if t.size != y.size or t.size <= 2 * order:
         raise checks.InputError(

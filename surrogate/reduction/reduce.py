@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from thermofem import Foster, StateSpace, checks
+from thermofem.algebra.krylov import check_pair
 from thermofem.algebra.poles import pole_responses
 from thermofem.arrays import Array, ArrayLike
 from thermofem.display import shown
@@ -25,6 +26,7 @@ from thermofem.waveforms import Waveform
 from .certificate import Certificate, Indices, Projection, certify, certify_defect, leftover
 from .space import CertifiedSpace
 
+NOTHING = 1e-50  # of the entries of an input or output
 MOST = 300  # columns of the basis before a tolerance counts as out of reach
 PROMISING = 10.0  # the full certificate is worked out once one shift alone comes this near to the tolerance
 OVERLOOKED = 1e-2  # share of the residual that `certify` neglects, above which `certify_defect` is used
@@ -252,12 +254,11 @@ def _parts(system: StateSpace) -> tuple[Any, Any, Array, Indices, Indices]:
     from scipy.sparse import csr_matrix
 
     K, M = -csr_matrix(system.A), csr_matrix(system.E)
-    for name, matrix in (("E", M), ("A", K)):
-        checks.symmetric(name, matrix, hint="this reduction and its bound need the matrices of heat flow")
+    check_pair(M, K, "this reduction and its bound need the matrices of heat flow")
     ports: list[Array] = []
     where: list[int] = []
     for column in (*np.asarray(system.B, dtype=float).T, *np.asarray(system.C, dtype=float)):
-        if not np.any(column):
+        if np.abs(column).max() < NOTHING:
             raise checks.InputError("an input or output of the system is zero everywhere; is its part in the mesh?")
         same = [i for i, port in enumerate(ports) if np.array_equal(port, column)]
         if not same:

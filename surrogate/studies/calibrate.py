@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 STARTS = 4  # of Gauss-Newton
 BLIND = 0.3  # of a range: a combination whose standard error is larger is not seen by the data
+NOISE = 1e-15, 1e6  # K, of a sample
 ON_EDGE = 1e-6  # of a range
 
 
@@ -116,7 +117,7 @@ def calibrate(
     if measured.size <= len(low):
         raise checks.InputError(f"{measured.size} samples do not determine {len(low)} parameters; give more of both")
     span = replace(family.box, low=low, high=high)
-    scale = checks.positive("noise", noise, unit="K") if noise is not None else float(np.std(measured)) or 1.0
+    scale = checks.between("noise", noise, *NOISE, unit="K") if noise is not None else float(np.std(measured)) or 1.0
 
     def values_of(x: Array) -> dict[str, float]:
         row = span.at(x)

@@ -18,6 +18,7 @@ from .quantities import Optics, Property, Quantity, word
 
 Ranges = Mapping[str, tuple[float, float]]
 
+SMALLEST = 1e-50  # of a target
 PENALTY = 10.0  # relative misfit of a member that has no such property, such as a ring that does not pulse
 
 
@@ -95,6 +96,9 @@ def wanted_of(target: Mapping[Quantity, Any]) -> dict[str, float | str]:
         wanted[word(quantity)] = value if text else checks.finite(f"target {word(quantity)}", value)
     if 0.0 in wanted.values():
         raise checks.InputError("a target of 0 has no relative misfit; give another value")
+    for name, value in wanted.items():
+        if not isinstance(value, str) and abs(value) < SMALLEST:
+            raise checks.InputError(f"target {name} = {value:g} is below {SMALLEST:g}: misfits relative to it overflow")
     if len(wanted) < len(target):
         raise checks.InputError(f"two targets have the same name ({', '.join(map(word, target))}); name the functions")
     return wanted

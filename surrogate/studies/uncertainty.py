@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 MOST = 2**20  # base samples: a gigabyte, and a standard error of the mean of a thousandth of the deviation
 RESAMPLES = 200  # of the members, for the intervals of the indices
+NEEDED = "a distribution of scipy.stats with its numbers is needed"
 OUTSIDE = 1e-3  # share of the samples that may leave the box; they are held at its edge
 
 
@@ -108,8 +109,7 @@ def _checked(
             raise checks.InputError(f"{name} is fixed and has a distribution, too; give one of the two")
     for name, one in distributions.items():
         if not callable(getattr(one, "ppf", None)):
-            hint = "a distribution of scipy.stats with its numbers is needed"
-            raise checks.InputError(f"{name} is a {type(one).__name__}; {hint}")
+            raise checks.InputError(f"{name} is a {type(one).__name__}", NEEDED)
     if not checks.whole(samples) or not 2 <= samples <= MOST or samples & (samples - 1):
         raise checks.InputError(f"samples = {checks.shown(samples)} must be a power of two, at most {MOST}")
     return names
@@ -123,7 +123,13 @@ class _Distribution(NamedTuple):
 
     def ppf(self, q: Array) -> Array:
         """Values at the shares ``q``."""
-        found = checks.numbers(f"{self.name}: the distribution", self.given.ppf(q), hint="are its numbers in range?")
+        try:
+            found = self.given.ppf(q)
+        except checks.InputError:
+            raise
+        except Exception as error:  # of somebody else's class, or of one without its numbers
+            raise checks.InputError(f"{self.name}: ppf of {checks.shown(self.given)} fails: {error}", NEEDED) from None
+        found = checks.numbers(f"{self.name}: the distribution", found, hint="are its numbers in range?")
         if found.shape not in ((), np.shape(q)):
             raise checks.InputError(f"{self.name}: ppf gives the shape {found.shape} for shares of {np.shape(q)}")
         return np.broadcast_to(found, np.shape(q))

@@ -7,6 +7,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+SHORTEST, LONGEST = 1e-20, 1e12  # s, of a time constant: beyond them rates and charges overflow in other programs
+
 
 class LinearSystem(Protocol):
     """E dx/dt = A x + B P, y = C x, with E and -A symmetric positive definite, sparse or dense."""

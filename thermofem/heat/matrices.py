@@ -13,6 +13,7 @@ from .. import checks
 from ..algebra.factor import Pencil
 from ..arrays import Array, ArrayLike, NDArray
 from ..display import shown
+from ..materials.laws import Law, check_positive
 from ..models import StateSpace
 from ..transient.trajectory import Ledger
 from .surfaces import Surfaces, surface_terms
@@ -153,12 +154,16 @@ def properties(geometry: CrossSection, mesh: Mesh) -> tuple[Array, Array]:
     """k_r, k_z in W/(m K), shape (2, triangles), and rho c_p in J/(m^3 K), at the ambient temperature."""
     T0 = geometry.ambient
 
+    def at_ambient(law: Law) -> float:
+        check_positive(law, T0, factor := law.factor(T0))
+        return float(factor)
+
     def k(material: Material) -> list[float]:
         along_z = material.conductivity if material.conductivity_z is None else material.conductivity_z
-        return [value * float(material.conductivity_law.factor(T0)) for value in (material.conductivity, along_z)]
+        return [value * at_ambient(material.conductivity_law) for value in (material.conductivity, along_z)]
 
     materials = [geometry.material_of(name) for name in mesh.region_names]
-    capacities = [m.heat_capacity * float(m.specific_heat_law.factor(T0)) for m in materials]
+    capacities = [m.heat_capacity * at_ambient(m.specific_heat_law) for m in materials]
     return np.array([k(m) for m in materials]).T[:, mesh.region], np.array(capacities)[mesh.region]
 
 

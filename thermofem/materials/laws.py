@@ -18,6 +18,7 @@ from ..arrays import Array, ArrayLike
 from ..display import shown
 
 COLDEST, HOTTEST = 1.0, 1e4  # K; no law is asked beyond
+STEEPEST = 10.0  # 1/K, 1/K^2, ...: of a coefficient; T^3 about 1 K has 3, and far more keeps steps from converging
 
 
 class Law(Protocol):
@@ -74,7 +75,11 @@ class Polynomial:
 
     def __post_init__(self) -> None:
         checks.plain(self)
-        object.__setattr__(self, "coefficients", tuple(map(float, checks.array("polynomial", self.coefficients))))
+        coefficients = checks.array("polynomial", self.coefficients)
+        checks.between(
+            "polynomial: largest coefficient", np.abs(coefficients).max(), 0, STEEPEST, unit="1/K, 1/K^2, ..."
+        )
+        object.__setattr__(self, "coefficients", tuple(map(float, coefficients)))
         checks.between("reference", self.reference, 1, 3000, unit="K")
 
     def factor(self, T: ArrayLike) -> Array:
@@ -186,6 +191,16 @@ def _evaluated(pieces: tuple[Array, Array], at: ArrayLike) -> Array:
 
 
 CONSTANT = PowerLaw()
+
+
+def check_positive(law: Law, T: ArrayLike, factor: Array) -> None:
+    """Raise InputError where f(T) is not positive; it names the law and the temperature."""
+    if (lowest := factor.min(initial=np.inf)) <= 0:
+        at = float(np.ravel(T)[np.argmin(factor)])
+        raise checks.InputError(
+            f"the law {law} is {lowest:.3g} at {at:.5g} K; no material property is zero or negative",
+            "take a law that is positive at every temperature reached, or less power",
+        )
 
 
 def is_constant(law: Law) -> bool:

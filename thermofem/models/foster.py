@@ -10,12 +10,11 @@ import numpy as np
 
 from .. import checks, waveforms
 from ..algebra.poles import pole_responses
+from ..algebra.system import LONGEST, SHORTEST
 from ..arrays import Array, ArrayLike, NDArray
 from ..display import model_html, shown
 from ..names import check_one
 from .json_fields import columns, parts, rows
-
-SHORTEST, LONGEST = 1e-20, 1e12  # s, of a time constant: beyond them rates and charges overflow in other programs
 
 
 @shown
@@ -83,7 +82,7 @@ class Foster:
 
     def step_response(self, times: ArrayLike) -> Array:
         """sum_i R_i (1 - exp(-t/tau_i)) in K/W; zero before t = 0."""
-        t = np.maximum(checks.numbers("times", times), 0)[..., None]
+        t = np.maximum(checks.numbers("times", times, most=np.inf), 0)[..., None]
         with np.errstate(over="ignore"):  # t / tau beyond all numbers: the step has settled
             return -np.expm1(-t / self.tau) @ np.asarray(self.R)
 

@@ -49,6 +49,7 @@ class Network(Delegates):
     def __post_init__(self) -> None:
         checks.plain(self)
         check_names("states", self.names)
+        checks.keep(self, A=checks.numbers("A", self.A), b=checks.numbers("b", self.b))
 
     @property
     def _other(self) -> Foster:

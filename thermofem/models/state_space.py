@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
 LARGEST = 500  # states to integrate with the optics; a certified reduction needs 10 to 40, and each costs time
+MOST = 1e50  # of an entry of a matrix: a bound has products of four
 ROUND_OFF = 1e-9  # of a matrix with ones on its diagonal, by which an eigenvalue may be negative
 
 
@@ -56,7 +57,7 @@ class StateSpace:
 
     def __post_init__(self) -> None:
         for name in ("E", "A", "B", "C"):
-            object.__setattr__(self, name, _matrix(name, getattr(self, name), sparse=name in ("E", "A")))
+            checks.keep(self, **{name: _matrix(name, getattr(self, name), sparse=name in ("E", "A"))})
         for name in ("inputs", "outputs"):
             object.__setattr__(self, name, check_names(name, getattr(self, name)))
         n = self.A.shape[0]
@@ -189,7 +190,7 @@ def _matrix(name: str, value: Any, *, sparse: bool) -> Any:
 
     checks.has(name, value, "shape", "dtype", hint="an array or a sparse matrix is needed")
     held = issparse(value)
-    found = checks.numbers(name, value.tocoo().data if held else value)
+    found = checks.numbers(name, value.tocoo().data if held else value, most=MOST)
     if len(np.shape(value)) != 2 or 0 in np.shape(value):
         raise checks.InputError(f"{name} has shape {np.shape(value)}; two non-empty dimensions are needed")
     if not held:

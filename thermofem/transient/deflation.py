@@ -152,7 +152,8 @@ class FieldIntegrator:
             if step is None:
                 if count > 4**FINEST:
                     raise checks.InputError(
-                        f"the step at t = {t:g} s shrinks without end; is tolerance = {self.tolerance:g} K too small?"
+                        f"the step at t = {t:g} s shrinks without end; is tolerance = {self.tolerance:g} K too small?",
+                        self.stepper.doubt(state.r),
                     )
                 self.stepper.rejected += 1
                 done, count = 4 * done, 4 * count

@@ -170,7 +170,8 @@ def _cross(
         if error > 1:
             if rung > FINEST:
                 raise checks.InputError(
-                    f"the step at t = {t:g} s shrinks without end; is rtol = {control.rtol:g} too small?"
+                    f"the step at t = {t:g} s shrinks without end; is rtol = {control.rtol:g} too small?",
+                    stepper.doubt(x),
                 )
             stepper.rejected += 1
             down = int(np.ceil(np.log(error) / np.log(EDGE_GAIN))) if not taken and np.isfinite(error) else 1
@@ -208,7 +209,9 @@ def _march(stepper: Stepper, plan: Sequence[_Plan], x: Array, record: _Record) -
             h = length / 4**rung
             done = stepper.step(x, slope, h, stepper.powers(t, h, piece.stop))
             if done is None:
-                raise checks.InputError(f"the step at t = {t:g} s does not converge; take a smaller rtol")
+                raise checks.InputError(
+                    f"the step at t = {t:g} s does not converge; take a smaller rtol", stepper.doubt(x)
+                )
             slopes, states = done
             record.add(t, h, slopes, states)
             x, slope, t = states[-1], slopes[-1], t + h

@@ -76,6 +76,10 @@ class NewtonStepper(Stepper):
         self._neighbours = [_Neighbour(operator, self._near) for operator in (system.content, system.flow)]
         self._last: tuple[Array, Array] | None = None  # slope and dH/dt in W where the last step ended
 
+    def doubt(self, x: Array) -> str:
+        """The law that changed most since ambient: what may keep steps from converging."""
+        return max(self.system.flow.extreme(x), self.system.content.extreme(x))[1]
+
     def start_slope(self, x: Array, t: float, h: float, stop: float) -> Array:
         """E^-1 dH/dt at the start of a smooth piece."""
         return self.solve(0.0, self.B @ self.powers(t, h, stop)[0] - self.system.flow(x))
@@ -159,6 +163,10 @@ class NewtonStepper(Stepper):
 
         ``known`` is taken from x in H, where that is linear.
         """
+        with np.errstate(over="ignore", invalid="ignore"):  # a size that is not finite ends the iteration
+            return self._iterated(x, target, shift, known)
+
+    def _iterated(self, x: Array, target: Array, shift: float, known: Array | float) -> Array | None:
         start, flow, content = x, self.system.flow, self.system.content
         for renewed in (False, True):
             if renewed:
@@ -270,8 +278,8 @@ class _Neighbour:
         total[where] += values
 
     def drift(self, x: Array) -> float:
-        """Largest relative change of a derivative since `at`."""
-        new = self.operator.slopes(x)
+        """Largest relative change of a derivative since `at`; InputError for a law that is not positive."""
+        new = self.operator.positive_slopes(x)
         return max((float(np.abs(a / b - 1).max()) for a, b in zip(new, self.slopes, strict=True)), default=0.0)
 
     def at(self, x: Array) -> Array:

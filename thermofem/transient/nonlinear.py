@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array, NDArray
-from ..materials.laws import Law
+from ..materials.laws import Law, check_positive
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +50,23 @@ class NodalOperator:
         """Derivative of every g at its nodes, from x of shape (n,)."""
         both = zip(self.laws, self.references, strict=True)
         return [law.factor(self.ambient + x[at]) / reference for (law, at), reference in both]
+
+    def positive_slopes(self, x: Array) -> list[Array]:
+        """`slopes` at a state that was reached; InputError where a law is not positive there."""
+        found = self.slopes(x)
+        for ((law, at), reference), slope in zip(zip(self.laws, self.references, strict=True), found, strict=True):
+            check_positive(law, self.ambient + x[at], slope * reference)
+        return found
+
+    def extreme(self, x: Array) -> tuple[float, str]:
+        """The largest change of a law since ambient, as a logarithm, and in words."""
+        found = [(0.0, "")]
+        for (law, at), slope in zip(self.laws, self.slopes(x), strict=True):
+            change = np.abs(np.log(np.maximum(slope, np.finfo(float).tiny)))
+            k = int(np.argmax(change))
+            words = f"the law {law} gives {slope[k]:.3g} of its value at ambient at {self.ambient + x[at[k]]:.5g} K"
+            found.append((float(change[k]), words))
+        return max(found)
 
     def extended(self, x: Array) -> Array:
         """[x, g_1(x), g_2(x), ...] in K, from x of shape (..., n)."""

@@ -11,6 +11,8 @@ from ..arrays import Array, ArrayLike
 
 TIME_HINT = checks.Hint("times are in s (did you mean 1e-6 for 1 us?)")
 MOST_CYCLES = 1e6  # that a call may span
+MOST_EDGES = 1e8  # of all those cycles; 0.8 GB
+LONGEST = 1e12  # s, of a time
 KINDS: dict[str, type] = {}  # what a file can hold, by name; filled by `stored`
 Kind = TypeVar("Kind", bound=type)
 
@@ -54,12 +56,17 @@ def inside(times: Array, start: float, stop: float) -> Array:
     return times[(times > start + slack) & (times < stop - slack)]
 
 
-def check_cycles(start: float, stop: float, period: float) -> None:
-    """InputError where a call spans more than `MOST_CYCLES` periods."""
-    count = (stop - start) / period
-    if count > MOST_CYCLES:
+def check_times(name: str, times: ArrayLike, hint: str = "") -> Array:
+    """Times in s that do not fall, as floats, or InputError."""
+    return checks.array(name, times, increasing=True, hint=hint, most=LONGEST)
+
+
+def check_cycles(start: float, stop: float, period: float, edges: int = 1) -> None:
+    """InputError where a call spans more than `MOST_CYCLES` periods, or `MOST_EDGES` edges in them."""
+    count, most = (stop - start) / max(period, checks.SMALLEST), min(MOST_CYCLES, MOST_EDGES / max(edges, 1))
+    if count > most:
         raise checks.InputError(
-            f"{count:.2g} periods of {period:g} s are asked for at once, more than {MOST_CYCLES:g}",
+            f"{count:.2g} periods of {period:g} s are asked for at once, more than {most:g}",
             "take solve_periodic for the settled state, or a shorter run",
         )
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import checks
-from .contract import Array, inside, known, seconds
+from .contract import Array, check_cycles, check_times, inside, known, seconds
 from .pieces import linear_pieces
 
 
@@ -27,7 +27,7 @@ class Lines:
     def check_samples(self, values: Array, hint: str = "") -> None:
         """Keep ``times`` as an array; InputError for times that do not increase or do not belong to ``values``."""
         checks.flag("repeat", self.repeat)
-        times = checks.array("times", self.times, increasing=True, hint=hint)
+        times = check_times("times", self.times, hint)
         if times.size != values.size or times.size < 2:
             raise checks.InputError(
                 f"times has {times.size} samples, {self.what} {values.size}; both need the same, at least 2"
@@ -75,6 +75,7 @@ class Lines:
         if not self.repeat:
             return inside(times, start, stop)
         length = times[-1] - times[0]
+        check_cycles(start, stop, length, times.size)
         cycles = np.arange(np.floor((start - times[0]) / length), np.ceil((stop - times[0]) / length) + 1)
         return inside(np.unique(times[:-1] + length * cycles[:, None]), start, stop)
 

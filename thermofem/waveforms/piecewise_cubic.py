@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from .. import checks
 from ..display import shown
 from .adaptive import cubic
-from .contract import TIME_HINT, Array, Waveform, inside, known, seconds, stored, wrapped
+from .contract import TIME_HINT, Array, Waveform, check_cycles, check_times, inside, known, seconds, stored, wrapped
 from .pieces import Pieces, cubic_pieces
 
 
@@ -40,7 +40,7 @@ class PiecewiseCubic:
     piecewise_linear: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        edges = checks.array("edges", self.edges, increasing=True, hint=TIME_HINT)
+        edges = check_times("edges", self.edges, TIME_HINT)
         coefficients = checks.numbers("coefficients", self.coefficients)
         if edges.size < 2 or coefficients.shape != (edges.size - 1, 4):
             raise checks.InputError(
@@ -105,6 +105,7 @@ class PiecewiseCubic:
         at = pieces.edges[1:][jumps]
         if self.repeat:
             length = pieces.edges[-1]
+            check_cycles(start, stop, length, at.size)
             cycles = np.arange(np.floor(start / length) - 1, np.ceil(stop / length) + 1)
             at = np.unique(at + length * cycles[:, None])
         return inside(at, start, stop)
@@ -113,6 +114,7 @@ class PiecewiseCubic:
         """The pieces over [start, stop]."""
         edges, coefficients = np.asarray(self.edges), np.asarray(self.coefficients)
         if self.repeat:
+            check_cycles(start, stop, edges[-1], edges.size)
             length, first = edges[-1], np.floor(start / edges[-1])
             cycles = np.arange(first, max(np.ceil(stop / length), first + 1))
             edges = np.append((edges[:-1] + length * cycles[:, None]).ravel(), length * (cycles[-1] + 1))
