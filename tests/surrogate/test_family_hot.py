@@ -55,6 +55,18 @@ def test_members_follow_their_own_hot_meshes_within_the_stated_error(family, tmp
 
 
 @pytest.mark.slow
+def test_the_stated_error_covers_the_hottest_corner():
+    """At 40 mW the corner of 3 um erred by 4.2 %, and the family said 2.6 %."""
+    radius = Variation("radius", ("part.core.radius",), "m", low=3e-6, high=15e-6)
+    text, power = th.strip_ring().to_toml() + LAWS, 40e-3
+    family = surrogate.train_family(th.Campaign(text, (radius, BOX), (STEP,), samples=1), 0.02, held_out=2, power=power)
+    heat = th.assemble(family.box.geometry(np.array([3e-6, 3e-6])), 1e-3)
+    off = family.model(radius=3e-6, box=3e-6).steady_rise(power / 2) / heat.steady_rise(power / 2) - 1
+    assert abs(off) > 0.03
+    assert abs(off) < family.bend.error + 3e-3
+
+
+@pytest.mark.slow
 def test_hot_traces_calibrate_with_exact_derivatives(family):
     times = np.append(0.0, np.geomspace(1e-8, 5e-5, 60))
     rise = family.model(box=1.4e-6).response(th.Constant(POWER), times)
