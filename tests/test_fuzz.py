@@ -45,6 +45,14 @@ def test_files_that_end_early_are_documented_errors(readers):
                     readers.survives(name, text[: pick.randrange(len(text))], {})
 
 
+@pytest.mark.parametrize("name", ["table", "trace", "mesh"])
+def test_damage_of_every_column_and_byte_is_a_documented_error(readers, name):
+    texts = list(readers.replaced(name, readers.seeds()[name]))
+    random.Random(2).shuffle(texts)
+    for text in texts[:400]:
+        readers.survives(name, text, {})
+
+
 @pytest.fixture(scope="module")
 def audit():
     sys.path.insert(0, str(SCRIPT.parent))  # where its generators are

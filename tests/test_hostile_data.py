@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+import warnings
 
 import numpy as np
 import pytest
@@ -94,6 +95,21 @@ def test_a_rise_that_no_row_shows_is_not_extrapolated(tmp_path):
         read_trace(table, STEP, start=-4e-6)
     assert read_trace(table, STEP, start=-4e-6, baseline=0.0).baseline == 0
     assert abs(read_trace(table, STEP, start=-10e-9).baseline) < 1
+
+
+def test_columns_at_the_ends_of_what_floats_hold_are_one_line(tmp_path):
+    """Times of 1e-316 s or a unit of 1e308 s overflowed in the search for the start."""
+    table = tmp_path / "scope.csv"
+    head = "X,CH1,Start,Increment,\nSequence,Volt,-1.0e-06,1.0e-07\n"
+    for text in (
+        "Time (us),T (K)\n" + "".join(f"{t * 1e6:.5f},{1e6 * t:.5f}\n" for t in TIMES),
+        head + "".join(f"{k},{k % 9},\n" for k in range(50)),
+    ):
+        for other in hostile.scaled_columns(text):
+            table.write_text(other)
+            with warnings.catch_warnings(action="error"):
+                says_one_line(lambda: read_trace(table, STEP))
+                says_one_line(lambda: th.read_csv(table, time="Time", temperature="T", power=1e-3))
 
 
 def test_an_interrupt_as_soon_as_a_file_is_there_leaves_none(tmp_path, monkeypatch):

@@ -13,6 +13,8 @@ from __future__ import annotations
 
 import csv
 import re
+from array import array
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +22,7 @@ import numpy as np
 from . import checks, quantity
 from .arrays import Array, NDArray
 from .checks import InputError
+from .dataset import POSSIBLE
 
 SPELLED = {
     "volt": "V", "volts": "V", "second": "s", "seconds": "s", "sec": "s", "kelvin": "K", "millivolt": "mV",
@@ -70,6 +73,25 @@ class Columns:
         return values
 
 
+def in_si(name: str, values: Array, offset: float, factor: float) -> Array:
+    """A column times the factor of its unit, plus the offset; InputError where that is beyond any number."""
+    with np.errstate(over="ignore"):
+        found = offset + factor * values
+    if not np.isfinite(found).all():
+        raise InputError(f"{name!r} is beyond any number here; is its unit right?")
+    return found
+
+
+def times_in_si(name: str, values: Array, offset: float, factor: float) -> Array:
+    """`in_si` of a column of times, whose span must be one that floats compute with."""
+    found = in_si(name, values, offset, factor)
+    with np.errstate(over="ignore"):
+        span = float(np.ptp(found))
+    if span > 0:
+        checks.between(f"the span of {name!r}", span, *POSSIBLE, unit="s", hint="is its unit right?")
+    return found
+
+
 def parse(text: str) -> Columns:
     """Find the table in a text; InputError when there are no numbers or a row breaks off.
 
@@ -78,24 +100,25 @@ def parse(text: str) -> Columns:
     """
     lines, first, step = _counted(text.splitlines())
     divider = _divider(lines)
-    rows: list[list[float]] = []
-    at: list[int] = []
+    cells, at, width = array("d"), array("q"), 0  # a list of lists takes four times the memory
     for number, line in enumerate(lines, 1):
         values = _floats(_cells(line, divider), divider)
-        if values is not None and (not rows or len(values) == len(rows[0])):
-            rows.append(values)
+        if values is not None and (not at or len(values) == width):
+            width = len(values)
+            cells.extend(values)
             at.append(number)
-        elif rows and not _is_remark(line):
-            raise _damaged(number, line, len(rows[0]))
-    if not rows:
+        elif at and not _is_remark(line):
+            raise _damaged(number, line, width)
+    if not at:
         raise InputError("no line of at least two numbers; a table of time and temperature is needed")
     _check_marks([lines[k - 1] for k in at], at, divider)
-    table = np.array(rows)
+    table = np.array(cells, dtype=float).reshape(-1, width)
     used = np.isfinite(table).any(axis=0)
     names, units = _header(lines[: at[0] - 1], divider, used)
-    table[:, 0] = first + step * table[:, 0]
+    with np.errstate(over="ignore", invalid="ignore"):  # refused where it is read, as not finite
+        table[:, 0] = first + step * table[:, 0]
     wide = max(int(np.flatnonzero(used)[-1]) + 1, 2)
-    return Columns(names[:wide], units[:wide], table[:, :wide], np.array(at))
+    return Columns(names[:wide], units[:wide], table[:, :wide], np.frombuffer(at, np.int64))
 
 
 def _counted(lines: list[str]) -> tuple[list[str], float, float]:
@@ -173,7 +196,7 @@ def _floats(cells: list[str], divider: str) -> list[float] | None:
     return values if len(values) > 1 and any(cells) else None
 
 
-def _check_marks(rows: list[str], at: list[int], divider: str) -> None:
+def _check_marks(rows: list[str], at: Sequence[int], divider: str) -> None:
     """InputError where a comma may be a decimal mark and may divide thousands; ``at``: lines of the file."""
     commas = [k for k, row in enumerate(rows) if "," in row] if divider in (";", "\t") else []
     if not commas:

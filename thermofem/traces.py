@@ -24,7 +24,7 @@ from . import checks, dataset, files, quantity
 from .algebra.poles import pole_responses
 from .arrays import Array
 from .checks import InputError
-from .columns import Columns, header_unit, measured, parse, text_of
+from .columns import Columns, header_unit, in_si, measured, parse, text_of, times_in_si
 from .tables import LARGEST
 
 if TYPE_CHECKING:
@@ -156,7 +156,7 @@ def _time(table: Columns, place: int, given: str | None, said: list[str]) -> Arr
             )
         said.append(f"column {name!r} states no unit: seconds")
     offset, factor = quantity.line(unit, "s", name=f"unit of {name!r}") if unit else (0.0, 1.0)
-    t = offset + factor * values
+    t = times_in_si(name, values, offset, factor)
     back = np.flatnonzero(np.diff(t) <= 0)
     if back.size:
         line = table.lines[back[0] + 1]
@@ -182,7 +182,7 @@ def _rise(
             raise InputError(f"column {name!r} is in {checks.shown(unit)}, which is neither K nor V") from None
         if sensitivity is not None:
             said.append(f"column {name!r} is in {unit}: divided by {quantity.write(sensitivity, 'V/K')}")
-            return measured(table, place, factor * values / sensitivity)
+            return measured(table, place, in_si(name, values, 0.0, factor / sensitivity))
         warned.append(
             f"column {name!r} is in {unit}: {VOLTS}, so R and R_th are in V/W; time constants are as "
             'measured; --sensitivity "10 mV/K" makes kelvin of it'
@@ -190,7 +190,7 @@ def _rise(
     else:
         if sensitivity is not None:
             raise InputError(f"column {name!r} is in {unit}, which is a temperature; a sensitivity is for a voltage")
-    return measured(table, place, offset + factor * values)
+    return measured(table, place, in_si(name, values, offset, factor))
 
 
 def _start(t: Array, y: Array, wave: Waveform, given: float | None, said: list[str]) -> float:

@@ -37,6 +37,7 @@ from thermofem.campaign import Campaign
 from thermofem.campaign.schema import fields
 from thermofem.models.network import gate
 from thermofem.quantity import parse
+from thermofem.traces import read_trace
 from thermofem.waveforms import from_json
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -71,6 +72,15 @@ def table(text: str) -> None:
     with contextlib.suppress(th.InputError):
         wave = waveforms.from_json(th.read_csv(path, **DRIVEN).attrs["waveform"])
         wave(np.array([0.0, 1e-6]))
+
+
+def trace(text: str) -> None:
+    """Trace of an oscilloscope, and a fit of what it holds."""
+    path = FOLDER / "trace.csv"
+    path.write_text(text, encoding="utf-8", errors="surrogatepass")
+    found = read_trace(path, th.Pulse(1e-3, 3e-6))
+    assert np.isfinite(found.data["delta_T"].values).all()
+    surrogate.fit_newton(found.data)
 
 
 def geometry(text: str) -> None:
@@ -148,6 +158,7 @@ TARGETS: dict[str, Callable[[str], None]] = {
     "ring": ring,
     "model": model,
     "table": table,
+    "trace": trace,
     "waveform": waveform,
     "circuit": circuit,
     "journal": journal,
@@ -186,6 +197,10 @@ def seeds() -> dict[str, list[str]]:
         saved
     )
     driven = "".join(f"{k},{293.15 + k % 3},{k // 6 % 2}\n" for k in range(24))
+    t = np.linspace(-1e-6, 9e-6, 60)
+    heated = linear.response(th.Pulse(1e-3, 3e-6), np.maximum(t, 0.0)) * (t > 0)
+    measured = list(zip(t.tolist(), heated.tolist(), strict=True))
+    increments = f"X,CH1,Start,Increment,\nSequence,Volt,-1.0e-06,{t[1] - t[0]:.6e}\n"
     return {
         "circuit": [(circuits.file.__doc__ or "").split("```toml\n")[1].split("```")[0]],
         "journal": [rows_of_map.read_text()],
@@ -197,6 +212,12 @@ def seeds() -> dict[str, list[str]]:
             f"Time (us),Temperature (K)\n{rows}",
             f"Time (us),Temperature (K),Power (mW)\n{driven}",
             f"% COMSOL\n% Time (s)  Temperature (degC)\n{rows}".replace(",29", "  2"),
+        ],
+        "trace": [
+            "Time (us),T (K)\n" + "".join(f"{a * 1e6:.5f},{b:.5f}\n" for a, b in measured),
+            "Time;CH1\n(us);(mV)\n" + "".join(f"{a * 1e6:.5f};{b:.5f}\n".replace(".", ",") for a, b in measured),
+            increments + "".join(f"{k},{b:.5f},\n" for k, (_, b) in enumerate(measured)),
+            "".join(f"{a:.7f} {b:.5f}\n" for a, b in measured),
         ],
         "waveform": [th.waveforms.to_json(wave) for wave in waves],
         "mesh": [content.decode("latin-1") for content in [*hostile.meshes().values(), saved.read_bytes()]],
@@ -266,7 +287,9 @@ def survives(name: str, text: str, known: dict[str, str]) -> None:
 def replaced(name: str, texts: list[str]) -> Iterator[str]:
     """Every valid file with one line of TOML or one node of JSON replaced, left out or there twice, in random order."""
     for k, text in enumerate(texts):
-        if name == "mesh":
+        if name in ("table", "trace"):
+            yield from hostile.scaled_columns(text)
+        elif name == "mesh":
             yield from (content.decode("latin-1") for content in hostile.damaged(text.encode("latin-1"), k, 2000))
         elif name in ("model", "waveform"):
             yield from map(json.dumps, hostile.replaced_leaves(json.loads(text)))
