@@ -67,6 +67,8 @@ def test_a_short_audit_finds_nothing(audit):
     for tried, wrong in (audit.damage(60, seed=5), audit.models(60, seed=5), audit.random_trees(60, seed=5)):
         assert tried >= 60
         assert wrong == 0
+    assert audit.full_disks(5, seed=5) == (5, 0)
+    assert audit.changed_files(1.0, seed=5)[1] == 0
 
 
 def test_options_of_commands_with_hostile_values(tmp_path, monkeypatch):

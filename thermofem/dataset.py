@@ -13,9 +13,9 @@ Data measured or simulated elsewhere trains like our own once it has time, power
 
 from __future__ import annotations
 
+import contextlib
 import io
 import logging
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -299,15 +299,13 @@ def load(path: str | Path) -> xr.Dataset:
     import xarray as xr
 
     path = netcdf.checked_path(path)
-    damage, hook = "", sys.unraisablehook
-    sys.unraisablehook = lambda unraisable: None  # h5netcdf closes a damaged file that it has half opened, and fails
-    try:
-        with xr.open_dataset(path, engine="h5netcdf", **netcdf.OPEN) as opened:
-            data = opened.load()
-    except netcdf.DAMAGE as error:
-        damage = (str(error) or type(error).__name__).splitlines()[0]
-    finally:
-        sys.unraisablehook = hook
+    damage = ""
+    with netcdf.opened_half():
+        try:
+            with xr.open_dataset(path, engine="h5netcdf", **netcdf.OPEN) as opened:
+                data = opened.load()
+        except netcdf.DAMAGE as error:
+            damage = (str(error) or type(error).__name__).splitlines()[0]
     if damage:
         raise checks.InputError(f"{path} cannot be read as netCDF ({damage}); is it complete?")
     schema = data.attrs.get("schema", SCHEMA)
@@ -327,9 +325,8 @@ def load(path: str | Path) -> xr.Dataset:
 def load_record(path: str | Path) -> Record | xr.Dataset:
     """`load`, as a Record where the file is as `save` wrote it: importing xarray takes longer than a fit."""
     path = netcdf.checked_path(path)
-    try:
+    found = None
+    with netcdf.opened_half(), contextlib.suppress(*netcdf.DAMAGE):
         found = stored(path)
-    except netcdf.DAMAGE:
-        found = None
     plain = found is not None and checks.whole(found.attrs.get("schema", SCHEMA))
     return found if found is not None and plain and found.attrs.get("schema", SCHEMA) <= SCHEMA else load(path)

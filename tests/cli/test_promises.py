@@ -280,3 +280,13 @@ def test_optics_without_light_are_refused(folder):
         done = thermofem(command, "ring.family", *more, "--optics", "bus_rate/box=-1e17", cwd=folder)
         assert (done.returncode, done.stderr.count("\n")) == (2, 1)
         assert "--optics bus_rate/box=-1e17 goes with --period" in done.stderr
+
+
+def test_a_full_disk_is_named_where_the_hashes_are_written(folder):
+    """The line was written when the file closed, after the result: "No space left on device: standard output"."""
+    store = ResultStore(folder / "made")
+    with store.opened():
+        os.symlink("/dev/full", store.ledger)
+        with pytest.raises(th.InputError, match=r"results\.sha256 cannot be written: No space left"):
+            store.write_result("key", b"content")
+        assert not store.result("key").exists()

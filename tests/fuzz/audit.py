@@ -4,7 +4,9 @@
 
 1. damage      a result, a journal or a model with a few bytes overwritten is refused or reads as it was written
 2. kills       campaigns, maps and `reproduce` killed at random times and started again end with the same result
-3. trees       seeded random JSON and TOML trees through every reader: a result or one line of InputError
+3. disks       commands whose disk is full after a random number of bytes say so in one line and leave nothing half
+4. changes     files written over, replaced and deleted while they are read: a result or one line of InputError
+5. trees       seeded random JSON and TOML trees through every reader: a result or one line of InputError
 
 Prints one line for each promise with the counts; exit code 1 where one is broken.
 """
@@ -13,8 +15,10 @@ from __future__ import annotations
 
 import contextlib
 import json
+import logging
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -25,10 +29,13 @@ from pathlib import Path
 
 import hostile
 import numpy as np
+import options
 
+import coupled
 import surrogate
 import thermofem as th
 from coupled.maps.journal import Journal
+from thermofem.traces import read_trace
 
 MAP = """
 import sys, thermofem as th, coupled
@@ -49,6 +56,22 @@ import sys, thermofem as th
 if __name__ == "__main__":
     print(th.Campaign.from_toml(sys.argv[1]).run(sys.argv[2], workers=1))
 """
+
+LIMITED = """
+import resource, sys, thermofem.cli
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)
+del sys.argv[1]
+thermofem.cli.main()
+"""
+WRITERS = [
+    "solve strip.toml -o out.nc --paraview out.xdmf --figure out.png", "campaign plan.toml -o out",
+    "fit data.nc --kind newton -o out.json --figure out.png", "reduce strip.toml -o out.json",
+    "uncertainty ring.family --spread box=1.95um,1nm --samples 2 --points 2,2 --power 3dBm,10dBm "
+    "--detuning -30GHz,30GHz --map out.nc",
+    "simulate model.json --power 1mW --duration 100ns -o out.nc", "export model.json --to fmu -o out.fmu",
+    "map model.json --points 2,2 --duration 10ns -o out.nc --resume out.jsonl", "explore model.json -o out.html",
+    "family plan.toml -o out.family --folder out", "cosimulate strip.toml --power 1mW --duration 1ns -o out.nc",
+]  # fmt: skip
 
 
 def damage(count: int, seed: int = 0) -> tuple[int, int]:
@@ -90,17 +113,35 @@ def models(count: int, seed: int = 0) -> tuple[int, int]:
 
 
 def kills(command: Callable[[], list[str]], count: int, longest: float, seed: int = 0) -> tuple[int, str]:
-    """Start a command, kill its group at random times, and let the last start end; returns kills and its output."""
+    """Start a command, end it at random times, and let the last start end; returns kills and its output.
+
+    SIGKILL or SIGTERM, to it alone or to its group.
+    """
     pick, done = random.Random(seed), 0
     for _ in range(count):
         run = subprocess.Popen(command(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
         time.sleep(pick.uniform(0.2, longest))
         if run.poll() is None:
-            os.killpg(run.pid, signal.SIGKILL)
+            how, number = pick.choice(
+                [(os.killpg, signal.SIGKILL), (os.kill, signal.SIGKILL), (os.kill, signal.SIGTERM)]
+            )
+            how(run.pid, number)
             done += 1
         run.wait()
+        _wait_for_group(run.pid)
     end = subprocess.run(command(), capture_output=True, text=True, check=False)
     return done, end.stdout if end.returncode == 0 else f"failed: {end.stderr[-500:]}"
+
+
+def _wait_for_group(group: int) -> None:
+    """Wait for the workers of a killed process, which end by themselves; they are ended where they do not."""
+    end = time.monotonic() + 10
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        while time.monotonic() < end:
+            os.killpg(group, 0)
+            time.sleep(0.05)
+        print(f"workers of {group} go on after it was killed")
+        os.killpg(group, signal.SIGKILL)
 
 
 def killed_maps(count: int, seed: int = 0) -> tuple[int, bool]:
@@ -159,6 +200,71 @@ def killed_reproductions(count: int, seed: int = 0) -> tuple[int, bool]:
         return done, tables[0] == tables[1]
 
 
+def full_disks(count: int, seed: int = 0) -> tuple[int, int]:
+    """Commands whose files may grow to a random size: tried, and those without one line or with half a file."""
+    pick, wrong = random.Random(seed), 0
+    with tempfile.TemporaryDirectory() as name:
+        given = Path(name) / "given"
+        given.mkdir()
+        options.files(given)
+        for k in range(count):
+            folder, words = Path(name) / str(k), pick.choice(WRITERS)
+            shutil.copytree(given, folder)
+            most = int(10 ** pick.uniform(0, 5))
+            command = [sys.executable, "-c", LIMITED, str(most), *words.split()]
+            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+            said = [line for line in done.stderr.splitlines() if line.startswith("thermofem: ")]
+            half = [str(path) for path in folder.rglob(".*-*") if len(path.stem) > 16]
+            named = done.returncode == 0 or (
+                done.returncode == 2 and len(said) == 1 and "out" in said[0].split(": ")[2]
+            )
+            if half or not named or "Traceback" in done.stderr:
+                wrong += 1
+                print(f"{words} with {most} bytes: exit code {done.returncode}, {done.stderr[-300:]!r}, {half} left")
+            shutil.rmtree(folder)
+    return count, wrong
+
+
+def changed_files(seconds: float, seed: int = 0) -> tuple[int, int]:
+    """Files that change while they are read, for some seconds each: reads, and those that end in another error."""
+    readers: dict[str, Callable[[Path], object]] = {
+        "model.json": surrogate.load_model,
+        "ring.family": surrogate.load_family,
+        "strip.toml": th.CrossSection.from_toml,
+        "ring.toml": coupled.RingResonator.from_toml,
+        "data.nc": th.load,
+        "copy.nc": th.dataset.load_record,
+        "ring.msh": th.mesh.load,
+        "table.csv": lambda path: read_trace(path, th.Constant(1e-3)),
+    }
+    tried, wrong, hook = 0, list[str](), sys.unraisablehook
+    sys.unraisablehook = lambda unraisable: wrong.append(f"ignored: {unraisable.exc_value}")
+    logging.disable(logging.WARNING)  # the log tells of files that were changed
+    try:
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            options.files(folder)
+            shutil.copy(folder / "data.nc", folder / "copy.nc")
+            th.mesh.mesh_for(th.strip_ring(), 1e-3).save(folder / "ring.msh")
+            for file, read in readers.items():
+                end = time.monotonic() + seconds
+                with hostile.changing(folder / file, seed):
+                    while time.monotonic() < end:
+                        tried += 1
+                        try:
+                            read(folder / file)
+                        except th.InputError:
+                            pass
+                        except Exception as error:
+                            wrong.append(f"{file}: {type(error).__name__}: {error}")
+    finally:
+        sys.unraisablehook = hook
+        logging.disable(logging.NOTSET)
+    for text in dict.fromkeys(wrong):
+        print(text)
+    return tried, len(wrong)
+
+
 def random_trees(count: int, seed: int = 0) -> tuple[int, int]:
     """Random trees through the readers of models and waveforms: tried, and those that end in another error."""
     tried = wrong = 0
@@ -189,6 +295,8 @@ def main(minutes: float) -> int:
     for what, (tried, wrong) in {
         "damaged journals": damage(400 * scale),
         "damaged models": models(400 * scale),
+        "full disks": full_disks(10 * scale),
+        "changed files": changed_files(2.0 * scale),
         "random trees": random_trees(1000 * scale),
     }.items():
         print(f"{what}: {tried} tried, {wrong} wrong")

@@ -5,11 +5,14 @@ Each generator gives pairs (what it is, the thing). The tests run every reader o
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import random
 import re
 import struct
+import threading
+import time
 import warnings
 import zipfile
 from collections.abc import Callable, Iterator
@@ -281,6 +284,34 @@ def damaged(content: bytes, seed: int, count: int) -> Iterator[bytes]:
             continue
         wrong[start : start + length] = pick.randbytes(min(length, len(wrong) - start))
         yield bytes(wrong)
+
+
+@contextlib.contextmanager
+def changing(path: Path, seed: int) -> Iterator[None]:
+    """Write over a file, replace it and delete it again and again, in another thread; in the end it is as before."""
+    content, over, pick = path.read_bytes(), threading.Event(), random.Random(seed)
+    forms = [content] * 15 + list(damaged(content, seed, 15))
+
+    def change() -> None:
+        while not over.is_set():
+            how, other = pick.randrange(3), pick.choice(forms)
+            if how == 0:
+                path.write_bytes(other)
+            elif how == 1:
+                path.with_suffix(".other").write_bytes(other)
+                path.with_suffix(".other").replace(path)
+            else:
+                path.unlink(missing_ok=True)
+            time.sleep(0.004 * pick.random())
+
+    thread = threading.Thread(target=change)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+        path.write_bytes(content)
 
 
 TOML_VALUES = [

@@ -115,13 +115,12 @@ class ResultStore:
 
     def write_result(self, key: str, content: bytes) -> None:
         """Store the netCDF file of one geometry; InputError when that is not possible."""
-        with contextlib.ExitStack() as stack:
-            try:  # first the hash: a kill in between leaves a hash without a result, which is computed again
-                # (not synced to the disk: a power cut may lose the line, and the result is then computed again, too)
-                file = stack.enter_context(self.ledger.open("a", encoding="ascii"))
+        try:  # first the hash: a kill in between leaves a hash without a result, which is computed again
+            # (not synced to the disk: a power cut may lose the line, and the result is then computed again, too)
+            with self.ledger.open("a", encoding="ascii") as file:
                 file.write(f"\n{files.digest(content)} {key}\n")
-            except OSError as error:
-                raise InputError(f"{self.ledger} cannot be written: {error.strerror}") from None
+        except OSError as error:  # also when it is closed: only then the line is written
+            raise InputError(f"{self.ledger} cannot be written: {error.strerror}") from None
         write_file(self.result(key), content)
         self.failure(key).unlink(missing_ok=True)
 
