@@ -15,6 +15,7 @@ from thermofem.names import Words
 from thermofem.record import Record
 
 from ..arguments import LONGEST
+from .repetition import FAR, SETTLED, alternate, amplitude_limit, doubled, longest_change, miss, pattern
 from .resting import Rest, resistance_of_run, rest_of_run
 
 if TYPE_CHECKING:
@@ -22,16 +23,13 @@ if TYPE_CHECKING:
 
 DUTY_LEVEL = 0.45  # of the drop power between its minimum and its maximum; the paper's definition, caption of Fig. 6
 QUIET = 1e-4  # relative range of the carriers that is no oscillation (at least ten times rtol)
-SETTLED = 0.02  # relative change of an amplitude, or of the carriers at the end, that counts as none
 EIGHTHS = np.linspace([1 / 4, 1 / 8], [1 / 8, 0], 64, axis=1)  # of a trace, before its end: the last but one, the last
 GROWS = 1e-3  # relative movement of the carriers in the last eighth that counts where it was smaller before: 10 QUIET
-FAR = 0.1  # relative change of the period per cycle above which no period is given: seven such cycles double it
 STEADY_PERIOD = 1e-5  # relative change of the period from cycle to cycle that counts as none
 GONE = 0.2  # share of the last amplitude: an oscillation whose limit is smaller decays to rest
 FEWEST = 8  # samples of a trace
 FINE = 12  # samples that a cycle needs at least
 THINNED = 40  # steps of the integration to one sample: fewer samples may show a slow beat instead of the pulses
-LONGEST_PATTERN = 4  # unequal pulses that repeat together
 LEAVES = 20  # e-foldings in which what is left of a transient, some 1e-9, becomes as large as the ring allows
 LONGER = 10  # times as long, where a trace does not tell how much of it is missing
 
@@ -96,7 +94,8 @@ def pulsing(run: xr.Dataset | Record) -> Pulsing:
     A cycle begins where the carriers rise through the middle of their range, because the drop power has two maxima per
     cycle. The trace is self-pulsing if it has two complete cycles, oscillates until its end, and its amplitude does not
     fall. It is a slow transient if the oscillation still decays, if the last movement of the carriers grows, if a cycle
-    differs from the last in length by more than a tenth, or if the trace is shorter than two periods.
+    differs from the last in length by more than a tenth (by more than 2 % where that change grows from cycle to cycle),
+    or if the trace is shorter than two periods.
     It is stable if it rests, or its oscillation dies away, within 2 % of a stable fixed point of the ring, the heat and
     the light that its attributes name; farther away, or next to an unstable one, it is a slow transient. Traces without
     these attributes (measured ones, co-simulations, several lasers) do not tell whether slow heat starts pulses later:
@@ -219,18 +218,19 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     wanted = _until_settled(tops, float(t[-1] - t[0]))
     if not abs(limit / tops[-1] - 1) <= SETTLED or tops[-1] < (1 - SETTLED) * tops[-2:].max():
         return _slow(f"{seen}an oscillation still falling, to where is not clear", wanted, swing, heights.size)
-    if together == 1 and _alternate(heights):
+    if together == 1 and alternate(heights):
         return _slow(f"{seen}unequal pulses, too few to tell whether they repeat", wanted, swing, heights.size)
-    if together == 1 and _doubled(heights, 10 * noise):
+    if together == 1 and doubled(heights, 10 * noise):
         together = 2
     change = limit / tops[tops.size // 3] - 1
     begin, end = float(up[-1 - together]), float(up[-1])
-    before = begin - float(up[-1 - 2 * together]) if up.size > 2 * together else end - begin
-    drift = (end - begin) / before - 1
-    if abs(drift) > (FAR if heights.size > 2 * together else SETTLED):  # the least number of cycles proves less
-        words = f"{seen}cycles whose length still changes by {100 * drift:+.2g} % from one to the next"
+    lengths = -np.diff(up[::-together])[::-1]  # of whole patterns, the last one at the end
+    *_, earlier, drift = (0.0, 0.0, *(lengths[1:] / lengths[:-1] - 1))
+    if abs(drift) > longest_change(earlier, drift, heights.size > 2 * together):
+        words = f"{heights.size} cycles, whose length still changes by {100 * drift:+.2g} % from one to the next"
+        words += f", after {100 * earlier:+.2g} %" if abs(drift) <= FAR and earlier else ""
         return _slow(words, wanted, swing, heights.size)
-    unequal = _miss(heights, waits[:-1], together)
+    unequal = miss(heights, waits[:-1], together)
     last = (t >= begin) & (t <= end)
     low, high = drop[last].min(), drop[last].max()
     return Pulsing(
@@ -261,24 +261,6 @@ def _until_settled(tops: Array, passed: float) -> float:
     return float(f"{passed * min(max(1 + cycles / tops.size, 2.0), 50.0):.1e}")
 
 
-def _alternate(heights: Array) -> bool:
-    """Whether large and small pulses alternate at the end with a difference that does not decay."""
-    steps = np.diff(heights[-4:])
-    turned = steps.size >= 2 and bool(np.all(steps[1:] * steps[:-1] < 0))
-    return turned and abs(steps[-1]) > SETTLED * heights[-1] and abs(steps[-1]) > 0.5 * abs(steps[-2])
-
-
-def _doubled(heights: Array, least: float) -> bool:
-    """Whether large and small pulses have alternated by more than ``least`` for five cycles without decay.
-
-    A difference that decays belongs to a cycle of one pulse; within 2 % from cycle to cycle it stays or grows.
-    """
-    steps = np.diff(heights[-5:])
-    alternate = steps.size == 4 and bool(np.all(steps[1:] * steps[:-1] < 0))
-    size = np.abs(steps)
-    return alternate and size[-1] > least * heights[-1] and bool(np.all(size[1:] > (1 - SETTLED) * size[:-1]))
-
-
 def _varying(run: xr.Dataset | Record, t: Array) -> str:
     """Names of the inputs that vary in the second half of a run; empty if none does."""
     late = t >= (t[0] + t[-1]) / 2
@@ -300,26 +282,6 @@ def _varying(run: xr.Dataset | Record, t: Array) -> str:
     return " and ".join(moving)
 
 
-def pattern(heights: Array, waits: Array) -> int:
-    """Number of cycles that repeat together: the smallest after which heights and lengths return, or 1 if none does.
-
-    Three repetitions are needed, so that a drift is no pattern. Pulses that differ by less than 2 % count as equal: an
-    oscillation that settles looks like a pattern, too.
-    """
-    for together in range(1, LONGEST_PATTERN + 1):
-        if _miss(heights, waits, together) <= SETTLED:
-            return together
-    return 1
-
-
-def _miss(heights: Array, waits: Array, together: int) -> float:
-    """Largest relative change of heights and lengths over ``together`` cycles; infinity where there are too few."""
-    if heights.size < 3 * together:
-        return np.inf
-    pairs = [(x[-2 * together :], x[-3 * together : -together]) for x in (heights, waits)]
-    return max(float(np.max(np.abs(new - old)) / max(new.max(), old.max())) for new, old in pairs)
-
-
 def crossings(t: Array, x: Array, level: float) -> Array:
     """Times at which ``x`` rises through ``level``, on the cubic through the four samples around each.
 
@@ -328,26 +290,6 @@ def crossings(t: Array, x: Array, level: float) -> Array:
     from ..kernels.levels import rises
 
     return np.asarray(rises(np.ascontiguousarray(t), np.ascontiguousarray(x), float(level), 1.0))
-
-
-def amplitude_limit(heights: Array) -> float:
-    """Where a sequence of amplitudes is heading: C for ``C + A r^k``, from the means of three blocks of equal length.
-
-    The blocks cover the last two thirds, so the cold start does not count. The last amplitude where nothing is lost, or
-    so little that it says nothing about the end; nan where the fall does not slow down as one towards rest does, which
-    is so past an unstable cycle, and may end at rest or in a smaller cycle.
-    """
-    length = max(2 * heights.size // 9, 1)
-    if heights.size < 3:
-        return float(heights[-1]) if heights[-1] > (1 - SETTLED) * heights[0] else 0.0
-    first, middle, last = heights[-3 * length :].reshape(3, length).mean(axis=1)
-    if last > (1 - SETTLED) * first:
-        return float(heights[-1])
-    curvature = (last - middle) - (middle - first)
-    limit = float(last - (last - middle) ** 2 / curvature) if curvature > 0 else -np.inf
-    if limit > -last:
-        return max(limit, 0.0)
-    return float(heights[-1]) if last > 0.9 * first else float("nan")
 
 
 def _duty(t: Array, drop: Array, begin: float, end: float) -> float:

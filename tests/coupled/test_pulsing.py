@@ -13,7 +13,8 @@ from audit import verdicts
 import coupled
 import surrogate
 import thermofem as th
-from coupled.runs.pulsing import amplitude_limit, crossings
+from coupled.runs.pulsing import crossings
+from coupled.runs.repetition import amplitude_limit
 
 PERIOD = 0.7e-6
 DURATION = 20e-6
@@ -124,6 +125,36 @@ def test_the_ghost_of_a_saddle_node_is_a_slow_transient():
     )
     assert early.regime == "slow transient"
     assert late.regime == "self-pulsing"
+
+
+def test_pulses_whose_period_grows_faster_and_faster_are_a_slow_transient():
+    # slow heat carries the ring out of the pulsing range: a run of 20 us ends at rest on the one, stable fixed point
+    R = [1625.29969843, 3450.13535925, 323.67874334, 9580.59111039]
+    model = th.Foster(R=R, tau=[4.91367711e-07, 6.00254545e-07, 7.65252569e-07, 8.60286207e-06])
+    light = {"power": 0.0001786999213608913, "detuning": -1235179201.5602221}
+    early, late = (
+        coupled.pulsing(coupled.simulate(coupled.vanvaerenbergh2012(), model, **light, duration=duration))
+        for duration in (5e-6, 20e-6)
+    )
+    assert early.regime == "slow transient"
+    assert "+5.3 % from one to the next, after +3.6 %" in early.reason
+    assert late.regime == "stable"
+
+
+@pytest.mark.parametrize(
+    ("faster_by", "regime"),
+    [
+        (np.exp(-np.maximum(TIMES - 18e-6, 0) / 2e-6), "self-pulsing"),
+        (np.exp((TIMES - DURATION) / 2e-6), "slow transient"),
+    ],
+    ids=["decays", "grows"],
+)
+def test_a_drift_of_the_period_is_believed_where_it_decays(faster_by, regime):
+    # a frequency of (1 + .4 faster_by) / PERIOD: the period changes by 4 to 7 % from cycle to cycle at the end
+    phase = np.cumsum(2 * np.pi / PERIOD * (1 + 0.4 * faster_by)) * TIMES[1]
+    found = coupled.pulsing(trace(2 + np.sin(phase)))
+    assert found.regime == regime
+    assert regime != "self-pulsing" or 0.02 < found.drift < 0.1
 
 
 def test_crossings_are_exact_for_cubics():
