@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from types import FrameType
 
 CALLED_BY_LLVM = ("_raw_object_cache_notify", "_raw_object_cache_getbuffer")
@@ -15,11 +16,21 @@ CALLED_BY_LLVM = ("_raw_object_cache_notify", "_raw_object_cache_getbuffer")
 
 def run() -> None:
     """Run the command line; from here on Ctrl-C is one line on standard error and exit code 130."""
+    _open_streams()
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _interrupt)
     from .cli import main
 
     main()
+
+
+def _open_streams() -> None:
+    """Open the null device where the caller closed a standard stream: the first file would be taken for that stream."""
+    while (number := os.open(os.devnull, os.O_RDWR)) < 3:
+        pass
+    os.close(number)
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - until the end
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

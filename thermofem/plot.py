@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable
 from pathlib import Path as FilePath
+from subprocess import CalledProcessError
 from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
@@ -129,8 +130,18 @@ def animate_field(
         return (picture,)
 
     film = animation.FuncAnimation(figure, draw, frames=data.sizes["field_time"])
+
+    def write(file: FilePath) -> None:
+        failed = ""
+        try:
+            film.save(file, writer=writer, dpi=120, progress_callback=on_frame)
+        except CalledProcessError as error:
+            failed = f" with code {error.returncode}"
+        if failed or not file.stat().st_size:
+            raise InputError(f"{path} cannot be written: ffmpeg ended{failed} without a film; .gif works without it")
+
     try:
-        write_whole(path, lambda p: film.save(p, writer=writer, dpi=120, progress_callback=on_frame))
+        write_whole(path, write)
     finally:
         plt.close(figure)
     return path

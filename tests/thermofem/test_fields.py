@@ -127,6 +127,21 @@ def test_every_time_reaches_ffmpeg(data, tmp_path, monkeypatch):
     assert [np.any(frames[k] != frames[k - 1]) for k in (1, 2)] == [True, True]
 
 
+@pytest.mark.parametrize(("ends", "said"), [("exit 0", ""), ("exit 3", " with code 3")])
+def test_an_encoder_without_a_film_is_an_error(ends, said, data, tmp_path, monkeypatch):
+    """One that ended with 0 left an empty file behind the words "wrote heat.mp4"; others, a traceback."""
+    from thermofem.plot import animate_field
+
+    program = tmp_path / "bin" / "ffmpeg"
+    program.parent.mkdir()
+    program.write_text(f"#!/bin/sh\nwhile read -r line; do :; done\n{ends}\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", str(program.parent))
+    with pytest.raises(th.InputError, match=f"heat.mp4 cannot be written: ffmpeg ended{said} without a film; .gif"):
+        animate_field(data, tmp_path / "heat.mp4")
+    assert [path.name for path in tmp_path.iterdir()] == ["bin"]
+
+
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")
 def test_a_film_is_one_where_ffmpeg_is_installed(data, tmp_path):
     from thermofem.plot import animate_field

@@ -17,7 +17,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 from ..checks import InputError, MissingLibraryError, one_line
-from .group import Commands, Entry, later
+from .group import Commands, Entry, take_over_imports
 
 PIPE = 141  # what a shell makes of SIGPIPE, by which other programs end
 HEAT, MODELS, LIGHT, RESULTS = "Heat", "Compact models", "Ring and light", "Results"  # headings of --help
@@ -72,7 +72,7 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a terminal that knows ASCII alone gets escapes, not a traceback
             stream.reconfigure(errors="backslashreplace")
-    later()
+    take_over_imports()
     try:
         with warnings.catch_warnings():
             if not sys.warnoptions:

@@ -1,12 +1,15 @@
 """Commands that are imported and built only when they are called, so that the command line starts quickly.
 
 `Commands` is the group that does so. `convert_plainly` reads options without pydantic, which typer imports for that.
-`later` leaves out modules that other libraries import and that no command uses.
+`take_over_imports` leaves out modules that other libraries import and that no command uses, and keeps the settings of
+the working folder, which may be somebody else's, from Matplotlib and Numba: they can name programs and folders of code.
 """
 
 from __future__ import annotations
 
+import contextlib
 import inspect
+import os
 import re
 import sys
 from collections.abc import Callable, Iterator, MutableMapping
@@ -14,6 +17,7 @@ from importlib import import_module
 from importlib.machinery import ModuleSpec, PathFinder
 from importlib.util import LazyLoader
 from pathlib import Path
+from types import ModuleType
 from typing import Any, NamedTuple
 
 import typer
@@ -23,6 +27,8 @@ from .output import speaking
 
 # SciPy copies every name of NumPy, f2py and testing among them (.1 CPU s); numba reads settings from YAML, if any
 UNUSED = ("numpy.f2py", "numpy.testing", "yaml")
+CONFIGURED = {"matplotlib": "matplotlibrc", "numba": ".numba_config.yaml"}  # settings read from the working folder
+SETTINGS = Path(__file__).with_name("settings")  # those of the commands; Matplotlib's own besides
 _NUMBERS = {
     int: re.compile(r"[+-]?[0-9]{1,15}"),
     float: re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?"),
@@ -154,21 +160,41 @@ def _plain(value: Any, wanted: Any, info: Any) -> Any:
     return None
 
 
-class _Later:
-    """A finder that has the modules of `UNUSED` loaded at their first use."""
+class _Finder:
+    """A finder that loads the modules of `UNUSED` at their first use, and those of `CONFIGURED` by themselves."""
 
     @staticmethod
     def find_spec(name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
-        """The usual place of such a module, with a loader that waits."""
-        if name not in UNUSED:
+        """The usual place of such a module, with a loader of its own."""
+        if name not in (*UNUSED, *CONFIGURED):
             return None
         spec = PathFinder.find_spec(name, path, target)
         if spec is not None and spec.loader is not None:
-            spec.loader = LazyLoader(spec.loader)
+            own: Any = LazyLoader if name in UNUSED else _Elsewhere
+            spec.loader = own(spec.loader)
         return spec
 
 
-def later() -> None:
-    """Load the modules of `UNUSED` at their first use, from now on."""
-    if _Later not in sys.meta_path:
-        sys.meta_path.insert(0, _Later)
+class _Elsewhere:
+    """A loader that leaves the working folder where that has settings for the module."""
+
+    def __init__(self, loader: Any) -> None:
+        self.loader = loader
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.loader, name)
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Load the module; Numba looks for its file again at every compilation, and finds none from then on."""
+        found = os.path.exists(CONFIGURED[module.__name__])
+        with contextlib.chdir(SETTINGS) if found else contextlib.nullcontext():
+            self.loader.exec_module(module)
+        if module.__name__ == "numba":
+            sys.modules["numba.core.config"]._config_fname = ""  # type: ignore[attr-defined]
+
+
+def take_over_imports() -> None:
+    """Have `_Finder` find modules from now on; figures are files, whatever a notebook or the user's settings say."""
+    os.environ.update(MPLBACKEND="agg", MATPLOTLIBRC=str(SETTINGS))
+    if _Finder not in sys.meta_path:
+        sys.meta_path.insert(0, _Finder)

@@ -1,0 +1,83 @@
+"""Commands do the same whatever the working folder, the environment and the caller's streams hold."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+from commands import WIDE, process
+
+import surrogate
+import thermofem as th
+
+SIMULATE = ("simulate", "m.json", "--duration", "0.1 us", "--figure", "run.png")
+WORKER = """
+import sys
+from multiprocessing import Pipe
+from pathlib import Path
+from thermofem.cli.reproduce import Settings
+from thermofem.cli.reproduce.workers import _work
+one, other = Pipe()
+one.close()
+_work(Path("out"), Settings(), other)
+import matplotlib
+print(matplotlib.rcParams["backend"])
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A model in a folder with somebody else's settings: modules that Matplotlib would import, Numba without code."""
+    surrogate.save_model(th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6]), tmp_path / "m.json")
+    (tmp_path / "evil.py").write_text("open('executed', 'w')\n")
+    (tmp_path / "matplotlibrc").write_text("backend: module://evil\ntext.usetex: True\n")
+    (tmp_path / ".numba_config.yaml").write_text("disable_jit: 1\n")
+    return tmp_path
+
+
+def test_settings_in_the_working_folder_are_nobodys(folder):
+    """They named programs (`animation.ffmpeg_path`), modules (`backend`), folders of stored code (`cache_dir`)."""
+    done = process(*SIMULATE, cwd=folder)
+    assert (done.returncode, done.stderr.count("\n")) == (0, 1)
+    assert (folder / "run.png").stat().st_size > 1000
+    assert not (folder / "executed").exists()
+
+
+def test_figures_of_a_command_that_a_notebook_starts(folder):
+    """Jupyter asks for its own backend, which the environment of the command need not have."""
+    (folder / "matplotlibrc").rename(folder / "mine")
+    notebook = {"MPLBACKEND": "module://nobody_has.this", "MATPLOTLIBRC": str(folder / "mine")}
+    done = process(*SIMULATE, cwd=folder, **notebook)
+    assert (done.returncode, done.stderr.count("\n")) == (0, 1)
+    assert (folder / "run.png").exists()
+
+
+def test_processes_of_a_reproduction_draw_without_settings_too(folder):
+    asked = subprocess.run([sys.executable, "-c", WORKER], cwd=folder, capture_output=True, text=True, check=True)
+    assert asked.stdout == "agg\n"
+    assert not (folder / "executed").exists()
+
+
+def test_commands_without_figures_load_no_matplotlib(folder):
+    asked = "import sys; sys.argv[1:] = ['show', 'm.json']; from thermofem.cli import main; main(); "
+    done = subprocess.run(
+        [sys.executable, "-c", asked + "print('matplotlib' in sys.modules)"],
+        cwd=folder, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert done.stdout.endswith("False\n")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="the words of a POSIX shell")
+@pytest.mark.parametrize("closed", ["2>&-", "0<&- >&- 2>&-"])
+def test_a_closed_standard_error_changes_nothing(closed, folder):
+    """Daemons and some batch systems close it; the file must be the result alone, and nothing printed into it."""
+    command = f'exec "$0" -m thermofem "$@" {closed}'
+    words = ["sh", "-c", command, sys.executable, *SIMULATE, "-o", "run.nc"]
+    environment = {**os.environ, **WIDE}
+    assert subprocess.run(words, cwd=folder, env=environment, check=False, stdout=subprocess.PIPE).returncode == 0
+    assert th.load(folder / "run.nc").sizes["time"] > 2
+    assert (folder / "run.png").exists()
+    words[words.index("m.json")] = "nothing.json"
+    assert subprocess.run(words, cwd=folder, env=environment, check=False).returncode == 2
