@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 
 from thermofem import Foster, OutputMap, Quadratic, checks
+from thermofem.arrays import ArrayLike
 from thermofem.models import ThermalModel
+from thermofem.models.contract import bare, warn_beyond
 
 Compact = Foster | OutputMap | Quadratic
 
@@ -87,6 +89,20 @@ def check_resistance(value: float) -> None:
         raise checks.InputError(
             f"model has R_th = {value:g} K/W, which is above {HIGHEST:g}; resistances are in K/W (2 K/mW is 2e3)"
         )
+
+
+def trusted(model: Any, rise: ArrayLike, linear: ArrayLike = 0.0) -> None:
+    """Compare what a run or a fixed point of a ring asked of a thermal model with what the model describes.
+
+    rise [K]: all temperature rises by the light.
+    linear [K]: rises before an output map, as many as are known.
+    Warns OutsideTrainingWarning: rises far above those of the training.
+    Raises InputError: linear rises beyond the top of an output map, where more heat would mean less temperature.
+    """
+    inner = bare(model)
+    if isinstance(inner, OutputMap):
+        inner.of(linear)
+    warn_beyond(np.asarray(np.max(rise, initial=0.0)), getattr(inner, "largest_rise", None))
 
 
 def attributes(model: Compact) -> dict[str, Any]:

@@ -10,6 +10,7 @@ import numpy as np
 from thermofem import checks, dataset
 from thermofem.arrays import Array
 
+from ..thermal import trusted
 from .circuit import Circuit
 from .system import System, system_of
 
@@ -78,7 +79,9 @@ def circuit_steady_states(
             found.append(y)
     n = len(circuit.names)
     found.sort(key=lambda y: float(np.sum(y[0 : 3 * n : 3] ** 2 + y[1 : 3 * n : 3] ** 2)))
-    return _described(circuit, system, found)
+    states = _described(circuit, system, found)
+    trusted(thermal, states["delta_T"].values, states["absorbed"].values * system.heat.thermal_resistance)
+    return states
 
 
 def autonomous(

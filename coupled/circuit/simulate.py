@@ -16,6 +16,7 @@ from ..inputs import Input
 from ..kernels.tableaus import Method, tableau
 from ..runs.simulate import check_method
 from ..runs.window import LONG, MAX_STEPS, check_end
+from ..thermal import trusted
 from .alone import is_alone, run_alone
 from .circuit import Circuit
 from .drive import corners, warn_of_fast_streams
@@ -152,6 +153,7 @@ def simulate_circuit(
         "duration": duration, "rtol": float(rtol), "method": chosen.value, "steps": int(counts[0]),
         "rejected_steps": int(counts[1]), "final_state": y * units_of(*heat.gain.shape),
     }  # fmt: skip
+    trusted(thermal, rows[:, 4 : 4 + 4 * len(offsets) : 4])
     return dataset_of(circuit, system, rows, attributes, corner=corner, average=bool(average))
 
 

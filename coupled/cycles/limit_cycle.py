@@ -13,6 +13,7 @@ from ..arguments import check_detuning, check_power, check_ring, one_laser
 from ..heaters import constant
 from ..resonator import RingResonator
 from ..states import State
+from ..thermal import trusted
 from .guess import from_guess
 from .orbit import problem
 from .result import dataset_of
@@ -90,5 +91,6 @@ def limit_cycle(
     p = problem(ring, warm.model, float(power), float(detuning), warm.rise)
     found = settled(p, np.zeros(p.units.size)) if guess is None else from_guess(p, guess)
     cycle = dataset_of(p, found)
+    trusted(model, cycle["delta_T"].values - warm.rise)
     cycle.attrs |= warm.attributes
     return cycle

@@ -13,7 +13,7 @@ from thermofem.models import ThermalModel
 from ..arguments import check_detuning, check_power, check_ring, one_laser
 from ..heaters import constant
 from ..resonator import RingResonator, origin
-from ..thermal import Compact, attributes, compact
+from ..thermal import Compact, attributes, compact, trusted
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -95,6 +95,7 @@ def steady_states(
     at = internal(ring, warm.model, absorbable(ring, power))
     U, D = fixed_points(ring, at, power, detuning + warm.turned(ring))
     values = observables(ring, at, U, D, np.full(U.size, power))
+    trusted(model, values["delta_T"], at.model.thermal_resistance * values["absorbed"])
     values["delta_T"] = values["delta_T"] + warm.rise
     return xr.Dataset(
         {name: ("branch", v, dataset.describe(name)) for name, v in values.items()},

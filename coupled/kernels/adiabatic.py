@@ -130,7 +130,7 @@ def integrate(
             z, z_new = read(y, thermal), read(out, thermal)
             e_N /= max(abs(y[2]), abs(out[2]), floor[1])
             e_x /= max(abs(z), abs(z_new), floor[2])
-            error = math.sqrt((e_N * e_N + e_x * e_x) / 2.0) / rtol
+            error = math.sqrt((e_N * e_N + e_x * e_x) / 2.0) / rtol if rise_of(z_new, thermal)[1] > 0.0 else math.inf
             if not error <= 1.0:
                 rejected += 1
                 h *= max(0.2, 0.9 * error**-0.2) if error < math.inf else 0.2

@@ -17,6 +17,7 @@ from .spectrum import eigenvalues
 
 QUIET = 1e-2  # largest relative change in a step of a state that counts as at rest
 DONE, TOO_MANY_STEPS, STEP_TOO_SMALL, EVENT, STOPPED, TOO_MANY_ROWS = 0, 1, 2, 3, 4, 5  # how an integration ended
+TOP = 1e300  # error of a step that ends beyond the top of an output map
 GROWTH = 5.0  # largest ratio of two successive steps
 
 

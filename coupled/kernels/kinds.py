@@ -124,7 +124,7 @@ def read(y: Array, thermal: Any) -> Any:
 
 
 def rise_of(z: float, thermal: Any) -> Any:
-    """Return dT and d(dT)/dz at ``z``."""
+    """Return dT and d(dT)/dz at ``z``; no step ends beyond the top of an output map, where d(dT)/dz < 0."""
 
 
 def weigh(k: Array, thermal: Any) -> Any:

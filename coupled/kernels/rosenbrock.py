@@ -32,6 +32,7 @@ from .control import (
     STEP_TOO_SMALL,
     STOPPED,
     TOO_MANY_STEPS,
+    TOP,
     after_acceptance,
     after_rejection,
     dense_output,
@@ -124,7 +125,7 @@ def step_error(
 ) -> float:
     """Return the error of a step in units of ``rtol``: root mean square over field, carriers and temperature."""
     square = squared_error(y, out, k[k.shape[0] - 1], weigh(k, thermal), z, z_new, floor)
-    return math.sqrt(square / 3.0) / rtol
+    return math.sqrt(square / 3.0) / rtol if rise_of(z_new, thermal)[1] > 0.0 else TOP
 
 
 @inlined
@@ -292,7 +293,7 @@ def integrate(
                 rejected += 1
                 growth = 1.0
                 h = after_rejection(h, error, size)
-                if h < 1e-13 * max(abs(t), 1e-3):
+                if h < 1e-13 * max(abs(t), 1e-3) or (error == TOP and h < 1e-3 * cautious):
                     ended = STEP_TOO_SMALL
                     break
                 continue

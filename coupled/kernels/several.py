@@ -304,7 +304,8 @@ def _error(y: Array, out: Array, k: Array, n: int, fields: int, rtol: float, flo
     e1 = k[last, 2] / max(abs(y[2]), abs(out[2]), floor[1])
     z, z_new = read(y[: 3 + n], thermal), read(out[: 3 + n], thermal)
     e2 = weigh(k[:, : 3 + n], thermal) / max(abs(z), abs(z_new), floor[2])
-    return math.sqrt((worst / fields + e1 * e1 + e2 * e2) / 3.0) / rtol
+    error = math.sqrt((worst / fields + e1 * e1 + e2 * e2) / 3.0) / rtol
+    return error if rise_of(z_new, thermal)[1] > 0.0 else math.inf
 
 
 for module in (equations, algebra, kinds):

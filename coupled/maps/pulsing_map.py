@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Quadratic, checks, dataset, renamed
 from thermofem.models import ThermalModel
+from thermofem.models.contract import bare, warn_beyond
 from thermofem.names import Words
 from thermofem.record import Record, as_dataset, recorded
 
@@ -170,6 +171,9 @@ def pulsing_map(
     slow = any(cell.regime == Regime.SLOW_TRANSIENT for row in rows for cell in row)
     if slow and not settled and long_enough(small) > duration:
         attrs["suggested_duration"] = long_enough(small)
+    warn_beyond(
+        np.nan_to_num([[cell.swing for cell in row] for row in rows]), getattr(bare(model), "largest_rise", None)
+    )
     columns = {name: [[getattr(cell, name) for cell in row] for row in rows] for name in _Cell._fields}
     variables: dict[str, Any] = {
         name: (grid.names, np.array(columns[name]), dataset.describe(name))

@@ -19,7 +19,7 @@ from ..inputs import Input
 from ..kernels.tableaus import Method
 from ..resonator import RingResonator
 from ..states import State, starting_point
-from ..thermal import Compact, attributes
+from ..thermal import Compact, attributes, trusted
 from .lasers import Laser, check_lasers, further_fields, run_several, variables_of
 from .record import heater_powers, provenance, traces
 from .resting import rest_near
@@ -152,6 +152,7 @@ def simulate(
             progress=progress,
         )  # fmt: skip
         seen = {name: column("time", v, dataset.describe(name)) for name, v in traces(ring, run, light).items()}
+    trusted(model, run.delta_T)
     end = replace(run.final, thermal=np.asarray(run.final.thermal) + heat.states(run.reached))
     heater = {name: column(*parts) for name, parts in heater_powers(heat.powers, run.time).items()}
     return Record(

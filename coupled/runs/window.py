@@ -211,8 +211,8 @@ def check_end(counts: NDArray[np.int64], reached: float, duration: float, rtol: 
         raise KeyboardInterrupt
     if counts[2] == control.STEP_TOO_SMALL:
         raise checks.InputError(
-            f"the integration found no step small enough at t = {reached * 1e-9:g} s: light and heat run away; look at "
-            "the model's largest numbers"
+            f"the integration found no step small enough at t = {reached * 1e-9:g} s: light and heat run away, or the "
+            "rise is at the top of an output map; look at the model's largest numbers"
         )
 
 

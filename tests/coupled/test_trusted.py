@@ -1,0 +1,56 @@
+"""Every function that takes light and a thermal model tells where the rise is beyond the training or the output map."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rings import BENT, RING, SECOND_ORDER
+
+import coupled
+import thermofem as th
+
+BUS = coupled.bus(RING)
+ASKED = {
+    "simulate": lambda m: coupled.simulate(RING, m, power=6.31e-3, duration=2e-6),
+    "simulate, adiabatic": lambda m: coupled.simulate(RING, m, power=6.31e-3, duration=2e-6, adiabatic=True),
+    "simulate, two lasers": lambda m: coupled.simulate(
+        RING, m, power=6.31e-3, duration=2e-6, lasers=coupled.Laser(1e-6, -2e9)
+    ),
+    "limit_cycle": lambda m: coupled.limit_cycle(RING, m, power=6.31e-3),
+    "steady_states": lambda m: coupled.steady_states(RING, m, power=6.31e-3),
+    "pulsing_map": lambda m: coupled.pulsing_map(RING, m, [6.3e-3, 6.4e-3], [0.0, 1e9]),
+    "simulate_circuit": lambda m: coupled.simulate_circuit(BUS, m, inputs={"in": 6.31e-3}, duration=2e-6),
+    "circuit_steady_states": lambda m: coupled.circuit_steady_states(BUS, m, inputs={"in": 6.31e-3}),
+}
+POLES = th.OutputMap(SECOND_ORDER, -1e-3, largest_rise=3.0)
+NETWORK = th.models.Network(
+    np.diag(-1 / SECOND_ORDER.tau), SECOND_ORDER.gain, ("core", "shell"), SECOND_ORDER, largest_rise=3.0
+)
+TRAINED = {"output map": POLES, "quadratic": replace(BENT, largest_rise=3.0), "network": NETWORK}
+
+
+@pytest.mark.parametrize("kind", TRAINED)
+@pytest.mark.parametrize("name", ASKED)
+def test_a_rise_far_above_the_training_warns(name, kind):
+    """Alone the models warned; with light they did not."""
+    if kind == "quadratic" and "circuit" in name:
+        pytest.skip("circuits take linear models and output maps")
+    with pytest.warns(th.OutsideTrainingWarning, match="its training reached 3 K"):
+        ASKED[name](TRAINED[kind])
+    ASKED[name](replace(TRAINED[kind], largest_rise=30.0))
+
+
+@pytest.mark.parametrize("name", [name for name in ASKED if name != "pulsing_map"])
+def test_a_rise_at_the_top_of_an_output_map_is_refused(name):
+    """More heat then meant less temperature: the rise of a run turned at the top, 2.5 K, without a word."""
+    with pytest.raises(th.InputError, match=r"top of (the|an) output map"):
+        ASKED[name](th.OutputMap(SECOND_ORDER, -0.1))
+
+
+@pytest.mark.parametrize("options", [{}, {"duration": 2e-6}])
+def test_cells_of_a_map_at_the_top_of_an_output_map_say_so(options):
+    found = coupled.pulsing_map(RING, th.OutputMap(SECOND_ORDER, -0.1), [6.3e-3, 6.4e-3], [0.0, 1e9], **options)
+    assert set(found.regime.values.ravel()) <= {"failed", "slow transient"}
+    assert "top of an output map" in str(found.reason.values[0, 0])
