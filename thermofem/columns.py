@@ -109,7 +109,7 @@ def parse(text: str) -> Columns:
             at.append(number)
         elif at and not _is_remark(line):
             raise _damaged(number, line, width)
-    if not at:
+    if not np.isfinite(cells).any():
         raise InputError("no line of at least two numbers; a table of time and temperature is needed")
     _check_marks([lines[k - 1] for k in at], at, divider)
     table = np.array(cells, dtype=float).reshape(-1, width)

@@ -12,6 +12,7 @@ from paths import MEASURED
 
 import surrogate
 import thermofem as th
+from thermofem import columns
 from thermofem.tables import _edges, _with_jumps
 from thermofem.waveforms import from_json
 
@@ -262,3 +263,10 @@ def test_one_unit_said_twice_is_read(header, tmp_path):
     path = tmp_path / "table.csv"
     path.write_text(f"{header}\n0,0\n1,1\n2,1.5\n")
     assert th.read_csv(path, time="Time", temperature="T", power=1e-3).time.values.tolist() == [0, 1e-6, 2e-6]
+
+
+@pytest.mark.parametrize("text", ["NAN NAN\n", "nan,nan\nnan,nan\n", "--,--\n"])
+def test_a_table_of_no_numbers_is_refused(text):
+    """`nan` is a number to Python: a table of nothing else had no last column."""
+    with pytest.raises(th.InputError, match="no line of at least two numbers"):
+        columns.parse(text)
