@@ -18,6 +18,7 @@ from thermofem.display import shown
 from thermofem.waveforms import Pieces as Pieces
 from thermofem.waveforms import Waveform, cubic_pieces
 from thermofem.waveforms import bounds as bounds
+from thermofem.waveforms.contract import spans
 from thermofem.waveforms.lines import Lines
 
 Input: TypeAlias = "float | Waveform | Pieces | Sequence[Any]"
@@ -25,6 +26,7 @@ DEGREE = 3
 DEEPEST = 10  # lists in lists
 
 
+@spans
 @shown
 @dataclass(frozen=True, eq=False)
 class Sweep(Lines):

@@ -259,8 +259,8 @@ class RingResonator:
         loaded_q = checks.between("loaded_q", loaded_q, 10, 1e10)
         intrinsic_q = checks.between("intrinsic_q", intrinsic_q, 10, 1e10)
         absorbed_fraction = checks.between("absorbed_fraction", absorbed_fraction, 0, 1)
-        if buses not in (1, 2):
-            raise checks.InputError(f"buses = {buses!r} must be 1 or 2")
+        checks.instance("base", base, RingResonator, hint="coupled.borghi2021() is one")
+        buses = checks.integer("buses", buses, 1, 2)
         if loaded_q >= intrinsic_q:
             raise checks.InputError(
                 f"loaded_q = {loaded_q:g} must be smaller than intrinsic_q = {intrinsic_q:g}: "

@@ -70,7 +70,10 @@ class State:
     @classmethod
     def from_array(cls, values: Array) -> State:
         """Inverse of `as_array`; a carrier density that round-off left below 0 becomes 0."""
-        return cls(complex(values[0], values[1]), max(float(values[2]), 0.0), values[3:])
+        numbers = checks.array("values", values)
+        if numbers.size < 4:
+            raise checks.InputError(f"values has {numbers.size} numbers; at least 4 are needed")
+        return cls(complex(numbers[0], numbers[1]), max(float(numbers[2]), 0.0), numbers[3:])
 
     @property
     def energy(self) -> float:

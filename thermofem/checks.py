@@ -114,7 +114,7 @@ def finite(name: str, value: Any, *, unit: str = "", hint: str = "") -> float:
         raise InputError(_rule(f"{name} = {number} is not finite", unit), hint)
     if abs(number) > LARGEST:
         raise InputError(_rule(f"{name} = {number:g} is beyond {LARGEST:g}, which is no quantity", unit), hint)
-    return number
+    return number + 0.0  # -0 is 0
 
 
 def plain(one: Any) -> None:
@@ -122,9 +122,22 @@ def plain(one: Any) -> None:
 
     float32 and uint8 keep their precision and range in arithmetic: 3 dB as uint8 became 253 dB where it was negated.
     """
+    annotated(one)
     for name, value in vars(one).items():
         if (python := _plain(value)) is not value:
             object.__setattr__(one, name, python)
+
+
+def annotated(one: Any) -> None:
+    """Raise InputError for a field of text or of a mapping, as it is annotated, that is none."""
+    for name, kind in type(one).__annotations__.items():
+        value, needed = getattr(one, name), kind.removesuffix(" | None")
+        if value is None and needed != kind:
+            continue
+        if needed == "str":
+            text(name, value)
+        elif needed.startswith("Mapping[") and not isinstance(value, Mapping):
+            raise InputError(f"{name} = {shown(value)} must be a mapping")
 
 
 def _plain(value: Any) -> Any:
@@ -178,17 +191,11 @@ def power(name: str, value: Any, *, zero: bool = False) -> float:
 
 
 def array(
-    name: str,
-    value: ArrayLike,
-    *,
-    increasing: bool = False,
-    empty: bool = False,
-    hint: str = "",
-    most: float = LARGEST,
+    name: str, value: ArrayLike, *, increasing: bool = False, empty: bool = False, hint: str = "", most: float = LARGEST
 ) -> NDArray[np.float64]:
     """Return ``value`` as a 1-D float array, or raise InputError if it is not finite, too large or not increasing.
 
-    Nothing, such as (), is an InputError, too, unless ``empty``.
+    Nothing, such as (), is refused, too, unless ``empty``.
     """
     import numpy as np
 

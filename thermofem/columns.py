@@ -51,6 +51,7 @@ class Columns:
 
     def column(self, argument: str, name: str) -> int:
         """Index of a column by its header, with or without what follows the unit."""
+        checks.text(argument, name)
         short = [_UNIT.split(known)[0].strip() for known in self.names]
         if name in self.names:
             return self.names.index(name)

@@ -86,6 +86,8 @@ def build(
     Raises InputError: times that do not increase, numbers that are not finite, a rise of another length, no waveform.
     """
     checks.has("wave", wave, "breakpoints", hint="a waveform is needed; e.g. th.Pulse(power=2e-3, width=20e-6)")
+    read = checks.instances("read", read, str)
+    attributes = checks.mapping("attributes", attributes)
     times, rise = checks.array("times", times, increasing=True), checks.numbers("delta_T", delta_T)
     if rise.shape not in ((times.size,), (times.size, len(read))):
         raise checks.InputError(
@@ -101,10 +103,10 @@ def build(
     if several:
         coordinates["probe"] = column("probe", list(read), {"long_name": "part whose mean is read"})
     attrs = {
-        **stamp("periodic" if periodic else "transient"),
+        **stamp("periodic" if checks.flag("periodic", periodic) else "transient"),
         "waveform": waveforms.to_json(waveforms.storable(wave, float(times[-1]))),
         "read": ", ".join(read),
-        **(attributes or {}),
+        **attributes,
     }
     return Record(variables, coordinates, attrs)
 

@@ -71,6 +71,8 @@ class _Closed(EnumType):
     def __call__(cls, value: Any, *further: Any, **options: Any) -> Any:
         if cls.__members__ and (further or any(option is not None for option in options.values())):
             raise InputError(f"{cls.__name__.lower()} takes one value; known: {', '.join(map(str, cls))}")
+        if cls.__members__ and not isinstance(value, str):  # an array would be compared with each
+            choice(cls.__name__.lower(), value, map(str, cls))
         return super().__call__(value, *further, **options)
 
 

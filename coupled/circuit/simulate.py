@@ -119,6 +119,7 @@ def simulate_circuit(
     warn_of_fast_streams(circuit, inputs)
     corner = corners(circuit, light)
     wanted = np.empty(0) if times is None else check_times(times, duration)
+    average = checks.flag("average", average)
     alone = is_alone(circuit) and not average and not corner.size
     chosen = check_method(method) or (Method.RODAS4 if rtol >= 1e-6 and alone else Method.RODAS5P)
     begin = _start(circuit, heat, initial)
@@ -140,7 +141,7 @@ def simulate_circuit(
         call = partial(watched, progress=(lambda t: progress(t * eq.NS)) if progress else None)
         rows, y, reached, counts = (call if duration > LONG or len(circuit.names) > 4 else uninterrupted)(
             integrate, begin, drive, rings, system.states, system.net, tableau(chosen), series(tableau(chosen)), rtol,
-            wanted[wanted > 0] / eq.NS, bool(average), corner, MAX_STEPS, new_watch(),
+            wanted[wanted > 0] / eq.NS, average, corner, MAX_STEPS, new_watch(),
         )  # fmt: skip
         check_end(counts, reached, duration, rtol)
         gathered = rows.shape[1] - 1 - 4 * len(offsets) - 2 * len(light.terminals)
@@ -154,7 +155,7 @@ def simulate_circuit(
         "rejected_steps": int(counts[1]), "final_state": y * units_of(*heat.gain.shape),
     }  # fmt: skip
     trusted(thermal, rows[:, 4 : 4 + 4 * len(offsets) : 4])
-    return dataset_of(circuit, system, rows, attributes, corner=corner, average=bool(average))
+    return dataset_of(circuit, system, rows, attributes, corner=corner, average=average)
 
 
 def _start(circuit: Circuit, heat: RingHeat, initial: xr.Dataset | None) -> Array:

@@ -117,6 +117,7 @@ class FEM:
 
     def advance(self, times: Array, power: Waveform) -> Array:
         """Rise of the heated part in K at ``times``."""
+        times = checks.array("times", times, increasing=True)
         outputs, *self._tried = self.field.advance(
             self.state, [power, *self.heaters.values()], times, keep=self._kept(times)
         )

@@ -62,6 +62,9 @@ class Laser:
     def __post_init__(self) -> None:
         checks.plain(self)
         checks.finite("phase", self.phase, unit="rad")
+        for name in ("power", "detuning"):
+            if not hasattr(value := getattr(self, name), "breakpoints") or isinstance(value, type):
+                checks.finite(name, value)
         if self.resonance is not None:
             hint = "give a ring, such as replace(ring, frequency=194e12)"
             checks.instance("resonance", self.resonance, RingResonator, hint=hint)

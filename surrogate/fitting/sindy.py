@@ -123,7 +123,9 @@ def fit_sindy(
     largest = float(rise[:, 0].max())
     power_unit = largest / gains[0]
     scale, unit = gains * power_unit, UNIT * step  # a static unit power gives unit states
-    coefficients = _identify(rise / scale, wave(times) / power_unit, times / unit, half / unit, impose)
+    coefficients = _identify(
+        rise / scale, wave(times) / power_unit, times / unit, half / unit, checks.flag("impose", impose)
+    )
     A = coefficients[:, :-1] * scale[:, None] / scale / unit
     b = coefficients[:, -1] * scale / power_unit / unit
     poles = gate(A, b, float(gains[0]), name=names[0])
@@ -200,6 +202,8 @@ def regress(
             warnings.simplefilter("ignore")  # pysindy warns of its own array bookkeeping; the gate judges the result
             library = pysindy.WeakPDELibrary(terms, spatiotemporal_grid=times, K=DOMAINS, p=4, H_xt=[half])
             sindy = pysindy.SINDy(feature_library=library, optimizer=optimizer).fit(list(states), times, u=u)
+    except np.linalg.LinAlgError:
+        raise checks.InputError("the regression is singular: do power and static gains belong to the data?") from None
     finally:
         np.random.set_state(before)  # noqa: NPY002
     return np.asarray(sindy.coefficients(), dtype=float)

@@ -82,7 +82,9 @@ def fit_sindy_quadratic(
             f"static has {gains.size} and steady {settled.size} values for {n} probes; all positive"
         )
     step = float(times[1] - times[0])
-    half = checks.positive("window", window or WINDOW * step, unit="s", at_most=float(times[-1]) / 3)
+    half = checks.positive(
+        "window", WINDOW * step if window is None else window, unit="s", at_most=float(times[-1]) / 3
+    )
     largest = max(float(r[1][:, 0].max()) for r in read)
     unit, power_unit = UNIT * step, largest / gains[0]
     scale = gains * power_unit

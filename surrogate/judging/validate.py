@@ -130,6 +130,7 @@ def valid_range(curve: xr.Dataset, *, within: float = 0.1) -> tuple[float, float
 def validity(curve: xr.Dataset, *, within: float = 0.1) -> str:
     """`valid_range` in words: 'within 10 % from 0.6 to 1.45 us'."""
     low, high = valid_range(curve, within=within)
+    within = float(within)
     if not low <= high:
         return f"nowhere within {100 * within:g} %"
     return f"within {100 * within:g} % from {low * 1e6:.3g} to {high * 1e6:.3g} us"
@@ -206,8 +207,8 @@ def compare(
     }
     states = [float(getattr(m, "order", np.nan)) for m in models.values()]
     variables["states"] = ("model", states, {"units": "1", "long_name": "number of states"})
-    if np.size(periods):
-        periods = checks.array("periods", periods, increasing=True)
+    periods = checks.array("periods", periods, increasing=True, empty=True)
+    if periods.size:
         power, duty = max(float(np.max(getattr(d, "power", 2e-3))) for d in drives), 1 / 3
         swing = swings(reference, periods, power, duty)
         words = [error_curve(m, swing, periods, power, duty).attrs["validity"] for m in models.values()]

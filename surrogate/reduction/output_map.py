@@ -46,6 +46,8 @@ def output_map(system: NonlinearSystem, power: float, *, linear: Foster | None =
         a system that is linear or has several channels, a power without a steady state.
     """
     power = check_nonlinear(system, power)
+    if linear is not None:
+        checks.instance("linear", linear, Foster, hint="a linear network is needed, such as surrogate.reduce gives")
     if linear is None:
         linear = reduce(system.linear, 1e-4).model  # type: ignore[assignment]  # one channel: a Foster network
     powers = np.array([power / 2, power])
@@ -70,7 +72,7 @@ def fit_output_map(linear: Foster, data: xr.Dataset | Sequence[xr.Dataset]) -> O
     InputError
         data without power or rise.
     """
-    checks.has("linear", linear, "tau", "gain", hint="a linear network is needed, such as surrogate.reduce gives")
+    checks.instance("linear", linear, Foster, hint="a linear network is needed, such as surrogate.reduce gives")
     responses = responses_of(data)
     warn_of(responses)
     rate = 1 / np.asarray(linear.tau)

@@ -140,7 +140,7 @@ def reduce(system: StateSpace, tolerance: float = 1e-4) -> Reduction:
         bound=bound[:, 0, 0] if isinstance(model, Foster) else bound,
         basis=basis,
         shifts=found.shifts,
-        tolerance=tolerance,
+        tolerance=float(tolerance),
         solves=found.solves,
     )
     return replace(reduction, model=replace(model, origin=reduction.provenance))

@@ -64,6 +64,7 @@ def pareto_front(
     for value in wanted.values():
         if isinstance(value, str):
             checks.choice("target", value, GOALS, hint="or give a number")
+    seed = checks.seed(seed)
     return front_of(search_of(family_over(family, free, 1e-3), free, target, fixed, optics), generations, seed)
 
 

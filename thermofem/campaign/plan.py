@@ -83,7 +83,11 @@ class Campaign:
     def __post_init__(self) -> None:
         checks.plain(self)
         checks.text("geometry", self.geometry)
+        checks.text("name", self.name)
+        if self.heated is not None:
+            checks.text("heated", self.heated)
         checks.seed(self.seed)
+        checks.integer("samples", self.samples, 0, np.inf)
         for field, kind in (("variations", Variation), ("drives", Drive), ("read", str)):
             object.__setattr__(self, field, checks.instances(field, getattr(self, field), kind))
         checks.between("accuracy", self.accuracy, 1e-5, 1e-2)
@@ -152,6 +156,10 @@ class Campaign:
 
     def geometry_of(self, values: tuple[Value, ...]) -> str:
         """Text of the geometry file with these values."""
+        checks.instance("values", values, tuple, list, hint="a value for each variation is needed")
+        values = checks.instances("values", values, str, float, int, np.number)
+        if len(values) != len(self.variations):
+            raise InputError(f"values holds {len(values)} values; {len(self.variations)} vary")
         table = json.loads(json.dumps(self._table))
         for variation, value in zip(self.variations, values, strict=True):
             for path in variation.paths:

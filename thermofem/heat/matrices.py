@@ -125,7 +125,35 @@ def discretize(
         ``mesh`` is no Mesh.
     """
     checks.has("mesh", mesh, "skfem", hint="give a thermofem.Mesh")
-    return build(mesh, conductivity, heat_capacity, Surfaces(held=held, convection=convection or {}))
+    n, facets = len(mesh.triangles), mesh.skfem.facets.shape[1]
+    k, c = (
+        checks.numbers(name, value)
+        for name, value in (("conductivity", conductivity), ("heat_capacity", heat_capacity))
+    )
+    for name, value, shapes in (("conductivity", k, ((), (n,), (2, n))), ("heat_capacity", c, ((), (n,)))):
+        if value.shape not in shapes or value.min() < 0:
+            raise checks.InputError(
+                f"{name} has shape {value.shape}; one value >= 0 for each of {n} triangles is needed"
+            )
+    return build(mesh, k, c, Surfaces(held=_facets("held", held, facets), convection=_convection(convection, facets)))
+
+
+def _facets(name: str, value: Any, count: int) -> NDArray[np.intp]:
+    """Numbers of facets, or InputError."""
+    numbers = checks.array(name, value, empty=True)
+    if np.any(numbers != np.round(numbers)) or (numbers.size and not 0 <= numbers.min() <= numbers.max() < count):
+        raise checks.InputError(f"{name} holds a number that is no facet; they go from 0 to {count - 1}")
+    return numbers.astype(np.intp)
+
+
+def _convection(given: Any, count: int) -> dict[float, NDArray[np.intp]]:
+    """Facets by h, or InputError."""
+    if given is not None and not isinstance(given, Mapping):
+        raise checks.InputError(f"convection = {checks.shown(given)} must map h in W/(m^2 K) to facets")
+    return {
+        checks.between("h", h, 0, 1e12, unit="W/(m^2 K)"): _facets("convection", value, count)
+        for h, value in (given or {}).items()
+    }
 
 
 def build(

@@ -235,9 +235,9 @@ class HeatProblem:
         InputError
             a power out of range; no steady state is found, see `nonlinear.NonlinearSystem.steady_state`.
         """
-        heated = heated or self.heated[0]
+        heated, read = self._channel(heated, read)
         power = checks.between("power", power, -checks.MOST_POWER, checks.MOST_POWER, unit="W", hint=checks.POWER_HINT)
-        model = self.model(heated, read or heated)
+        model = self.model(heated, read)
         if isinstance(model, NonlinearSystem):
             return float(model.steady_rise(power)[0])
         return power * self.thermal_resistance(heated, read)
@@ -282,7 +282,9 @@ class HeatProblem:
 
     def field(self, state: ArrayLike) -> Array:
         """Temperature rise in K at every vertex of the mesh, from states of shape (..., unknowns) of the system."""
-        state = np.asarray(state, dtype=float)
+        state = checks.numbers("state", state)
+        if state.shape[-1:] != (self.unknowns,):
+            raise checks.InputError(f"state has shape {state.shape}; the last dimension has {self.unknowns} unknowns")
         everywhere = np.zeros((*state.shape[:-1], self.discretization.mass.shape[0]))
         everywhere[..., self.discretization.free] = state
         return everywhere[..., self.discretization.basis.nodal_dofs[0]]

@@ -91,7 +91,11 @@ def check_triangles(
     points: Any, triangles: Any, region: Any, names: tuple[str, ...]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
     """The arrays; InputError unless every triangle has three finite points, r >= 0, an area and a named region."""
-    points, triangles, region = checks.numbers("points", points), whole("triangles", triangles), whole("region", region)
+    points, triangles, region = (
+        checks.numbers("points", points, most=np.inf),
+        whole("triangles", triangles),
+        whole("region", region),
+    )
     check_names("region_names", names)
     if points.ndim != 2 or points.shape[1] != 2 or triangles.ndim != 2 or triangles.shape[1] != 3 or not len(triangles):
         raise InputError(f"points of shape {points.shape} and triangles of shape {triangles.shape} are no mesh")
@@ -162,7 +166,7 @@ def trusted(path: str | Path) -> Mesh:
     try:
         if unnamed := set(used) - set(named):
             raise InputError(f"the physical groups {sorted(unnamed)} have no names")
-        points = checks.numbers("points", points)
+        points = checks.numbers("points", points, most=np.inf)
         if np.abs(points[:, 2]).max() > 1e-12 * np.abs(points).max():
             raise InputError("it has points out of the plane z = 0; gmsh's x and y are r and z here")
         with np.errstate(over="ignore", invalid="ignore"):  # too far away, as `Mesh` says

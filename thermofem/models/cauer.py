@@ -62,6 +62,7 @@ class Cauer(Delegates):
     origin: Mapping[str, Any] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
+        checks.annotated(self)
         R, C = checks.array("R", self.R), checks.array("C", self.C)
         if R.size != C.size:
             raise checks.InputError(f"R has {R.size} entries and C {C.size}; each node needs one of both")

@@ -51,6 +51,7 @@ class Foster:
     origin: Mapping[str, Any] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
+        checks.annotated(self)
         R, tau = checks.array("R", self.R), checks.array("tau", self.tau)
         if R.size != tau.size:
             raise checks.InputError(f"R has {R.size} entries and tau {tau.size}; each pole needs one of both")

@@ -53,6 +53,7 @@ class OutputMap(AtSmallPower):
 
     def __post_init__(self) -> None:
         checks.plain(self)
+        checks.instance("linear", self.linear, Foster, hint="a thermofem.Foster is needed, such as the model of a fit")
         hint = "it is in 1/K, of the order of -4e-4 for silicon in oxide"
         object.__setattr__(self, "coefficient", checks.between("coefficient", self.coefficient, -0.1, 0.1, hint=hint))
         check_rise(self.largest_rise)

@@ -22,6 +22,7 @@ from .state_space import StateSpace
 
 RTOL = 1e-8  # of LSODA per step; 1e-6 of the largest rise accumulates over 50 us at most (measured)
 PASSES = 40  # of the period map
+MOST_MARKS = 10_000  # changes of the power in one run, each a start of the integrator: half a minute
 _TINY = np.finfo(float).tiny
 
 
@@ -164,7 +165,7 @@ class Quadratic:
 
     def states(self, wave: waveforms.Waveform, times: ArrayLike, *, initial: Array | None = None) -> Array:
         """States at ``times`` (s, any order), from rest or ``initial`` at t = 0, shape (times, n)."""
-        t = checks.array("times", np.ravel(times))
+        t = checks.array("times", checks.numbers("times", times).ravel())
         if t.min() < 0:
             raise checks.InputError(f"times = {t.min():g} s lies before the start at t = 0")
         stop = max(float(t.max()), _TINY)
@@ -175,6 +176,11 @@ class Quadratic:
         result = np.empty((t.size, self.order))
         result[t == 0] = x
         marks = [0.0, *wave.breakpoints(0.0, stop).tolist(), stop]
+        if len(marks) > MOST_MARKS:
+            raise checks.InputError(
+                f"the power changes {len(marks) - 2} times until {stop:g} s; at most {MOST_MARKS} are integrated",
+                "periodic_response gives the settled state",
+            )
         for a, b in pairwise(marks):
             inside = (t > a) & (t <= b)
             wanted, back = np.unique(t[inside], return_inverse=True)

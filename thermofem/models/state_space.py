@@ -56,6 +56,7 @@ class StateSpace:
     origin: Mapping[str, Any] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
+        checks.annotated(self)
         for name in ("E", "A", "B", "C"):
             checks.keep(self, **{name: _matrix(name, getattr(self, name), sparse=name in ("E", "A"))})
         for name in ("inputs", "outputs"):
@@ -138,11 +139,12 @@ class StateSpace:
 
         check_single(self)
         E, A = self._sparse("E"), self._sparse("A")
-        f = np.atleast_1d(checks.numbers("frequency", frequency))
+        wanted = checks.numbers("frequency", frequency)
+        f = wanted.ravel()
         z = [
             (self.C[0] @ splu((2j * np.pi * w) * E - A, permc_spec="MMD_AT_PLUS_A").solve(self.B[:, 0] + 0j)) for w in f
         ]
-        return np.asarray(z, dtype=complex).reshape(np.shape(frequency))
+        return np.asarray(z, dtype=complex).reshape(wanted.shape)
 
     def response(self, wave: waveforms.Waveform, times: ArrayLike, *, rtol: float = 1e-5) -> Array:
         """Rise in K from rest: in closed form (`transient.modal`) where the power is straight, else stepped.

@@ -27,6 +27,7 @@ from ..algebra.krylov import Basis
 from ..algebra.smooth_poles import phi
 from ..arrays import Array, ArrayLike
 from ..waveforms import Cubic, Waveform, knots
+from ..waveforms.contract import check_wave
 from .curvature import Curvature
 from .esdirk import STAGE_TIMES
 
@@ -195,6 +196,7 @@ def _grid(waves: Sequence[Waveform], start: float, times: Array) -> Array:
     stop = float(times[-1])
     parts = [np.array([start]), times]
     for wave in waves:
+        check_wave("power", wave)
         edges = wave.breakpoints(start, stop)
         jumps = np.append(start, edges[wave(edges) != wave.before(edges)])
         if not getattr(wave, "piecewise_linear", False) and not isinstance(wave, Cubic):

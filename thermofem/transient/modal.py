@@ -30,6 +30,7 @@ from ..algebra.poles import pole_responses
 from ..algebra.system import LinearSystem
 from ..arrays import Array, ArrayLike, NDArray
 from ..waveforms import Waveform, linear_pieces
+from ..waveforms.contract import check_wave
 from .esdirk import FAR
 from .integration import check_run
 from .nonlinear import NonlinearLedger
@@ -120,7 +121,9 @@ class Modal:
             the space cannot grow, or the answer has not converged after `ROUNDS` rounds.
         Raises InputError: times not increasing or negative, rtol out of range.
         """
-        waves = tuple(waves) if isinstance(waves, Sequence) else (waves,)
+        waves = tuple(waves) if isinstance(waves, Sequence) and not isinstance(waves, range | str) else (waves,)
+        for wave in waves:
+            check_wave("wave", wave)
         times, kept = check_run(times, snapshots, rtol)
         if len(waves) != len(self.system.inputs) or not all(getattr(wave, "piecewise_linear", False) for wave in waves):
             return None  # the integrator raises the error

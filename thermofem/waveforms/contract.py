@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Protocol, TypeVar
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 
@@ -11,8 +13,8 @@ from ..arrays import Array, ArrayLike
 
 TIME_HINT = checks.Hint("times are in s (did you mean 1e-6 for 1 us?)")
 MOST_CYCLES = 1e6  # that a call may span
-MOST_EDGES = 1e8  # of all those cycles; 0.8 GB
-LONGEST = 1e12  # s, of a time
+MOST_EDGES = 1e7  # of all those cycles
+SHORTEST, LONGEST = 1e-40, 1e12  # s, of an interval and of a time
 KINDS: dict[str, type] = {}  # what a file can hold, by name; filled by `stored`
 Kind = TypeVar("Kind", bound=type)
 
@@ -20,7 +22,30 @@ Kind = TypeVar("Kind", bound=type)
 def stored(kind: Kind) -> Kind:
     """Class decorator: a dataclass whose fields are numbers and arrays, which datasets and plans may hold by name."""
     KINDS[kind.__name__] = kind
+    return spans(kind)
+
+
+def spans(kind: Kind) -> Kind:
+    """Class decorator: ``start`` and ``stop`` of `breakpoints` and `mean` are checked to be times in s."""
+    for name, longer in (("breakpoints", False), ("mean", True)):
+        setattr(kind, name, _checked(getattr(kind, name), longer))
     return kind
+
+
+def _checked(method: Callable[[Any, float, float], Any], longer: bool) -> Callable[[Any, float, float], Any]:
+    @wraps(method)
+    def checked(self: Any, start: float, stop: float) -> Any:
+        a, b = (checks.between(name, t, -LONGEST, LONGEST, unit="s") for name, t in (("start", start), ("stop", stop)))
+        if longer and b - a < SHORTEST:
+            raise checks.InputError(f"start = {a:g} s must be before stop = {b:g} s")
+        return method(self, a, b)
+
+    return checked
+
+
+def check_wave(name: str, value: Any) -> None:
+    """Raise InputError for what is no waveform; a class is none either."""
+    checks.has(name, value, "breakpoints", "mean", hint="a waveform is needed, such as th.SquareWave(1e-3, 1e-6, 0.3)")
 
 
 def words(wave: Waveform) -> str:
@@ -83,12 +108,17 @@ def known(what: str, t: Array, first: float, last: float, hint: str = "") -> Arr
 
 def seconds(t: ArrayLike) -> Array:
     """The times that a waveform is asked for, as floats; InputError where they are none."""
-    found = np.asarray(t)
-    if found.dtype.kind not in "fiub":
-        raise checks.InputError(f"t = {t!r} is not a number or an array of numbers; {TIME_HINT}")
+    try:
+        found = np.asarray(t)
+    except (TypeError, ValueError, MemoryError):  # a list of lists, a Dataset, an endless range
+        found = np.array(None)
+    if found.dtype.kind not in "fiub" or found.size > checks.MOST:
+        raise checks.InputError(f"t = {checks.shown(t)} is not a number or an array of numbers; {TIME_HINT}")
+    with np.errstate(over="ignore"):  # of longdouble: inf
+        found = np.asarray(found, dtype=float)
     if not np.isfinite(found).all():
         raise checks.InputError(f"t holds {found[~np.isfinite(found)][0]}, which is no time")
-    return np.asarray(found, dtype=float)
+    return found
 
 
 def wrapped(t: Array, period: float, *, before: bool) -> Array:

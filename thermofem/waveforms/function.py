@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from ..display import shown
-from .contract import TIME_HINT, Array, check_cycles, inside, seconds, wrapped
+from .contract import TIME_HINT, Array, check_cycles, inside, seconds, spans, wrapped
 from .pieces import cubic_pieces
 
 
+@spans
 @shown
 @dataclass(frozen=True, eq=False, init=False)
 class Function:

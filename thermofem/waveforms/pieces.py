@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from .adaptive import cubic, fitted
-from .contract import Array, Waveform
+from .contract import Array, Waveform, check_cycles, check_wave, inside
 
+MANY = 8  # periods of a smooth wave, beyond which one is fitted and repeated
 MOST_SAMPLES = 10_000_000  # of a periodic state; more would not fit into memory
 TOLERANCE = 1e-8  # of a cubic fit, relative to the largest value: far below the rtol of every model's default
 UNDERSHOOT = 1e-6  # of the largest power: what a cubic fit may fall below zero where the power is zero
@@ -40,6 +41,14 @@ class Pieces(NamedTuple):
         u, (a, b, c, d) = edges[:-1] - self.edges[k], self.coefficients[k].T
         moved = [a + u * (b + u * (c + u * d)), b + u * (2 * c + 3 * u * d), c + 3 * u * d, d]
         return Pieces(edges, np.stack(moved, axis=1))
+
+    def repeated(self, start: float, stop: float) -> Pieces:
+        """The function as one period from 0, over all periods that touch [start, stop]."""
+        check_cycles(start, stop, self.edges[-1], self.edges.size)
+        length, first = self.edges[-1], np.floor(start / self.edges[-1])
+        cycles = np.arange(first, max(np.ceil(stop / length), first + 1))
+        edges = np.append((self.edges[:-1] + length * cycles[:, None]).ravel(), length * (cycles[-1] + 1))
+        return Pieces(edges, np.tile(self.coefficients, (cycles.size, 1)))
 
     def times(self, factor: float) -> Pieces:
         """The function multiplied by a number."""
@@ -87,6 +96,7 @@ def linear_pieces(wave: Waveform, start: float, stop: float) -> tuple[Array, Arr
     Returns edges, after, before [arrays of shape (n + 1,), (n,), (n,)]: piece k runs from ``edges[k]`` at power
         ``after[k]`` to ``edges[k + 1]`` at power ``before[k]``.
     """
+    check_wave("wave", wave)
     if not wave.piecewise_linear:
         raise checks.InputError(f"{type(wave).__name__} is not piecewise linear; sample it with th.Sampled first")
     if hasattr(wave, "pieces"):  # the waveform knows them without being sampled
@@ -109,12 +119,18 @@ def cubic_pieces(wave: Waveform, start: float, stop: float, *, tolerance: float 
     tolerance: largest error of a fit, relative to the largest value.
     Raises InputError: a value that is not finite, a function that changes too fast to be resolved.
     """
+    check_wave("wave", wave)
+    start, stop = (checks.finite(name, t, unit="s") for name, t in (("start", start), ("stop", stop)))
     if getattr(wave, "piecewise_linear", False):
         edges, after, before = linear_pieces(wave, start, stop)
         slope = (before - after) / np.diff(edges)
         return Pieces(edges, np.stack([after, slope, 0 * slope, 0 * slope], axis=1))
     if hasattr(wave, "cubics"):
         return Pieces(*wave.cubics(start, stop))
+    period = getattr(wave, "period", None)
+    if period is not None and stop - start > MANY * period:  # one of them is fitted, in a thousandth of the time
+        whole = Pieces(*fitted(wave, 0.0, period, tolerance)).repeated(start, stop)
+        return whole.on(np.concatenate([[start], inside(whole.edges, start, stop), [stop]]))
     return Pieces(*fitted(wave, start, stop, tolerance))
 
 
@@ -146,7 +162,7 @@ def period_times(wave: Waveform, samples: int) -> Array:
 
     Raises InputError: the waveform has no period, or ``samples`` is too small to hold its edges.
     """
-    checks.has("wave", wave, "breakpoints", "mean", hint="a waveform is needed, such as th.SquareWave(1e-3, 1e-6)")
+    check_wave("wave", wave)
     period = getattr(wave, "period", None)
     if period is None:
         raise checks.InputError(f"{type(wave).__name__} has no period; a periodic state needs a periodic waveform")

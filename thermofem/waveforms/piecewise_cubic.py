@@ -63,9 +63,12 @@ class PiecewiseCubic:
         >>> th.waveforms.from_json(th.waveforms.to_json(wave))(2e-6).round(9)
         np.float64(0.000826822)
         """
+        start, stop = (checks.finite(name, t, unit="s") for name, t in (("start", start), ("stop", stop)))
         period = getattr(wave, "period", None)
         if period is not None:
             start, stop = 0.0, period
+        if not start < stop:
+            raise checks.InputError(f"start = {start!r} must be before stop = {stop!r}")
         return cls(*cubic_pieces(wave, start, stop, tolerance=tolerance), repeat=period is not None)
 
     @property
@@ -112,16 +115,11 @@ class PiecewiseCubic:
 
     def cubics(self, start: float, stop: float) -> Pieces:
         """The pieces over [start, stop]."""
-        edges, coefficients = np.asarray(self.edges), np.asarray(self.coefficients)
+        whole = Pieces(np.asarray(self.edges), np.asarray(self.coefficients))
         if self.repeat:
-            check_cycles(start, stop, edges[-1], edges.size)
-            length, first = edges[-1], np.floor(start / edges[-1])
-            cycles = np.arange(first, max(np.ceil(stop / length), first + 1))
-            edges = np.append((edges[:-1] + length * cycles[:, None]).ravel(), length * (cycles[-1] + 1))
-            coefficients = np.tile(coefficients, (cycles.size, 1))
+            whole = whole.repeated(start, stop)
         self(np.array([start, stop]))  # InputError outside
-        whole = Pieces(edges, coefficients)
-        return whole.on(np.concatenate([[start], inside(edges, start, stop), [stop]]))
+        return whole.on(np.concatenate([[start], inside(whole.edges, start, stop), [stop]]))
 
     def mean(self, start: float, stop: float) -> float:
         """Exact mean."""
