@@ -13,6 +13,7 @@ docs/models.md describes every field. A kind of model joins by its methods ``to_
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
@@ -21,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks, trees
-from ..files import read_text, write_whole
+from ..files import digest_tree, read_text, write_whole
 from .cauer import Cauer
 from .contract import HasModel, ThermalModel, bare
 from .foster import Foster
@@ -36,6 +37,15 @@ COMMON = ("format", "schema", "kind", "inputs", "outputs", "provenance")  # fiel
 SMALLEST, LARGEST = 1e-75, 1e75  # of a number: the product of four is a float
 AGREEMENT = 1e-9  # of R_th with what is stated: 17 digits are written, a person may keep 10
 OF_NETWORK = 1e-3  # the same of a `Network`, see `gate`
+HASH = "content_hash"  # in the provenance, where earlier versions leave a field alone
+CLAIMS = (
+    "error_bound",
+    "static_error",
+    "residual_K",
+    "relative_residual",
+)  # of the provenance: how good the numbers are
+_BASIS = ("method", "tolerance", "training", "geometry", "mesh_accuracy")  # and what that is of
+_log = logging.getLogger("thermofem")
 
 KINDS: dict[str, Any] = {kind.__name__: kind for kind in (Cauer, Foster, Network, OutputMap, Quadratic, StateSpace)}
 
@@ -69,7 +79,8 @@ def save_model(model: ThermalModel, path: str | Path, *, provenance: Mapping[str
     name = type(kind).__name__
     if KINDS.get(name) is not type(kind):
         raise checks.InputError(f"a {name} has no JSON form; the kinds that have one: {', '.join(sorted(KINDS))}")
-    provenance = checks.mapping("provenance", provenance, hint="such as the .provenance of a fit")
+    provenance = {**checks.mapping("provenance", provenance, hint="such as the .provenance of a fit")}
+    provenance.pop(HASH, None)
     content = {
         "format": FORMAT,
         "schema": SCHEMA,
@@ -81,7 +92,10 @@ def save_model(model: ThermalModel, path: str | Path, *, provenance: Mapping[str
     }
     try:
         text = json.dumps(content, indent=2, allow_nan=False, default=_plain)
-        _check_sizes(trees.from_json(text))  # raises where the file could not be read back
+        read = trees.from_json(text)  # raises where the file could not be read back, as the next line
+        _check_sizes(read)
+        provenance[HASH] = _hash(read)
+        text = json.dumps(content, indent=2, allow_nan=False, default=_plain)
     except (TypeError, ValueError, RecursionError) as error:
         raise checks.InputError(f"provenance cannot be written as JSON: {error}") from None
     return write_whole(path, lambda p: p.write_text(text + "\n", encoding="utf-8"))
@@ -90,12 +104,15 @@ def save_model(model: ThermalModel, path: str | Path, *, provenance: Mapping[str
 def load_model(path: str | Path) -> Any:
     """Read the model of a file written by `save_model`.
 
+    Where its numbers, or what it says of their error, were changed after `save_model` wrote them, the log says so, and
+    the ``.origin`` of the model claims no error.
+
     Raises
     ------
     InputError
         no such file, not JSON, not a model, of a newer version, incomplete, or unphysical.
     """
-    content = _content(path)
+    content, changed = _content(path)
     try:
         _check_sizes(content)
         kind = checks.choice("kind", str(content.get("kind")), KINDS)
@@ -110,6 +127,11 @@ def load_model(path: str | Path) -> Any:
         raise checks.InputError(f"{path} is not laid out as docs/models.md says: {error}") from None
     except checks.InputError as error:
         raise checks.InputError(f"{path}: {error}") from None
+    if changed:
+        _log.warning(
+            "%s was changed after thermofem wrote it: values or certificate are not those of then; error unknown",
+            path,
+        )
     provenance = content.get("provenance")
     keeps = any(field.name == "origin" for field in fields(model))
     return replace(model, origin=provenance) if keeps and isinstance(provenance, dict) and provenance else model
@@ -165,15 +187,28 @@ def _check_static(stated: Any, found: float | None, kind: str) -> None:
 
 
 def load_provenance(path: str | Path) -> dict[str, Any]:
-    """Where the model of a file comes from: training drive, parameters, geometry; as given to `save_model`."""
-    provenance = _content(path).get("provenance", {})
+    """Where the model of a file comes from: training drive, parameters, geometry; as given to `save_model`.
+
+    Of a file that was changed since, without its error bound and misfit.
+    """
+    provenance = _content(path)[0].get("provenance", {})
     if not isinstance(provenance, dict):
         raise checks.InputError(f"{path}: provenance is a {type(provenance).__name__}; an object is needed")
     return provenance
 
 
-def _content(path: str | Path) -> dict[str, Any]:
-    """The JSON object of a model file, its format and version checked."""
+def _hash(content: dict[str, Any]) -> str:
+    """Hash of a model file but for the user's own notes in its provenance; 1 and 1.0 are one number."""
+    provenance = content.get("provenance")
+    known = [provenance.get(key) for key in (*CLAIMS, *_BASIS)] if isinstance(provenance, dict) else None
+    return digest_tree(json.loads(json.dumps({**content, "provenance": known}), parse_int=float))
+
+
+def _content(path: str | Path) -> tuple[dict[str, Any], bool]:
+    """The JSON object of a model file, its format and version checked, and whether somebody changed it.
+
+    It comes without its hash, and without its claims where they were those of other numbers.
+    """
     text = read_text(path, "model")
     try:
         content = trees.from_json(text)
@@ -186,7 +221,13 @@ def _content(path: str | Path) -> dict[str, Any]:
         raise checks.InputError(f"{path} has schema {checks.shown(schema)}; a whole number from 1 is needed")
     if schema > SCHEMA:
         raise checks.InputError(f"{path} has schema {schema}; this version reads up to {SCHEMA}, update thermofem")
-    return content
+    found = content.get("provenance")
+    provenance: dict[str, Any] = found if isinstance(found, dict) else {}
+    written = provenance.pop(HASH, None)
+    changed = written is not None and written != _hash(content)
+    for claim in CLAIMS if changed else ():
+        provenance.pop(claim, None)
+    return content, changed
 
 
 def _plain(value: Any) -> Any:
