@@ -47,6 +47,11 @@ class Small:
         tau, v = eigh(self.M, self.K, check_finite=False)
         return MemberModes(np.maximum(tau, 0.0), self.ports @ v)
 
+    def resistances(self, heated: int, count: int | None = None) -> Array:
+        """Static gains in K/W of the first ``heated`` ports, read by all, in the first functions."""
+        ports = self.ports[:, :count]
+        return np.asarray(ports[:heated] @ np.linalg.solve(self.K[:count, :count], ports.T))
+
     def first(self, count: int) -> Small:
         """The member in the first functions alone."""
         return Small(self.K[:count, :count], self.M[:count, :count], self.ports[:, :count])
@@ -79,7 +84,7 @@ class LineTerms:
     K, M [shape (terms, N (N + 1)/2)]: upper triangles, row by row.
     ports [shape (ports, 2 c, N)]
     volumes [shape (ports, 2 c)]
-    statics: first functions, from which the thermal resistance is taken.
+    statics: first functions, from which the thermal resistance is taken; `Trainer` says how many are enough.
     """
 
     coefficients: Coefficients

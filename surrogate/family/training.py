@@ -22,6 +22,7 @@ from .reduced import LineTerms, difference
 from .solving import Solver, member_of
 
 SHARE = 0.4  # of the tolerance, for what the functions leave of members on the reference mesh; the rest is the mesh's
+STATIC = 0.1  # of the tolerance, by which thermal resistances of the first functions may miss those of all
 KEPT = 0.01  # of the tolerance: energy of the weakest direction that a batch adds
 CANDIDATES = 128
 BATCH = 6
@@ -134,7 +135,7 @@ class Trainer:
         terms = self._terms(basis, statics)
         if terms is not None:
             count = self._fewest(terms, statics)
-            kept = np.eye(terms.size)[:, :count]
+            kept, statics = np.eye(terms.size)[:, :count], self._enough(terms, statics, count)
             basis, terms = basis[:, :count], terms.rotated(kept, statics)
         return Trained(basis, statics, tuple(self.members), tuple(left), terms)
 
@@ -150,4 +151,24 @@ class Trainer:
                 high = count
             else:
                 low = count
+        return high
+
+    def _enough(self, terms: LineTerms, statics: int, count: int) -> int:
+        """Smallest number of functions whose thermal resistances are those of ``count`` of them, up to `STATIC`.
+
+        The static fields of the members span those of other members less well than all their fields do. Looked at where
+        no member was solved, and at the corners.
+        """
+        rows = np.vstack([self.box.draw(CANDIDATES, self.seed + 2000), self.box.corners(CANDIDATES)])
+        small = [terms.member(row).first(count) for row in rows]
+        all_of_them = [one.resistances(self.heated) for one in small]
+        low, high = statics - 1, count
+        while high - low > 1:
+            middle = (low + high) // 2
+            pairs = zip(small, all_of_them, strict=True)
+            off = (np.abs(one.resistances(self.heated, middle) / R - 1).max() for one, R in pairs)
+            if all(error <= STATIC * self.tolerance for error in off):
+                high = middle
+            else:
+                low = middle
         return high
