@@ -64,6 +64,7 @@ PATH = "no name of a file; give a text or a pathlib.Path"
         (lambda heat: th.CrossSection.from_toml(None), f"path = None is {PATH}"),
         (lambda heat: th.Campaign.from_toml(3), f"path = 3 is {PATH}"),
         (lambda heat: th.open_campaign(None), f"directory = None is {PATH}"),
+        (lambda heat: th.open_campaign("x" * 300), "x* holds no campaign"),
         (lambda heat: th.save(DATA, None), f"path = None is {PATH}"),
         (lambda heat: th.load(None), f"path = None is {PATH}"),
         (lambda heat: th.read_csv(None, time="t", temperature="T", power=1e-3), f"path = None is {PATH}"),

@@ -41,7 +41,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from targets import MODEL, RING, Call, calls, data, missing, prepare
 
 LONG = 10**400
-SLOW = 20.0  # s, of one call
+SLOW = 20.0  # CPU s, of one call
 SHARE = 4.0  # s, of all calls of one function; functions that take long get fewer things
 CALLED = ("progress", "report", "f", "quantity")  # functions of the caller
 FEWEST = 60  # calls of one function
@@ -173,7 +173,7 @@ def failure(name: str, call: Call, argument: str, thing: Any) -> tuple[str, str]
     said = f"{name}({argument}={type(thing).__name__} {thing!r:.80}): ".replace("\n", " ")
     given = {**given, argument: thing() if isinstance(thing, Once) else thing}
     before = print_of(given)
-    signal.setitimer(signal.ITIMER_REAL, SLOW)
+    signal.setitimer(signal.ITIMER_PROF, SLOW)
     result = None
     try:
         with warnings.catch_warnings(), contextlib.redirect_stdout(None):
@@ -188,7 +188,7 @@ def failure(name: str, call: Call, argument: str, thing: Any) -> tuple[str, str]
     except Exception as error:
         return place(error), f"{said}{error!s:.120}".replace("\n", " ")
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.setitimer(signal.ITIMER_PROF, 0)
     if print_of(given) != before:
         return f"{name} changes {argument}", said
     kept = [one for value in given.values() for one in arrays_of(value) if one.flags.writeable]
@@ -203,7 +203,7 @@ def tried(table: dict[str, Call], count: int, seconds: float, seed: int = 0) -> 
     end, done, wrong, every = time.monotonic() + seconds, 0, dict[str, str](), things()
     spent, times = dict.fromkeys(table, 0.0), dict.fromkeys(table, 0)
     os.environ["TQDM_DISABLE"] = "1"
-    signal.signal(signal.SIGALRM, _too_long)
+    signal.signal(signal.SIGPROF, _too_long)
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):  # some calls write files
         prepare()
         for function, given in table.values():  # compiles what they need: that counts for no call

@@ -161,7 +161,7 @@ class ResultStore:
 
     def read_plan(self) -> dict[str, Any]:
         """The plan as `write_plan` stored it; InputError where the folder holds no campaign."""
-        if not self.plan.exists():
+        if not os.path.exists(self.plan):  # a name too long for the disk does not exist, either
             raise InputError(f"{self.directory} holds no campaign; thermofem campaign makes one")
         try:
             return check_plan(files.read_json(self.plan, "plan"))

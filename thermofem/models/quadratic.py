@@ -22,7 +22,7 @@ from .state_space import StateSpace
 
 RTOL = 1e-8  # of LSODA per step; 1e-6 of the largest rise accumulates over 50 us at most (measured)
 PASSES = 40  # of the period map
-MOST_MARKS = 10_000  # changes of the power in one run, each a start of the integrator: half a minute
+MOST_MARKS = 100_000  # changes of the power in one run, each a start of the integrator: about a minute
 _TINY = np.finfo(float).tiny
 
 
