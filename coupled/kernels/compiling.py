@@ -8,10 +8,15 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from numba import njit
+from numba import config, njit
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.runtime import rtsys
 from numba.extending import register_jitable
+
+from thermofem.checks import InputError
+
+if config.DISABLE_JIT:
+    raise InputError("NUMBA_DISABLE_JIT is set: light and carriers run as compiled code alone; unset it")
 
 _log = logging.getLogger(__name__)
 

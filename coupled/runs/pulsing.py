@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thermofem import checks
+from thermofem import checks, quantity
 from thermofem.arrays import Array
 from thermofem.display import shown
 from thermofem.names import Words
@@ -328,7 +328,8 @@ def _rests(reason: str, swing: float, cycles: int = 0) -> Pulsing:
 def _slow(reason: str, wanted: float, swing: float, cycles: int) -> Pulsing:
     """A slow transient, and how long a run is ``wanted``, s; none is longer than `arguments.LONGEST`."""
     wanted = min(wanted, LONGEST)
-    found = replace(_rests(f"{reason}: simulate {wanted:.2g} s", swing, cycles), suggested_duration=wanted)
+    words = f"{reason}: simulate {quantity.write(float(f'{wanted:.2g}'), 's')}"
+    found = replace(_rests(words, swing, cycles), suggested_duration=wanted)
     return replace(found, regime=Regime.SLOW_TRANSIENT)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 
 import pytest
 from commands import WIDE, process
@@ -81,3 +82,26 @@ def test_a_closed_standard_error_changes_nothing(closed, folder):
     assert (folder / "run.png").exists()
     words[words.index("m.json")] = "nothing.json"
     assert subprocess.run(words, cwd=folder, env=environment, check=False).returncode == 2
+
+
+def test_numba_without_compilation_is_named(folder):
+    """Its variable for debugging left half of the kernels without what they call: a TypeError."""
+    done = process(*SIMULATE, cwd=folder, NUMBA_DISABLE_JIT="1")
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1].startswith("thermofem: error: NUMBA_DISABLE_JIT is set")
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("address", ["x", "tls://localhost:1"])
+def test_an_address_of_no_cluster_is_one_line(address, tmp_path):
+    """Dask's client waited for 20 s and printed a traceback when it was deleted; without TLS set up, a TypeError."""
+    pytest.importorskip("distributed")
+    (tmp_path / "strip.toml").write_text(th.strip_ring().to_toml())
+    vary = '[[vary]]\npath = "material.SiO2.conductivity"\nvalues = ["1 W/m/K", "2 W/m/K"]\n'
+    (tmp_path / "plan.toml").write_text(f'geometry = "strip.toml"\n{vary}[[drive]]\npower = "1 mW"\n')
+    begun = time.monotonic()
+    done = process("campaign", "plan.toml", "-o", "out", "--scheduler", address, cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert done.stderr.startswith(f"thermofem: error: --scheduler = '{address}' does not answer")
+    assert time.monotonic() - begun < 15

@@ -91,7 +91,7 @@ def test_a_small_oscillation_under_a_drift_is_seen():
         (2 - np.exp(-TIMES / 1e-6), "stable", "constant"),
         (2 - np.exp(-TIMES / 4e-6), "stable", "last quarter"),  # e^-3.75 - e^-5 = 1.7 % of 1 and 0.7 % to go, of 2
         (2 - np.exp(-TIMES / 30e-6), "slow transient", "no complete cycle"),
-        (1 + TIMES / DURATION, "slow transient", "simulate 0.0002 s"),
+        (1 + TIMES / DURATION, "slow transient", "simulate 200 us"),
         (2 + np.sin(2 * np.pi * TIMES / 15e-6), "slow transient", "cycle"),
         (2 + np.sin(2 * np.pi * TIMES / PERIOD) * (TIMES < 12e-6) + TIMES / 60e-6, "slow transient", "no more"),
     ],

@@ -275,6 +275,17 @@ def test_campaign_files_that_cannot_be_meant(change, words, tmp_path, threads):
     assert "\n" not in str(error.value)
 
 
+def test_accuracy_has_one_range(tmp_path):
+    """A campaign refused .03, which `solve` takes."""
+    path, ring = write(tmp_path, 4), th.strip_ring()
+    plan = th.Campaign.from_toml(path)
+    assert replace(plan, accuracy=0.05).accuracy == 0.05
+    for accuracy in (0.051, 0.9e-5):
+        for refused in (lambda x: replace(plan, accuracy=x), lambda x: th.assemble(ring, accuracy=x)):
+            with pytest.raises(th.InputError, match=r"must lie between 1e-05 and 0\.05"):
+                refused(accuracy)
+
+
 def test_what_the_docs_and_the_example_describe_can_be_read(tmp_path):
     for name, target in (("geometry", "heater.toml"), ("campaigns", "campaign.toml")):
         text = (ROOT / "docs" / f"{name}.md").read_text()

@@ -20,6 +20,7 @@ from .. import checks, renamed, toml_file, waveforms
 from ..checks import InputError
 from ..display import shown
 from ..geometry.paths import place
+from ..sizes import sizes
 from ..toml_file import write_table
 from ..version import __version__
 from . import schema
@@ -90,7 +91,7 @@ class Campaign:
         checks.integer("samples", self.samples, 0, np.inf)
         for field, kind in (("variations", Variation), ("drives", Drive), ("read", str)):
             object.__setattr__(self, field, checks.instances(field, getattr(self, field), kind))
-        checks.between("accuracy", self.accuracy, 1e-5, 1e-2)
+        sizes(self.accuracy)  # the rule of the meshes
         checks.between("rtol", self.rtol, 1e-10, 0.1)
         for what, names in (("drive", self.drives), ("vary", self.variations)):
             check_number(what, len(names))

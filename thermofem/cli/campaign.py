@@ -72,9 +72,16 @@ def _executor(scheduler: str | None) -> Iterator[Executor | None]:
         from distributed import Client
     except ImportError:
         raise MissingLibraryError('--scheduler needs Dask: pip install "thermofem[dask]"') from None
+
+    class Connection(Client):
+        """A client that ends with its block alone: one that never reached its cluster waits for 20 s in `__del__`."""
+
+        def __del__(self) -> None:
+            pass
+
     try:
-        client = Client(scheduler, timeout="10s", set_as_default=False)
-    except (OSError, ValueError, TimeoutError) as error:
+        client = Connection(scheduler, timeout="10s", set_as_default=False)
+    except Exception as error:  # TypeError, too, of protocols that are not set up
         raise InputError(f"--scheduler = {scheduler!r} does not answer: {' '.join(str(error).split())}") from None
     with client:
         yield client.get_executor(pure=False)

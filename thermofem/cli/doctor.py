@@ -72,6 +72,8 @@ def _netcdf() -> tuple[str, str | None]:
 def _compiler() -> tuple[str, str | None]:
     import numba
 
+    if numba.config.DISABLE_JIT:
+        return "", "NUMBA_DISABLE_JIT is set; unset it"
     try:
         answer = numba.njit(lambda x: x + 1)(1)
     except Exception as error:  # whatever keeps LLVM from working is worth one line
