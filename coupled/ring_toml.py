@@ -142,18 +142,18 @@ def _resolve(values: dict[str, Any], template: Any, frequency: float | None) -> 
     _together(values, "loaded_q", "intrinsic_q", ("bus_rate", "drop_rate", "loss_rate", "scattering_rate"))
     _together(values, "perimeter", "mode_area", ("tpa_volume", "fca_volume"))
     buses, share = values.pop("buses", 2), values.pop("absorbed_fraction", None)
+    if buses not in (1, 2):
+        raise InputError(f"buses = {buses:g} must be 1 or 2")
     if "loaded_q" in values:
         frequency = values.get("frequency", frequency)
         if frequency is None:
             raise InputError("frequency or wavelength is missing; quality factors need it")
         rates = type(template).from_quality_factors(
             template, name="", frequency=frequency, loaded_q=values.pop("loaded_q"),
-            intrinsic_q=values.pop("intrinsic_q"), buses=buses, absorbed_fraction=1.0 if share is None else share,
+            intrinsic_q=values.pop("intrinsic_q"), buses=int(buses), absorbed_fraction=1.0 if share is None else share,
         )  # fmt: skip
         for key in ("frequency", "bus_rate", "drop_rate", "loss_rate", "scattering_rate"):
             values[key] = getattr(rates, key)
-    elif buses not in (1, 2):
-        raise InputError(f"buses = {buses!r} must be 1 or 2")
     elif share is not None:
         raise InputError("absorbed_fraction goes with loaded_q and intrinsic_q; else give scattering_rate")
     elif buses == 1 and values.setdefault("drop_rate", 0.0):
