@@ -23,8 +23,8 @@ import typer
 
 sys.path[:0] = [str(Path(__file__).resolve().parents[1]), str(Path(__file__).resolve().parent)]
 
-from calls import MODEL, small_family  # noqa: E402 - beside this file
 from commands import thermofem  # noqa: E402 - in the folder of the tests
+from targets import MODEL, small_family  # noqa: E402 - beside this file
 
 import surrogate  # noqa: E402
 import thermofem as th  # noqa: E402

@@ -159,6 +159,7 @@ class Campaign:
         """Text of the geometry file with these values."""
         checks.instance("values", values, tuple, list, hint="a value for each variation is needed")
         values = checks.instances("values", values, str, float, int, np.number)
+        values = tuple(v if isinstance(v, str) else checks.finite("values", v) for v in values)
         if len(values) != len(self.variations):
             raise InputError(f"values holds {len(values)} values; {len(self.variations)} vary")
         table = json.loads(json.dumps(self._table))
