@@ -13,6 +13,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import logging
 import random
 import sys
 import tempfile
@@ -347,5 +348,6 @@ def fuzz(minutes: float, start: int = 0) -> dict[str, str]:
 
 
 if __name__ == "__main__":
+    logging.disable(logging.WARNING)  # the log tells of files that were changed
     numbers = [float(text) for text in sys.argv[1:3]]
     sys.exit(bool(fuzz(numbers[0] if numbers else 60.0, int(numbers[1]) if len(numbers) > 1 else 0)))
