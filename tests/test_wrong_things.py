@@ -232,3 +232,30 @@ def test_the_arrays_of_a_model_are_read_only():
 @pytest.mark.filterwarnings("error")
 def test_a_step_long_ago_has_settled_without_a_warning():
     assert MODEL.step_response(1e308) == pytest.approx(7e3)
+
+
+PLAN = th.Campaign(
+    STRIP.to_toml(), (Variation("box", ("layer.box.thickness",), "m", low=1.9e-6, high=2e-6),), samples=1
+)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: coupled.pulsing_map(RING, MODEL, [1e-3], [0.0], settled="no"), "settled = 'no' must be True or False"),
+        (lambda: coupled.cycle_derivatives(RING, MODEL, 3, power=6e-3), "parameters = 3 must be a list of str"),
+        (lambda: surrogate.train_all(th.assemble(STRIP, 0.05), names=th.Foster), "names = .* must be a list of str"),
+        (lambda: surrogate.train_all(th.assemble(STRIP, 0.05), read=TIMES), "read = .* must be text"),
+        (lambda: surrogate.train_family(PLAN, seed=0.5), "seed = 0.5 must be a whole number"),
+        (lambda: surrogate.train_family(PLAN, held_out=2.5), "held_out = 2.5 must be a whole number"),
+        (lambda: surrogate.train_family(PLAN, report=3), "report = 3 must be a function"),
+        (lambda: surrogate.train_family(PLAN, executor=3), "executor is a int"),
+        (lambda: surrogate.train_family(PLAN, folder="file"), "folder file cannot be made: File exists"),
+    ],
+)
+def test_studies_that_take_seconds_look_at_their_arguments_first(call, words, tmp_path, monkeypatch):
+    """They raised TypeError, ValueError or FileExistsError, the last after the first members were solved."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").touch()
+    with pytest.raises(th.InputError, match=words):
+        call()

@@ -14,7 +14,6 @@ if TYPE_CHECKING:  # NumPy is imported where it is used: --help and errors of us
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
-SYMMETRY = 1e-9  # of the largest entry, in which round-off may leave a matrix asymmetric
 SMALLEST = 1e-150  # of a positive number: its square and the inverse of it are floats
 LARGEST = 1e100  # of any number: products of three are floats
 MESSAGE = 1200  # characters of an error message
@@ -342,10 +341,16 @@ def path(name: str, value: Any) -> Path:
     return found
 
 
-def progress(value: Any) -> None:
-    """Raise InputError unless ``progress`` is a function or None."""
+def progress(value: Any, name: str = "progress", given: str = "the time in s") -> None:
+    """Raise InputError unless ``value`` is a function or None."""
     if value is not None and not callable(value):
-        raise InputError(f"progress = {shown(value)} must be a function; it is called with the time in s")
+        raise InputError(f"{name} = {shown(value)} must be a function; it is called with {given}")
+
+
+def executor(value: Any) -> None:
+    """Raise InputError unless ``value`` runs functions elsewhere, or is None."""
+    if value is not None:
+        has("executor", value, "submit", hint="a concurrent.futures.Executor is needed")
 
 
 def whole(value: Any) -> bool:
@@ -378,19 +383,6 @@ def choice(name: str, value: Any, choices: Iterable[str], *, default: str | None
     near = difflib.get_close_matches(shown(value).strip("'"), known, n=1, cutoff=0.5)
     guess = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
     raise InputError(f"{name} = {shown(value)} is unknown; {guess}", hint)
-
-
-def symmetric(name: str, matrix: Any, *, hint: str = "") -> None:
-    """Raise InputError unless a matrix, dense or sparse, is finite, and symmetric up to round-off."""
-    import numpy as np
-
-    mirrored = matrix.T
-    if getattr(matrix, "format", "") in ("csr", "csc") and matrix.nnz and matrix.has_canonical_format:
-        mirrored = mirrored.asformat(matrix.format)
-        if np.array_equal(matrix.indptr, mirrored.indptr) and np.array_equal(matrix.indices, mirrored.indices):
-            matrix, mirrored = matrix.data, mirrored.data  # the same places: a third of the time of sparse arithmetic
-    if not abs(matrix - mirrored).max() <= SYMMETRY * abs(matrix).max() < math.inf:
-        raise InputError(f"{name} is not symmetric", hint)
 
 
 def _rule(rule: str, unit: str) -> str:

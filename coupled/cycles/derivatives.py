@@ -92,7 +92,7 @@ def cycle_derivatives(
     detuning = check_detuning(detuning)
     warm = constant(model, heaters, heated, read)
     small = warm.model
-    names = parameter_names(ring, small) if parameters is None else [*parameters]
+    names = parameter_names(ring, small) if parameters is None else [*checks.instances("parameters", parameters, str)]
     p = problem(ring, small, float(power), float(detuning), warm.rise)
     found = settled(p, np.zeros(p.units.size)) if cycle is None else from_guess(p, cycle)
     orbit = settle(p, found.orbit, FINE) or found.orbit

@@ -137,7 +137,7 @@ def pulsing_map(
     small, grid = warm.model, grid_of(ring, powers, detunings, vary).warmed(warm)
     if settled is None:
         settled = duration is None and follow is None
-    elif settled and not (duration is None and follow is None):
+    elif checks.flag("settled", settled) and not (duration is None and follow is None):
         raise checks.InputError("settled=True goes with neither duration nor follow, which belong to traces")
     duration = check_duration(20e-6 if duration is None else duration)
     rtol = checks.between("rtol", rtol, 1e-13, 1e-3, hint="1e-5 gives periods to 1e-4")
@@ -278,7 +278,7 @@ def _cell(
 def _pool(executor: Executor | None) -> Iterator[Executor]:
     """The caller's executor, left open, or threads of our own."""
     if executor is not None:
-        checks.has("executor", executor, "submit", hint="a concurrent.futures.Executor is needed")
+        checks.executor(executor)
         yield executor
         return
     with ThreadPoolExecutor(os.cpu_count()) as pool:  # the integration releases the interpreter's lock

@@ -14,7 +14,7 @@ import numpy as np
 
 from thermofem import CrossSection, assemble, checks
 from thermofem.arrays import Array
-from thermofem.files import check_entries, read_bytes, write_whole
+from thermofem.files import check_entries, make_folder, read_bytes, write_whole
 
 from . import archive
 from .affine import LineEngine
@@ -52,9 +52,9 @@ class Solver:
     folder: Path | None = None
 
     def __post_init__(self) -> None:
-        """InputError where the folder holds links to files: members would be written elsewhere."""
-        if self.folder is not None and self.folder.is_dir():
-            check_entries(self.folder)
+        """Make the folder; InputError where that fails, or where links in it would send members elsewhere."""
+        if self.folder is not None:
+            check_entries(make_folder(self.folder))
 
     def __call__(
         self, function: Callable[..., Any], tasks: Sequence[Task], marks: Iterable[Array], shared: str = ""
@@ -108,7 +108,6 @@ def _write(path: Path, found: Member | MemberModes) -> None:
     if isinstance(found, Member):
         arrays |= {"row": found.row, "static": found.static, "fields": found.fields}
     whole = archive.pack(arrays, deflated=False)
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, lambda p: p.write_bytes(whole))
 
 

@@ -91,9 +91,11 @@ def train_family(
     tolerance = checks.between(
         "tolerance", tolerance, 1e-4, 0.05, hint="it is the wanted relative error of every member"
     )
-    checks.between("held_out", held_out, 1, 1000)
+    held_out, seed = checks.integer("held_out", held_out, 1, 1000), checks.seed(seed)
+    checks.progress(report, "report", "a line of text")
+    checks.executor(executor)
     box = Box.of(campaign if isinstance(campaign, Campaign) else read_campaign(campaign))
-    report = report or (lambda line: None)
+    report = (lambda line: None) if report is None else report
     inputs, outputs = _channels(box)
     ports, heated = tuple(dict.fromkeys((*inputs, *outputs))), len(inputs)
     key = f"{campaign_hash(box.campaign)} {box.low} {box.high} {ports} {tolerance:.17g} {version}"

@@ -110,7 +110,7 @@ def train_all(
     power = checks.power("power", power)
     checks.has("heat", heat, "heated", "channels", hint="th.assemble(geometry) makes the HeatProblem")
     part = checks.choice("heated", heated, heat.heated, default=heat.heated[0])
-    read = read or part
+    read = part if read is None else checks.text("read", read)
     system = heat.channels(part, read)
     fine = reduce(system, REFERENCE)
     exact: Foster = fine.model  # type: ignore[assignment]  # one channel
@@ -135,7 +135,7 @@ def train_all(
         makers["output map"] = lambda: output_map(model, hot)
         makers["quadratic SINDy"] = lambda: _sindy_quadratic(heat, part, read, hot)
     models, refused = {}, {}
-    for name in makers if names is None else names:
+    for name in makers if names is None else checks.instances("names", names, str):
         make = makers[checks.choice("names", name, makers)]
         try:
             models[name] = make()

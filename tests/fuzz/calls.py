@@ -38,7 +38,7 @@ import thermofem as th
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from targets import MODEL, RING, Call, calls, data, missing, prepare
+from targets import MODEL, RING, Call, calls, data, long_calls, missing, prepare
 
 LONG = 10**400
 SLOW = 20.0  # CPU s, of one call
@@ -108,13 +108,13 @@ def things() -> list[Any]:
 
 
 def arguments(function: Callable[..., Any], given: Mapping[str, Any]) -> list[str]:
-    """Names of everything that a call takes, without pools of processes."""
+    """Names of everything that a call takes, without pools of processes and the number of searches."""
     try:
         every = inspect.signature(function).parameters.values()
     except (TypeError, ValueError):
         every = ()
     named = [one.name for one in every if one.kind in (one.POSITIONAL_OR_KEYWORD, one.KEYWORD_ONLY)]
-    return [name for name in dict.fromkeys([*given, *named]) if name not in ("executor", "workers", "validate")]
+    return [name for name in dict.fromkeys([*given, *named]) if name not in ("executor", "workers", "validate", "runs")]
 
 
 def jobs(table: dict[str, Call], seed: int) -> list[tuple[str, str, int]]:
@@ -228,7 +228,7 @@ def tried(table: dict[str, Call], count: int, seconds: float, seed: int = 0) -> 
 
 if __name__ == "__main__":
     resource.setrlimit(resource.RLIMIT_AS, (8 * 2**30,) * 2)  # a call that asks for more ends with its name
-    everything = calls()
+    everything = {**calls(), **long_calls()}
     if names := missing(everything):
         sys.exit(f"targets.py has no call of {', '.join(names)}")
     numbers = [float(text) for text in sys.argv[1:3]]

@@ -22,8 +22,9 @@ from models import coarse, coarse_fem, coarse_warm_fem, identified_network, quad
 
 Call = tuple[Callable[..., Any], dict[str, Any]]
 LEFT = {
-    "takes seconds": """train_all train_family explore identify pulsing_map continue_cycle cycle_fold_curves design
-        pareto_front hopf_curves fold_curves cycle_derivatives circuit_limit_cycle""",
+    "takes seconds, see `long_calls`": """train_all train_family explore identify pulsing_map continue_cycle hopf_curves
+        fold_curves cycle_derivatives circuit_limit_cycle""",
+    "takes a minute": "cycle_fold_curves",
     "made by a function, or no call": """Calibration Certified Decay Design Fit Ladder QuadraticReduction Reduction
         SindyFit Truncation CarrierFit Identification Pulsing ArrayReduction Family HeatProblem Mesh Discretization
         InputError MissingLibraryError OutsideTrainingWarning ThermalModel Waveform Corrector checks dataset materials
@@ -63,6 +64,30 @@ def missing(table: dict[str, Call]) -> list[str]:
 def calls() -> dict[str, Call]:
     """Name -> function, arguments by name."""
     return {**_heat(), **_waves(), **_models(), **_training(), **_light(), **_circuits(), **_studies(), **_files()}
+
+
+def long_calls() -> dict[str, Call]:
+    """The same of functions that take seconds, which the tests leave out."""
+    light = {"ring": RING, "model": MODEL, "detuning": 0.0}
+    plane = {"ring": RING, "model": MODEL, "powers": [1e-3, 2e-3], "detunings": [0.0, 1e9]}
+    trace = coupled.simulate(RING, MODEL, power=1e-3, duration=3e-7, times=np.linspace(0, 3e-7, 300))
+    vary = Variation("box", ("layer.box.thickness",), "m", low=1.9e-6, high=2e-6)
+    plan = th.Campaign(strip().to_toml(), (vary,), samples=1)
+    wave = {"circuit": coupled.bus([RING, RING]), "thermal": MODEL, "inputs": {"in": 6e-3}}
+    return {
+        "pulsing_map": (coupled.pulsing_map, {**plane, "duration": 1e-8}),
+        "fold_curves": (coupled.fold_curves, plane),
+        "hopf_curves": (coupled.hopf_curves, plane),
+        "cycle_derivatives": (coupled.cycle_derivatives, {**light, "power": 6e-3}),
+        "continue_cycle": (
+            coupled.continue_cycle, {**light, "parameter": "power", "values": (6e-3, 6.1e-3), "points": 5}
+        ),
+        "circuit_limit_cycle": (coupled.circuit_limit_cycle, wave),
+        "explore": (coupled.explore, {"ring": RING, "models": MODEL, "path": "page.html"}),
+        "identify": (coupled.identify, {"ring": RING, "traces": [trace], "free": ["kappa"], "runs": 1}),
+        "train_family": (surrogate.train_family, {"campaign": plan, "tolerance": 5e-2}),
+        "train_all": (surrogate.train_all, {"heat": heat()}),
+    }  # fmt: skip
 
 
 def _heat() -> dict[str, Call]:

@@ -19,7 +19,7 @@ import numpy as np
 
 from .. import checks
 from ..arrays import Array
-from .factor import Solve, factorize
+from .factor import Solve, check_symmetric, factorize
 from .system import LONGEST, SHORTEST, LinearSystem
 
 System = TypeVar("System", bound=Any)  # a dataclass that is a LinearSystem
@@ -249,7 +249,7 @@ def check_pair(E: Any, K: Any, hint: str) -> None:
     longest time constant, is none of a system of heat.
     """
     for name, matrix in (("E", E), ("A", K)):
-        checks.symmetric(name, matrix, hint=hint)
+        check_symmetric(name, matrix, hint=hint)
     heat, flow = E.diagonal(), K.diagonal()
     sound = (heat > 0) & (flow > 0)  # others are refused where definiteness is judged
     heat, flow = heat[sound], flow[sound]

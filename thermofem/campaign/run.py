@@ -92,7 +92,10 @@ def run(
     if not campaign.drives:
         raise InputError(f"campaign {campaign.name!r} has no drive; add a [[drive]] table (a family needs none)")
     if workers is not None:
-        checks.between("workers", workers, 1, 1024)
+        checks.integer("workers", workers, 1, 1024)
+    retry_failed = checks.flag("retry_failed", retry_failed)
+    checks.progress(report, "report", "a Summary")
+    checks.executor(executor)
     store = ResultStore(checks.path("directory", directory))
     cases = campaign.cases()
     with store.opened():

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .. import checks, waveforms
-from ..algebra.factor import factorize
+from ..algebra.factor import check_symmetric, factorize
 from ..algebra.krylov import REFUSAL, check_heat_flow
 from ..arrays import Array, ArrayLike, NDArray
 from ..display import model_html, shown
@@ -248,7 +248,7 @@ def eigenmodes(system: StateSpace) -> tuple[Array, Array]:
 
     E, A = (m.toarray() if issparse(m) else np.asarray(m, dtype=float) for m in (system.E, system.A))
     for name, matrix in (("E", E), ("A", A)):  # eigh reads one triangle
-        checks.symmetric(name, matrix, hint="only a symmetric system is a Foster network")
+        check_symmetric(name, matrix, hint="only a symmetric system is a Foster network")
     try:
         rate, modes = eigh(-A, E)
     except LinAlgError:
