@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -210,6 +211,22 @@ def test_a_folder_that_cannot_be_used(tmp_path, threads):
 
     with pytest.raises(th.InputError, match="in use by another run"):
         make(2).run(tmp_path / "out", threads, report=again)
+
+
+@pytest.mark.parametrize(
+    ("probes", "words"),
+    [
+        ({"heated": "nosuch"}, "heated = 'nosuch' is unknown"),
+        ({"heated": "box"}, "heated = 'box' is unknown"),
+        ({"read": ("core", "core")}, "'core' twice"),
+        ({"read": ("cor",)}, "did you mean 'core'"),
+    ],
+)
+def test_a_wrong_probe_makes_no_folder(probes, words, tmp_path, threads):
+    """The plan was written before the first worker met the name."""
+    with pytest.raises(th.InputError, match=words):
+        replace(make(2), **probes).run(tmp_path / "out", threads)
+    assert not list(tmp_path.iterdir())
 
 
 def test_memory_stays_flat(tmp_path, threads, monkeypatch):

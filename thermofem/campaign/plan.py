@@ -168,6 +168,19 @@ class Campaign:
                 place(table, path, variation.text(value))
         return write_table(table)
 
+    def check_channels(self) -> None:
+        """InputError where the base geometry has no such heated part, or nothing of these names to read."""
+        from ..geometry import CrossSection
+
+        try:
+            base = CrossSection.from_toml_text(self.geometry)
+        except InputError:  # the first worker says why
+            return
+        if self.heated is not None:
+            checks.choice("heated", self.heated, base.heated)
+        readable = [one.name for some in (base.layers, base.parts, base.probes) for one in some]
+        checks.unique("read", [checks.choice("read", name, readable) for name in self.read])
+
     def cases(self) -> list[Case]:
         """Every geometry once, with the hash of all that determines its result."""
         seen: dict[str, Case] = {}

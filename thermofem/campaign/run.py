@@ -96,6 +96,7 @@ def run(
     retry_failed = checks.flag("retry_failed", retry_failed)
     checks.progress(report, "report", "a Summary")
     checks.executor(executor)
+    campaign.check_channels()
     store = ResultStore(checks.path("directory", directory))
     cases = campaign.cases()
     with store.opened():

@@ -221,13 +221,19 @@ def uncertainty(
         written(data.attrs[name], unit) for name in ("mean", "standard_deviation", "quantile_05", "quantile_95")
     )
     say(f"mean {mean}, standard deviation {deviation}; 5 to 95 %: {low} .. {high}")
-    for name, first, total in zip(data.parameter.values, data.first_order.values, data.total_order.values, strict=True):
-        say(f"{name}: first-order Sobol index {first:.3f}, total {total:.3f}")
+    for name in map(str, data.parameter.values):
+        first, total = (_interval(data.sel(parameter=name), kind) for kind in ("first_order", "total_order"))
+        say(f"{name}: first-order Sobol index {first}; total {total}")
     if interpolate:
         error = data.attrs["interpolation_error"]
         say(f"interpolated between {interpolate} members; rms error {error:.1e} over held-out ones")
     indices = {str(n): float(v) for n, v in zip(data.parameter.values, data.first_order.values, strict=True)}
     return {**data.attrs, "first_order": indices}
+
+
+def _interval(row: Any, kind: str) -> str:
+    """A Sobol index with the interval that holds it with a probability of 95 %."""
+    return f"{row[kind].item():.3f} ({row[kind + '_low'].item():.3f} .. {row[kind + '_high'].item():.3f})"
 
 
 def _spreads(found: Family, given: list[str]) -> dict[str, Any]:
