@@ -148,9 +148,13 @@ def _fields(content: dict[str, Any], arrays: dict[str, Array]) -> dict[str, Any]
         "box": box,
         "inputs": inputs,
         "outputs": outputs,
-        **{name: checks.finite(name, content[name]) for name in ("tolerance", "floor", "factor")},
+        "tolerance": checks.positive("tolerance", content["tolerance"], at_most=1),
+        **{name: checks.between(name, content[name], 0, checks.LARGEST) for name in ("floor", "factor")},
         "members": _lines(content, arrays, box) if lines else _moved(content, arrays, box, ports),
-        "error": {"worst": float(error["worst"]), "median": float(error["median"]), "count": int(error["count"])},
+        "error": {
+            **{name: checks.between(name, error[name], 0, checks.LARGEST) for name in ("worst", "median")},
+            "count": checks.integer("count", error["count"], 1, np.inf),
+        },
         "bend": bend,
         "provenance": dict(content["provenance"]),
     }
@@ -191,7 +195,8 @@ def _lines(content: dict[str, Any], a: dict[str, Any], box: Box) -> LineTerms:
         surface = Compressed(Points(kind=kind, material=material, parts=parts, **fields), a["modes"])
     stiffness, capacity = ((a[f"{x}_kind"], a[f"{x}_ratio"]) for x in ("stiffness", "capacity"))
     coefficients = Coefficients(box, grid, Cells.of(grid, box), stiffness, capacity, surface)
-    return LineTerms(coefficients, a["K"], a["M"], a["ports"], a["volumes"], int(content["statics"]))
+    statics = checks.integer("statics", content["statics"], 1, a["ports"].shape[-1])
+    return LineTerms(coefficients, a["K"], a["M"], a["ports"], a["volumes"], statics)
 
 
 def _moved(content: dict[str, Any], a: dict[str, Any], box: Box, ports: tuple[str, ...]) -> MovedMembers:

@@ -86,3 +86,19 @@ def test_a_kept_member_that_is_damaged_is_solved_again(tmp_path):
         assert kept is None or (kept.tau.tolist() == [1, 1] and kept.ports.tolist() == [[1, 1]])
     np.savez(path, tau=np.full(2, 5.0), ports=np.ones((1, 2)))
     assert solving._read(path) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("statics", 0), ("statics", -1), ("statics", 10**9), ("tolerance", -1.0), ("factor", -1.0), ("floor", -1.0)],
+)
+def test_numbers_of_the_header_lie_in_their_range(content, tmp_path, name, value):
+    """With no static functions, `uncertainty` printed a mean of 0 K/mW; with -1 and 1e9, a traceback."""
+    with np.load(io.BytesIO(content)) as file:
+        arrays = {key: file[key] for key in file.files if key != "hash"}
+    arrays["header"] = np.array(json.dumps({**json.loads(str(arrays["header"])), name: value}))
+    path = tmp_path / "family.json"
+    with path.open("wb") as file:
+        np.savez(file, **arrays)
+    with pytest.raises(th.InputError, match=name):
+        surrogate.load_family(path)

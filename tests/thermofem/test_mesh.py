@@ -333,6 +333,17 @@ def test_a_damaged_text_file_is_one_line(old, new, words, tmp_path, capfd):
     assert capfd.readouterr() == ("", "")
 
 
+def test_a_mesh_drawn_in_micrometres_is_noticed(heater_mesh, tmp_path, caplog):
+    """gmsh's files state no unit; a ring of 30 m was loaded without a word."""
+    path = tmp_path / "ring.msh"
+    heater_mesh.save(path)
+    mesh.load(path)
+    assert not caplog.messages
+    replace(heater_mesh, points=1e6 * heater_mesh.points).save(path)
+    mesh.load(path)
+    assert re.search(r"ring.msh' spans \S+ m; lengths are in m", caplog.text)
+
+
 def test_damaged_bytes_are_refused_or_make_a_mesh(heater_mesh, tmp_path, capfd):
     """A count that was overwritten took 4 GB, and meshio printed what it thought of the file."""
     path = tmp_path / "ring.msh"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,9 +21,11 @@ from . import gmsh_file
 KEPT = 20_000  # triangles; of more, the facets are not kept for the next mesh
 MOST = 2**53  # of an index: larger floats skip whole numbers
 LARGEST = 1e3  # m, of a coordinate
+WIDE = 0.1  # m, the largest length of a geometry file
 FLAT = 1e-10  # height over longest side, of a triangle that has no area
 
 _thread = threading.local()
+_log = logging.getLogger("thermofem")
 
 
 @shown
@@ -136,7 +139,9 @@ def signed_areas(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> N
 
 
 def load(path: str | Path) -> Mesh:
-    """Read a mesh that `Mesh.save` or gmsh wrote: triangles in the plane z = 0 whose physical groups are named.
+    """Read a mesh in m that `Mesh.save` or gmsh wrote: triangles in the plane z = 0 whose physical groups are named.
+
+    The log says where it spans more than 10 cm: gmsh's files state no unit.
 
     Formats 2.2 and 4.1, as text or binary. Clockwise triangles are turned round; points of no triangle are left out.
 
@@ -151,6 +156,10 @@ def load(path: str | Path) -> Mesh:
         _check_plane(found)
     except InputError as error:
         raise _of_file(path, error) from None
+    if (span := float(np.ptp(found.points, axis=0).max())) > WIDE:
+        _log.warning(
+            "mesh file %r spans %.3g m; lengths are in m: Mesh.ScalingFactor = 1e-6 turns um into m", str(path), span
+        )
     return found
 
 
