@@ -247,7 +247,7 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
         cycles=heights.size,
         extinction=float(10 * np.log10(high / low)) if low > 0 else float("inf"),
         pattern=together,
-        drift=drift,
+        drift=float(drift),
     )
 
 
