@@ -72,8 +72,7 @@ def doubled(heights: Array, least: float) -> bool:
 def longest_change(earlier: float, drift: float, enough: bool) -> float:
     """Largest relative change of the period of a cycle that goes on; ``enough`` cycles prove more than the fewest.
 
-    Heat that settles moves the period less from cycle to cycle. A change that grows leads out of the pulses as often
-    as to others.
+    Heat that settles moves the period less from cycle to cycle; a change that grows may end the pulses.
     """
     if not enough:
         return SETTLED
