@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from thermofem import Foster, OutputMap, Quadratic, checks
 from thermofem.arrays import ArrayLike
 from thermofem.models import ThermalModel
-from thermofem.models.contract import bare, warn_beyond
+from thermofem.models.contract import OutsideTrainingWarning, bare, warn_beyond
 
 Compact = Foster | OutputMap | Quadratic
 
@@ -20,6 +21,7 @@ NEEDED = (
 )
 SETTLING = 10  # times the time in which the step response reaches 95 %
 HIGHEST = 1e9  # K/W; rings have 1e3 to 1e7. Of a hotter one the light turns faster than any step follows
+NEAR_TOP = 0.99  # of the highest rise of an output map; no physical model comes so far
 LARGEST = 500  # poles; a certified reduction needs 10 to 40, and the time of a step grows with their number
 
 
@@ -96,13 +98,21 @@ def trusted(model: Any, rise: ArrayLike, linear: ArrayLike = 0.0) -> None:
 
     rise [K]: all temperature rises by the light.
     linear [K]: rises before an output map, as many as are known.
-    Warns OutsideTrainingWarning: rises far above those of the training.
+    Warns OutsideTrainingWarning: rises far above those of the training, or at the top of an output map.
     Raises InputError: linear rises beyond the top of an output map, where more heat would mean less temperature.
     """
     inner = bare(model)
     if isinstance(inner, OutputMap):
         inner.of(linear)
+        if inner.coefficient < 0 and np.max(rise, initial=0.0) > NEAR_TOP * -0.25 / inner.coefficient:
+            warn_at_top(inner, "the ring reaches it")
     warn_beyond(np.asarray(np.max(rise, initial=0.0)), getattr(inner, "largest_rise", None))
+
+
+def warn_at_top(model: OutputMap, said: str) -> None:
+    """OutsideTrainingWarning that heat may go beyond the top of an output map."""
+    text = f"the output map ends at {-0.25 / model.coefficient:.4g} K, where more heat would mean less temperature"
+    warnings.warn(f"{text}; {said}: take less power, or a Quadratic model", OutsideTrainingWarning, stacklevel=3)
 
 
 def attributes(model: Compact) -> dict[str, Any]:

@@ -239,7 +239,7 @@ class Relaxation:
 def _answer(rise: Any) -> Array:
     """A copy of the array that a corrector returned, which the corrector may reuse; checked."""
     try:
-        if np.iscomplexobj(rise):
+        if np.iscomplexobj(rise) or np.ma.is_masked(rise):
             raise TypeError
         return np.array(rise, dtype=float)
     except (TypeError, ValueError):

@@ -10,14 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermofem import dataset
+from thermofem import OutputMap, dataset
 from thermofem.models import ThermalModel
+from thermofem.models.contract import bare
 from thermofem.record import Record, as_dataset, recorded
 
 from ..arguments import one_laser
 from ..equilibria.steady import Internal, absorbable, internal, provenance
 from ..heaters import constant
 from ..resonator import RingResonator
+from ..thermal import warn_at_top
 from .grid import Grid, Point, grid_of
 
 Array = NDArray[np.float64]
@@ -93,6 +95,9 @@ def stability_map(
 def _internal(model: ThermalModel, grid: Grid) -> Internal:
     """The first ring and the model, with heat at rest up to what any point of the grid can absorb."""
     largest = max(absorbable(ring, power) for row in grid.rows for ring, power, _ in row)
+    small = bare(model)
+    if isinstance(small, OutputMap) and 2 * small.coefficient * small.thermal_resistance * largest <= -1:
+        warn_at_top(small, f"the ring may absorb up to {largest:.2g} W at these powers")
     return internal(grid.rows[0][0][0], model, largest)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +15,7 @@ from thermofem.arrays import Array, ArrayLike
 from thermofem.display import shown
 from thermofem.heat.derivatives import dataset_of, step_times
 from thermofem.heat.projected import ModalDerivative
+from thermofem.models.contract import OutsideTrainingWarning
 from thermofem.netcdf import DAMAGE
 
 from ..reduction.reduce import reduce
@@ -157,7 +159,12 @@ class Family:
         return self._bent(self._foster(self.members.member(row).modes(), *channel), row, channel)
 
     def _bent(self, linear: Foster, row: Array, channel: tuple[int, int]) -> Model:
-        if self.bend is None or channel != self._channel(None, None):
+        if self.bend is None:
+            return linear
+        if channel != self._channel(None, None):
+            a, b = (self.ports[k] for k in channel)
+            text = f"heat in {a!r} read in {b!r} is linear, right at small power"
+            warnings.warn(f"{text}; k(T) is followed in the first channel alone", OutsideTrainingWarning, stacklevel=3)
             return linear
         return self.bend.on(linear, self.box.share(row))
 

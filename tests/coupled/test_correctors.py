@@ -131,6 +131,15 @@ def test_a_corrector_without_real_numbers_is_named(answer):
         coupled.cosimulate(RING, Odd(NETWORK), power=MW, duration=1e-9)
 
 
+def test_a_corrector_that_masks_a_temperature_is_named():
+    class Masked(Exact):
+        def advance(self, times, power):
+            return np.ma.array(super().advance(times, power), mask=np.arange(times.size) == times.size - 1)
+
+    with pytest.raises(th.InputError, match="no array of real numbers"):
+        coupled.cosimulate(RING, Masked(NETWORK), power=MW, duration=1e-9)
+
+
 @pytest.mark.parametrize(
     ("said", "message"),
     [

@@ -8,6 +8,7 @@ import logging
 import h5py
 import numpy as np
 import pytest
+from commands import thermofem
 
 import surrogate
 import thermofem as th
@@ -130,3 +131,13 @@ def test_a_model_as_it_was_written_keeps_its_certificate(reduced, caplog):
     reduced.write_text(json.dumps(tree))
     assert surrogate.load_model(reduced).origin["error_bound"] == 1e-4
     assert WORDS not in caplog.text
+
+
+def test_a_refused_command_says_one_line_and_a_successful_one_says_what_was_changed(reduced, tmp_path):
+    tree = json.loads(reduced.read_text())
+    tree["poles"][0].update(tau=4e-8)
+    reduced.write_text(json.dumps(tree))
+    refused = thermofem("simulate", str(reduced), "--power", "-2 mW", "--duration", "1 us", "-o", "a.nc", cwd=tmp_path)
+    assert (refused.returncode, refused.stderr.count("\n"), WORDS in refused.stderr) == (2, 1, False)
+    done = thermofem("simulate", str(reduced), "--power", "1 mW", "--duration", "1 us", "-o", "a.nc", cwd=tmp_path)
+    assert (done.returncode, done.stderr.count(WORDS)) == (0, 1)

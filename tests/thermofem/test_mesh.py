@@ -321,6 +321,7 @@ def test_what_gmsh_writes_is_read_or_refused(needs_mesher, tmp_path, version, bi
         ("2 8 3\n", "2 7 3\n", "none of its points"),
         ("8 2e-6", "4 2e-6", "the same number"),
         ("2.2 0 8", "1.0 0 8", "no gmsh file of format 2.2 or 4.1"),
+        ('"core"', '"co"re"', r"\$PhysicalNames has the line '2 7 \"co\"re\"'"),
         ("4 2 2 9", "4 2 2 5", r"groups \[5\] have no names"),
     ],
 )

@@ -15,7 +15,7 @@ from . import options
 from .files import about, check_outputs, ring_of, working
 from .kinds import expect
 from .maps import grid
-from .output import note, say, written
+from .output import hold, note, say, written
 from .quantities import cycle_property, optics_of, pulsing_points, pulsing_range
 from .values import assigned
 
@@ -203,7 +203,7 @@ def uncertainty(
     if held:
         units = dict(zip(found.names, found.box.units, strict=True))
         words = ", ".join(f"{name} = {written(float(value), units[name])}" for name, value in held.items())
-        note(f"held: {words}" + ("" if set(held) <= set(common["fixed"]) else "; --fix and --spread change that"))
+        hold(f"held: {words}" + ("" if set(held) <= set(common["fixed"]) else "; --fix and --spread change that"))
     if period and interpolate is None:
         count = samples * (len(spreads) + 2)
         note(f"{count} settled cycles, some minutes; with --interpolate 150 only 150, interpolated, some seconds")

@@ -88,6 +88,7 @@ def watched() -> bool:
 
 def working(what: str) -> Status | contextlib.nullcontext[None]:
     """Status line on the terminal while a block runs; nothing where standard error is not a terminal."""
+    _release()
     if not watched():
         return contextlib.nullcontext()
     from rich.text import Text
@@ -143,12 +144,25 @@ def speaking(function: Callable[..., Numbers | None]) -> Callable[..., None]:
     return command
 
 
+class _Notes(logging.Handler):
+    """Warnings of the log as words that are `hold`."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        hold(record.getMessage())
+
+
+_notes = _Notes()
+
+
 def _log(quiet: bool, verbose: bool) -> None:
     """The project's log on standard error: warnings, or everything with --verbose, or errors alone with --quiet."""
-    level = logging.ERROR if quiet else logging.DEBUG if verbose else logging.WARNING
-    logging.getLogger("thermofem").setLevel(level)
+    log = logging.getLogger("thermofem")
+    log.setLevel(logging.ERROR if quiet else logging.DEBUG if verbose else logging.WARNING)
     if verbose:
         logging.basicConfig(stream=sys.stderr, format="%(name)s: %(message)s")
+        log.removeHandler(_notes)
+    else:
+        log.addHandler(_notes)
 
 
 def _use_threads(count: int) -> None:

@@ -18,7 +18,7 @@ LARGEST = 100_000_000  # bytes of a file: about a million triangles as text
 _LINE, _TRIANGLE, _POINT = 1, 2, 15  # gmsh's numbers of types, and their corners
 _CORNERS = {_LINE: 2, _TRIANGLE: 3, _POINT: 1}
 _SECTION = re.compile(rb"\s*\$([A-Za-z]{1,40})[ \t\r]*\n")
-_NAME = re.compile(rb'\s*([0-9]{1,9})\s+([0-9]{1,9})\s+"([^"\n]*)"')
+_NAME = re.compile(rb'([0-9]{1,9})\s+([0-9]{1,9})\s+"([^"]*)"')
 _FORMAT = re.compile(rb"\s*(2\.2|4\.1)\s+([01])\s+8\s*\n?")
 _POINT_ROW = np.dtype([("number", "<i4"), ("at", "<f8", 3)])
 
@@ -54,12 +54,19 @@ def read(content: bytes) -> Content:
         corners, tags = _elements_22(elements)
     for rest in (nodes, elements):
         rest.end()
-    names = {
-        int(tag): name.decode("utf-8", "replace")
-        for dimension, tag, name in _NAME.findall(sections.get(b"PhysicalNames", b""))
-        if int(dimension) == 2
-    }
-    return Content(*_used(numbers, points, corners), tags, names)
+    return Content(*_used(numbers, points, corners), tags, _names(sections.get(b"PhysicalNames", b"")))
+
+
+def _names(section: bytes) -> dict[int, str]:
+    """Names of the physical surfaces by tag; one in each line after the first, which counts them."""
+    found: dict[int, str] = {}
+    for line in section.splitlines()[1:]:
+        row = _NAME.fullmatch(line.strip())
+        if line.strip() and not row:
+            raise InputError(f'its $PhysicalNames has the line {line.decode("utf-8", "replace")!r}; 2 1 "name" is one')
+        if row and int(row[1]) == 2:
+            found[int(row[2])] = row[3].decode("utf-8", "replace")
+    return found
 
 
 def _sections(content: bytes) -> dict[bytes, bytes]:
