@@ -243,6 +243,7 @@ A detuning is a frequency or, as `"80 pm"`, a distance in wavelength; a longer w
 | 0 | done |
 | 1 | `doctor` found something missing |
 | 2 | bad input, or a file that cannot be read or written |
+| 70 | an error that nobody foresaw, in one line; `--verbose` shows where |
 | 130 | interrupted with Ctrl-C |
 | 141 | nobody reads standard output any more |
 

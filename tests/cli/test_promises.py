@@ -121,6 +121,18 @@ def test_names_and_values(texts, words):
     assert assigned("--fix", ["a = 1 um", "b=c=d"], "a=1") == {"a": "1 um", "b": "c=d"}
 
 
+def test_an_option_is_given_once(tmp_path):
+    """Of `--power "1 mW" --power "2 mW"` the last one won in silence; flags may be repeated."""
+    surrogate.save_model(MODEL, tmp_path / "m.json")
+    short = ("simulate", "m.json", "--duration", "1 ns")
+    done = thermofem(*short, "--power", "1 mW", "--power=2 mW", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (2, "thermofem: error: --power is given 2 times; give it once\n")
+    done = thermofem(*short, "-o", "a.nc", "--output", "b.nc", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (2, "thermofem: error: --output is given 2 times; give it once\n")
+    assert sorted(os.listdir(tmp_path)) == ["m.json"]
+    assert thermofem(*short, "-q", "--quiet", cwd=tmp_path).returncode == 0
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -8,7 +8,7 @@ import sys
 import time
 
 import pytest
-from commands import WIDE, process
+from commands import WIDE, process, thermofem
 
 import surrogate
 import thermofem as th
@@ -90,6 +90,42 @@ def test_numba_without_compilation_is_named(folder):
     assert done.returncode == 2
     assert done.stderr.splitlines()[-1].startswith("thermofem: error: NUMBA_DISABLE_JIT is set")
     assert "Traceback" not in done.stderr
+
+
+def test_numba_that_does_not_start_is_named(folder):
+    """Its import raised ValueError, and the command ended in a traceback."""
+    done = process(*SIMULATE, cwd=folder, NUMBA_NUM_THREADS="0")
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1].startswith("thermofem: error: Numba does not start: Number of threads")
+    found = process("doctor", "--json", cwd=folder, NUMBA_NUM_THREADS="0")
+    assert (found.returncode, found.stderr.count("Traceback")) == (1, 0)
+    assert "Numba does not start" in found.stderr + found.stdout
+
+
+def test_an_error_that_nobody_foresaw_is_one_line_with_its_cause(folder, tmp_path):
+    """Dask reads its settings where xarray looks at an array: two chained errors and the whole array were printed."""
+    pytest.importorskip("dask")
+    (tmp_path / "dask.yaml").write_text("a word alone\n")
+    done = process(*SIMULATE, cwd=folder, DASK_CONFIG=str(tmp_path / "dask.yaml"))
+    assert done.returncode == 70
+    assert "Traceback" not in done.stderr
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith("thermofem: error: unforeseen ValueError: A dask config file")
+    assert last.endswith("--verbose shows where; please report it")
+    more = process(*SIMULATE, "--verbose", cwd=folder, DASK_CONFIG=str(tmp_path / "dask.yaml"))
+    assert (more.returncode, "Traceback" in more.stderr) == (1, True)
+
+
+def test_no_more_threads_are_named(monkeypatch, folder):
+    def none(*args):
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr("threading.Thread.start", none)
+    done = thermofem("stability", "m.json", "--points", "3, 3", "-o", "s.nc", cwd=folder)
+    assert (done.returncode, done.stderr.splitlines()[-1][:64]) == (
+        70,
+        "thermofem: error: the system allows this user no more threads; r",
+    )
 
 
 @pytest.mark.parametrize("address", ["x", "tls://localhost:1"])

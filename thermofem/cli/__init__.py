@@ -19,6 +19,7 @@ import typer
 from ..checks import InputError, MissingLibraryError, one_line
 from .group import Commands, Entry, take_over_imports
 
+UNFORESEEN = 70  # what sysexits.h calls an error of the software
 PIPE = 141  # what a shell makes of SIGPIPE, by which other programs end
 HEAT, MODELS, LIGHT, RESULTS = "Heat", "Compact models", "Ring and light", "Results"  # headings of --help
 
@@ -54,8 +55,8 @@ app = typer.Typer(
     rich_markup_mode=None,
     help="Self-heating of silicon microring resonators: training data, compact models, self-pulsing.",
     epilog="Begin with: thermofem solve --pulse '20 us' --figure heat.png. "
-    "Exit codes: 0 done, 1 doctor found something missing, 2 bad input, 130 interrupted, "
-    "141 nobody reads the output any more.",
+    "Exit codes: 0 done, 1 doctor found something missing, 2 bad input, 70 unforeseen error, "
+    "130 interrupted, 141 nobody reads the output any more.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -63,8 +64,8 @@ app = typer.Typer(
 
 
 def main() -> None:
-    """Run the command line; exit codes: 0 done, 1 doctor found something missing, 2 bad input, 130 interrupted, 141
-    nobody reads standard output any more.
+    """Run the command line; exit codes: 0 done, 1 doctor found something missing, 2 bad input, 70 unforeseen error,
+    130 interrupted, 141 nobody reads standard output any more.
 
     A user's error is one line on standard error.
     """
@@ -96,13 +97,24 @@ def main() -> None:
     except KeyboardInterrupt:
         _fail("interrupted", 130)
     except Exception as error:
-        if not hasattr(error, "format_message"):  # what click raises for its own part; typer may bring another click
+        if hasattr(error, "format_message"):  # what click raises for its own part; typer may bring another click
+            _wrong_usage(error)
+        if {"-v", "--verbose"} & set(sys.argv):
             raise
-        _wrong_usage(error)
+        _fail(_unforeseen(error), UNFORESEEN)
     if code == 130:
         _fail("interrupted", 130)
     if type(code) is int:
         sys.exit(code)
+
+
+def _unforeseen(error: BaseException) -> str:
+    """One line for an error of another library or of ours; its cause, not what it led to."""
+    while (below := error.__cause__ or error.__context__) is not None:
+        error = below
+    if "start new thread" in str(error):
+        return "the system allows this user no more threads; raise the limit (ulimit -u, or that of the container)"
+    return f"unforeseen {type(error).__name__}: {error}; --verbose shows where; please report it"
 
 
 def _place(error: OSError) -> str:
@@ -154,7 +166,7 @@ def _fail(text: str, code: int) -> NoReturn:
     """Leave with one line on standard error, and with this code where neither stream can be written."""
     for stream, last in (
         (sys.stdout, ""),
-        (sys.stderr, f"thermofem: {'error: ' if code == 2 else ''}{one_line(text)}\n"),
+        (sys.stderr, f"thermofem: {'error: ' if code in (2, UNFORESEEN) else ''}{one_line(text)}\n"),
     ):
         if stream is None:
             continue

@@ -70,8 +70,10 @@ def _netcdf() -> tuple[str, str | None]:
 
 
 def _compiler() -> tuple[str, str | None]:
-    import numba
-
+    try:
+        import numba
+    except ValueError as error:
+        return "", f"Numba does not start: {error}; look at the variables NUMBA_..."
     if numba.config.DISABLE_JIT:
         return "", "NUMBA_DISABLE_JIT is set; unset it"
     try:

@@ -12,6 +12,7 @@ import inspect
 import os
 import re
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator, MutableMapping
 from importlib import import_module
 from importlib.machinery import ModuleSpec, PathFinder
@@ -23,6 +24,7 @@ from typing import Any, NamedTuple
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from ..checks import InputError
 from .output import speaking
 
 # SciPy copies every name of NumPy, f2py and testing among them (.1 CPU s); numba reads settings from YAML, if any
@@ -79,7 +81,17 @@ class Commands(TyperGroup):
 
 
 class _Command(TyperCommand):
-    """One command."""
+    """One command; an option that takes one value is given once, as the parser would forget the others."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Values of arguments and options; InputError for an option that is given twice."""
+        given = Counter(self.make_parser(ctx).parse_args(args=list(args))[2])
+        for option, count in given.items():
+            single = option.param_type_name == "option" and not option.multiple
+            if count > 1 and single and not getattr(option, "is_flag", False):
+                raise InputError(f"{max(option.opts, key=len)} is given {count} times; give it once")
+        rest: list[str] = super().parse_args(ctx, args)
+        return rest
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Its arguments and options, --help among them."""
