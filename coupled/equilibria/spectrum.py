@@ -20,11 +20,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from ..kernels import equations, kinds
-from ..kernels.compiling import OPTIONS, compiled, forget_if_older, inlined
+from ..kernels.compiling import OPTIONS, compiled, forget_if_older, inlined, overload
 from ..kernels.equations import Array, Rates, absorbed_power, dispersion
 from ..kernels.kinds import bend, chosen, order, rest
 from . import balance as fixed

@@ -18,12 +18,11 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from . import algebra, equations, kinds
 from .algebra import eliminate, follows
-from .compiling import compiled, forget_if_older, inner
+from .compiling import compiled, forget_if_older, inner, overload
 from .equations import Array, Rates, dispersion, optics, optics_jacobian
 from .kinds import rise_of
 

@@ -8,12 +8,17 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from numba import config, njit
-from numba.core.caching import CompileResultCacheImpl, FunctionCache
-from numba.core.runtime import rtsys
-from numba.extending import register_jitable
-
 from thermofem.checks import InputError
+
+try:
+    from numba import config, njit
+except ValueError as error:  # it reads its variables of the environment
+    raise InputError(f"Numba does not start: {error} Look at the variables NUMBA_... of the environment") from None
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.compiler_lock import global_compiler_lock as global_compiler_lock  # other modules take Numba from here
+from numba.core.runtime import rtsys
+from numba.extending import overload as overload
+from numba.extending import register_jitable
 
 if config.DISABLE_JIT:
     raise InputError("NUMBA_DISABLE_JIT is set: light and carriers run as compiled code alone; unset it")

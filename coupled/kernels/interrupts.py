@@ -14,8 +14,9 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
-from numba.core.compiler_lock import global_compiler_lock
 from numpy.typing import NDArray
+
+from .compiling import global_compiler_lock
 
 LOOK = 0.1  # s between two looks at a kernel that runs
 

@@ -14,10 +14,9 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
-from .compiling import OPTIONS
+from .compiling import OPTIONS, overload
 
 Array = NDArray[np.float64]
 Body = Any

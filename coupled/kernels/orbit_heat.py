@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba.extending import overload
 
 from . import equations, kinds
 from .collocation import Ring, Scheme
-from .compiling import OPTIONS, compiled, forget_if_older
+from .compiling import OPTIONS, compiled, forget_if_older, overload
 from .equations import Array
 
 

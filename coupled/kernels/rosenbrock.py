@@ -18,12 +18,11 @@ import math
 from typing import Any
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from . import algebra, control, equations, kinds, laser, quadratic, spectrum
 from .algebra import inverse
-from .compiling import OPTIONS, compiled, forget_if_older, inlined, inner
+from .compiling import OPTIONS, compiled, forget_if_older, inlined, inner, overload
 from .control import (
     DONE,
     EVENT,

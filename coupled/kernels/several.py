@@ -21,12 +21,11 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from . import algebra, equations, kinds
 from .algebra import factorize, follows, solve
-from .compiling import OPTIONS, compiled, forget_if_older, inlined, inner
+from .compiling import OPTIONS, compiled, forget_if_older, inlined, inner, overload
 from .control import DONE, STEP_TOO_SMALL, STOPPED, TOO_MANY_STEPS, dense_output, doubled, tally
 from .equations import Array, Rates, dispersion
 from .kinds import flow, read, rise_of, spread, weigh

@@ -12,6 +12,7 @@ from commands import WIDE, process, thermofem
 
 import surrogate
 import thermofem as th
+from thermofem.cli import _unforeseen
 
 SIMULATE = ("simulate", "m.json", "--duration", "0.1 us", "--figure", "run.png")
 WORKER = """
@@ -114,6 +115,13 @@ def test_an_error_that_nobody_foresaw_is_one_line_with_its_cause(folder, tmp_pat
     assert last.endswith("--verbose shows where; please report it")
     more = process(*SIMULATE, "--verbose", cwd=folder, DASK_CONFIG=str(tmp_path / "dask.yaml"))
     assert (more.returncode, "Traceback" in more.stderr) == (1, True)
+
+
+def test_an_error_that_was_dealt_with_is_not_the_cause():
+    """Numba asks an object for an attribute that it need not have; what failed after that was not said."""
+    error = RuntimeError("can't start new thread")
+    error.__context__ = AttributeError("'list' object has no attribute 'name'")
+    assert "no more threads" in _unforeseen(error)
 
 
 def test_no_more_threads_are_named(monkeypatch, folder):

@@ -109,9 +109,12 @@ def main() -> None:
 
 
 def _unforeseen(error: BaseException) -> str:
-    """One line for an error of another library or of ours; its cause, not what it led to."""
-    while (below := error.__cause__ or error.__context__) is not None:
-        error = below
+    """One line for an error of another library or of ours; its cause, not what it led to.
+
+    What Python calls its context may be an error that was dealt with, or one that a library met on its way to another.
+    """
+    while error.__cause__ is not None:
+        error = error.__cause__
     if "start new thread" in str(error):
         return "the system allows this user no more threads; raise the limit (ulimit -u, or that of the container)"
     return f"unforeseen {type(error).__name__}: {error}; --verbose shows where; please report it"
