@@ -104,7 +104,7 @@ class Solver:
 
 def _write(path: Path, found: Member | MemberModes) -> None:
     modes = found if isinstance(found, MemberModes) else found.modes
-    arrays: dict[str, Any] = {"tau": modes.tau, "ports": modes.ports}
+    arrays: dict[str, Any] = {"key": np.array(path.stem), "tau": modes.tau, "ports": modes.ports}
     if isinstance(found, Member):
         arrays |= {"row": found.row, "static": found.static, "fields": found.fields}
     whole = archive.pack(arrays, deflated=False)
@@ -112,9 +112,11 @@ def _write(path: Path, found: Member | MemberModes) -> None:
 
 
 def _read(path: Path) -> Member | MemberModes | None:
-    """The stored member; None where the file is damaged."""
+    """The stored member; None where the file is damaged, or that of another member under this name."""
     try:
         arrays = archive.unpack(read_bytes(path, "member"))
+        if str(arrays["key"]) != path.stem:
+            return None
         modes = MemberModes(arrays["tau"], arrays["ports"])
         return Member(arrays["row"], modes, arrays["static"], arrays["fields"]) if "row" in arrays else modes
     except (KeyError, ValueError):

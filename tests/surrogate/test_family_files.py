@@ -77,7 +77,7 @@ def test_damaged_headers_are_refused_or_make_members(content, tmp_path):
 def test_a_kept_member_that_is_damaged_is_solved_again(tmp_path):
     """A broken archive stopped the training, and changed numbers went into the family."""
     path = tmp_path / "member.npz"
-    path.write_bytes(archive.pack({"tau": np.ones(2), "ports": np.ones((1, 2))}))
+    path.write_bytes(archive.pack({"key": np.array("member"), "tau": np.ones(2), "ports": np.ones((1, 2))}))
     assert solving._read(path).tau.tolist() == [1, 1]
     whole = path.read_bytes()
     for broken in [*hostile.damaged(whole, 3, 60), b"", b"PK\x03\x04"]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import multiprocessing
 import pickle
+import shutil
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import numpy as np
@@ -13,6 +14,7 @@ from test_family import BOX, STEP, campaign
 
 import surrogate
 import thermofem as th
+from surrogate.family import archive
 from surrogate.family.affine import LineEngine
 from surrogate.family.box import Box
 from surrogate.family.moved import MovedEngine
@@ -110,6 +112,14 @@ def test_a_kept_training_gives_the_same_family(tmp_path, monkeypatch):
     again = surrogate.train_family(plan, 1e-2, held_out=2, folder=tmp_path)
     assert len(list(tmp_path.iterdir())) == count
     np.testing.assert_allclose(again.model(box=2e-6).R, first.model(box=2e-6).R, rtol=1e-12)
+    # a file copied over another one's name was believed; a held-out ring in place of one to train on was a traceback
+    files = sorted(tmp_path.iterdir(), key=lambda path: path.stat().st_size)
+    before = {path: path.read_bytes() for path in files}
+    for source, target in ((files[0], files[-1]), (files[-1], files[-2]), (files[0], files[1])):
+        shutil.copy(source, target)
+        again = surrogate.train_family(plan, 1e-2, held_out=2, folder=tmp_path)
+        np.testing.assert_allclose(again.model(box=2e-6).R, first.model(box=2e-6).R, rtol=1e-12)
+        assert archive.unpack(target.read_bytes())["key"] == archive.unpack(before[target])["key"]
 
 
 @pytest.mark.slow
