@@ -16,6 +16,7 @@ from .inputs import pieces
 from .resonator import RingResonator
 
 LONGEST = 1.0  # s, of a run
+MOST_TIMES = 10_000_000  # rows of a trace; .3 kB each while it is made (measured)
 SHORTEST = 1e-15  # s; the equations hold for the envelope of the field, so not within an optical cycle
 
 ROUND_OFF = 1e-7  # of the largest power: how far a cubic fit of a function may undershoot zero
@@ -125,6 +126,8 @@ def check_run(ring: RingResonator, duration: float, rtol: float) -> tuple[float,
 def check_times(times: ArrayLike, duration: float) -> Array:
     """Return the output times in s, or raise InputError unless they increase and lie within the run."""
     wanted = checks.array("times", times, increasing=True, hint="times are in s")
+    if wanted.size > MOST_TIMES:
+        raise checks.InputError(f"times holds {wanted.size} values; at most {MOST_TIMES} rows of a trace are kept")
     if wanted[0] < 0 or wanted[-1] > duration * (1 + 1e-12):
         bad = wanted[0] if wanted[0] < 0 else wanted[-1]
         raise checks.InputError(f"times reach {bad:g} s; they must lie between 0 and the duration of {duration:g} s")

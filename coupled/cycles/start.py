@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 LONGEST = 2e6  # ns
 SLOWEST = 30  # of the slowest heat, what a transient may take where that is longer
+SLOW = ", such as that of a model without its slowest pole"
+PATIENCE = 1e8  # ns, what it may take at most: ten to twenty seconds of computing
 AGREE = 0.2  # relative difference of two amplitudes that are taken for the same
 DIFFER = 20  # pulses that a doubled cycle is left for: those that differ more make a better start
 FLAT = 1e-5  # relative range of the carriers below which an orbit is a fixed point
@@ -76,6 +78,7 @@ def pursued(
                 raise InputError(
                     f"no settled cycle at power = {p.power:g} W, detuning = {p.detuning:g} Hz: "
                     f"{begun.passed / 1e3:.4g} us from {begin} do not lead to one ({said}); give guess= a cycle nearby"
+                    + (SLOW if longest < SLOWEST / p.at.thermal.slowest else "")
                 )
             begun = uninterrupted(
                 proceed, begun, points, longest, p.at, p.floor, tableau(Method.RODAS4), TRACE_RTOL, new_watch()
@@ -96,8 +99,8 @@ def pursued(
 
 
 def longest_of(p: CycleProblem, longest: float) -> float:
-    """The longest transient in ns: longer than ``longest`` where heat is slow."""
-    return max(longest, SLOWEST / p.at.thermal.slowest)
+    """The longest transient in ns: longer than ``longest`` where heat is slow, up to `PATIENCE`."""
+    return max(longest, min(SLOWEST / p.at.thermal.slowest, PATIENCE))
 
 
 def rest_words(p: CycleProblem, passed: float, point: Array, begin: str = "a cold ring") -> str:

@@ -49,6 +49,19 @@ def test_settled_period_of_the_reference_strip(validated):
     validated("Coupled dynamics", what, ours, 684.911906, rel=1e-4, unit="ns", source="independent implementation")
 
 
+def test_heat_slower_than_any_transient_ends_in_one_line():
+    """With a pole of 1 s a transient could take 30 s, of 30 million pulses; the search had no end."""
+    slow = th.Foster(R=[1998.0, 5786.0], tau=[1e-6, 1.0])
+    with pytest.raises(th.InputError, match=r"1e\+05 us from a cold ring .* a model without its slowest pole"):
+        coupled.limit_cycle(RING, slow, power=POWER)
+
+
+def test_more_rows_than_fit_into_memory_are_refused():
+    times = np.broadcast_to(0.0, 10_000_001)
+    with pytest.raises(th.InputError, match="times holds 10000001 values; at most 10000000 rows"):
+        coupled.simulate(RING, FIVE, power=POWER, duration=1e-6, times=times)
+
+
 def test_a_long_run_ends_on_the_cycle():
     cycle = coupled.limit_cycle(RING, FIVE, power=POWER)
     found = coupled.pulsing(coupled.simulate(RING, FIVE, power=POWER, duration=150e-6, rtol=1e-8))

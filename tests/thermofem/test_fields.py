@@ -11,6 +11,7 @@ import meshio
 import numpy as np
 import pytest
 
+import coupled
 import thermofem as th
 
 FIELD_TIMES = [1e-8, 0.5e-6, 1e-6]
@@ -147,3 +148,14 @@ def test_a_film_is_one_where_ffmpeg_is_installed(data, tmp_path):
     from thermofem.plot import animate_field
 
     assert animate_field(data, tmp_path / "heat.mp4").read_bytes()[4:8] == b"ftyp"  # the mark of an MP4 file
+
+
+def test_more_fields_than_fit_into_memory_are_refused_before_the_run():
+    """100 000 fields of 2500 values took 6 GB and ended in NumPy's MemoryError."""
+    heat = th.assemble(th.strip_ring())
+    with pytest.raises(
+        th.InputError, match=r"field_times holds 100000 times; .* are 2(\.\d)? GB, .* give at most 39\d\d\d"
+    ):
+        th.solve(heat, th.Pulse(2e-3, 1e-6), [0.0, 1e-6], field_times=np.linspace(0, 1e-6, 100_000))
+    with pytest.raises(th.InputError, match="field_times holds 100000 times"):
+        coupled.FEM(heat, field_times=np.linspace(0, 1e-6, 100_000))

@@ -69,8 +69,9 @@ def cosimulate(
     say_ring(resonator, ring)
     with Bar(f"{heat.unknowns} temperatures in the loop", length, stays=True) as progress:
         run = coupled.cosimulate(resonator, heat, duration=length, rtol=rtol, progress=progress, **settings)
-    found = verdict(run, duration)
-    dataset.save(run, output)
+    with working(f"judging the run and writing {output}"):
+        found = verdict(run, duration)
+        dataset.save(run, output)
     if paraview:
         write_fields(run, paraview)
     if figure:

@@ -230,8 +230,9 @@ def simulate(
     first = "the first run on a machine compiles for some seconds"
     with Bar("integrating", settings["duration"], first=first) as progress:
         run = coupled.simulate.record(resonator, thermal, rtol=rtol, progress=progress, **settings)
-    found = verdict(run, duration)
-    dataset.save(run, output)
+    with working(f"judging the run and writing {output}"):
+        found = verdict(run, duration)
+        dataset.save(run, output)
     if figure:
         from coupled.plot.runs import plot_sweep, plot_traces
 

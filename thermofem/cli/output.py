@@ -88,7 +88,6 @@ def watched() -> bool:
 
 def working(what: str) -> Status | contextlib.nullcontext[None]:
     """Status line on the terminal while a block runs; nothing where standard error is not a terminal."""
-    _release()
     if not watched():
         return contextlib.nullcontext()
     from rich.text import Text

@@ -82,7 +82,8 @@ def solve(
         else:
             times = np.linspace(0, length, samples)
             data = transient.record(heat, wave, times, field_times=kept, progress=progress, **settings)
-    dataset.save(data, output)
+    with working(f"writing {output}"):
+        dataset.save(data, output)
     with working("drawing"):
         _draw(data, figure, paraview)
     if animation:
