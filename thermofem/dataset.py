@@ -39,6 +39,7 @@ SCHEMA = 1
 KINDS = ("transient", "periodic")
 FEWEST = 8  # samples that a training takes
 POSSIBLE = 1e-30, 1e12  # s or K: any time and rise, with squares and sums that floats hold
+START, REST = "start_within", "rest_rows"  # attributes of a measured trace, see `Response`
 TWICE = 1e-3  # of the swing, by which both rows of a jump of the power may differ: the temperature has none
 
 
@@ -51,6 +52,8 @@ class Response:
     name: the drive in words.
     thermal_resistance [K/W]: that the Dataset states.
     doubts: what makes the data doubtful, see `static_gain.contradictions`.
+    start_within [s]: how far from t = 0 the heating may begin, of a measured trace; 0 where the start is known.
+    rest_rows: rows at rest whose mean was subtracted as the baseline, of a measured trace; infinite where it is known.
     """
 
     wave: waveforms.Waveform
@@ -60,6 +63,8 @@ class Response:
     name: str
     thermal_resistance: float | None = None
     doubts: tuple[str, ...] = ()
+    start_within: float = 0.0
+    rest_rows: float = float("inf")
 
     @property
     def swing(self) -> float:
@@ -184,7 +189,17 @@ def response_of(data: xr.Dataset) -> Response:
     periodic = checks.choice("data.attrs['kind']", data.attrs.get("kind", "transient"), KINDS) == "periodic"
     doubts = static_gain.contradictions(data, wave, times, rise, periodic=periodic)
     words = f"{waveforms.words(wave)}, {'periodic state' if periodic else 'from rest'}"
-    return Response(wave, times, rise, periodic, words, static_gain.static_gain(data), doubts)
+    gain = static_gain.static_gain(data)
+    if periodic:
+        return Response(wave, times, rise, periodic, words, gain, doubts)
+    within, rest = (_estimated(data, name, known) for name, known in ((START, 0.0), (REST, np.inf)))
+    return Response(wave, times, rise, periodic, words, gain, doubts, min(within, float(times[-1]) / FEWEST), rest)
+
+
+def _estimated(data: xr.Dataset, name: str, known: float) -> float:
+    """An attribute of a measured trace, of which the start or the baseline was found from the trace itself."""
+    name, value = f"data.attrs[{name!r}]", data.attrs.get(name)
+    return known if value is None else checks.between(name, value, 0, POSSIBLE[1])
 
 
 def check_texts(data: xr.Dataset) -> None:

@@ -7,6 +7,8 @@ known but for its start t0, the rise is a sum of heating poles,
 
 psi_i being the answers of poles on a logarithmic grid of time constants. For each t0 the best b and R_i are a
 nonnegative least-squares problem; t0 is the start with the smallest misfit. What was assumed is said, in ``notes``.
+A start and a baseline that were found have errors: the data carry how far the start may be off and how many rows the
+baseline is the mean of, and a fit of poles fits both again.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from . import checks, dataset, files, quantity
 from .algebra.poles import pole_responses
 from .arrays import Array
 from .checks import InputError
+from .clipping import clipping
 from .columns import Columns, header_unit, in_si, measured, parse, text_of, times_in_si
 from .tables import LARGEST
 
@@ -35,7 +38,9 @@ if TYPE_CHECKING:
 SCANNED = 1500  # rows that the search for the start uses
 STARTS = 24  # of each pass of the search
 PASSES = 5
-POLES = 12  # time constants of the grid
+POLES = 30  # time constants of the grid: 12 put the start of two poles a third of a row late
+FAR = 25.0  # of the variance of a row, by which a start that is out of the question raises the sum of squares
+WIDEST = 64  # rows that a start may be off
 FEWEST = 3  # rows before the heating that make a baseline
 LONGEST = 1.0  # s; a column of time without unit that is longer is not in seconds
 VOLTS = "1 V counts as 1 K"
@@ -96,9 +101,11 @@ def read_trace(
         t = _time(table, columns[0], (units or {}).get("time", in_time), said)
         y = _rise(table, columns[1], (units or {}).get("temperature", in_rise), sensitivity, said, warned)
         t0 = _start(t, y, wave, start, said)
-        level = _baseline(t, y, wave, t0, baseline, said)
+        level, rest = _baseline(t, y, wave, t0, baseline, said)
         if baseline is None:
             _check_rest(t, y, t0, warned)
+        if clipped := clipping(y):
+            warned.append(clipped)
         kept = t >= t0
         if kept.sum() < dataset.FEWEST:
             raise InputError(
@@ -106,12 +113,16 @@ def read_trace(
             )
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    about = {
+    about: dict[str, str | float] = {
         "source": path.name,
         "source_sha256": hashlib.sha256(content).hexdigest(),
         "source_columns": f"time: {table.names[columns[0]]}, temperature: {table.names[columns[1]]}",
         "assumed": "; ".join([*said, *warned]),
     }
+    if start is None and (t < t0).sum() >= FEWEST:
+        about[dataset.START] = _within(t, y, wave, t0)
+    if np.isfinite(rest):
+        about[dataset.REST] = rest
     data = dataset.build(t[kept] - t0, y[kept] - level, wave, attributes=about)
     return Trace(data, t0, level, tuple(said), tuple(warned))
 
@@ -253,16 +264,32 @@ def _misfit(t: Array, y: Array, wave: Waveform, start: float) -> tuple[float, fl
     return float(norm) ** 2, level + float(weights[POLES] - weights[POLES + 1])
 
 
-def _baseline(t: Array, y: Array, wave: Waveform, start: float, given: float | None, said: list[str]) -> float:
-    """The temperature at rest."""
+def _within(t: Array, y: Array, wave: Waveform, start: float) -> float:
+    """How far from the start that was found the heating may begin, in s: rows of noise around it do not tell."""
+    thin = max(1, t.size // SCANNED)
+    t, y = t[::thin], y[::thin]
+    at = int(np.searchsorted(t, start))
+    step = float(np.median(np.diff(t[max(at - FEWEST, 0) : at + FEWEST])))
+    least = _misfit(t, y, wave, start)[0]
+    highest = least * (1 + FAR / t.size)
+    rows = 1
+    while rows < WIDEST and min(_misfit(t, y, wave, start + side * rows * step)[0] for side in (-1, 1)) < highest:
+        rows *= 2
+    return rows * step
+
+
+def _baseline(
+    t: Array, y: Array, wave: Waveform, start: float, given: float | None, said: list[str]
+) -> tuple[float, float]:
+    """The temperature at rest, and of how many rows it is the mean: infinite where it is known, 0 of the whole rise."""
     if given is not None:
-        return given
+        return given, np.inf
     step = float(np.median(np.diff(t)))
     before = y[t < start - step]  # the row at the edge may be half-way up
     if before.size >= FEWEST:
         level = float(before.mean())
         said.append(f"baseline {level:.4g} K, the mean of {before.size} rows before the heating, is subtracted")
-        return level
+        return level, float(before.size)
     thin = max(1, t.size // SCANNED)
     noise = float(np.median(np.abs(np.diff(y, 2)))) / (0.6745 * np.sqrt(6))  # of one row, from second differences
     first = int(np.searchsorted(t, start))
@@ -275,9 +302,9 @@ def _baseline(t: Array, y: Array, wave: Waveform, start: float, given: float | N
         )
     if abs(level) < max(NOTHING * float(np.ptp(y)), 4 * noise):
         said.append("no rows before the heating and no offset: nothing is subtracted")
-        return 0.0
+        return 0.0, np.inf
     said.append(f"no rows before the heating: baseline {level:.4g} K, from the rise itself, is subtracted")
-    return level
+    return level, float(quiet)
 
 
 def _check_rest(t: Array, y: Array, start: float, warned: list[str]) -> None:

@@ -26,6 +26,7 @@ from thermofem.models.lumped import (
 )
 
 from .mismatch import mismatch
+from .notes import cancelling, starts, unseen
 from .projection import FitProblem, Optimum, optimum, polish
 
 if TYPE_CHECKING:
@@ -34,9 +35,7 @@ if TYPE_CHECKING:
 METHODS = ("variable projection", "pso")
 EXPLAINED = 0.2  # share of the variance below which data count as noise; the paper's single pole explains 0.9 and more
 TRANSFER = "where another part is read than the one that is heated, give transfer=True"
-CANCELLING = 100.0  # R of a pole over R_th from which poles of opposite sign count as one
 SAME = 1.02  # ratio of two misfits that differ by noise: each parameter of a fit to n samples takes off 1/(2 n)
-UNSEEN = np.log(2)  # standard deviation of ln(tau) from which a time constant counts as not seen: a factor of two
 
 
 @shown
@@ -351,7 +350,7 @@ class Training:
             residual=found.residual,
             relative_residual=found.relative_residual,
             training=self.names,
-            notes=(*self.doubts, *_unseen(found, self.problem.span), *_cancelling(model)),
+            notes=(*self.doubts, *starts(found), *unseen(found, self.problem.span), *cancelling(model)),
             geometry=self.geometry,
             swarm_residual=swarm_residual,
         )
@@ -361,31 +360,3 @@ class Training:
 def _common(values: Sequence[Any]) -> Any:
     """The one value that all Datasets share, or None."""
     return values[0] if all(v == values[0] for v in values) else None
-
-
-def _cancelling(model: Foster) -> list[str]:
-    """A sentence on poles of opposite sign that are nearly one, as of a transfer channel with too many."""
-    largest, total = float(np.abs(np.asarray(model.R)).max()), abs(model.thermal_resistance)
-    if largest <= CANCELLING * total:
-        return []
-    return [
-        f"poles of up to {largest:.2g} K/W cancel to {total:.2g} K/W: two of them are nearly one, so take one fewer"
-    ]
-
-
-def _unseen(found: Optimum, span: tuple[float, float]) -> list[str]:
-    """Sentences on time constants that the data do not determine."""
-    notes = []
-    deviation = np.sqrt(np.maximum(found.covariance.diagonal()[: found.log_rate.size], 0))
-    for log_rate, gain, sd in zip(found.log_rate[::-1], found.gain[::-1], deviation[::-1], strict=True):
-        tau = np.exp(-log_rate)
-        said = f"tau = {tau:.3g} s"
-        if gain == 0:
-            notes.append(f"{said} is one pole too many: its best gain is zero")
-        elif sd > UNSEEN:
-            notes.append(f"the data can't see {said}: its standard error is a factor of {np.exp(min(sd, 20)):.3g}")
-        elif tau > 3 * span[1]:
-            notes.append(f"{said} is an extrapolation: the data last {span[1]:.3g} s")
-        elif tau < span[0] / 3:
-            notes.append(f"{said} is an extrapolation: the data begin to show times at {span[0]:.3g} s")
-    return notes

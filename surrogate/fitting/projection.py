@@ -7,6 +7,13 @@ A model of n poles is linear in its gains g_i and nonlinear only in its rates,
 so the gains are eliminated by linear least squares and what is left is searched in the logarithms of the rates
 (G. H. Golub, V. Pereyra, SIAM J. Numer. Anal. 10, 413 (1973); the Jacobian after L. Kaufman, BIT 15, 49 (1975)). phi is
 closed form for every piecewise-linear drive, from rest as well as in the periodic state.
+
+Of a measured trace the start of the heating and the baseline are estimates, so both are fitted with the poles. A
+baseline b, the mean of n rows at rest, is one more linear unknown, known from the rest to noise/sqrt(n),
+
+    rise = b + sum_i g_i phi_i,    0 = sqrt(n) b,
+
+and is eliminated first. A shift of the start is searched with the rates.
 """
 
 from __future__ import annotations
@@ -28,6 +35,7 @@ STATIC_WEIGHT = 1e3  # of the static-gain row over all samples together; the las
 STEP = 1e-6  # in ln(rate), of the difference quotient of a column: square root of round-off
 UNSEEN = 1e3  # times their span after the last change of the power, samples show nothing of its heat
 CUT = 3e-8  # of the largest singular value, below which a direction counts as not there: square root of round-off
+AT_END = 0.999  # of the range of a shift, from which on it counts as held there
 SCANNED = 3  # up to this order all sets of grid rates are tried for the start; beyond, log-spaced starts
 
 
@@ -40,6 +48,8 @@ class Optimum:
     covariance [shape (2n, 2n)]: of (log_rate, gain), from the Jacobian, the residual's variance and autocorrelation.
     residual [K]: rms over all samples.
     relative_residual: rms of residual over swing.
+    shift, shift_error [shape (responses,), s]: of the start of the heating, 0 where it is known; its error is inf at
+        an end of its range.
     """
 
     log_rate: Array
@@ -47,6 +57,8 @@ class Optimum:
     covariance: Array
     residual: float
     relative_residual: float
+    shift: Array
+    shift_error: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +77,7 @@ class FitProblem:
 
     def __post_init__(self) -> None:
         weight = np.concatenate([np.full(d.rise.size, 1 / d.swing) for d in self.responses])
-        target = np.concatenate([d.rise / d.swing for d in self.responses])
+        target = self._off_baseline(np.concatenate([d.rise / d.swing for d in self.responses])[:, None])[:, 0]
         if self.thermal_resistance is not None:
             target = np.append(target, STATIC_WEIGHT * np.sqrt(target.size))
         object.__setattr__(self, "weight", weight)
@@ -84,11 +96,20 @@ class FitProblem:
                     "is a time in another unit?"
                 )
 
-    def columns(self, log_rate: Array) -> Array:
-        """Response of every pole at every sample, in swings per unit gain; last the static-gain row."""
+    @property
+    def within(self) -> Array:
+        """How far the start of each response may shift, in s; shape (responses,)."""
+        return np.array([d.start_within for d in self.responses])
+
+    def columns(self, log_rate: Array, shift: Array | None = None) -> Array:
+        """Response of every pole at every sample, in swings per unit gain; then rows at rest; last the static gain.
+
+        shift [shape (responses,), s]: of the start of the heating.
+        """
         rate = np.exp(log_rate)
-        answers = [pole_responses(rate, d.wave, d.times, periodic=d.periodic) for d in self.responses]
-        phi = np.concatenate(answers) * self.weight[:, None]
+        shifts = np.zeros(len(self.responses)) if shift is None else shift
+        answers = [_answers(d, rate, late) for d, late in zip(self.responses, shifts, strict=True)]
+        phi = self._off_baseline(np.concatenate(answers) * self.weight[:, None])
         if self.thermal_resistance is None:
             return phi
         return np.vstack([phi, self.target[-1] / (rate * self.thermal_resistance)])
@@ -101,6 +122,17 @@ class FitProblem:
         if self.positive:
             return np.asarray(nnls(phi / norm, self.target, maxiter=30 * norm.size)[0] / norm)
         return np.asarray(np.linalg.lstsq(phi / norm, self.target, rcond=None)[0] / norm)
+
+    def _off_baseline(self, columns: Array) -> Array:
+        """Columns less the multiple of every estimated baseline that explains them best, and its rows at rest."""
+        ends = np.cumsum([d.rise.size for d in self.responses])[:-1]
+        left, rest = [], []
+        for d, part in zip(self.responses, np.split(columns, ends), strict=True):
+            level = part.sum(axis=0) / (part.shape[0] + d.rest_rows)
+            left.append(part - level)
+            if 0 < d.rest_rows < np.inf:
+                rest.append(-np.sqrt(d.rest_rows) * level[None])
+        return np.concatenate([*left, *rest])
 
     @property
     def span(self) -> tuple[float, float]:
@@ -131,26 +163,58 @@ def polish(problem: FitProblem, log_rate: Array) -> Optimum:
     return _conclude(problem, _descend(problem, log_rate)[0])
 
 
+def _answers(response: Response, rate: Array, late: float) -> Array:
+    """Responses of poles to a drive that begins ``late`` [s]; zero before it."""
+    if late == 0:
+        return pole_responses(rate, response.wave, response.times, periodic=response.periodic)
+    times = response.times - late
+    answers = np.zeros((times.size, rate.size))
+    answers[times >= 0] = pole_responses(rate, response.wave, times[times >= 0])
+    return answers
+
+
+def _shift(problem: FitProblem, end: Array) -> Array:
+    """The shifts [s] among the unknowns of a search, which follow the rates as shares of their ranges."""
+    within = problem.within
+    shift = np.zeros(within.size)
+    free = within > 0
+    shift[free] = end[end.size - free.sum() :] * within[free]
+    return shift
+
+
+def _moved(problem: FitProblem, end: Array, phi: Array, gain: Array) -> Array:
+    """Derivatives of the answer by the unknowns of a search, at constant gains; shape (rows, unknowns)."""
+    n, shift = gain.size, _shift(problem, end)
+    by_rate = (problem.columns(end[:n] + STEP, shift) - phi) / STEP * gain
+    by_shift = []
+    for k in np.flatnonzero(problem.within):
+        later = shift + STEP * problem.within * (np.arange(shift.size) == k)
+        by_shift.append((problem.columns(end[:n], later) - phi) @ gain / STEP)
+    return np.column_stack([by_rate, *by_shift])
+
+
 def _descend(problem: FitProblem, start: Array) -> tuple[Array, float]:
-    """Least squares in the logarithms of the rates; the end and its sum of squares."""
+    """Least squares in the logarithms of the rates, and the shifts; the end and its sum of squares."""
     from scipy.optimize import least_squares
 
     shortest, longest = problem.span
-    low, high = np.log(1e-3 / longest), np.log(30 / shortest)
+    n, free = start.size, int(np.count_nonzero(problem.within))
+    low = np.repeat([np.log(1e-3 / longest), -1.0], [n, free])
+    high = np.repeat([np.log(30 / shortest), 1.0], [n, free])
 
     def misfit(p: Array) -> Array:
-        phi = problem.columns(p)
+        phi = problem.columns(p[:n], _shift(problem, p))
         return problem.target - phi @ problem.gains(phi)
 
     def jacobian(p: Array) -> Array:
-        phi = problem.columns(p)
+        phi = problem.columns(p[:n], _shift(problem, p))
         gain = problem.gains(phi)
         active = gain != 0
-        moved = (problem.columns(p + STEP) - phi) / STEP * gain
+        moved = _moved(problem, p, phi, gain)
         Q = np.linalg.qr(phi[:, active])[0]
         return np.asarray(Q @ (Q.T @ moved) - moved)
 
-    inside = np.clip(start, low + 1e-6, high - 1e-6)
+    inside = np.clip(np.append(start, np.zeros(free)), low + 1e-6, high - 1e-6)
     end = least_squares(
         misfit, inside, jacobian, bounds=(low, high), x_scale=1.0, xtol=1e-10, ftol=1e-12, gtol=1e-14, max_nfev=200
     )
@@ -179,29 +243,37 @@ def _best_columns(columns: Array, target: Array, count: int) -> list[int]:
     return max((list(pick) for pick in combinations(range(phi.shape[1]), count)), key=explained)
 
 
-def _conclude(problem: FitProblem, log_rate: Array) -> Optimum:
-    """Gains, covariance and residuals at the rates found."""
-    log_rate = np.sort(log_rate)
-    phi = problem.columns(log_rate)
+def _conclude(problem: FitProblem, end: Array) -> Optimum:
+    """Gains, covariance and residuals at the rates and shifts found."""
+    shift, free = _shift(problem, end), np.flatnonzero(problem.within)
+    n = end.size - free.size
+    log_rate = np.sort(end[:n])
+    end = np.append(log_rate, end[n:])
+    phi = problem.columns(log_rate, shift)
     gain = problem.gains(phi)
     if problem.thermal_resistance is not None and np.any(gain):
         gain = gain * problem.thermal_resistance / np.sum(gain / np.exp(log_rate))
     misfit = (problem.target - phi @ gain)[: problem.weight.size]
-    moved = (problem.columns(log_rate + STEP) - phi) / STEP * gain
-    jacobian = np.hstack([moved, phi])
+    moved = _moved(problem, end, phi, gain)
+    inside = free[np.abs(end[n:]) < AT_END]
+    jacobian = np.hstack([moved[:, :n], phi, moved[:, n:][:, np.abs(end[n:]) < AT_END]])
     scale = np.linalg.norm(jacobian, axis=0)
     scale[scale == 0] = 1.0  # a pole without gain: its rate has no effect
-    unknowns = 2 * log_rate.size - (problem.thermal_resistance is not None)
+    unknowns = 2 * n + inside.size - (problem.thermal_resistance is not None)
     freedom = max(misfit.size - unknowns, 1)
     U, size, Vt = np.linalg.svd(jacobian / scale, full_matrices=False)
     seen = size > CUT * size[0]
     back = Vt[seen].T / size[seen] / scale[:, None]
     ends = np.cumsum([d.rise.size for d in problem.responses])[:-1]
-    inverse = back @ correlated(np.split(misfit, ends), U[:, seen]) @ back.T
+    covariance = back @ correlated(np.split(misfit, ends), U[:, seen]) @ back.T * (misfit @ misfit) / freedom
+    shift_error = np.where(problem.within > 0, np.inf, 0.0)
+    shift_error[inside] = np.sqrt(covariance.diagonal()[2 * n :]) * problem.within[inside]
     return Optimum(
         log_rate=log_rate,
         gain=gain,
-        covariance=inverse * (misfit @ misfit) / freedom,
+        covariance=covariance[: 2 * n, : 2 * n],
         residual=float(np.sqrt(np.mean((misfit / problem.weight) ** 2))),
         relative_residual=float(np.sqrt(np.mean(misfit**2))),
+        shift=shift,
+        shift_error=shift_error,
     )

@@ -1,0 +1,53 @@
+"""What a fit says of its poles: starts that moved, time constants that the data do not show, poles that cancel."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from thermofem import Foster, quantity
+
+from .projection import Optimum
+
+CANCELLING = 100.0  # R of a pole over R_th from which poles of opposite sign count as one
+UNSEEN = np.log(2)  # standard deviation of ln(tau) from which a time constant counts as not seen: a factor of two
+
+
+def starts(found: Optimum) -> list[str]:
+    """Sentences on the starts of measured traces, which were fitted with the poles."""
+    notes = []
+    for shift, error in zip(found.shift, found.shift_error, strict=True):
+        size, side = quantity.write(float(f"{abs(shift):.2g}"), "s"), "later" if shift > 0 else "earlier"
+        if error == np.inf:
+            notes.append(f"the heating begins {size} {side} than the trace shows, or more: take more poles")
+        elif error > 0:
+            error = quantity.write(float(f"{error:.2g}"), "s")
+            notes.append(f"the heating begins {size} +- {error} {side} than the trace shows: fitted with the poles")
+    return notes
+
+
+def cancelling(model: Foster) -> list[str]:
+    """A sentence on poles of opposite sign that are nearly one, as of a transfer channel with too many."""
+    largest, total = float(np.abs(np.asarray(model.R)).max()), abs(model.thermal_resistance)
+    if largest <= CANCELLING * total:
+        return []
+    return [
+        f"poles of up to {largest:.2g} K/W cancel to {total:.2g} K/W: two of them are nearly one, so take one fewer"
+    ]
+
+
+def unseen(found: Optimum, span: tuple[float, float]) -> list[str]:
+    """Sentences on time constants that the data do not determine."""
+    notes = []
+    deviation = np.sqrt(np.maximum(found.covariance.diagonal()[: found.log_rate.size], 0))
+    for log_rate, gain, sd in zip(found.log_rate[::-1], found.gain[::-1], deviation[::-1], strict=True):
+        tau = np.exp(-log_rate)
+        said = f"tau = {tau:.3g} s"
+        if gain == 0:
+            notes.append(f"{said} is one pole too many: its best gain is zero")
+        elif sd > UNSEEN:
+            notes.append(f"the data can't see {said}: its standard error is a factor of {np.exp(min(sd, 20)):.3g}")
+        elif tau > 3 * span[1]:
+            notes.append(f"{said} is an extrapolation: the data last {span[1]:.3g} s")
+        elif tau < span[0] / 3:
+            notes.append(f"{said} is an extrapolation: the data begin to show times at {span[0]:.3g} s")
+    return notes
