@@ -8,6 +8,7 @@ not have stopped there.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .arrays import Array
 
@@ -40,7 +41,7 @@ def clipping(y: Array) -> str:
     return ""
 
 
-def _piled(y: Array, at: Array, beside: int, resolution: float) -> bool:
+def _piled(y: Array, at: NDArray[np.bool_], beside: int, resolution: float) -> bool:
     """Whether many rows stand at an end though noise exceeds the resolution: it would scatter them over values.
 
     at: which rows stand there.
@@ -55,7 +56,7 @@ def _piled(y: Array, at: Array, beside: int, resolution: float) -> bool:
     return bool(turns > TURNS and np.median(np.abs(np.diff(steps))) / (0.6745 * np.sqrt(6)) > resolution)
 
 
-def _longest(wanted: Array) -> tuple[int, int]:
+def _longest(wanted: NDArray[np.bool_]) -> tuple[int, int]:
     """First row of the longest run of true values, and the row after its last."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], wanted, [False]])))
     starts, stops = edges[::2], edges[1::2]
