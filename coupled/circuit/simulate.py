@@ -120,7 +120,7 @@ def simulate_circuit(
     corner = corners(circuit, light)
     wanted = np.empty(0) if times is None else check_times(times, duration)
     average = checks.flag("average", average)
-    alone = is_alone(circuit) and not average and not corner.size
+    alone = is_alone(circuit) and not average and not corner.size and not heat.heaters
     chosen = check_method(method) or (Method.RODAS4 if rtol >= 1e-6 and alone else Method.RODAS5P)
     begin = _start(circuit, heat, initial)
     parts = parts_of(circuit) if wanted.size and not heat.crossed and initial is None else [circuit]

@@ -323,6 +323,19 @@ def test_heaters_shift_and_a_switched_one_rises_as_its_model_says():
         assert run.delta_T.values[k] == pytest.approx(expected, rel=0, abs=1e-4 * expected.max())
 
 
+@pytest.mark.parametrize("heaters", [None, {"heater": th.Constant(1e-3)}, {"heater": th.Pulse(1e-3, 0.5e-6)}])
+def test_one_ring_with_a_heater_is_as_simulate_says(heaters):
+    """A model with a heater among its inputs was refused for a ring alone: "pick one of each with .channel"."""
+    B, C = np.array([[5e4, 2e4], [1e5, 1e4]]), np.array([[5e4, 1e5]])
+    rates = -np.diag([1e6, 1e7])
+    model = th.StateSpace(np.eye(2), rates, B, C, inputs=("core", "heater"), outputs=("core",))
+    run = {"duration": 1e-6, "times": np.linspace(0, 1e-6, 11), "rtol": 1e-8, "heaters": heaters}
+    one = coupled.simulate(RING, model, power=6e-3, heated="core", read="core", **run)
+    bus = coupled.simulate_circuit(coupled.bus([RING]), model, inputs={"in": 6e-3}, **run)
+    # an error of 1e-8 in each of some thousand steps
+    np.testing.assert_allclose(bus.delta_T[0], one.delta_T, rtol=1e-5)
+
+
 def test_a_run_goes_on_where_another_ended():
     circuit, inputs = coupled.scissor([RING, RING]), {"in": POWER}
     whole = coupled.simulate_circuit(circuit, SECOND_ORDER, inputs=inputs, duration=2e-7, rtol=1e-9, times=[2e-7])
