@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import Foster, checks, renamed
+from thermofem import Foster, checks, renamed, trees
 from thermofem.arrays import Array
 from thermofem.dataset import at_probe, responses_of
 from thermofem.display import shown
@@ -89,12 +89,12 @@ class Fit(HasModel):
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """Provenance that `surrogate.save_model` writes with the model."""
+        """Provenance that `surrogate.save_model` writes with the model; an error that is not known is null."""
         return {
             "method": "fit",
             "training": list(self.training),
             "parameters": dict(self.parameters),
-            "standard_errors": dict(self.standard_errors),
+            "standard_errors": trees.plain(self.standard_errors),
             "residual_K": self.residual,
             "relative_residual": self.relative_residual,
             "notes": list(self.notes),

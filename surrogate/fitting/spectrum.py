@@ -8,6 +8,7 @@ There is nothing to search: the problem is convex and its optimum has few nonzer
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -69,7 +70,7 @@ def fit_spectrum(
     training.check_explained(float(np.sqrt(np.mean(misfit**2))))
     count = R.size
     names = [f"{name}_{i}" for name in ("R", "tau") for i in range(1, count + 1)]
-    return Fit(
+    fit = Fit(
         model=Foster(R=R, tau=tau[kept], **training.parts),
         parameters=dict(zip(names, [*R.tolist(), *tau[kept].tolist()], strict=True)),
         standard_errors=dict.fromkeys(names, float("nan")),
@@ -80,6 +81,7 @@ def fit_spectrum(
         notes=(*training.doubts, *_beyond(R, tau[kept], longest)),
         geometry=training.geometry,
     )
+    return replace(fit, model=replace(fit.model, origin=fit.provenance))
 
 
 def _beyond(R: Array, tau: Array, longest: float) -> list[str]:

@@ -331,3 +331,12 @@ def test_data_of_one_pole_are_sent_to_newtons_law():
     data = th.dataset.build(t, 1e-3 * model.step_response(t) + noise, th.Constant(1e-3), read=("core",))
     with pytest.raises(th.InputError, match=r"shows one pole.*fit_newton"):
         surrogate.fit_second_order(data)
+
+
+def test_a_spectrum_is_stored_without_a_provenance_of_ones_own(step, tmp_path):
+    """Its poles have no standard errors, which are nan, and JSON has no nan: the model could not be written."""
+    fit = surrogate.fit_spectrum(step)
+    for one, name in ((fit, "fit.json"), (fit.model, "model.json")):
+        path = surrogate.save_model(one, tmp_path / name)
+        assert set(surrogate.load_provenance(path)["standard_errors"].values()) == {None}
+        np.testing.assert_allclose(surrogate.load_model(path).R, fit.model.R, rtol=1e-15)
