@@ -47,8 +47,8 @@ def modes(model: Any) -> Modes:
         return replace(modes(small.linear), coefficient=small.coefficient)
     if not isinstance(small, Foster):
         raise checks.InputError(
-            f"a {type(model).__name__} is not a set of independent poles; to='mat' takes every kind, the other formats "
-            "take Foster, StateSpace, Network, Cauer and OutputMap; or export its .linear"
+            f"a {type(model).__name__} is not a set of independent poles: the format mat takes it; the others take "
+            "Foster, StateSpace, Network, Cauer and OutputMap"
         )
     R, tau = np.asarray(small.R), np.asarray(small.tau)
     kept = R != 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import re
+import shlex
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -110,10 +111,11 @@ def model_of(
             checks.choice(option, given, names)
     several = len(model.inputs) > 1 or len(model.outputs) > 1
     if several and heated is None and not list(heaters):
+        first, other = shlex.quote(model.inputs[0]), shlex.quote(f"{model.inputs[-1]}=5 mW")
         raise InputError(
             f"{path} has several parts (inputs {', '.join(model.inputs)}; outputs {', '.join(model.outputs)}): pick "
-            f"the one that the light heats with --channel {model.inputs[0]} (or --heated and --read), and give others "
-            f"power with --heater '{model.inputs[-1]}=5 mW'"
+            f"the one that the light heats with --channel {first} (or --heated and --read), and give others "
+            f"power with --heater {other}"
         )
     return model, {"heated": heated, "read": read}
 
