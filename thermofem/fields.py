@@ -13,6 +13,7 @@ import numpy as np
 
 from . import checks
 from .checks import InputError
+from .contents import contents
 from .files import write_whole
 
 if TYPE_CHECKING:
@@ -70,6 +71,13 @@ def check_field(data: xr.Dataset) -> None:
     for name in ("field", "field_time", "triangles", "r", "z"):
         if name not in getattr(data, "variables", {}):
             raise InputError(f"data holds no {name}; solve with field_times=[...] keeps the temperature field")
+    dims = {"field_time": "field_time", "triangles": "triangle corner", "r": "vertex", "z": "vertex"}
+    contents("data", data, {"field": "field_time vertex", **dims}, what="a Dataset of th.solve with field_times")
+    corners = data["triangles"].values
+    if corners.shape[1] != 3 or corners.dtype.kind not in "iu" or corners.min() < 0 or corners.max() >= data["r"].size:
+        raise InputError(f"data['triangles'] must hold three numbers from 0 to {data['r'].size - 1} for each triangle")
+    for name in ("field", "r", "z"):
+        checks.numbers(f"data[{name!r}]", data[name].values)
 
 
 def _points(data: xr.Dataset) -> np.ndarray:

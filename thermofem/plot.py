@@ -17,6 +17,7 @@ from matplotlib.tri import Triangulation
 
 from . import checks, renamed
 from .checks import InputError, choice, positive
+from .contents import contents
 from .fields import check_field
 from .files import check_image, write_whole
 from .plot_models import plot_model as plot_model
@@ -47,7 +48,7 @@ _OTHER = ("#d4b9da", "#fdd0a2", "#c7e9c0")
 
 def plot_response(data: xr.Dataset, ax: Axes | None = None, *, label: str | None = None, style: Any = "-") -> Axes:
     """Temperature rise (K) against time (us); several probes give one line each."""
-    takes("data", data, "time", "delta_T", what=DATA)
+    contents("data", data, {"time": "time", "delta_T": "time [probe]"}, what=DATA)
     ax = _axes(ax)
     time, rise = data["time"].values * 1e6, data["delta_T"]
     if "probe" in rise.dims:
@@ -83,7 +84,7 @@ def plot_field(data: xr.Dataset, ax: Axes | None = None, *, at: int = 0, half_wi
     ax.set_ylim(max(z.min(), z[hottest] - half), min(z.max(), z[hottest] + half))
     ax.set_aspect("equal")
     ax.set_title(f"t = {float(data['field_time'][at]) * 1e6:.4g} µs", fontsize="small")
-    for face in _geometry(data).subdivision.faces:
+    for face in _geometry(data).subdivision.faces if "geometry" in data.attrs else ():
         for ring in face.rings:
             ax.plot(*(np.vstack([ring, ring[:1]]).T * 1e6), color="white", linewidth=0.5, alpha=0.7)
     ax.figure.colorbar(picture, cax=ax.inset_axes((1.03, 0, 0.05, 1)), label="rise (K)")
@@ -151,7 +152,7 @@ def _geometry(data: xr.Dataset) -> CrossSection:
     """The cross-section that a dataset was made from."""
     from .geometry.cross_section import CrossSection
 
-    return CrossSection.from_toml_text(data.attrs["geometry"])
+    return CrossSection.from_toml_text(checks.text("data.attrs['geometry']", data.attrs["geometry"]))
 
 
 def plot_cross_section(

@@ -1,12 +1,12 @@
-"""Style of all figures: colours and sizes; and the error of a plot function for an object of the wrong type."""
+"""Style of all figures: colours and sizes."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import matplotlib.pyplot as plt
 
-from .checks import InputError
+from .contents import takes as takes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,26 +36,3 @@ def time_unit(longest: float) -> tuple[float, str]:
     return next(
         (f, unit) for f, unit in ((1.0, "s"), (1e3, "ms"), (1e6, "µs"), (1e9, "ns")) if longest * f >= 1 or f == 1e9
     )
-
-
-def _method(inside: Any, value: Any, name: str) -> bool:
-    return bool(inside) and callable(getattr(value, name))
-
-
-def takes(name: str, value: Any, *needed: str, what: str) -> Any:
-    """``value`` if it has the needed variables (of a Dataset) or attributes; InputError with what is taken if not.
-
-    >>> takes("data", 3, "data_vars", what="a Dataset of th.solve")
-    Traceback (most recent call last):
-    thermofem.checks.InputError: data is an int; this function takes a Dataset of th.solve
-    """
-    variables = getattr(value, "variables", None)
-    inside: Any = variables if hasattr(variables, "keys") else {}
-    # a method of a Dataset, such as xarray's own `drop`, is not the variable of that name
-    missing = [one for one in needed if one not in inside and (not hasattr(value, one) or _method(inside, value, one))]
-    if not missing and not isinstance(value, type):
-        return value
-    kind = value.__name__ if isinstance(value, type) else type(value).__name__
-    article = "an" if kind[:1].lower() in "aeiou" else "a"
-    lacks = f" without {missing[0]!r}" if inside and missing else ""
-    raise InputError(f"{name} is {article} {kind}{lacks}; this function takes {what}")

@@ -143,6 +143,8 @@ def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFi
     start, reach = np.log([N[0], late, early]), np.log(30)
     best = least_squares(misfit, start, bounds=(start - reach, start + reach), xtol=1e-14, ftol=1e-14, gtol=1e-14)
     N0, low, high = np.exp(best.x)
+    if np.linalg.matrix_rank(best.jac) < 3:
+        raise checks.InputError("data.carriers does not decay, or does not show two lifetimes: they cannot be told")
     covariance = np.linalg.inv(best.jac.T @ best.jac) * (2 * best.cost / (t.size - 3))
     held = material.trap_energy
     tau_n, tau_p, rows = _lifetimes(material, held, low, high)

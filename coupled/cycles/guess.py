@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from thermofem import checks
 from thermofem.checks import InputError
+from thermofem.contents import contents
 
 from ..states import State, starting_point
 from .hopf_start import is_hopf_point, near_hopf
@@ -14,6 +16,7 @@ from .orbit import FIRST, CycleProblem, Orbit, closer, settle, shoot
 from .scheme import scheme
 from .start import Settled, settled
 
+MOST_PULSES = 1000  # in a period
 STEPS_NEARBY = 4  # of Newton's method on the mesh of a guess; more show that the pulses are elsewhere
 
 
@@ -30,7 +33,8 @@ def from_guess(p: CycleProblem, guess: Any) -> Settled:
     if "final_state" in attrs:
         return settled(p, starting_point(guess, p.units.size - 3).as_array() / p.units, "the run given as guess")
     if "mesh" in attrs and "states" in getattr(guess, "variables", {}):
-        trial, pulses = trial_of(p, guess), int(attrs["pulses"])
+        trial = trial_of(p, guess)
+        pulses = checks.integer("guess.attrs['pulses']", attrs.get("pulses", 1), 1, MOST_PULSES)
         found = near(p, trial, pulses)
         if found is None:
             raise InputError(
@@ -56,12 +60,16 @@ def near(p: CycleProblem, trial: Orbit, pulses: int) -> Settled | None:
 
 def trial_of(p: CycleProblem, cycle: Any) -> Orbit:
     """Another cycle as a trial orbit; heat of another model is at its own periodic state under the power absorbed."""
-    states = np.asarray(cycle["states"].values, dtype=float)
-    tau = np.asarray(cycle.attrs["mesh"], dtype=float)
+    contents("guess", cycle, {"states": "time state"}, what="a cycle of coupled.limit_cycle", attrs=("period",))
+    states = checks.numbers("guess['states']", cycle["states"].values)
+    tau = checks.array("guess.attrs['mesh']", cycle.attrs["mesh"], increasing=True)
+    rows = (tau.size - 1) * scheme().c.size + 1
+    if states.shape[0] != rows or states.shape[1] < 4:
+        raise InputError(f"guess['states'] has the shape {states.shape}; a whole cycle has {rows} rows of 4 or more")
     own, m = states.shape[1], p.units.size
     values = np.zeros((states.shape[0], m))
     values[:, : min(own, m)] = states[:, : min(own, m)] / p.units[: min(own, m)]
-    s, T = scheme().c.size, float(cycle.attrs["period"]) * 1e9
+    s, T = scheme().c.size, checks.positive("guess.attrs['period']", cycle.attrs["period"], unit="s") * 1e9
     start, Y = values[0].copy(), np.ascontiguousarray(values[1:].reshape(tau.size - 1, s, m))
     if own != m:
         from ..kernels import orbit_heat

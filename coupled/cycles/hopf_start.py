@@ -15,6 +15,7 @@ import numpy as np
 
 from thermofem.arrays import Array, NDArray
 from thermofem.checks import InputError
+from thermofem.contents import contents
 
 from ..heaters import turned_by
 from .branch import follow, follow_along, outwards, relative_range
@@ -39,13 +40,16 @@ class HopfPoint(NamedTuple):
 
 def is_hopf_point(guess: Any) -> bool:
     """Whether a guess is one point of a Hopf curve."""
-    return bool(getattr(guess, "attrs", {}).get("kind") == KIND)
+    kind = getattr(guess, "attrs", {}).get("kind")
+    return isinstance(kind, str) and kind == KIND
 
 
 def laser_of(guess: Any, turn: float = 0.0) -> tuple[float, float]:
     """Power in W and detuning in Hz of a point of a Hopf curve; heaters turn the resonance by ``turn`` in Hz."""
-    if np.ndim(guess["power"]) != 0:
+    if np.ndim(guess["power"] if "power" in getattr(guess, "variables", {}) else 0.0) != 0:
         raise InputError("guess is a whole Hopf curve; give one point of it, such as curve.isel(point=0)")
+    what = "one point of a Dataset of coupled.hopf_curves, such as curve.isel(point=0)"
+    contents("guess", guess, dict.fromkeys(("power", "detuning", "energy", "frequency"), ""), what=what)
     return float(guess["power"]), float(guess["detuning"]) - turn
 
 

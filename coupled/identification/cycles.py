@@ -106,7 +106,9 @@ def observe(trace: xr.Dataset, name: str = "trace") -> Observed:
     drop = checks.array(f"{name}.drop", trace["drop"].values)
     if t.size < 64 or t.size != drop.size:
         raise checks.InputError(f"{name} has {drop.size} values at {t.size} times; at least 64 of both are needed")
-    absolute = trace["drop"].attrs.get("units", "W") == "W"
+    if not drop.any():
+        raise checks.InputError(f"{name}.drop is zero throughout: no light reaches the drop port")
+    absolute = str(trace["drop"].attrs.get("units", "W")) == "W"
     t, drop = _second_half(t, drop)
     clock = _repetition(t, drop)
     if not np.isfinite(clock):

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import matplotlib.pyplot as plt
 import numpy as np
 
-from thermofem.checks import choice
+from thermofem.checks import InputError, choice, numbers
+from thermofem.contents import contents
 from thermofem.plot_style import GREEN, INK, PURPLE, WIDTH, takes
 from thermofem.plot_style import axes as new_axes
 
@@ -69,7 +70,9 @@ def plot_newton_traces(found: xr.Dataset, ax: Axes | None = None, *, reference: 
     found: from `fit_newton_per_trace`.
     reference [J/K]: heat capacity m c_p to divide by; without it the axis is in pJ/K.
     """
-    takes("found", found, "tau_th", "heat_capacity", what="a Dataset of coupled.fit_newton_per_trace")
+    what = "a Dataset of coupled.fit_newton_per_trace"
+    dims = dict.fromkeys(("tau_th", "heat_capacity", "period"), "trace")
+    contents("found", found, dims, what=what, attrs=("slope", "intercept", "correlation"))
     ax = new_axes(ax, (4.6, 3.4))
     unit = reference or 1e-12
     tau, capacity = found["tau_th"].values * 1e9, found["heat_capacity"].values / unit
@@ -89,7 +92,11 @@ def plot_carrier_decay(decay: xr.Dataset, axes: Sequence[Axes] | None = None) ->
 
     decay: from `carrier_decay`.
     """
-    takes("decay", decay, "time", "carriers", "lifetime", what="a Dataset of coupled.carrier_decay")
+    dims = dict.fromkeys(("time", "carriers", "lifetime"), "time")
+    contents("decay", decay, dims, what="a Dataset of coupled.carrier_decay", fewest=2)
+    for variable in dims:
+        if np.min(numbers(f"decay[{variable!r}]", decay[variable].values)) < 0 or not decay[variable].values[-1]:
+            raise InputError(f"decay[{variable!r}] must be positive; this function draws it on a logarithmic axis")
     if axes is None:
         _, axes = plt.subplots(2, 1, figsize=(WIDTH, 5.6), layout="constrained")
     left, right = axes
@@ -128,8 +135,13 @@ def plot_transmission(
         "delta_T": (1.0, "temperature rise (K)"),
         "carriers": (1e-6, "carrier density (cm$^{-3}$)"),
     }
-    takes("curve", curve, "detuning", "power", "regime", what="a Dataset of coupled.transmission")
     choice("show", show, labels)
+    dims = dict.fromkeys(("detuning", "power", "regime", show), "point")
+    contents("curve", curve, dims, what="a Dataset of coupled.transmission", fewest=2, words=("regime",))
+    for variable in ("detuning", "power", show):
+        numbers(f"curve[{variable!r}]", curve[variable].values)
+    if np.ptp(curve["detuning"].values) == 0 == np.ptp(curve["power"].values):
+        raise InputError("curve has one detuning and one power; a curve against one of them is needed")
     ax = new_axes(ax, (5.0, 3.4))
     unit, label = labels[show]
     by_power = np.ptp(curve["detuning"].values) == 0

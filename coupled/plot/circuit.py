@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
 
 from thermofem.checks import choice
+from thermofem.contents import contents, label
 from thermofem.plot_style import BLUE, CYCLE, GREEN, INK, PURPLE, SIZE, VERMILION, WIDTH, axes, takes
 
 if TYPE_CHECKING:
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
     from ..circuit import Circuit
 
+RUN = "a Dataset of coupled.simulate_circuit"
 PANELS = 8  # of a figure; further lines share the last one
 PITCH, RADIUS, BUS = 2.4, 0.7, 0.85  # distance and size of the rings, and height of the buses above and below
 _SIDES = {"in": (-0.75, -BUS), "through": (0.75, -BUS), "add": (0.75, BUS), "drop": (-0.75, BUS)}
@@ -76,14 +78,15 @@ def _outside(ax: Axes, name: str, place: tuple[float, float], colour: str, *, in
 
 def plot_rings(run: xr.Dataset, name: str = "delta_T", ax: Axes | None = None) -> Axes:
     """One quantity of every ring against time (us): a panel for each, or all in given Axes."""
-    takes("run", run, "time", "ring", what="a Dataset of coupled.simulate_circuit")
+    takes("run", run, "time", "ring", "data_vars", what=RUN)
     choice("name", name, [str(k) for k in run.data_vars if "ring" in run[k].dims])
-    return _lines(ax, run[name], "ring", f"{run[name].attrs['long_name']} ({run[name].attrs['units']})")
+    contents("run", run, {"time": "time", "ring": "ring", name: "ring time"}, what=RUN, words=("ring",))
+    return _lines(ax, run[name], "ring", label(run[name], name))
 
 
 def plot_ports(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Power (mW) at every port against time (us): a panel for each, or all in given Axes."""
-    takes("run", run, "time", "port", "output", what="a Dataset of coupled.simulate_circuit")
+    contents("run", run, {"time": "time", "port": "port", "output": "port time"}, what=RUN, words=("port",))
     return _lines(ax, run["output"] * 1e3, "port", "power (mW)")
 
 

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from thermofem.checks import text
+from thermofem.contents import contents
 from thermofem.plot_style import INK, axes, takes
 
 from .axes import HEAT, draw_stability, readable
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
 MARKS = {"fold": ("s", "fold of cycles"), "period doubling": ("D", "period doubling"), "torus": ("^", "torus"),
          "Hopf": ("o", "Hopf point")}  # fmt: skip
 
+BRANCH = "a Dataset of coupled.continue_cycle"
+
 
 def plot_branch(branch: xr.Dataset, ax: Axes | None = None, *, fixed: xr.Dataset | None = None) -> Axes:
     """Draw the lowest and highest drop power of a branch of cycles: stable stretches solid, others dotted.
@@ -25,9 +29,11 @@ def plot_branch(branch: xr.Dataset, ax: Axes | None = None, *, fixed: xr.Dataset
     ax: drawn into; a new figure by default.
     fixed: from `transmission` over the same parameter: the fixed points, drawn below the cycles.
     """
-    takes("branch", branch, "stability", what="a Dataset of coupled.continue_cycle")
+    takes("branch", branch, "stability", what=BRANCH)
+    name = text("branch.attrs['parameter']", branch.attrs.get("parameter"))
+    dims = dict.fromkeys((name, "drop_high", "drop_low", "stability", "special"), "point")
+    contents("branch", branch, dims, what=BRANCH, words=("stability", "special"))
     ax = axes(ax, (5.6, 3.6))
-    name = str(branch.attrs["parameter"])
     factor, label = _axis(branch, name)
     if fixed is not None:
         stable = fixed["regime"].values == "stable"

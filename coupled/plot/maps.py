@@ -10,7 +10,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
 
-from thermofem.checks import choice
+from thermofem.checks import InputError, choice, numbers
+from thermofem.contents import contents
 from thermofem.plot_style import INK, WIDTH, takes
 from thermofem.plot_style import axes as new_axes
 
@@ -62,7 +63,7 @@ def plot_map(
     key: whether to draw the legend or the colour bar.
     Raises InputError: an unknown name.
     """
-    takes("data", data, "regime", what=MAP)
+    _check("data", data, MAP)
     choice("show", show, ["regime", *(name for name in _SCALED if name in data or name == "frequency")])
     ax = new_axes(ax, (5, 3.8))
     (y_axis, y_label), (x_axis, x_label) = (_drawn_axis(data, str(dim)) for dim in data["regime"].dims)
@@ -106,7 +107,7 @@ def plot_maps(
     hopf, folds [mapping from the model's name to its curves]
     """
     for data in takes("maps", maps, "items", "values", what="a mapping from names to maps").values():
-        takes("maps", data, "regime", what=f"a mapping from names to maps, each {MAP}")
+        _check("maps", data, f"a mapping from names to maps, each {MAP}")
     handles, names = _maps_key(maps, show, hopf or {}, folds or {})
     rows, across = len(show), len(maps)
     width = max(WIDTH, 1.6 * across + 0.9)
@@ -130,6 +131,18 @@ def plot_maps(
             handles, names, loc="outside lower center", ncols=columns, frameon=False, fontsize="small", borderpad=0
         )
     return axes
+
+
+def _check(name: str, data: Any, what: str) -> None:
+    """InputError unless this is a map with its two axes."""
+    takes(name, data, "regime", "variables", what=what)
+    dims = [str(one) for one in data["regime"].dims]
+    if len(dims) != 2 or not set(dims) <= {*data.variables}:
+        raise InputError(f"{name}['regime'] is over ({', '.join(dims)}), not over two axes; this function takes {what}")
+    own = {one: " ".join(dims) for one in _SCALED if one in data.variables}
+    contents(name, data, {"regime": " ".join(dims), **{one: one for one in dims}, **own}, what=what, words=("regime",))
+    for one in dims:
+        numbers(f"{name}[{one!r}]", data[one].values)
 
 
 def _maps_key(
@@ -192,8 +205,8 @@ def _drawn_axis(data: xr.Dataset, name: str) -> tuple[np.ndarray, str]:
         return values * 1e-9, "detuning (GHz)"
     if name == "power":
         return dbm(values), "power (dBm)"
-    scaled, unit = readable(values, data[name].attrs["units"])
-    return scaled, f"{data[name].attrs['long_name']} ({unit})"
+    scaled, unit = readable(values, str(data[name].attrs.get("units", "")))
+    return scaled, f"{data[name].attrs.get('long_name', name)} ({unit})"
 
 
 def _edges(centres: np.ndarray) -> np.ndarray:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 import matplotlib.pyplot as plt
 import numpy as np
 
-from thermofem.checks import InputError, choice
-from thermofem.plot_style import GREEN, ORANGE, PURPLE, WIDTH, axes, takes
+from thermofem.checks import InputError, choice, numbers
+from thermofem.contents import contents
+from thermofem.plot_style import GREEN, ORANGE, PURPLE, WIDTH, axes
 
 from .axes import HEAT, LIGHT, readable
 
@@ -37,7 +38,7 @@ def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     ax: drawn into, without panels below; a new figure by default.
     Returns: the one with the drop power.
     """
-    takes("run", run, "time", "drop", "delta_T", what=RUN)
+    contents("run", run, dict.fromkeys(("time", "drop", "delta_T"), "time"), what=RUN, fewest=2)
     t, time_unit = readable(run["time"].values, "s")
     drop, power_unit = readable(run["drop"].values, "W")
     if ax is None:
@@ -111,8 +112,11 @@ def plot_sweep(run: xr.Dataset, show: str = "drop", ax: Axes | None = None) -> A
     show: "drop", "through", "absorbed" or "delta_T".
     Raises InputError: nothing is swept, or an unknown name.
     """
-    takes("run", run, "time", "drop", what=RUN)
     choice("show", show, OUTPUTS)
+    contents("run", run, dict.fromkeys(("time", "drop", show), "time"), what=RUN, fewest=2)
+    for name in ("detuning", "input_power", show):
+        if name in run:
+            numbers(f"run[{name!r}]", run[name].values)
     swept = [name for name in ("detuning", "input_power") if name in run and np.ptp(run[name].values) > 0]
     if not swept:
         raise InputError("run has a constant laser; a sweep needs a detuning or power that varies")

@@ -130,13 +130,13 @@ def pulsing(run: xr.Dataset | Record) -> Pulsing:
     t, N, drop, dT = (_values(run, n) for n in ("time", "carriers", "energy" if of_circuit else "drop", "delta_T"))
     if not drop.any() and "energy" in run.variables:
         drop = _values(run, "energy")
-    steps = int(run.attrs.get("steps", 0))
+    steps = checks.integer("run.attrs['steps']", run.attrs.get("steps", 0), 0, 1e18)
     if steps > THINNED * t.size:
         raise checks.InputError(
             f"run has {t.size} samples of {steps} steps; the sampling is too coarse to tell pulses from their beat: "
             f"ask for {steps // THINNED} times or more, or for none, which keeps every step"
         )
-    rtol = float(run.attrs.get("rtol", 0))
+    rtol = checks.between("run.attrs['rtol']", run.attrs.get("rtol", 0), 0, 1)
     found = classify(t, N, drop, dT, rtol=rtol, every_step=steps == t.size - 1)
     moving = _varying(run, t)
     if not moving:

@@ -24,6 +24,7 @@ from thermofem import (
     waveforms,
 )
 from thermofem.arrays import Array, ArrayLike
+from thermofem.contents import contents
 from thermofem.dataset import describe
 from thermofem.display import shown
 from thermofem.models import NonlinearSystem, foster
@@ -281,6 +282,9 @@ def verdict(judged: xr.Dataset, *, within: float = 0.1) -> str:
     within = checks.positive("within", within, hint="0.1 is ten percent")
     if not {"period_error", "power"} <= set(getattr(judged, "variables", ())):
         raise checks.InputError(f"judged is a {type(judged).__name__} without period errors; judge makes one")
+    dims = {"model": "model", "power": "power", "period": "period", "states": "model"}
+    dims["period_error"] = "model power period"
+    contents("judged", judged, dims, what="a Dataset of surrogate.judge", words=("model",))
     lines = []
     low, high = float(judged["period"][0]), float(judged["period"][-1])
     for power in judged["power"].values:

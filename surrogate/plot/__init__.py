@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 import matplotlib.pyplot as plt
 import numpy as np
 
+from thermofem import checks
+from thermofem.contents import contents
 from thermofem.plot_style import BLUE, CYCLE, INK, SKY, WIDTH, takes
 from thermofem.plot_style import axes as _axes
 
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
     from ..reduction.reduce import Reduction
 
 CURVES = "a mapping from names to Datasets of surrogate.period_error"
+CURVE = "Datasets of surrogate.period_error"
 
 
 def plot_period_error(
@@ -38,7 +41,8 @@ def plot_period_error(
     absolute: T - T_model itself, as the paper's solid line.
     """
     for curve in takes("curves", curves, "items", "values", what=CURVES).values():
-        takes("curve", curve, "period", "relative_error", what="Datasets of surrogate.period_error")
+        names = ("period", "relative_error", *(("error",) if absolute else ()))
+        contents("curve", curve, dict.fromkeys(names, "period"), what=CURVE)
     ax = _axes(ax)
     periods = np.sort(np.concatenate([curve["period"].values for curve in curves.values()])) * 1e6
     band = within * (periods if absolute else 100 * np.ones_like(periods))
@@ -98,9 +102,11 @@ def plot_error_against_states(comparison: xr.Dataset, ax: Axes | None = None) ->
 
     comparison: from `surrogate.compare`.
     """
-    takes("comparison", comparison, "states", "rms_relative", what="a Dataset of surrogate.compare")
+    dims = {"model": "model", "states": "model", "rms_relative": "model drive"}
+    contents("comparison", comparison, dims, what="a Dataset of surrogate.compare", words=("model",))
     ax = _axes(ax)
-    states, error = comparison["states"].values, 100 * comparison["rms_relative"].values
+    states = checks.numbers("comparison['states']", comparison["states"].values)
+    error = 100 * checks.numbers("comparison['rms_relative']", comparison["rms_relative"].values)
     typical = np.sqrt(np.mean(error**2, axis=1))
     families = [str(name).split(" (")[0] for name in comparison["model"].values]
     count = len(set(families))
