@@ -102,8 +102,8 @@ LAWS = """
 ```
 
 Take one of these lines. `exponent`: value × (T/reference)^exponent. `polynomial`: value × (1 + c₁ (T − reference) +
-c₂ (T − reference)² + …). `temperature` and `values`: linear between the points. `r` and `z`: conductivity along and
-across the layers.
+c₂ (T − reference)² + …). `temperature` and `values`: a monotone cubic through the points,
+constant beyond them. `r` and `z`: conductivity along and across the layers.
 
 ## Built-in materials
 
