@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+SAME = 1e-6  # relative difference of time constants that were computed twice
 FIELD_HINT = "fields are in sqrt(J); 20 fJ is 1.4e-7"
 
 
@@ -85,8 +86,11 @@ class State:
         return np.array([self.field.real, self.field.imag, self.carriers, *np.asarray(self.thermal)])
 
 
-def starting_point(initial: State | xr.Dataset | None, order: int) -> State:
-    """The state a run begins with: cold, given, or where another run ended."""
+def starting_point(initial: State | xr.Dataset | None, order: int, tau: ArrayLike | None = None) -> State:
+    """The state a run begins with: cold, given, or where another run ended.
+
+    tau [s]: time constants of the model, which must be those that the other run was made with.
+    """
     if initial is None:
         return State.cold(order)
     state = initial if isinstance(initial, State) else State.end_of(initial)
@@ -95,4 +99,18 @@ def starting_point(initial: State | xr.Dataset | None, order: int) -> State:
             f"initial has {np.size(state.thermal)} thermal states and the model {order}; "
             "go on with the model that the run was made with"
         )
+    if not isinstance(initial, State) and tau is not None:
+        check_same_heat(initial.attrs.get("model_tau"), tau)
     return state
+
+
+def check_same_heat(before: ArrayLike | None, tau: ArrayLike) -> None:
+    """InputError where a run to go on from had other time constants [s]; one that states none is believed."""
+    if before is None:
+        return
+    kept, own = checks.numbers("initial.attrs['model_tau']", np.ravel(before)), np.ravel(tau)
+    if kept.shape != own.shape or not np.allclose(kept, own, rtol=SAME, atol=0):
+        raise checks.InputError(
+            f"initial was made with other time constants ({kept[0]:.4g} s, ..) than the model ({own[0]:.4g} s, ..): "
+            "its thermal states do not belong to it; go on with that model, or give a coupled.State"
+        )

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import Foster, StateSpace, checks
+from thermofem import Constant, Foster, StateSpace, checks
 from thermofem.arrays import Array
 from thermofem.models.state_space import eigenmodes
 from thermofem.waveforms import hermite
@@ -135,11 +135,16 @@ def _modes(model: StateSpace) -> tuple[Array, Array, Array]:
     return rate, modes.T @ np.asarray(model.B), np.asarray(model.C) @ modes
 
 
-def heater_offsets(heat: RingHeat, heaters: Mapping[str, Any] | None, duration: float) -> list[Pieces]:
-    """Temperature rise of every ring by the heaters, K, as piecewise cubics over the run.
+def heater_offsets(
+    heat: RingHeat, heaters: Mapping[str, Any] | None, duration: float, before: Array | None = None
+) -> tuple[list[Pieces], Array]:
+    """Temperature rise of every ring by the heaters, K, as piecewise cubics over the run, and their states at its end.
 
-    A number is a power that was on for ever, a waveform one that is switched on at t = 0. Between samples at
-    `PER_DECADE` a decade after every edge, cubics with the exact slopes miss an exponential by less than 1e-6 of it.
+    A number is a power that was on for ever, a waveform one that is switched on at t = 0. After another run, whose
+    states at its end are ``before``, both begin with its heat. Between samples at `PER_DECADE` a decade after every
+    edge, cubics with the exact slopes miss an exponential by less than 1e-6 of it.
+
+    before: states of all heaters in their order, with those that are not given now, which cool.
     """
     given = {} if heaters is None else heaters
     checks.has(
@@ -148,25 +153,43 @@ def heater_offsets(heat: RingHeat, heaters: Mapping[str, Any] | None, duration: 
     whole = np.array([0.0, duration])
     rings = len(heat.gain)
     offsets = [[Pieces(whole, np.zeros((1, 4)))] for _ in range(rings)]
-    for name, power in given.items():
+    for name in given:
         if not heat.heaters:
             raise checks.InputError(f"heaters has {name!r}, and the thermal model has no heaters among its inputs")
-        rate, gain, read = heat.heaters[checks.choice("a name in heaters", name, heat.heaters)]
+        checks.choice("a name in heaters", name, heat.heaters)
+    sizes = [rate.size for rate, *_ in heat.heaters.values()]
+    if before is not None and before.size != sum(sizes):
+        raise checks.InputError(
+            f"initial has {before.size} states of heaters and the thermal model {sum(sizes)}; go on with the same model"
+        )
+    started = np.split(np.zeros(sum(sizes)) if before is None else before, np.cumsum(sizes)[:-1]) if sizes else []
+    ends = [np.empty(0)]
+    for (name, (rate, gain, read)), begin in zip(heat.heaters.items(), started, strict=True):
+        power = given.get(name, 0.0)
         if not hasattr(power, "breakpoints"):
             watts = checks.between(f"heaters[{name!r}]", power, 0, 10, unit="W", hint="did you mean 1e-3 for 1 mW?")
-            for i in range(rings):
-                rise = float((read[i] * gain / rate).sum()) * watts
-                offsets[i].append(Pieces(whole, np.array([[rise, 0.0, 0.0, 0.0]])))
-            continue
-        for i, pieces_of_ring in enumerate(_answers(rate, gain, read, power, duration)):
+            settled = gain / rate * watts
+            if before is None or np.array_equal(begin, settled):
+                for i in range(rings):
+                    offsets[i].append(Pieces(whole, np.array([[float((read[i] * settled).sum()), 0.0, 0.0, 0.0]])))
+                ends.append(settled)
+                continue
+            power = Constant(watts)
+        for i, pieces_of_ring in enumerate(_answers(rate, gain, read, power, duration, begin)):
             offsets[i].append(pieces_of_ring)
-    return [add(parts) if len(parts) > 1 else parts[0] for parts in offsets]
+        ends.append(_states(rate, gain, power, np.array([duration]), begin)[0])
+    return [add(parts) if len(parts) > 1 else parts[0] for parts in offsets], np.concatenate(ends)
 
 
-def _answers(rate: Array, gain: Array, read: Array, wave: Any, duration: float) -> list[Pieces]:
-    """Rises of all rings under one heater, as cubics between samples with exact slopes."""
+def _states(rate: Array, gain: Array, wave: Any, t: Array, begin: Array) -> Array:
+    """States of a heater's poles, K for a ring that reads them with 1; shape (times, poles)."""
     from thermofem.models.foster import pole_responses
 
+    return np.asarray(pole_responses(rate, wave, t) * gain + begin * np.exp(np.multiply.outer(t, -rate)))
+
+
+def _answers(rate: Array, gain: Array, read: Array, wave: Any, duration: float, begin: Array) -> list[Pieces]:
+    """Rises of all rings under one heater, as cubics between samples with exact slopes."""
     edges = np.array([0.0, *wave.breakpoints(0.0, duration), duration])
     times = [edges]
     for start, length in zip(edges[:-1], np.diff(edges), strict=True):
@@ -175,7 +198,7 @@ def _answers(rate: Array, gain: Array, read: Array, wave: Any, duration: float) 
             times.append(start + np.geomspace(FIRST, length, count)[:-1])
     t = np.unique(np.concatenate(times))
     t = t[np.concatenate([[True], np.diff(t) > 1e-15 * duration])]
-    x = pole_responses(rate, wave, t) * gain
+    x = _states(rate, gain, wave, t, begin)
     late, early = wave.before(t[1:]), wave(t[:-1])
     rise = x @ read.T
     at_start = (-rate * x[:-1] + gain * early[:, None]) @ read.T

@@ -100,6 +100,8 @@ def joined(circuit: Circuit, runs: Sequence[xr.Dataset]) -> xr.Dataset:
     }
     attributes |= {key: sum(run.attrs[key] for run in runs) for key in ("steps", "rejected_steps")}
     attributes["final_state"] = np.concatenate([light[orders["ring"]].ravel(), heat[orders["ring"]].ravel()])
+    tau = np.concatenate([run.attrs["model_tau"].reshape(n, -1) for run, n in zip(runs, sizes, strict=True)])
+    attributes["model_tau"] = tau[orders["ring"]].ravel()
     return xr.Dataset(variables, coords=coordinates, attrs=attributes)
 
 

@@ -16,6 +16,7 @@ from ..inputs import Input
 from ..kernels.tableaus import Method, tableau
 from ..runs.simulate import check_method
 from ..runs.window import LONG, MAX_STEPS, check_end
+from ..states import check_same_heat
 from ..thermal import trusted
 from .alone import is_alone, run_alone
 from .circuit import Circuit
@@ -61,7 +62,8 @@ def simulate_circuit(
     inputs : mapping of laser name to float, Waveform, or a list of both; W
         a laser that is left out is dark.
     heaters : mapping of name to float or Waveform; W
-        names of the thermal model's further inputs. A number is a power that was on for ever.
+        names of the thermal model's further inputs. A number is a power that was on for ever; after another run
+        (``initial``) it is on from t = 0.
     detuning : float, Waveform, or a list of both; Hz
         first laser minus its place in the circuit (the reference frequency plus its offset); all lasers move together.
     duration : float, s
@@ -74,7 +76,9 @@ def simulate_circuit(
     method : Method or its name, optional
         default as in `simulate` for one ring on its buses, else Rodas5P, which takes fewer steps behind an edge.
     initial : Dataset, optional
-        a run of the same circuit without delays, at whose end this one begins.
+        a run of the same circuit without delays, at whose end this one begins, with the light, carriers and heat that
+        it left, that of its heaters too. What drives the circuit begins anew: waveforms, the phases of lasers that
+        beat, and detectors with a bandwidth, which are dark.
     progress : callable, optional
         as in `simulate`.
 
@@ -114,7 +118,8 @@ def simulate_circuit(
     checks.progress(progress)
     check_delays(circuit)
     duration = float(duration)
-    system = system_of(circuit, thermal, inputs=inputs, heaters=heaters, detuning=detuning, duration=duration)
+    drives: dict[str, Any] = {"inputs": inputs, "heaters": heaters, "detuning": detuning, "duration": duration}
+    system = system_of(circuit, thermal, before=_heaters_before(initial), **drives)
     light, heat, drive, rings, offsets = system.light, system.heat, system.drive, system.rings, system.offsets
     warn_of_fast_streams(circuit, inputs)
     corner = corners(circuit, light)
@@ -153,9 +158,16 @@ def simulate_circuit(
     attributes = {
         "duration": duration, "rtol": float(rtol), "method": chosen.value, "steps": int(counts[0]),
         "rejected_steps": int(counts[1]), "final_state": y * units_of(*heat.gain.shape),
+        "model_tau": np.ravel(1 / heat.rate), "heater_states": system.heater_states,
     }  # fmt: skip
     trusted(thermal, rows[:, 4 : 4 + 4 * len(offsets) : 4])
     return dataset_of(circuit, system, rows, attributes, corner=corner, average=average)
+
+
+def _heaters_before(initial: xr.Dataset | None) -> Array | None:
+    """States of the heaters at the end of another run."""
+    kept = getattr(initial, "attrs", {}).get("heater_states")
+    return None if kept is None else checks.array("initial.attrs['heater_states']", np.ravel(kept), empty=True)
 
 
 def _start(circuit: Circuit, heat: RingHeat, initial: xr.Dataset | None) -> Array:
@@ -172,4 +184,5 @@ def _start(circuit: Circuit, heat: RingHeat, initial: xr.Dataset | None) -> Arra
         raise checks.InputError(
             f"initial has {values.size} states and this circuit {n * (3 + K)}; go on with the same circuit and model"
         )
+    check_same_heat(initial.attrs.get("model_tau"), 1 / heat.rate)
     return np.asarray(values / units_of(n, K))

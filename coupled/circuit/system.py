@@ -26,6 +26,7 @@ class System:
     powers [W]: of the lasers.
     heaters [W]: powers of the heaters as functions of time.
     offsets [K]: what the heaters add to each ring.
+    heater_states: of all heaters at the end of the run.
     detuning [Hz]: 0 where it varies.
     frame [Hz]: the detuning over time.
     drive, rings, states, net [layout.LaserTable, Rings, Heat and LightNetwork]
@@ -36,6 +37,7 @@ class System:
     powers: list[Pieces]
     heaters: dict[str, Any]
     offsets: list[Pieces]
+    heater_states: Array
     detuning: float
     frame: Pieces
     drive: Any
@@ -52,17 +54,23 @@ def system_of(
     heaters: Mapping[str, Any] | None = None,
     detuning: Input = 0.0,
     duration: float,
+    before: Array | None = None,
 ) -> System:
-    """Convert a circuit and its drive; arguments and errors as of `simulate_circuit`."""
+    """Convert a circuit and its drive; arguments and errors as of `simulate_circuit`.
+
+    before: states of the heaters at the end of a run that this one goes on from.
+    """
     heat = ring_heat(thermal, len(circuit.names))
     powers = powers_of(circuit, inputs, duration)
     frame, constant = detuning_of(circuit, detuning, duration)
     light = light_of(circuit, constant + circuit.lasers[0].offset)
-    offsets = heater_offsets(heat, heaters, duration)
+    offsets, ends = heater_offsets(heat, heaters, duration, before)
     drive = internal_drive(circuit, light, powers, frame, offsets, duration)
     rings = _rings(circuit, light, heat, drive.largest)
     watts = {name: p if hasattr(p, "breakpoints") else Constant(p) for name, p in (heaters or {}).items()}
-    return System(light, heat, powers, watts, offsets, constant, frame, drive, rings, _states(heat), _network(light))
+    return System(
+        light, heat, powers, watts, offsets, ends, constant, frame, drive, rings, _states(heat), _network(light)
+    )
 
 
 def units_of(rings: int, states: int) -> Array:

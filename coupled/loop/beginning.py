@@ -18,6 +18,7 @@ import numpy as np
 from thermofem import Quadratic, checks
 from thermofem.algebra.smooth_poles import cubic_pole_responses
 from thermofem.arrays import Array
+from thermofem.solving import mesh_hash
 from thermofem.waveforms import Cubic
 
 from ..states import State
@@ -58,6 +59,9 @@ def beginning(initial: xr.Dataset | None, corrector: Any, model: Compact) -> Beg
         n = corrector.linear.order
         if field.shape != (n,):
             raise checks.InputError(f"initial has {field.size} temperatures and heat {n}; go on with the same mesh")
+        own = mesh_hash(corrector.problem.mesh) if corrector.problem is not None else ""
+        if own and str(attrs.get("mesh_hash", own)) != own:
+            raise checks.InputError("initial was made on another mesh, of as many temperatures; go on with the same")
         corrector.begin(field)
         states = None
     elif "mesh" in attrs and "states" in variables:

@@ -77,7 +77,8 @@ def simulate(
     method : Method or its name, optional
         by default Rodas4 down to rtol = 1e-6 and Rodas5P below, which are the faster ones there.
     initial : State or Dataset, optional
-        what the ring holds at t = 0; a Dataset stands for the end of that run.
+        what the ring holds at t = 0; a Dataset stands for the end of that run, with the heat that its heaters left.
+        Waveforms and the beat of several lasers begin anew.
     event : Event, optional
         a level that "energy", "carriers" or "delta_T" rises through: the times are in ``attrs["crossings"]``, and the
         run ends at the first unless ``stop=False``.
@@ -134,7 +135,8 @@ def simulate(
     small, heat = picked.model, heating(picked, heaters, duration, rtol)
     if heat.powers and getattr(event, "quantity", "") == "delta_T":
         raise checks.InputError("event watches delta_T without the heaters; with heaters watch 'energy' or 'carriers'")
-    begin, others = starting_point(initial, small.order), check_lasers(lasers)
+    begin = starting_point(initial, small.order, attributes(small).get("model_tau"))
+    others = check_lasers(lasers)
     run: Any
     if others:
         if adiabatic or event is not None:

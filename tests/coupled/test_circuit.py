@@ -346,6 +346,35 @@ def test_a_run_goes_on_where_another_ended():
     assert rest.carriers.values == pytest.approx(whole.carriers.values, rel=1e-6, abs=0)
 
 
+@pytest.mark.parametrize("later", [{"heater": 1e-3}, {"heater": th.Constant(1e-3)}, {"heater": 0.0}, None])
+def test_a_run_goes_on_with_the_heat_of_its_heaters(later):
+    """The heat that a heater had left was gone in the second run: 5.06 K became 0.90 K at once."""
+    both = pair()
+    B = np.column_stack([both.B, 0.3 * both.B[:, 0]])
+    model = th.StateSpace(both.E, both.A, B, both.C, inputs=("one", "two", "heater"), outputs=("one", "two"))
+    circuit, times = coupled.bus([RING, RING]), np.linspace(0, 2e-6, 21)
+    on = later is not None and later["heater"] != 0.0
+    wave = th.Constant(1e-3) if on else th.Pulse(1e-3, 1e-6)
+    run = {"inputs": {"in": FAINT}, "rtol": 1e-8}
+    whole = coupled.simulate_circuit(circuit, model, heaters={"heater": wave}, duration=2e-6, times=times, **run)
+    half = coupled.simulate_circuit(circuit, model, heaters={"heater": th.Constant(1e-3)}, duration=1e-6, **run)
+    rest = coupled.simulate_circuit(
+        circuit, model, heaters=later, duration=1e-6, times=times[10:] - 1e-6, initial=half, **run
+    )
+    # cubics between samples miss an exponential by 1e-6 of it
+    np.testing.assert_allclose(rest.delta_T, whole.delta_T[:, 10:], rtol=0, atol=1e-5 * float(whole.delta_T.max()))
+
+
+def test_a_run_of_another_model_is_not_gone_on_from():
+    inputs, other = {"in": POWER}, th.Foster(R=[2e3, 5e3], tau=[1e-7, 1e-5])
+    run = coupled.simulate_circuit(coupled.bus([RING]), SECOND_ORDER, inputs=inputs, duration=1e-8)
+    with pytest.raises(th.InputError, match="initial was made with other time constants"):
+        coupled.simulate_circuit(coupled.bus([RING]), other, inputs=inputs, duration=1e-8, initial=run)
+    run = coupled.simulate(RING, SECOND_ORDER, power=POWER, duration=1e-8)
+    with pytest.raises(th.InputError, match="initial was made with other time constants"):
+        coupled.simulate(RING, other, power=POWER, duration=1e-8, initial=run)
+
+
 def test_scatter_is_normal_and_reproducible():
     circuit = coupled.bus([RING] * 400)
     scattered = circuit.scattered(3e9, seed=4)
