@@ -158,16 +158,20 @@ def simulate_circuit(
     attributes = {
         "duration": duration, "rtol": float(rtol), "method": chosen.value, "steps": int(counts[0]),
         "rejected_steps": int(counts[1]), "final_state": y * units_of(*heat.gain.shape),
-        "model_tau": np.ravel(1 / heat.rate), "heater_states": system.heater_states,
+        "model_tau": np.ravel(1 / heat.rate),
     }  # fmt: skip
+    if heat.heaters:
+        attributes["heater_states"] = system.heater_states
     trusted(thermal, rows[:, 4 : 4 + 4 * len(offsets) : 4])
     return dataset_of(circuit, system, rows, attributes, corner=corner, average=average)
 
 
 def _heaters_before(initial: xr.Dataset | None) -> Array | None:
     """States of the heaters at the end of another run."""
-    kept = getattr(initial, "attrs", {}).get("heater_states")
-    return None if kept is None else checks.array("initial.attrs['heater_states']", np.ravel(kept), empty=True)
+    if initial is None:
+        return None
+    kept = getattr(initial, "attrs", {}).get("heater_states", ())
+    return checks.array("initial.attrs['heater_states']", np.ravel(kept), empty=True)
 
 
 def _start(circuit: Circuit, heat: RingHeat, initial: xr.Dataset | None) -> Array:
