@@ -50,6 +50,10 @@ def beginning(initial: xr.Dataset | None, corrector: Any, model: Compact) -> Beg
         neither a run nor a cycle, one of another mesh, or a corrector that is not the FEM.
     """
     if initial is None:
+        if isinstance(corrector, FEM) and corrector.state.time > 0:
+            raise checks.InputError(
+                "heat is a coupled.FEM that made a run before and is still hot; give initial= that run, or a new one"
+            )
         return Beginning(State.cold(model.order), 0.0)
     attrs, variables = getattr(initial, "attrs", {}), getattr(initial, "variables", {})
     if not isinstance(corrector, FEM):

@@ -142,7 +142,7 @@ class FEM:
 
     def begin(self, rise: Array) -> None:
         """Start at t = 0 from a field, K."""
-        self.state = self.field.begin(rise)
+        self.state, self.fields = self.field.begin(rise), []
         self.stored_before = self.field.stored(self.state)
 
     @property

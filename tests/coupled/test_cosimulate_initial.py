@@ -85,3 +85,13 @@ def test_a_field_of_another_mesh_of_as_many_temperatures_is_refused():
     run = coupled.cosimulate(RING, one, power=MW, duration=5e-9)
     with pytest.raises(th.InputError, match="initial was made on another mesh"):
         coupled.cosimulate(RING, other, power=MW, duration=5e-9, initial=run)
+
+
+def test_finite_elements_that_made_a_run_begin_another_with_its_end_alone():
+    """The second run ended in "times run from 0 to 5e-09 s, the field is at 5e-09 s"."""
+    fem = coupled.FEM(strip()[0])
+    run = coupled.cosimulate(RING, fem, power=MW, duration=5e-9)
+    with pytest.raises(th.InputError, match=r"heat is a coupled\.FEM that made a run before"):
+        coupled.cosimulate(RING, fem, power=MW, duration=5e-9)
+    on = coupled.cosimulate(RING, fem, power=MW, duration=5e-9, initial=run)
+    assert float(on.delta_T[0]) == pytest.approx(float(run.delta_T[-1]), rel=1e-9)
