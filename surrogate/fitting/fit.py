@@ -26,7 +26,7 @@ from thermofem.models.lumped import (
 )
 
 from .mismatch import mismatch
-from .notes import cancelling, starts, unseen
+from .notes import cancelling, other_gain, starts, unseen
 from .projection import FitProblem, Optimum, optimum, polish
 
 if TYPE_CHECKING:
@@ -302,6 +302,12 @@ class Training:
         found = [doubt for r in responses for doubt in (*r.doubts, *mismatch(r))]
         return tuple(dict.fromkeys(found))
 
+    def told(self, model: Foster, found: Optimum) -> tuple[str, ...]:
+        """Sentences on the model that was found."""
+        stated = _common([r.thermal_resistance for r in self.problem.responses])
+        other = other_gain(model, stated)
+        return *starts(found), *unseen(found, self.problem.span), *cancelling(model), *other
+
     def search(self, order: int, method: str) -> tuple[Optimum, float | None]:
         """The optimum, and the residual of the swarm before it was polished."""
         if isinstance(method, str) and method == "projection":
@@ -350,7 +356,7 @@ class Training:
             residual=found.residual,
             relative_residual=found.relative_residual,
             training=self.names,
-            notes=(*self.doubts, *starts(found), *unseen(found, self.problem.span), *cancelling(model)),
+            notes=(*self.doubts, *self.told(model, found)),
             geometry=self.geometry,
             swarm_residual=swarm_residual,
         )

@@ -1,4 +1,4 @@
-"""What a fit says of its poles: starts that moved, time constants that the data do not show, poles that cancel."""
+"""What a fit says of itself: starts that moved, time constants that are not seen, poles that cancel, another R_th."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from thermofem import Foster, quantity
 from .projection import Optimum
 
 CANCELLING = 100.0  # R of a pole over R_th from which poles of opposite sign count as one
+OTHER = 0.1  # relative difference of thermal resistances that is told
 UNSEEN = np.log(2)  # standard deviation of ln(tau) from which a time constant counts as not seen: a factor of two
 
 
@@ -23,6 +24,14 @@ def starts(found: Optimum) -> list[str]:
             error = quantity.write(float(f"{error:.2g}"), "s")
             notes.append(f"the heating begins {size} +- {error} {side} than the trace shows: fitted with the poles")
     return notes
+
+
+def other_gain(model: Foster, stated: float | None) -> list[str]:
+    """A sentence on a model whose thermal resistance is not that which the data state."""
+    if stated is None or abs(model.thermal_resistance - stated) <= OTHER * abs(stated):
+        return []
+    own, true = (quantity.write(float(f"{R:.3g}"), "K/W") for R in (model.thermal_resistance, stated))
+    return [f"R_th is {own} where the data state {true}: the model holds for heating like its training, not at rest"]
 
 
 def cancelling(model: Foster) -> list[str]:

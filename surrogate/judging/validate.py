@@ -53,7 +53,7 @@ def period_error(
     -------
     Dataset
         over ``period`` (s): ``period_model``, ``error`` (s), ``relative_error``, ``swing`` and ``swing_model`` (K).
-        Where no period gives the model that swing, period_model is inf (or 0, when it always has more).
+        Where no period within a factor of 1e4 gives the model that swing, period_model is inf, or 0 if it has more.
         ``attrs["validity"]`` says in words where the error is within 10 %.
 
     Raises

@@ -159,3 +159,13 @@ def test_bad_input(call, words):
     times = np.linspace(0, 1e-6, 11)
     with pytest.raises(th.InputError, match=words):
         call(th.dataset.build(times, model.response(wave, times), wave))
+
+
+def test_a_thermal_resistance_other_than_that_of_the_data_is_told():
+    """Newton's law trained on a pulse of 1 us has half of it; a Foster network has it, as it is imposed."""
+    data = th.solve(th.assemble(th.strip_ring()), th.Pulse(2e-3, 1e-6), np.linspace(1e-8, 3e-6, 300))
+    newton, foster = surrogate.fit_newton(data), surrogate.fit_foster(data)
+    assert newton.model.thermal_resistance < 0.9 * data.attrs["thermal_resistance"]
+    (note,) = [note for note in newton.notes if "R_th" in note]
+    assert "where the data state 7.86 K/mW" in note
+    assert not [note for note in foster.notes if "R_th" in note]
