@@ -176,3 +176,29 @@ def test_a_changed_dataset_is_taken_or_named(takers, change):
     assert taken or change in ("array", "dict", "frame")
     if change == "nothing":
         assert {name for name, *_ in takers} - {*taken} == PROBES | {"identify"}
+
+
+def in_other_units(data, **units):
+    """The Dataset with variables in other units, as their attributes say."""
+    for name, (factor, unit) in units.items():
+        values = (data[name].dims, data[name].values * factor, {"units": unit})
+        data = data.assign_coords({name: values}) if name in data.coords else data.assign({name: values})
+    return data
+
+
+def test_the_units_of_a_dataset_in_memory_count():
+    """Of a run whose time was in us, as its attribute said, `pulsing` gave a period of 0.686 s."""
+    run = coupled.simulate(RING, SECOND_ORDER, power=6.31e-3, duration=5e-6)
+    drawn = {"time": (1e6, "us"), "delta_T": (1e3, "mK"), "drop": (1e6, "uW"), "carriers": (1e-6, "1/cm^3")}
+    other = in_other_units(run, **drawn)
+    one, two = coupled.pulsing(run), coupled.pulsing(other)
+    assert (one.period, one.swing, one.duty) == pytest.approx((two.period, two.swing, two.duty), rel=1e-9)
+    lines = [coupled.plot.plot_traces(data).lines[0].get_xydata() for data in (run, other)]
+    np.testing.assert_allclose(*lines, rtol=1e-9)
+    decay = coupled.carrier_decay(RING.carriers, 1e23, np.linspace(0, 3e-7, 40))
+    again = in_other_units(decay, time=(1e9, "ns"), carriers=(1e-6, "1/cm^3"))
+    found = [coupled.fit_carrier_decay(data, RING.carriers).carriers.tau_n for data in (decay, again)]
+    assert found[0] == pytest.approx(found[1], rel=1e-9)
+    chart = coupled.stability_map(RING, SECOND_ORDER, np.array([3e-3, 6e-3]), np.linspace(-10e9, 20e9, 3))
+    assert coupled.overlap(chart, in_other_units(chart, power=(1e3, "mW"), detuning=(1e-9, "GHz"))) == 1.0
+    plt.close("all")

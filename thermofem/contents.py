@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from . import checks
+from . import checks, netcdf
 from .checks import InputError
 
 
@@ -51,7 +51,7 @@ def contents(
     words: Sequence[str] = (),
     attrs: Sequence[str] = (),
 ) -> Any:
-    """``data`` if it is a Dataset that holds variables over these dimensions, real numbers all of them.
+    """``data`` in SI if it is a Dataset that holds variables over these dimensions, real numbers all of them.
 
     dims: for each variable its dimensions in their order, as "time" or "model period"; one in brackets may be missing.
     fewest: values along each dimension but those in brackets.
@@ -73,7 +73,15 @@ def contents(
         if attribute not in data.attrs:
             raise InputError(f"{name} has no attribute {attribute!r}; this function takes {what}")
         checks.finite(f"{name}.attrs[{attribute!r}]", data.attrs[attribute])
-    return data
+    return in_si(name, data)
+
+
+def in_si(name: str, data: Any) -> Any:
+    """A Dataset with its known variables in SI, whatever units their attributes state."""
+    try:
+        return netcdf.in_si(data)
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from None
 
 
 def _check(name: str, held: Any, shape: str, fewest: int, what: str, words: bool) -> None:

@@ -51,7 +51,7 @@ def write_fields(data: xr.Dataset, path: str | Path) -> tuple[Path, ...]:
     ['heat_0000.vtu', 'heat_0001.vtu', 'heat.pvd']
     """
     path = checks.path("path", path)
-    check_field(data)
+    data = check_field(data)
     kind = checks.choice("fields: ending", path.suffix, _KINDS, hint="ParaView opens these three")
     times = data["field_time"].values
     if kind == ".vtu" and times.size > 1:
@@ -66,18 +66,19 @@ def write_fields(data: xr.Dataset, path: str | Path) -> tuple[Path, ...]:
     return (*steps, write_whole(path, lambda p: p.write_text(_list_of_steps(times, steps))))
 
 
-def check_field(data: xr.Dataset) -> None:
-    """Raise InputError unless a Dataset holds temperature fields."""
+def check_field(data: xr.Dataset) -> xr.Dataset:
+    """The Dataset in SI, or InputError unless it holds temperature fields."""
     for name in ("field", "field_time", "triangles", "r", "z"):
         if name not in getattr(data, "variables", {}):
             raise InputError(f"data holds no {name}; solve with field_times=[...] keeps the temperature field")
     dims = {"field_time": "field_time", "triangles": "triangle corner", "r": "vertex", "z": "vertex"}
-    contents("data", data, {"field": "field_time vertex", **dims}, what="a Dataset of th.solve with field_times")
+    data = contents("data", data, {"field": "field_time vertex", **dims}, what="a Dataset of th.solve with field_times")
     corners = data["triangles"].values
     if corners.shape[1] != 3 or corners.dtype.kind not in "iu" or corners.min() < 0 or corners.max() >= data["r"].size:
         raise InputError(f"data['triangles'] must hold three numbers from 0 to {data['r'].size - 1} for each triangle")
     for name in ("field", "r", "z"):
         checks.numbers(f"data[{name!r}]", data[name].values)
+    return data
 
 
 def _points(data: xr.Dataset) -> np.ndarray:

@@ -34,6 +34,7 @@ HASH = "content_hash"  # attribute of the files that `dataset.save` writes
 _HASHED = ("kind", "heated", "read", "waveform", "thermal_resistance", "thermal_resistances")  # attributes
 VALID = ("valid_min", "valid_max", "valid_range")  # attributes; what lies outside is missing by CF's convention
 ENCODED = {"missing_value", "scale_factor", "add_offset", "calendar", *VALID}  # attributes that change values
+PER = "per unit"  # in the units of derivatives with respect to parameters
 _PREFIXES = ("time_", "power_", "delta_T_")  # of a campaign: DRIVE follows
 
 
@@ -144,16 +145,18 @@ def in_si(data: xr.Dataset) -> xr.Dataset:
     """
     changed = {}
     for name, variable in data.variables.items():
-        field = _field(str(name))
-        if field is not None:
-            _check_valid(str(name), variable)
-        given = variable.attrs.get("units")
+        field, given = _field(str(name)), variable.attrs.get("units")
+        if field is None:
+            continue
+        _check_valid(str(name), variable)
         odd = _misnamed(variable.attrs)
-        if field is not None and odd is not None:
+        if odd is not None:
             raise InputError(f"variable {name!r} has an attribute {odd!r}; netCDF calls it 'units': rename it")
-        if field is not None and variable.values.dtype.kind == "c":
+        if _divided(str(name), variable, field.unit):
+            continue
+        if variable.values.dtype.kind == "c":
             raise InputError(f"variable {name!r} holds complex values; real numbers are needed")
-        if field is None or given is None or (isinstance(given, str) and given == field.unit):
+        if given is None or (isinstance(given, str) and given == field.unit):
             continue
         if not isinstance(given, str):
             raise InputError(f"variable {name!r} has the unit {shown(given)}, which is no text")
@@ -166,6 +169,14 @@ def in_si(data: xr.Dataset) -> xr.Dataset:
         attributes["units"] = field.unit
         changed[name] = (variable.dims, offset + factor * np.asarray(variable.values, dtype=float), attributes)
     return data.assign(changed) if changed else data
+
+
+def _divided(name: str, variable: Any, unit: str) -> bool:
+    """Whether a variable is a derivative with respect to parameters, or an energy for 1 W in a linear spectrum."""
+    given = variable.attrs.get("units")
+    if not isinstance(given, str):
+        return False
+    return (given.startswith(f"{unit} {PER}") and "parameter" in variable.dims) or (name, given) == ("energy", "J/W")
 
 
 def _check_valid(name: str, variable: Any) -> None:

@@ -48,7 +48,7 @@ _OTHER = ("#d4b9da", "#fdd0a2", "#c7e9c0")
 
 def plot_response(data: xr.Dataset, ax: Axes | None = None, *, label: str | None = None, style: Any = "-") -> Axes:
     """Temperature rise (K) against time (us); several probes give one line each."""
-    contents("data", data, {"time": "time", "delta_T": "time [probe]"}, what=DATA)
+    data = contents("data", data, {"time": "time", "delta_T": "time [probe]"}, what=DATA)
     ax = _axes(ax)
     time, rise = data["time"].values * 1e6, data["delta_T"]
     if "probe" in rise.dims:
@@ -72,7 +72,7 @@ def plot_field(data: xr.Dataset, ax: Axes | None = None, *, at: int = 0, half_wi
     at: which of the kept times.
     half_width [m]: of the window drawn.
     """
-    check_field(takes("data", data, "data_vars", what=FIELDS))
+    data = check_field(takes("data", data, "data_vars", what=FIELDS))
     ax = _axes(ax, size=(4.2, 3.4))
     field, r, z = data["field"].isel(field_time=at).values, data["r"].values * 1e6, data["z"].values * 1e6
     hottest, half = int(np.argmax(field)), half_width * 1e6
@@ -111,7 +111,7 @@ def animate_field(
     from matplotlib import animation
 
     path = checks.path("path", path)
-    check_field(takes("data", data, "data_vars", what=FIELDS))
+    data = check_field(takes("data", data, "data_vars", what=FIELDS))
     kind = choice("film: ending", path.suffix, (".gif", ".mp4"))
     if kind == ".mp4" and not animation.FFMpegWriter.isAvailable():
         raise InputError(f"{path.name} needs ffmpeg, which is not installed; .gif works without it")

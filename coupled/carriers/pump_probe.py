@@ -9,6 +9,7 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array, ArrayLike
+from thermofem.contents import in_si
 from thermofem.display import shown
 
 from .shockley_read_hall import ShockleyReadHall
@@ -126,6 +127,7 @@ def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFi
     for name in ("time", "carriers"):
         if name not in getattr(data, "variables", {}):
             raise checks.InputError(f"data has no variable {name!r}; it needs carriers (1/m^3) over time (s)")
+    data = in_si("data", data)
     t = checks.array("data.time", data["time"].values, increasing=True, hint="times are in s")
     N = checks.array("data.carriers", data["carriers"].values)
     if t.size != N.size or t.size < FEWEST or np.min(N) <= 0:

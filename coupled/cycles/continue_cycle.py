@@ -21,7 +21,7 @@ from .guess import from_guess
 from .hopf_start import born, is_hopf_point, laser_of
 from .measures import measure
 from .orbit import problem
-from .parameters import value_of
+from .parameters import unit_of, value_of
 from .path import FreeParameters, first_place
 from .result import stability
 from .start import settled
@@ -146,7 +146,7 @@ def _dataset(family: FreeParameters, found: list[branch.Found], why: str) -> xr.
     seen = [measure(family.at(f.place.values), f.place.orbit) for f in found]
     dropped = 2 * p.ring.drop_bus_rate * eq.FJ
     numbers = {
-        name: (values, "SI", name),
+        name: (values, unit_of(p, name) or "1", name),
         "period": (np.array([f.place.orbit.T for f in found]) * eq.NS, "s", "period"),
         "duty": (np.array([s.duty for s in seen]), "1", "duty cycle"),
         "swing": (np.array([s.swing for s in seen]), "K", "temperature swing"),

@@ -19,6 +19,7 @@ import numpy as np
 from thermofem import Quadratic, checks
 from thermofem.arrays import Array
 from thermofem.models import ThermalModel
+from thermofem.netcdf import PER
 
 from ..arguments import check_detuning, check_power, check_ring, one_laser
 from ..equilibria.steady import provenance
@@ -28,7 +29,7 @@ from ..runs.pulsing import DUTY_LEVEL
 from .guess import from_guess
 from .measures import ENERGY, HEAT, measure
 from .orbit import CycleProblem, Orbit, problem, settle
-from .parameters import parameter_names, slope, value_of
+from .parameters import parameter_names, slope, unit_of, value_of
 from .scheme import scheme
 from .start import settled
 
@@ -69,8 +70,8 @@ def cycle_derivatives(
     Returns
     -------
     xarray.Dataset
-        over parameter: value (SI), period (s), duty, swing (K) and extinction (dB) per SI unit of the parameter; the
-        numbers of the cycle itself in attrs.
+        over parameter: value and its SI unit, period (s), duty, swing (K) and extinction (dB) per unit of the
+        parameter; the numbers of the cycle itself in attrs.
 
     Raises
     ------
@@ -101,11 +102,12 @@ def cycle_derivatives(
     rows = derivatives(p, orbit, names)
     about = {"period": "s", "duty": "1", "swing": "K", "extinction": "dB"}
     variables: dict[str, Any] = {
-        name: ("parameter", rows[:, k], {"units": f"{unit} per unit", "long_name": f"derivative of the {name}"})
+        name: ("parameter", rows[:, k], {"units": f"{unit} {PER}", "long_name": f"derivative of the {name}"})
         for k, (name, unit) in enumerate(about.items())
     }
     values = [value_of(p, name) for name in names]
-    variables["value"] = ("parameter", values, {"units": "SI", "long_name": "value of the parameter"})
+    variables["value"] = ("parameter", values, {"long_name": "value of the parameter"})
+    variables["unit"] = ("parameter", [unit_of(p, name) for name in names], {"long_name": "SI unit of the parameter"})
     seen = measure(p, orbit)
     attrs = provenance("cycle derivatives", ring, small) | {"input_power": p.power, "detuning": p.detuning}
     attrs |= {"period": orbit.T * 1e-9, "duty": seen.duty, "swing": seen.swing, "extinction": float(seen.extinction)}

@@ -60,7 +60,7 @@ def near(p: CycleProblem, trial: Orbit, pulses: int) -> Settled | None:
 
 def trial_of(p: CycleProblem, cycle: Any) -> Orbit:
     """Another cycle as a trial orbit; heat of another model is at its own periodic state under the power absorbed."""
-    contents("guess", cycle, {"states": "time state"}, what="a cycle of coupled.limit_cycle", attrs=("period",))
+    cycle = contents("guess", cycle, {"states": "time state"}, what="a cycle of coupled.limit_cycle", attrs=("period",))
     states = checks.numbers("guess['states']", cycle["states"].values)
     tau = checks.array("guess.attrs['mesh']", cycle.attrs["mesh"], increasing=True)
     rows = (tau.size - 1) * scheme().c.size + 1

@@ -12,13 +12,14 @@ from thermofem.arrays import Array
 from ..arguments import check_power
 from ..heaters import turned_by
 from ..resonator import RingResonator
+from ..ring_toml import UNITS
 from ..runs import window
 from ..thermal import Compact
 from ..unknowns import LIFETIMES, number_of, optical_names, varied
 from .orbit import CycleProblem, problem
 
 STEP = 1e-5  # of a number: its square is the truncation, 1e-16 over it the round-off
-LASER = ("power", "detuning")
+LASER = {"power": "W", "detuning": "Hz"}
 FROM_ZERO = {"scattering_rate": 1e6, "kerr_coefficient": 1e-20}  # steps of numbers that may be 0
 
 
@@ -42,6 +43,14 @@ def value_of(p: CycleProblem, name: str) -> float:
     if kind:
         return float(np.asarray(getattr(_poles_of(p.model), kind))[number])
     return number_of(p.ring, name)
+
+
+def unit_of(p: CycleProblem, name: str) -> str:
+    """SI unit of a number of a problem."""
+    kind, number = _pole(name)
+    if kind == "fcd":
+        return f"m^{3 * p.ring.fcd[number][1]:g}"
+    return LASER.get(name) or {"R": "K/W", "tau": "s"}.get(kind) or UNITS[name]
 
 
 def changed(p: CycleProblem, name: str, value: float) -> CycleProblem:

@@ -18,6 +18,7 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array, Complex, NDArray
+from thermofem.contents import in_si
 
 from ..runs.pulsing import Regime, crossings, pulsing
 
@@ -102,7 +103,8 @@ def observe(trace: xr.Dataset, name: str = "trace") -> Observed:
     for variable in ("time", "drop"):
         if variable not in getattr(trace, "variables", {}):
             raise checks.InputError(f"{name} has no variable {variable!r}; it needs drop (W) over time (s)")
-    t = checks.array(f"{name}.time", trace["time"].values, increasing=True, hint="times are in s")
+    clock_of = in_si(name, trace[["time"]]) if hasattr(trace, "assign") else trace
+    t = checks.array(f"{name}.time", clock_of["time"].values, increasing=True, hint="times are in s")
     drop = checks.array(f"{name}.drop", trace["drop"].values)
     if t.size < 64 or t.size != drop.size:
         raise checks.InputError(f"{name} has {drop.size} values at {t.size} times; at least 64 of both are needed")

@@ -9,6 +9,7 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array
+from thermofem.contents import in_si
 
 from ..arguments import check_detuning, check_power
 from ..resonator import RingResonator
@@ -60,7 +61,7 @@ def targets_of(traces: xr.Dataset | Sequence[xr.Dataset]) -> list[Target]:
             raise checks.InputError(f"{name} does not say its drive; set its attrs 'power' (W) and 'detuning' (Hz)")
         power = check_power(power, f"the power of {name}")
         detuning = check_detuning(trace.attrs["detuning"], f"the detuning of {name}")
-        times = np.asarray(trace["time"].values, dtype=float)
+        times = np.asarray(in_si(name, trace[["time"]])["time"].values, dtype=float)
         times = times - times[0]
         length = float(times[-1])
         kept = times[times <= LONGEST]

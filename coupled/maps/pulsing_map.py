@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Quadratic, checks, dataset, renamed
+from thermofem.contents import in_si
 from thermofem.models import ThermalModel
 from thermofem.models.contract import bare, warn_beyond
 from thermofem.names import Words
@@ -202,6 +203,7 @@ def overlap(first: xr.Dataset, second: xr.Dataset) -> float:
     for name, data in (("first", first), ("second", second)):
         if "regime" not in getattr(data, "variables", {}):
             raise checks.InputError(f"{name} has no variable 'regime'; give maps from pulsing_map or stability_map")
+    first, second = in_si("first", first), in_si("second", second)
     if first["regime"].dims != second["regime"].dims:
         raise checks.InputError(f"the maps are over {first['regime'].dims} and {second['regime'].dims}")
     for axis in first["regime"].dims:

@@ -72,7 +72,7 @@ def plot_newton_traces(found: xr.Dataset, ax: Axes | None = None, *, reference: 
     """
     what = "a Dataset of coupled.fit_newton_per_trace"
     dims = dict.fromkeys(("tau_th", "heat_capacity", "period"), "trace")
-    contents("found", found, dims, what=what, attrs=("slope", "intercept", "correlation"))
+    found = contents("found", found, dims, what=what, attrs=("slope", "intercept", "correlation"))
     ax = new_axes(ax, (4.6, 3.4))
     unit = reference or 1e-12
     tau, capacity = found["tau_th"].values * 1e9, found["heat_capacity"].values / unit
@@ -93,7 +93,7 @@ def plot_carrier_decay(decay: xr.Dataset, axes: Sequence[Axes] | None = None) ->
     decay: from `carrier_decay`.
     """
     dims = dict.fromkeys(("time", "carriers", "lifetime"), "time")
-    contents("decay", decay, dims, what="a Dataset of coupled.carrier_decay", fewest=2)
+    decay = contents("decay", decay, dims, what="a Dataset of coupled.carrier_decay", fewest=2)
     for variable in dims:
         if np.min(numbers(f"decay[{variable!r}]", decay[variable].values)) < 0 or not decay[variable].values[-1]:
             raise InputError(f"decay[{variable!r}] must be positive; this function draws it on a logarithmic axis")
@@ -137,7 +137,7 @@ def plot_transmission(
     }
     choice("show", show, labels)
     dims = dict.fromkeys(("detuning", "power", "regime", show), "point")
-    contents("curve", curve, dims, what="a Dataset of coupled.transmission", fewest=2, words=("regime",))
+    curve = contents("curve", curve, dims, what="a Dataset of coupled.transmission", fewest=2, words=("regime",))
     for variable in ("detuning", "power", show):
         numbers(f"curve[{variable!r}]", curve[variable].values)
     if np.ptp(curve["detuning"].values) == 0 == np.ptp(curve["power"].values):

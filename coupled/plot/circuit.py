@@ -80,13 +80,13 @@ def plot_rings(run: xr.Dataset, name: str = "delta_T", ax: Axes | None = None) -
     """One quantity of every ring against time (us): a panel for each, or all in given Axes."""
     takes("run", run, "time", "ring", "data_vars", what=RUN)
     choice("name", name, [str(k) for k in run.data_vars if "ring" in run[k].dims])
-    contents("run", run, {"time": "time", "ring": "ring", name: "ring time"}, what=RUN, words=("ring",))
+    run = contents("run", run, {"time": "time", "ring": "ring", name: "ring time"}, what=RUN, words=("ring",))
     return _lines(ax, run[name], "ring", label(run[name], name))
 
 
 def plot_ports(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Power (mW) at every port against time (us): a panel for each, or all in given Axes."""
-    contents("run", run, {"time": "time", "port": "port", "output": "port time"}, what=RUN, words=("port",))
+    run = contents("run", run, {"time": "time", "port": "port", "output": "port time"}, what=RUN, words=("port",))
     return _lines(ax, run["output"] * 1e3, "port", "power (mW)")
 
 

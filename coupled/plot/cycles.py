@@ -32,7 +32,7 @@ def plot_branch(branch: xr.Dataset, ax: Axes | None = None, *, fixed: xr.Dataset
     takes("branch", branch, "stability", what=BRANCH)
     name = text("branch.attrs['parameter']", branch.attrs.get("parameter"))
     dims = dict.fromkeys((name, "drop_high", "drop_low", "stability", "special"), "point")
-    contents("branch", branch, dims, what=BRANCH, words=("stability", "special"))
+    branch = contents("branch", branch, dims, what=BRANCH, words=("stability", "special"))
     ax = axes(ax, (5.6, 3.6))
     factor, label = _axis(branch, name)
     if fixed is not None:
@@ -62,6 +62,6 @@ def _axis(branch: xr.Dataset, name: str) -> tuple[float, str]:
         return 1e-9, "detuning (GHz)"
     if name == "power":
         return 1e3, "power (mW)"
-    values, unit = readable(branch[name].values, "")
+    values, unit = readable(branch[name].values, branch[name].attrs.get("units", "1").removeprefix("1"))
     largest = np.argmax(np.abs(values))
-    return float(values[largest] / branch[name].values[largest]), f"{name} ({unit}SI)" if unit else name
+    return float(values[largest] / branch[name].values[largest]), f"{name} ({unit})" if unit else name

@@ -63,7 +63,7 @@ def plot_map(
     key: whether to draw the legend or the colour bar.
     Raises InputError: an unknown name.
     """
-    _check("data", data, MAP)
+    data = _check("data", data, MAP)
     choice("show", show, ["regime", *(name for name in _SCALED if name in data or name == "frequency")])
     ax = new_axes(ax, (5, 3.8))
     (y_axis, y_label), (x_axis, x_label) = (_drawn_axis(data, str(dim)) for dim in data["regime"].dims)
@@ -106,8 +106,8 @@ def plot_maps(
     show: what to draw, as in `plot_map`.
     hopf, folds [mapping from the model's name to its curves]
     """
-    for data in takes("maps", maps, "items", "values", what="a mapping from names to maps").values():
-        _check("maps", data, f"a mapping from names to maps, each {MAP}")
+    takes("maps", maps, "items", "values", what="a mapping from names to maps")
+    maps = {name: _check("maps", one, f"a mapping from names to maps, each {MAP}") for name, one in maps.items()}
     handles, names = _maps_key(maps, show, hopf or {}, folds or {})
     rows, across = len(show), len(maps)
     width = max(WIDTH, 1.6 * across + 0.9)
@@ -133,16 +133,18 @@ def plot_maps(
     return axes
 
 
-def _check(name: str, data: Any, what: str) -> None:
-    """InputError unless this is a map with its two axes."""
+def _check(name: str, data: Any, what: str) -> Any:
+    """The map in SI; InputError unless this is one with its two axes."""
     takes(name, data, "regime", "variables", what=what)
     dims = [str(one) for one in data["regime"].dims]
     if len(dims) != 2 or not set(dims) <= {*data.variables}:
         raise InputError(f"{name}['regime'] is over ({', '.join(dims)}), not over two axes; this function takes {what}")
     own = {one: " ".join(dims) for one in _SCALED if one in data.variables}
-    contents(name, data, {"regime": " ".join(dims), **{one: one for one in dims}, **own}, what=what, words=("regime",))
+    own |= {"regime": " ".join(dims), **{one: one for one in dims}}
+    data = contents(name, data, own, what=what, words=("regime",))
     for one in dims:
         numbers(f"{name}[{one!r}]", data[one].values)
+    return data
 
 
 def _maps_key(

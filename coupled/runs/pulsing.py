@@ -10,6 +10,7 @@ import numpy as np
 
 from thermofem import checks, quantity
 from thermofem.arrays import Array
+from thermofem.contents import in_si
 from thermofem.display import shown
 from thermofem.names import Words
 from thermofem.record import Record
@@ -123,6 +124,8 @@ def pulsing(run: xr.Dataset | Record) -> Pulsing:
     Source of the duty cycle: Borghi et al., Opt. Express 29, 4363 (2021), caption of Fig. 6.
     """
     checks.has("run", run, "variables", "attrs", hint="a Dataset from coupled.simulate is needed")
+    if hasattr(run, "assign"):
+        run = in_si("run", run)
     if getattr(run, "sizes", {}).get("ring"):
         names = run["ring"].values
         raise checks.InputError(f"run holds {names.size} rings; pick one of them, run.sel(ring={str(names[0])!r})")

@@ -284,7 +284,7 @@ def verdict(judged: xr.Dataset, *, within: float = 0.1) -> str:
         raise checks.InputError(f"judged is a {type(judged).__name__} without period errors; judge makes one")
     dims = {"model": "model", "power": "power", "period": "period", "states": "model"}
     dims["period_error"] = "model power period"
-    contents("judged", judged, dims, what="a Dataset of surrogate.judge", words=("model",))
+    judged = contents("judged", judged, dims, what="a Dataset of surrogate.judge", words=("model",))
     lines = []
     low, high = float(judged["period"][0]), float(judged["period"][-1])
     for power in judged["power"].values:

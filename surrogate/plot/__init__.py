@@ -40,9 +40,9 @@ def plot_period_error(
     within: half width of the band.
     absolute: T - T_model itself, as the paper's solid line.
     """
-    for curve in takes("curves", curves, "items", "values", what=CURVES).values():
-        names = ("period", "relative_error", *(("error",) if absolute else ()))
-        contents("curve", curve, dict.fromkeys(names, "period"), what=CURVE)
+    takes("curves", curves, "items", "values", what=CURVES)
+    dims = dict.fromkeys(("period", "relative_error", *(("error",) if absolute else ())), "period")
+    curves = {name: contents("curve", curve, dims, what=CURVE) for name, curve in curves.items()}
     ax = _axes(ax)
     periods = np.sort(np.concatenate([curve["period"].values for curve in curves.values()])) * 1e6
     band = within * (periods if absolute else 100 * np.ones_like(periods))
@@ -103,7 +103,7 @@ def plot_error_against_states(comparison: xr.Dataset, ax: Axes | None = None) ->
     comparison: from `surrogate.compare`.
     """
     dims = {"model": "model", "states": "model", "rms_relative": "model drive"}
-    contents("comparison", comparison, dims, what="a Dataset of surrogate.compare", words=("model",))
+    comparison = contents("comparison", comparison, dims, what="a Dataset of surrogate.compare", words=("model",))
     ax = _axes(ax)
     states = checks.numbers("comparison['states']", comparison["states"].values)
     error = 100 * checks.numbers("comparison['rms_relative']", comparison["rms_relative"].values)
