@@ -16,6 +16,7 @@ from .inputs import pieces
 from .resonator import RingResonator
 
 LONGEST = 1.0  # s, of a run
+MOST_POINTS = 1_000_000  # of a map, a spectrum or a sweep: a point takes some 50 us, one of a circuit ten times that
 MOST_TIMES = 10_000_000  # rows of a trace; .3 kB each while it is made (measured)
 SHORTEST = 1e-15  # s; the equations hold for the envelope of the field, so not within an optical cycle
 
@@ -69,7 +70,7 @@ def check_detuning(detuning: float, name: str = "detuning") -> float:
 
 def check_axis(name: str, values: ArrayLike) -> Array:
     """Return the powers or detunings of a map, strictly increasing, or raise InputError naming the bad one."""
-    axis = checks.array(name, values)
+    axis = checks.array(name, values, longest=MOST_POINTS)
     for k in range(axis.size):
         (check_power if name == "powers" else check_detuning)(axis[k], f"{name}[{k}]")
         if k and axis[k] <= axis[k - 1]:

@@ -115,3 +115,44 @@ def test_a_thousand_splitters_take_no_time():
     found = coupled.spectrum(circuit, [0.0, 1e9])
     assert time.perf_counter() - begin < 5
     assert found.transmission.sum("port").max() <= 1
+
+
+LONG = np.broadcast_to(np.float64(1e-4), 50_000_000)  # one number in memory
+
+
+@pytest.mark.parametrize(
+    ("function", "words"),
+    [
+        (
+            lambda: coupled.power_for_drop(coupled.borghi2021(), MODEL, drop=LONG, detuning=0.0),
+            "hold 50000000 values; 1 to 20,000,000",
+        ),
+        (
+            lambda: coupled.sweep(coupled.borghi2021(), MODEL, power=1e-3, detuning=LONG),
+            "detuning holds 50000000 numbers; at most 1,0",
+        ),
+        (
+            lambda: coupled.spectrum(coupled.bus([coupled.borghi2021()] * 2), LONG),
+            "detunings holds 50000000 numbers; at most 1,000,000",
+        ),
+        (
+            lambda: coupled.carrier_decay(coupled.borghi2021().carriers, 1e23, LONG),
+            "times holds 50000000 numbers; at most 20,000,000",
+        ),
+        (lambda: MODEL.impedance(LONG), "frequency holds 50000000 numbers; at most 20,000,000"),
+        (
+            lambda: surrogate.period_error(MODEL, MODEL, np.geomspace(1e-7, 1e-5, 200_000)),
+            "periods holds 200000 values",
+        ),
+    ],
+)
+def test_arrays_that_would_take_hours_or_the_memory_are_refused(function, words):
+    with pytest.raises(th.InputError, match=words):
+        function()
+
+
+def test_a_long_impedance_is_worked_out_in_pieces():
+    f = np.geomspace(1, 1e9, 6_000_000)
+    one = MODEL.impedance(f)
+    assert one.shape == f.shape
+    np.testing.assert_array_equal(one[::100_000], MODEL.impedance(f[::100_000]))

@@ -19,7 +19,8 @@ LARGEST = 1e100  # of any number: products of three are floats
 MESSAGE = 1200  # characters of an error message
 VALUE = 80  # characters of a value in an error message
 _LONG = re.compile(r"\S{300,}")  # no word, name or path of a person
-MOST = 1_000_000_000  # numbers of an array that is counted before it is made, 8 GB
+MOST = 100_000_000  # numbers of an array of any shape: 0.8 GB, a full matrix of 10,000 rows
+LONGEST = 20_000_000  # numbers of a list such as times: what is worked out for each takes several times its room
 
 
 def one_line(text: str, *, most: int = MESSAGE) -> str:
@@ -190,15 +191,22 @@ def power(name: str, value: Any, *, zero: bool = False) -> float:
 
 
 def array(
-    name: str, value: ArrayLike, *, increasing: bool = False, empty: bool = False, hint: str = "", most: float = LARGEST
+    name: str,
+    value: ArrayLike,
+    *,
+    increasing: bool = False,
+    empty: bool = False,
+    hint: str = "",
+    most: float = LARGEST,
+    longest: int = LONGEST,
 ) -> NDArray[np.float64]:
     """Return ``value`` as a 1-D float array, or raise InputError if it is not finite, too large or not increasing.
 
-    Nothing, such as (), is refused, too, unless ``empty``.
+    Nothing, such as (), is refused, too, unless ``empty``, and so are more than ``longest`` numbers.
     """
     import numpy as np
 
-    result = np.atleast_1d(_floats(name, value, hint))
+    result = np.atleast_1d(_floats(name, value, hint, longest))
     if empty and result.size == 0:
         return np.empty(0)
     if result.ndim != 1 or result.size == 0:
@@ -214,11 +222,13 @@ def array(
     return result
 
 
-def numbers(name: str, value: ArrayLike, *, hint: str = "", most: float = LARGEST) -> NDArray[np.float64]:
+def numbers(
+    name: str, value: ArrayLike, *, hint: str = "", most: float = LARGEST, longest: int = MOST
+) -> NDArray[np.float64]:
     """Return ``value`` as a float array of its own shape, or raise InputError where one is not finite or too large."""
     import numpy as np
 
-    result = _floats(name, value, hint)
+    result = _floats(name, value, hint, longest)
     if not np.all(np.isfinite(result)):
         raise InputError(f"{name} holds {result[~np.isfinite(result)][0]}, which is not finite", hint)
     if np.abs(result).max(initial=0.0) > most:
@@ -226,7 +236,7 @@ def numbers(name: str, value: ArrayLike, *, hint: str = "", most: float = LARGES
     return result
 
 
-def _floats(name: str, value: ArrayLike, hint: str) -> NDArray[np.float64]:
+def _floats(name: str, value: ArrayLike, hint: str, longest: int = MOST) -> NDArray[np.float64]:
     """A copy as a float array, so that no object changes with the caller's array.
 
     InputError for text, which NumPy would convert, and for complex or Boolean values.
@@ -234,13 +244,13 @@ def _floats(name: str, value: ArrayLike, hint: str) -> NDArray[np.float64]:
     import numpy as np
 
     try:
-        if isinstance(value, range) and len(value) > MOST:
-            raise InputError(f"{name} holds {len(value)} numbers; at most {MOST:g} fit into memory", hint)
+        if isinstance(value, range) and len(value) > longest:
+            raise InputError(f"{name} holds {len(value)} numbers; at most {longest:,} are taken at one go", hint)
         if np.ma.is_masked(value):
             raise InputError(f"{name} holds masked values; leave them out", hint)
         found = np.asarray(value)
-        if found.size > MOST:  # a view may repeat one number without end
-            raise InputError(f"{name} holds {found.size} numbers; at most {MOST:g} fit into memory", hint)
+        if found.size > longest:  # a view may repeat one number without end
+            raise InputError(f"{name} holds {found.size} numbers; at most {longest:,} are taken at one go", hint)
         if found.dtype.kind in "USmM":
             raise TypeError
         if found.dtype.kind in "bc":

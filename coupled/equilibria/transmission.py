@@ -10,7 +10,7 @@ from thermofem import checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.models import ThermalModel
 
-from ..arguments import check_detuning, check_power, check_ring, one_laser
+from ..arguments import MOST_POINTS, check_detuning, check_power, check_ring, one_laser
 from ..resonator import RingResonator
 from .steady import Internal, absorbable, internal, observables, provenance
 
@@ -132,8 +132,9 @@ def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike,
     except ValueError:
         shapes = f"{lights[0].shape} and {lights[1].shape}"
         raise checks.InputError(f"drop and detuning have shapes {shapes}, which do not go together") from None
-    if not wanted.size:
-        raise checks.InputError(f"drop and detuning of shape {wanted.shape} are empty")
+    if not 0 < wanted.size <= checks.LONGEST:
+        rule = f"1 to {checks.LONGEST:,} values are needed"
+        raise checks.InputError(f"drop and detuning of shape {wanted.shape} hold {wanted.size} values; {rule}")
     if not (np.all(wanted > 0) and np.all(wanted < 1)):
         raise checks.InputError(f"drop = {np.min(wanted):g} .. {np.max(wanted):g} W must lie between 0 and 1 W")
     check_detuning(float(nu.ravel()[np.abs(nu).argmax()]))
@@ -184,7 +185,7 @@ def sweep(
     from . import balance
 
     check_ring(ring)
-    P, nu = (checks.array(name, v) for name, v in (("power", power), ("detuning", detuning)))
+    P, nu = (checks.array(name, v, longest=MOST_POINTS) for name, v in (("power", power), ("detuning", detuning)))
     if (P.size > 1) == (nu.size > 1):
         raise checks.InputError("one of power and detuning must be an array of steps, the other one number")
     for name, values, check in (("power", P, check_power), ("detuning", nu, check_detuning)):

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from thermofem import checks
 
-from ..arguments import check_axis, check_ring
+from ..arguments import MOST_POINTS, check_axis, check_ring
 from ..heaters import ConstantHeating
 from ..resonator import RingResonator
 from ..ring_toml import UNITS
@@ -19,7 +19,6 @@ from ..unknowns import optical_names, varied
 
 Array = NDArray[np.float64]
 
-MOST = 1_000_000  # points of a map
 Point = tuple[RingResonator, float, float]  # ring, power in W, detuning in Hz
 
 
@@ -83,8 +82,9 @@ def grid_of(
         )
     fixed = {name: float(axis[0]) for name, axis in laser.items() if name not in axes}
     (first, one), (second, other) = axes.items()
-    if one.size * other.size > MOST:
-        raise checks.InputError(f"the map has {one.size} x {other.size} points; at most {MOST} are computed at one go")
+    if one.size * other.size > MOST_POINTS:
+        size = f"{one.size} x {other.size} points"
+        raise checks.InputError(f"the map has {size}; at most {MOST_POINTS:,} are computed at one go")
     rows = []
     for a in one.tolist():
         row = []

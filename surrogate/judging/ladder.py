@@ -248,7 +248,7 @@ def judge(
     if not models:
         raise checks.InputError("models is empty; surrogate.train_all(heat).models has them all")
     periods = checks.array("periods", periods, increasing=True)
-    watts = checks.array("powers", powers, increasing=True)
+    watts = checks.array("powers", powers, increasing=True, longest=1000)
     checks.unique("powers", watts.tolist())
     shape = (len(models), watts.size, periods.size)
     error, swing, ends = np.empty(shape), np.empty(shape), np.empty((*shape[:2], 2))

@@ -89,7 +89,7 @@ def things() -> list[Any]:
         frozen, np.asfortranarray([[1.0, 2.0], [3.0, 4.0]]), np.arange(8.0)[::-2], np.arange(3, dtype=">f8"),
         np.array([1e-8, 1e-7], np.float16), np.array([1, 2], np.uint64), np.array([100, -100], np.int8),
         np.array([(1, 2.0)], "i4,f8"), np.array([1e-8, 1e300]), np.array([1e-300, 1e-7]),
-        np.ones((1, 2)).view(np.matrix),
+        np.ones((1, 2)).view(np.matrix), np.linspace(1e-9, 1e-3, 3_000_000), np.broadcast_to(1e-4, 99_000_000),
         pd.Series([1e-8, 1e-7]), pd.DataFrame({"a": [1.0]}), pd.NA, pd.Timestamp(0), xr.DataArray([1.0, 2.0]),
         xr.DataArray(1e-3), xr.Dataset(),
     ]  # fmt: skip

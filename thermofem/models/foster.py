@@ -11,7 +11,7 @@ import numpy as np
 from .. import checks, waveforms
 from ..algebra.poles import pole_responses
 from ..algebra.system import LONGEST, SHORTEST
-from ..arrays import Array, ArrayLike, NDArray
+from ..arrays import Array, ArrayLike, NDArray, in_pieces
 from ..display import model_html, shown
 from ..names import check_one
 from .json_fields import columns, parts, rows
@@ -83,14 +83,15 @@ class Foster:
 
     def step_response(self, times: ArrayLike) -> Array:
         """sum_i R_i (1 - exp(-t/tau_i)) in K/W; zero before t = 0."""
-        t = np.maximum(checks.numbers("times", times, most=np.inf), 0)[..., None]
+        t = np.maximum(checks.numbers("times", times, most=np.inf, longest=checks.LONGEST), 0)
         with np.errstate(over="ignore"):  # t / tau beyond all numbers: the step has settled
-            return -np.expm1(-t / self.tau) @ np.asarray(self.R)
+            return in_pieces(lambda t: -np.expm1(-t / self.tau) @ np.asarray(self.R), t, self.order)
 
     def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
         """sum_i R_i / (1 + 2 pi i f tau_i) in K/W."""
-        f = checks.numbers("frequency", frequency)[..., None]
-        return np.asarray((np.asarray(self.R) / (1 + 2j * np.pi * f * np.asarray(self.tau))).sum(axis=-1))
+        R, tau = np.asarray(self.R), np.asarray(self.tau)
+        f = checks.numbers("frequency", frequency, longest=checks.LONGEST)
+        return in_pieces(lambda f: (R / (1 + 2j * np.pi * f * tau)).sum(axis=-1), f, self.order)
 
     @property
     def dynamics(self) -> Foster:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks, waveforms
-from ..arrays import Array, ArrayLike, NDArray
+from ..arrays import Array, ArrayLike, NDArray, in_pieces
 from ..display import model_html, shown
 from ..names import check_one
 from .contract import check_rise, warn_beyond
@@ -113,15 +113,15 @@ class Quadratic:
 
     def step_response(self, times: ArrayLike) -> Array:
         """Rise in K/W after a step of small power."""
-        t = np.maximum(checks.numbers("times", times), 0)[..., None]
+        t = np.maximum(checks.numbers("times", times, longest=checks.LONGEST), 0)
         rate, residue = self._poles
-        return np.asarray(np.real(np.expm1(rate * t) @ (residue / rate)))
+        return in_pieces(lambda t: np.real(np.expm1(rate * t) @ (residue / rate)), t, rate.size)
 
     def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
         """Z(f) at small power in K/W."""
-        s = 2j * np.pi * checks.numbers("frequency", frequency)[..., None]
+        f = checks.numbers("frequency", frequency, longest=checks.LONGEST)
         rate, residue = self._poles
-        return np.asarray((residue / (s - rate)).sum(axis=-1))
+        return in_pieces(lambda f: (residue / (2j * np.pi * f - rate)).sum(axis=-1), f, rate.size)
 
     def rate(self, x: Array, power: float) -> Array:
         """dx/dt."""
@@ -165,7 +165,7 @@ class Quadratic:
 
     def states(self, wave: waveforms.Waveform, times: ArrayLike, *, initial: Array | None = None) -> Array:
         """States at ``times`` (s, any order), from rest or ``initial`` at t = 0, shape (times, n)."""
-        t = checks.array("times", checks.numbers("times", times).ravel())
+        t = checks.array("times", checks.numbers("times", times, longest=checks.LONGEST).ravel())
         if t.min() < 0:
             raise checks.InputError(f"times = {t.min():g} s lies before the start at t = 0")
         stop = max(float(t.max()), _TINY)

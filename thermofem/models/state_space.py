@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
 LARGEST = 500  # states to integrate with the optics; a certified reduction needs 10 to 40, and each costs time
+MOST_FREQUENCIES = 100_000  # each takes a factorization, 5 ms for 2500 unknowns
 MOST = 1e50  # of an entry of a matrix: a bound has products of four
 ROUND_OFF = 1e-9  # of a matrix with ones on its diagonal, by which an eigenvalue may be negative
 
@@ -139,7 +140,7 @@ class StateSpace:
 
         check_single(self)
         E, A = self._sparse("E"), self._sparse("A")
-        wanted = checks.numbers("frequency", frequency)
+        wanted = checks.numbers("frequency", frequency, longest=MOST_FREQUENCIES)
         f = wanted.ravel()
         z = [
             (self.C[0] @ splu((2j * np.pi * w) * E - A, permc_spec="MMD_AT_PLUS_A").solve(self.B[:, 0] + 0j)) for w in f

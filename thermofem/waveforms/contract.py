@@ -112,8 +112,10 @@ def seconds(t: ArrayLike) -> Array:
         found = np.asarray(t)
     except (TypeError, ValueError, MemoryError):  # a list of lists, a Dataset, an endless range
         found = np.array(None)
-    if found.dtype.kind not in "fiub" or found.size > checks.MOST:
+    if found.dtype.kind not in "fiub":
         raise checks.InputError(f"t = {checks.shown(t)} is not a number or an array of numbers; {TIME_HINT}")
+    if found.size > checks.LONGEST:
+        raise checks.InputError(f"t holds {found.size} numbers; at most {checks.LONGEST:,} are taken at one go")
     with np.errstate(over="ignore"):  # of longdouble: inf
         found = np.asarray(found, dtype=float)
     if not np.isfinite(found).all():
