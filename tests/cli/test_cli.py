@@ -11,7 +11,7 @@ from commands import process, thermofem
 import surrogate
 import thermofem as th
 
-GEOMETRY = th.strip_ring().to_toml()
+GEOMETRY, ONE_POLE = th.strip_ring().to_toml(), th.Foster(R=[5e3], tau=[1e-6])
 
 
 def test_help_and_version(tmp_path):
@@ -82,6 +82,9 @@ def test_solve_periodic(tmp_path):
         (["reproduce", "--quick", "-o", "bad_key.toml/out"], "cannot be made"),
         (["simulate", "good.toml"], "`thermofem reduce good.toml -o model.json` makes it from this"),
         (["fit", "good.toml"], "`thermofem solve good.toml -o heat.nc` makes it from this"),
+        (["show", "map.nc"], "map.nc holds a result (netCDF) that trains no model, not a thermal model; th.load"),
+        (["fit", "map.nc"], "map.nc holds a result (netCDF) that trains no model, not data (netCDF) or a table"),
+        (["show", "table.csv"], "`thermofem fit table.csv --power '1 mW' -o model.json` makes it from this"),
         (["cite", "good.toml"], "good.toml holds a geometry, not data (netCDF) or a thermal model"),
         (["map", "optics.toml"], "simulate, cosimulate, map, stability and explore take it with --ring"),
         (["solve", "optics.toml"], "holds the optics of a ring, not a geometry"),
@@ -111,7 +114,8 @@ def test_bad_input_is_one_line_and_exit_code_2(arguments, words, tmp_path):
     (tmp_path / "optics.toml").write_text('base = "borghi2021"\n')
     (tmp_path / "plan.toml").write_text('geometry = "good.toml"\n[[drive]]\npower = "1 mW"\n')
     (tmp_path / "table.csv").write_text("Time (us),T (K)\n0,1\n1,2\n")
-    surrogate.save_model(th.Foster(R=[5e3], tau=[1e-6]), tmp_path / "model.json")
+    th.save(surrogate.judge({"one": ONE_POLE}, ONE_POLE, periods=[1e-7, 1e-6]), tmp_path / "map.nc")
+    surrogate.save_model(ONE_POLE, tmp_path / "model.json")
     before = sorted(tmp_path.iterdir())
     done = thermofem(*arguments, cwd=tmp_path)
     assert done.returncode == 2, done.stdout + done.stderr

@@ -111,7 +111,7 @@ def _materials(provenance: dict[str, Any]) -> dict[str, str]:
 
 def _provenance(file: Path) -> dict[str, Any]:
     """Provenance that a file records."""
-    expect(file, "data", "model")
+    expect(file, "data", "result", "model")
     if file.suffix == ".json":
         import surrogate
 

@@ -15,12 +15,14 @@ KINDS = {
     "model": ("a thermal model", "thermofem simulate, map, stability, validate, explore, export and cite take it"),
     "family": ("a family of rings", "thermofem design, uncertainty, calibrate and explore take it"),
     "data": ("data (netCDF)", "thermofem fit and cite take it"),
-    "table": ("a table of numbers", "thermofem.read_csv makes training data of it, in Python"),
+    "result": ("a result (netCDF) that trains no model", "th.load and coupled.plot take it, in Python"),
+    "table": ("a table of numbers", "thermofem fit takes it"),
 }
 # what is needed, what was given -> the command that makes the one of the other
 MAKES = {
     ("model", "geometry"): "thermofem reduce {} -o model.json",
     ("model", "data"): "thermofem fit {} -o model.json",
+    ("model", "table"): "thermofem fit {} --power '1 mW' -o model.json",
     ("data", "geometry"): "thermofem solve {} -o heat.nc",
 }
 OPTICS = {"base", "wavelength", "frequency", "loaded_q", "intrinsic_q", "bus_rate", "carriers", "dispersion"}
@@ -34,7 +36,8 @@ def expect(path: Path | None, *wanted: str) -> None:
     what, takes = KINDS[found]
     made = [MAKES[kind, found].format(path) for kind in wanted if (kind, found) in MAKES]
     hint = f"`{made[0]}` makes it from this" if made else takes
-    raise InputError(f"{path} holds {what}, not {' or '.join(KINDS[kind][0] for kind in wanted)}; {hint}")
+    needed = " or ".join(KINDS[kind][0] for kind in wanted if kind != "result")
+    raise InputError(f"{path} holds {what}, not {needed}; {hint}")
 
 
 def kind_of(path: Path) -> str | None:
@@ -43,7 +46,7 @@ def kind_of(path: Path) -> str | None:
         with files.regular(path).open("rb") as file:
             first = file.read(6)
         if first == b"\x89HDF\r\n":
-            return "data"
+            return _of_netcdf(path)
         if first[:4] == b"PK\x03\x04" and path.suffix.lower() == ".json":
             return "family"
         if path.suffix.lower() == ".toml":
@@ -54,6 +57,15 @@ def kind_of(path: Path) -> str | None:
     except (OSError, InputError):
         return None
     return "table" if path.suffix.lower() in (".csv", ".txt", ".dat") else None
+
+
+def _of_netcdf(path: Path) -> str:
+    """ "data" where there is heat over time; what light does to a ring, a map and an index are results."""
+    import h5py
+
+    with h5py.File(path, "r") as file:
+        names = set(file)
+    return "data" if "time" in names and "carriers" not in names else "result"
 
 
 def _of_toml(keys: set[str]) -> str | None:
