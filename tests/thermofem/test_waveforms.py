@@ -242,3 +242,15 @@ def test_symbols_are_held_masked_and_noisy():
 def test_symbols_that_cannot_be(fields, words):
     with pytest.raises(th.InputError, match=words):
         th.Symbols(**({"values": [0, 1], "rate": 1e9, "power": 1e-3} | fields))
+
+
+def test_jumps_that_are_not_named_cost_no_accuracy():
+    """Wherever they are: a cubic over the last cell fell to -25 % of the power, which was refused as cooling."""
+    rng, model = np.random.default_rng(5), th.Foster([2000, 5800], [56e-9, 1.2e-6])
+    for _ in range(40):
+        stop = 10 ** rng.uniform(-6, -3)
+        start, width = rng.uniform(0.1, 0.6) * stop, rng.uniform(5e-4, 0.3) * stop
+        inside = th.Function(lambda t, a=start, b=start + width: 1e-3 * ((t >= a) & (t < b)))
+        times = np.array([start, start + width, start + 1.5 * width, stop])
+        want = model.response(th.Pulse(1e-3, width, start=start), times)
+        assert model.response(inside, times) == pytest.approx(want, rel=1e-7, abs=1e-9 * want.max())

@@ -79,7 +79,8 @@ def _stretch(
         values[:, -1] = wave.before(last)
         scaled = values @ _TO_COEFFICIENTS
         bad = _misfits(wave, left, last, scaled, seen if depth < level else None, allowed)
-        if size <= SHORTEST * length:
+        if size <= SHORTEST * length:  # a jump: constant up to the end of the cell, where a cubic would overshoot
+            scaled[bad] = values[bad, :1] * [1.0, 0.0, 0.0, 0.0]
             bad[:] = False
         h = (last - left)[~bad, None]
         done.append((left[~bad], scaled[~bad] / h ** np.arange(4)))
