@@ -236,7 +236,7 @@ def test_symbols_are_held_masked_and_noisy():
         ({"rate": 0}, "rate = 0 must lie between"),
         ({"power": 20}, "did you mean 2e-3"),
         ({"seed": 1.5}, "whole number from 0"),
-        ({"values": np.ones(30_000_000)}, "30000000 nodes"),
+        ({"values": np.ones(30_000_000)}, "holds 30000000 numbers"),
     ],
 )
 def test_symbols_that_cannot_be(fields, words):
