@@ -17,7 +17,7 @@ import contextlib
 import io
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +28,7 @@ from .arrays import Array, ArrayLike
 from .files import write_whole
 from .quantity import VARIABLES
 from .record import Record, as_dataset, column, stored
+from .together import check_together
 from .version import __version__
 
 if TYPE_CHECKING:
@@ -215,7 +216,8 @@ def responses_of(data: xr.Dataset | Sequence[xr.Dataset]) -> list[Response]:
     Raises
     ------
     InputError
-        an empty list; a trace that stands twice, which would make the standard errors too small.
+        an empty list; a trace that stands twice, which would make the standard errors too small; traces of two
+        channels.
     """
     datasets: Any = data if isinstance(data, list | tuple) else [data]
     responses = [_response(k, datasets) for k in range(len(datasets))]
@@ -226,7 +228,8 @@ def responses_of(data: xr.Dataset | Sequence[xr.Dataset]) -> list[Response]:
         first = seen.setdefault(response.times.tobytes() + response.rise.tobytes(), k)
         if first < k:
             raise checks.InputError(f"data[{k}] is the same trace as data[{first}]; give every trace once")
-    return responses
+    doubts = check_together([at_probe(one) for one in datasets])
+    return [replace(one, doubts=(*one.doubts, *doubts)) for one in responses]
 
 
 def _response(k: int, datasets: Sequence[Any]) -> Response:

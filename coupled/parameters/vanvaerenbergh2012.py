@@ -28,11 +28,12 @@ FCA_CONFINEMENT = 0.9996
 
 @published
 def vanvaerenbergh2012() -> RingResonator:
-    """Return the critically coupled ring of Van Vaerenbergh et al., to be used with Newton's law, `NEWTON`.
+    """Return the critically coupled ring of Van Vaerenbergh et al., to be used with Newton's law.
 
     The paper states all losses as energy rates and uses the refractive index as the group index. Its cross-section of
     free-carrier absorption is for power, and a confinement factor multiplies it; ``fca_cross_section``, for the
-    amplitude, is half of that product.
+    amplitude, is half of that product. Its heat is ``surrogate.newton(tau_th=NEWTON.tau_th,
+    heat_capacity=NEWTON.heat_capacity)``, with the numbers `NEWTON` of this module.
 
     >>> round(vanvaerenbergh2012().loaded_q)
     62171

@@ -16,7 +16,7 @@ from thermofem.names import Words
 from thermofem.record import Record
 
 from ..arguments import LONGEST
-from .repetition import FAR, SETTLED, alternate, amplitude_limit, doubled, longest_change, miss, pattern
+from .repetition import FAR, SETTLED, alternate, amplitude_limit, blur, doubled, longest_change, miss, pattern
 from .resting import Rest, resistance_of_run, rest_of_run
 
 if TYPE_CHECKING:
@@ -30,6 +30,9 @@ STEADY_PERIOD = 1e-5  # relative change of the period from cycle to cycle that c
 GONE = 0.2  # share of the last amplitude: an oscillation whose limit is smaller decays to rest
 FEWEST = 8  # samples of a trace
 FINE = 12  # samples that a cycle needs at least
+CLEAR = 320  # samples of a cycle that show the duty to 0.01: it errs by up to 3.2 over their number (measured)
+LAGS, TOLD = 23, 1e-3  # lifetimes of the light by which an adiabatic run pulses too fast at most; share that is told
+BETWEEN = 4  # rows of such a run for every step
 THINNED = 40  # steps of the integration to one sample: fewer samples may show a slow beat instead of the pulses
 LEAVES = 20  # e-foldings in which what is left of a transient, some 1e-9, becomes as large as the ring allows
 LONGER = 10  # times as long, where a trace does not tell how much of it is missing
@@ -103,6 +106,8 @@ def pulsing(run: xr.Dataset | Record) -> Pulsing:
     the reason says so, and `steady_states` or a longer run tells.
     A run whose light or heaters vary in its second half is driven. The period is that of the last cycle of a transient;
     ``drift`` says by how much it still moves, and the reason where the mean rise is more than 2 % from its final value.
+    Samples chosen with ``times`` may miss the tops of the pulses: with fewer than 320 a cycle the reason says what they
+    leave open, and pulses that differ by no more than such samples can show count as equal.
 
     Parameters
     ----------
@@ -140,7 +145,11 @@ def pulsing(run: xr.Dataset | Record) -> Pulsing:
             f"ask for {steps // THINNED} times or more, or for none, which keeps every step"
         )
     rtol = checks.between("run.attrs['rtol']", run.attrs.get("rtol", 0), 0, 1)
-    found = classify(t, N, drop, dT, rtol=rtol, every_step=steps == t.size - 1)
+    lag = checks.between("run.attrs['light_lifetime']", run.attrs.get("light_lifetime", 0.0), 0, 1)
+    found = classify(t, N, drop, dT, rtol=rtol, every_step=t.size - 1 in (steps, BETWEEN * steps if lag else steps))
+    if LAGS * lag > TOLD * found.period:
+        note = f"light that follows at once: its period is up to {LAGS * lag / found.period:.1%} too short"
+        found = replace(found, reason=f"{found.reason}, {note}")
     moving = _varying(run, t)
     if not moving:
         if found.regime == Regime.SELF_PULSING:
@@ -213,23 +222,26 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     if samples < FINE and not every_step:
         raise checks.InputError(f"a cycle has {samples:.0f} samples; the sampling is too coarse, {FINE} are needed")
     heights = np.array([np.ptp(N[i:j]) for i, j in pairwise(edges)])
-    together = pattern(heights, waits[:-1])
+    missed = 0.0 if every_step else blur(N, edges, heights)
+    close = SETTLED if every_step else max(SETTLED, missed, 0.5 / samples)
+    together = pattern(heights, waits[:-1], close)
     tops = heights[heights.size % together :].reshape(-1, together).max(axis=1)
     limit, seen = amplitude_limit(tops), f"{heights.size} cycles of "
     if limit < GONE * tops[-1]:
         return _rests(seen + "an oscillation that dies away", swing, heights.size)
     wanted = _until_settled(tops, float(t[-1] - t[0]))
-    if not abs(limit / tops[-1] - 1) <= SETTLED or tops[-1] < (1 - SETTLED) * tops[-2:].max():
+    if not abs(limit / tops[-1] - 1) <= close or tops[-1] < (1 - close) * tops[-2:].max():
         return _slow(f"{seen}an oscillation still falling, to where is not clear", wanted, swing, heights.size)
-    if together == 1 and alternate(heights):
+    if together == 1 and alternate(heights, close):
         return _slow(f"{seen}unequal pulses, too few to tell whether they repeat", wanted, swing, heights.size)
-    if together == 1 and doubled(heights, 10 * noise):
+    if together == 1 and doubled(heights, max(10 * noise, missed)):
         together = 2
     change = limit / tops[tops.size // 3] - 1
     begin, end = float(up[-1 - together]), float(up[-1])
     lengths = -np.diff(up[::-together])[::-1]  # of whole patterns, the last one at the end
     *_, earlier, drift = (0.0, 0.0, *(lengths[1:] / lengths[:-1] - 1))
-    if abs(drift) > longest_change(earlier, drift, heights.size > 2 * together):
+    unclear = 0.0 if every_step else 1 / samples
+    if abs(drift) > max(unclear, longest_change(earlier, drift, heights.size > 2 * together)):
         words = f"{heights.size} cycles, whose length still changes by {100 * drift:+.2g} % from one to the next"
         words += f", after {100 * earlier:+.2g} %" if abs(drift) <= FAR and earlier else ""
         return _slow(words, wanted, swing, heights.size)
@@ -239,11 +251,12 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     return Pulsing(
         Regime.SELF_PULSING,
         seen
-        + ("steady" if abs(change) < SETTLED else "growing" if change > 0 else "still falling")
+        + ("steady" if abs(change) < close else "growing" if change > 0 else "still falling")
         + " amplitude"
         + (f", in a pattern of {together}" if together > 1 else "")
         + (f", pulses that still differ by {100 * unequal:.2g} %" if 10 * noise < unequal < np.inf else "")
-        + (f", each cycle {100 * drift:+.2g} % longer than the last" if abs(drift) > STEADY_PERIOD else ""),
+        + (f", each cycle {100 * drift:+.2g} % longer than the last" if abs(drift) > STEADY_PERIOD else "")
+        + ("" if every_step else _sampled(samples)),
         period=end - begin,
         duty=_duty(t, drop, begin, end),
         swing=float(np.ptp(dT[last])),
@@ -252,6 +265,14 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
         pattern=together,
         drift=float(drift),
     )
+
+
+def _sampled(samples: float) -> str:
+    """What so many samples a cycle leave open, the largest errors of six rings; empty if it is little."""
+    if samples > CLEAR:
+        return ""
+    known = f"period within {50 / samples:.1g} %, duty within {3.2 / samples:.1g}, swing within {150 / samples:.1g} %"
+    return f", {samples:.0f} samples a cycle: {known}"
 
 
 def _until_settled(tops: Array, passed: float) -> float:

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
-from thermofem.arrays import Array
+from thermofem.arrays import Array, NDArray
 
 SETTLED = 0.02  # relative change of an amplitude, or of the carriers at the end, that counts as none
 FAR = 0.1  # relative change of the period per cycle above which no period is given: seven such cycles double it
 LONGEST_PATTERN = 4  # unequal pulses that repeat together
 
 
-def pattern(heights: Array, waits: Array) -> int:
+def pattern(heights: Array, waits: Array, close: float = SETTLED) -> int:
     """Number of cycles that repeat together: the smallest after which heights and lengths return, or 1 if none does.
 
-    Three repetitions are needed, so that a drift is no pattern. Pulses that differ by less than 2 % count as equal: an
-    oscillation that settles looks like a pattern, too.
+    Three repetitions are needed, so that a drift is no pattern. Pulses that differ by less than 2 %, or ``close``,
+    count as equal: an oscillation that settles looks like a pattern, too.
     """
     for together in range(1, LONGEST_PATTERN + 1):
-        if miss(heights, waits, together) <= SETTLED:
+        if miss(heights, waits, together) <= close:
             return together
     return 1
 
@@ -51,11 +53,21 @@ def amplitude_limit(heights: Array) -> float:
     return float(heights[-1]) if last > 0.9 * first else float("nan")
 
 
-def alternate(heights: Array) -> bool:
-    """Whether large and small pulses alternate at the end with a difference that does not decay."""
+def alternate(heights: Array, close: float = SETTLED) -> bool:
+    """Whether large and small pulses alternate at the end with a difference above ``close`` that does not decay."""
     steps = np.diff(heights[-4:])
     turned = steps.size >= 2 and bool(np.all(steps[1:] * steps[:-1] < 0))
-    return turned and abs(steps[-1]) > SETTLED * heights[-1] and abs(steps[-1]) > 0.5 * abs(steps[-2])
+    return turned and abs(steps[-1]) > close * heights[-1] and abs(steps[-1]) > 0.5 * abs(steps[-2])
+
+
+def blur(N: Array, edges: NDArray[np.int_], heights: Array) -> float:
+    """Relative difference of equal pulses that samples may show: what a sample beside the top of a pulse misses of it.
+
+    edges [shape (n + 1,)]: first samples of the cycles.
+    """
+    tops = [i + int(np.argmax(N[i:j])) for i, j in pairwise(edges)][-2 * LONGEST_PATTERN :]
+    beside = [min(N[k] - N[k - 1], N[k] - N[k + 1]) for k in tops if 0 < k < N.size - 1]
+    return float(max(beside, default=0.0) / heights[-2 * LONGEST_PATTERN :].min())
 
 
 def doubled(heights: Array, least: float) -> bool:

@@ -22,6 +22,7 @@ import numpy as np
 from thermofem import Quadratic, checks
 from thermofem.arrays import Array, NDArray
 from thermofem.models.network import STATIC, gate
+from thermofem.together import check_together
 
 from .sindy import UNIT, WINDOW, SindyFit, fitted, read_probes, regress
 
@@ -71,6 +72,7 @@ def fit_sindy_quadratic(
     read = [read_probes(d) for d in datasets]
     if not read:
         raise checks.InputError("data is empty; give at least one Dataset")
+    check_together(datasets)
     times, names = read[0][0], read[0][3]
     if any(r[3] != names or r[0].shape != times.shape or not np.allclose(r[0], times) for r in read):
         raise checks.InputError("every Dataset needs the same probes and times")

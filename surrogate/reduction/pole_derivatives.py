@@ -16,6 +16,7 @@ from .reduce import Reduction
 if TYPE_CHECKING:
     import xarray as xr
 
+OWN = 1e-6  # largest element of V^T K V, over its poles, minus 1: round-off leaves 1e-10
 SIMPLE = 1e-6  # relative distance of neighbouring rates below which a pole is not simple
 
 
@@ -56,6 +57,9 @@ def pole_derivatives(heat: HeatProblem, reduction: Reduction, parameters: str | 
     b, c = (d.means[name][d.free] for name in (heated, read))
     V = reduction.basis / np.sqrt(np.einsum("nk,nk->k", reduction.basis, d.E @ reduction.basis))
     rate = 1 / np.asarray(model.tau)
+    own = V.T @ (-heat.channels(heated, read).A @ V) / np.sqrt(np.outer(rate, rate))
+    if np.abs(own - np.eye(rate.size)).max() > OWN:
+        raise checks.InputError("the reduction is of another heat problem: its poles are not those of heat's matrices")
     changes, _, tangents = tangents_of(heat, parameters, (heated, read))
     modal = ModalDerivative(rate, V.T @ b, V.T @ c, *project(tangents, (heated, read), d.free, V))
     of_R, of_tau = modal.poles()

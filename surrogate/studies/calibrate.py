@@ -183,13 +183,13 @@ def _rise(model: Foster | OutputMap, response: Response) -> Array:
 def _check_channel(family: Family, data: Any) -> None:
     """InputError where data of the finite elements were heated or read in another part than the members are."""
     a, b = family._channel(None, None)
-    parts = family.box.base.region_names
     for one in map(at_probe, data if isinstance(data, list | tuple) else [data]):
         for what, port in (("heated", a), ("read", b)):
             given, wanted = str(one.attrs.get(what)), family.ports[port]
-            if "heated" in one.attrs and given != wanted and given in parts:
+            if "heated" in one.attrs and given != wanted:
                 raise checks.InputError(
-                    f"data was {what} in {given!r}, and the members are in {wanted!r}; solve for that"
+                    f"data was {what} in {checks.shown(given)}, and the members are in {wanted!r}; solve for that, or, "
+                    f"if it is the same part, set its attribute {what!r}"
                 )
 
 

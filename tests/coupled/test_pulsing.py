@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from itertools import chain
 
@@ -340,3 +341,41 @@ def test_an_audit_of_a_few_cells_finds_nothing():
     assert verdicts.wrong("stable", last=0.5, before=0.5)
     assert not verdicts.wrong("stable", last=0.5, before=0.9)
     assert not verdicts.wrong("slow transient", last=0.5, before=0.5)
+
+
+@pytest.fixture(scope="module")
+def settled_run():
+    """Pulses of 663 ns, sampled as a test asks."""
+    dense = coupled.simulate(coupled.borghi2021(), SECOND_ORDER, power=6.31e-3, duration=30e-6)
+    found = coupled.pulsing(dense)
+    assert "samples a cycle" not in found.reason
+
+    def sampled(samples, first=0.3):
+        step = found.period / samples
+        times = step * (first + np.arange(int(30e-6 / step) - 1))
+        return coupled.simulate(coupled.borghi2021(), SECOND_ORDER, power=6.31e-3, duration=30e-6, times=times)
+
+    return found, sampled
+
+
+@pytest.mark.parametrize("samples", [12.5, 13.33, 14.5, 16.5, 25.5, 40.0, 100.0, 250.0])
+def test_few_samples_are_no_pattern_and_what_they_leave_open_is_said(settled_run, samples):
+    """12.5, 14.5 and 16.5 samples a cycle were read as a pattern of two unequal pulses."""
+    true, sampled = settled_run
+    found = coupled.pulsing(sampled(samples))
+    assert (found.regime, found.pattern) == ("self-pulsing", 1)
+    period, duty, swing = re.search(
+        r"samples a cycle: period within (.*) %, duty within (.*), swing within (.*) %", found.reason
+    ).groups()
+    assert abs(found.period / true.period - 1) <= float(period) / 100
+    assert abs(found.duty - true.duty) <= float(duty)
+    assert abs(found.swing / true.swing - 1) <= float(swing) / 100
+
+
+def test_an_adiabatic_run_of_a_ring_with_a_long_lifetime_says_how_much_too_short_its_period_is():
+    ring, newton = coupled.vanvaerenbergh2012(), surrogate.newton(tau_th=65e-9, heat_capacity=5.56e-12)
+    light = {"power": 5e-4, "detuning": -5e9, "duration": 5e-6}
+    full, quick = (coupled.pulsing(coupled.simulate(ring, newton, **light, adiabatic=k)) for k in (False, True))
+    (share,) = re.search(r"its period is up to (.*)% too short", quick.reason).groups()
+    assert 0.005 < 1 - quick.period / full.period < float(share) / 100
+    assert "too short" not in full.reason

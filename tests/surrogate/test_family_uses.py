@@ -149,6 +149,9 @@ def test_calibration_refuses_data_of_another_part(family):
     data = th.solve(heat, th.Constant(1e-3), np.append(0.0, np.geomspace(1e-9, 1e-5, 20)), read="box")
     with pytest.raises(th.InputError, match="data was read in 'box', and the members are in 'core'"):
         surrogate.calibrate(family, data)
+    data.attrs |= {"heated": "heater", "read": "heater"}  # a part that the family does not have
+    with pytest.raises(th.InputError, match="data was heated in 'heater', and the members are in 'core'"):
+        surrogate.calibrate(family, data)
 
 
 def test_a_parameter_is_given_once_and_as_a_number(family):

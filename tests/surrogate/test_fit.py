@@ -340,3 +340,18 @@ def test_a_spectrum_is_stored_without_a_provenance_of_ones_own(step, tmp_path):
         path = surrogate.save_model(one, tmp_path / name)
         assert set(surrogate.load_provenance(path)["standard_errors"].values()) == {None}
         np.testing.assert_allclose(surrogate.load_model(path).R, fit.model.R, rtol=1e-15)
+
+
+def test_data_of_two_channels_are_refused_and_of_two_geometries_noted():
+    """Core and heater gave one model between the two, called core."""
+    heat, times = th.assemble(th.heated_ring()), np.geomspace(1e-9, 1e-4, 60)
+    core, heater, across = (
+        th.solve(heat, th.Constant(1e-3), times, heated=a, read=b)
+        for a, b in (("core", "core"), ("heater", "heater"), ("heater", "core"))
+    )
+    for pair, words in (([core, heater], "heated in 'heater' and data.0. in 'core'"), ([core, across], "two channels")):
+        for fit in (surrogate.fit_newton, surrogate.fit_foster, surrogate.fit_spectrum):
+            with pytest.raises(th.InputError, match=words):
+                fit(pair)
+    one, other = (th.solve(th.assemble(th.strip_ring(radius=r)), th.Constant(1e-3), times) for r in (8e-6, 5e-6))
+    assert any("two geometries" in note for note in surrogate.fit_foster([one, other], 2).notes)

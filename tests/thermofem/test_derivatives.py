@@ -327,3 +327,11 @@ def test_poles_of_a_reduction_move_as_those_of_a_moved_mesh():
     slope = (np.asarray(up.R) - np.asarray(down.R)) / (2 * step)
     np.testing.assert_allclose(d.R[0], slope, rtol=1e-4, atol=1e-6 * np.abs(slope).max())
     assert d.thermal_resistance.item() == pytest.approx(d.R.sum().item(), rel=1e-9)
+
+
+def test_a_reduction_of_another_mesh_of_equal_size_is_refused():
+    """Its poles are not those of the matrices; the slope of R_th was that of neither ring."""
+    other = th.assemble(th.strip_ring(radius=5e-6))
+    assert other.unknowns == STRIP.unknowns
+    with pytest.raises(th.InputError, match="of another heat problem"):
+        surrogate.pole_derivatives(other, surrogate.reduce(STRIP.system, 1e-3), "layer.box.thickness")
