@@ -331,6 +331,8 @@ def test_poles_of_a_reduction_move_as_those_of_a_moved_mesh():
 
 def test_a_reduction_of_another_mesh_of_equal_size_is_refused():
     """Its poles are not those of the matrices; the slope of R_th was that of neither ring."""
+    import surrogate
+
     other = th.assemble(th.strip_ring(radius=5e-6))
     assert other.unknowns == STRIP.unknowns
     with pytest.raises(th.InputError, match="of another heat problem"):
