@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from .checks import InputError, shown
 
 PARTS = "heated", "read"
 OTHER = "the data are of two geometries or more, which one model cannot follow: fit each on its own"
+
+
+def other_geometry(one: Mapping[str, Any] | None, other: Mapping[str, Any] | None) -> bool:
+    """Whether two origins, such as attributes of a Dataset, state different geometries."""
+    first, second = ((origin or {}).get("geometry") for origin in (one, other))
+    return bool(first and second) and str(first) != str(second)
 
 
 def check_together(datasets: Sequence[Any]) -> tuple[str, ...]:

@@ -16,6 +16,7 @@ import numpy as np
 from thermofem import checks
 from thermofem.dataset import write_whole
 from thermofem.models import ThermalModel
+from thermofem.together import other_geometry
 from thermofem.version import __version__
 
 from ..arguments import check_detuning, check_power, one_laser
@@ -131,6 +132,10 @@ def explore(
     if models is None and family is None:
         raise checks.InputError("models is missing; give a thermal model, several by name, or a family")
     given = models if isinstance(models, Mapping) else {"model": models} if models is not None else {}
+    for name, model in given.items():
+        origin = getattr(getattr(model, "model", model), "origin", None)
+        if heat is not None and other_geometry(origin, {"geometry": heat.geometry.to_toml()}):
+            raise checks.InputError(f"heat is of another geometry than the model {name!r}, whose field it would draw")
     parts = contents.Parts(heated, read)
     own = [] if models is None else contents.models_of(models, parts)
     names = [model["name"] for model in own]

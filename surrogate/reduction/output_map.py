@@ -6,8 +6,9 @@ nearly linear heat equation, and the temperature is a function of it.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,11 +16,16 @@ from thermofem import Foster, OutputMap, checks
 from thermofem.algebra.poles import pole_responses
 from thermofem.dataset import responses_of, warn_of
 from thermofem.models import NonlinearSystem
+from thermofem.together import other_geometry
 
 from .reduce import reduce
 
 if TYPE_CHECKING:
     import xarray as xr
+
+log = logging.getLogger("thermofem")
+
+OTHER = 0.1  # relative difference of thermal resistances that is told
 
 
 def output_map(system: NonlinearSystem, power: float, *, linear: Foster | None = None) -> OutputMap:
@@ -48,6 +54,9 @@ def output_map(system: NonlinearSystem, power: float, *, linear: Foster | None =
     power = check_nonlinear(system, power)
     if linear is not None:
         checks.instance("linear", linear, Foster, hint="a linear network is needed, such as surrogate.reduce gives")
+        own, given = system.thermal_resistance, linear.thermal_resistance
+        if abs(given - own) > OTHER * own:
+            log.warning("linear has R_th = %.4g K/W and the system %.4g: is it of another ring?", given, own)
     if linear is None:
         linear = reduce(system.linear, 1e-4).model  # type: ignore[assignment]  # one channel: a Foster network
     powers = np.array([power / 2, power])
@@ -75,6 +84,9 @@ def fit_output_map(linear: Foster, data: xr.Dataset | Sequence[xr.Dataset]) -> O
     checks.instance("linear", linear, Foster, hint="a linear network is needed, such as surrogate.reduce gives")
     responses = responses_of(data)
     warn_of(responses)
+    datasets: Any = data if isinstance(data, list | tuple) else [data]
+    if any(other_geometry(linear.origin, one.attrs) for one in datasets):
+        log.warning("the data are of another geometry than the linear model: the coefficient takes up the difference")
     rate = 1 / np.asarray(linear.tau)
     z = np.concatenate([pole_responses(rate, d.wave, d.times, periodic=d.periodic) @ linear.gain for d in responses])
     rise = np.concatenate([d.rise for d in responses])

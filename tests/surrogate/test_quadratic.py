@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from models import coarse_warm_fem
 
+import coupled
 import surrogate
 import thermofem as th
 from thermofem.transient import integrate
@@ -165,3 +166,15 @@ def test_compare_judges_all_models_on_held_out_drives_of_the_nonlinear_fem(warm,
     # the dynamics of the output map are linear: a part of the second order stays
     assert float(error.sel(model="output map")) < second / 2
     assert float(error.sel(model="quadratic")) < second**2
+
+
+def test_an_output_map_of_another_ring_is_told_apart(caplog):
+    """The coefficient took up the difference of the rings: 0.086 /K for constant materials."""
+    here, there = (th.assemble(th.strip_ring(radius=r)) for r in (8e-6, 5e-6))
+    linear = surrogate.reduce(here.system).model
+    surrogate.fit_output_map(linear, th.solve(here, th.Constant(1e-3), np.geomspace(1e-9, 2e-5, 40)))
+    assert not caplog.messages
+    surrogate.fit_output_map(linear, th.solve(there, th.Constant(1e-3), np.geomspace(1e-9, 2e-5, 40)))
+    assert any("of another geometry" in message for message in caplog.messages)
+    with pytest.raises(th.InputError, match="heat is of another geometry than the model 'model'"):
+        coupled.explore(coupled.borghi2021(), surrogate.reduce(here.system), heat=there)
