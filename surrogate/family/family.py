@@ -222,7 +222,8 @@ class Family:
             floor + factor * (difference between all functions and the first 70 % of them)
 
         The floor is the error of the mesh and the factor the largest ratio over the held-out members, both with half as
-        much on top. It is an estimate from those few members and no bound; `certify` measures one member.
+        much on top. It is an estimate from those few members and no bound; `certify` measures one member. It holds at
+        small power: with k(T) the error of the output map, ``bend.error``, comes on top.
         """
         return self._predicted(self.members.member(self.box.row(values)))
 
