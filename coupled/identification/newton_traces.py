@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,8 @@ from .matching import coarse, polished, residuals, simulated, targets_of
 
 if TYPE_CHECKING:
     import xarray as xr
+
+log = logging.getLogger("thermofem")
 
 GRID = 6  # start values of either parameter
 START = 2  # harmonics in the search from them
@@ -57,6 +60,7 @@ def fit_newton_per_trace(
     xarray.Dataset
         over trace: power (W), detuning (Hz), tau_th (s), heat_capacity (J/K), period and period_model (s), and misfit,
         the root of the sum of squares: below about 1 the model is within 1 % in period and 3 % of the swing in shape.
+        A trace that does not pulse determines the ratio of tau_th and heat_capacity alone, R_th: both are nan.
         In attrs correlation, Pearson's, of tau_th with heat_capacity over the traces that pulse, and slope (J/(K s))
         and intercept (J/K) of the straight line through them; nan for fewer than three.
 
@@ -102,6 +106,11 @@ def fit_newton_per_trace(
         "period_model": dataset.describe("period"),
         "misfit": {"units": "1", "long_name": "root of the sum of squared residuals"},
     }
+    rests = np.isnan(columns[4])
+    columns[2:4, rests] = np.nan
+    if rests.any():
+        which = ", ".join(str(k) for k in np.flatnonzero(rests))
+        log.warning("traces that do not pulse show tau_th/(m c_p) = R_th alone; both are nan for trace %s", which)
     pulses = np.isfinite(columns[4]) & np.isfinite(columns[5])
     line = {"correlation": np.nan, "slope": np.nan, "intercept": np.nan}
     if pulses.sum() >= 3:

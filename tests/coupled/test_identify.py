@@ -272,3 +272,15 @@ def test_a_period_that_is_a_multiple_of_the_models_is_said(caplog):
     assert note.startswith("traces[1] was read at a period of 1.29e-06 s and its model at 6.4e-07 s, 2 times")
     assert note in caplog.text
     assert len(multiples(np.array([0.5e-6]), np.array([1.52e-6]))) == 1
+
+
+def test_traces_at_rest_have_no_lifetime(caplog):
+    """Any pair on the line tau_th/(m c_p) = R_th fits them: 1.0 us was found for 0.36 us, with a misfit of 2e-6."""
+    ring, newton = coupled.borghi2021().with_lumped_fcd(), surrogate.newton(tau_th=3.6e-7, heat_capacity=5.2e-11)
+    light = {"power": 5e-3, "detuning": -5e9}
+    trace = coupled.simulate(ring, newton, **light, duration=20e-6, times=np.linspace(0, 20e-6, 4001))
+    trace.attrs |= light
+    found = coupled.fit_newton_per_trace(ring, [trace])
+    assert np.isnan(found["tau_th"].item())
+    assert np.isnan(found["heat_capacity"].item())
+    assert "both are nan for trace 0" in caplog.text
