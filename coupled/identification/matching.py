@@ -56,6 +56,7 @@ def targets_of(traces: xr.Dataset | Sequence[xr.Dataset]) -> list[Target]:
     for k, trace in enumerate(several):
         name = f"traces[{k}]"
         observed = observe(trace, name)
+        _check_alone(name, trace)
         power = trace.attrs.get("input_power", trace.attrs.get("power"))
         if power is None or "detuning" not in trace.attrs:
             raise checks.InputError(f"{name} does not say its drive; set its attrs 'power' (W) and 'detuning' (Hz)")
@@ -71,6 +72,14 @@ def targets_of(traces: xr.Dataset | Sequence[xr.Dataset]) -> list[Target]:
         dense = np.unique(np.concatenate([kept, np.linspace(0.0, end, int(end / STEPS) + 1)]))
         targets.append(Target(observed, power, detuning, end, kept, dense, length <= LONGEST))
     return targets
+
+
+def _check_alone(name: str, trace: Any) -> None:
+    """InputError for a run with a second laser or with heaters, whose light and heat no fit here counts."""
+    lasers = int(checks.integer(f"{name}.attrs['lasers']", trace.attrs.get("lasers", 1), 1, 1e6))
+    others = "a second laser" if lasers > 1 else "heaters" if "heater_power" in trace.variables else ""
+    if others:
+        raise checks.InputError(f"{name} is of a ring with {others}; one laser alone can be fitted")
 
 
 def simulated(ring: RingResonator, model: Compact, target: Target) -> Cycle:

@@ -284,3 +284,22 @@ def test_traces_at_rest_have_no_lifetime(caplog):
     assert np.isnan(found["tau_th"].item())
     assert np.isnan(found["heat_capacity"].item())
     assert "both are nan for trace 0" in caplog.text
+
+
+def test_a_run_with_a_second_laser_or_a_heater_is_refused():
+    """Their light and heat counted as the ring's: R came out 3 % off, 800 standard deviations."""
+    ring, model = coupled.borghi2021(), th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
+    light = {"power": 6.31e-3, "duration": 2e-6, "times": np.linspace(0, 2e-6, 501)}
+    probe = coupled.Laser(1e-3, 0.0, replace(ring, frequency=ring.frequency + 1.5e12))
+    both = coupled.simulate(ring, model, **light, lasers=probe)
+    two = th.StateSpace(
+        np.eye(2) * 1e-9, -np.eye(2) * 1e-3, np.eye(2), np.eye(2), ("core", "heater"), ("core", "heater")
+    )
+    warm = coupled.simulate(ring, two, **light, heaters={"heater": 1e-3}, heated="core", read="core")
+    for run, words in ((both, "with a second laser"), (warm, "with heaters")):
+        for fit in (
+            lambda run: coupled.identify(ring, run, free=["R"], model=model),
+            lambda run: coupled.fit_newton_per_trace(ring, [run]),
+        ):
+            with pytest.raises(th.InputError, match=words):
+                fit(run)
