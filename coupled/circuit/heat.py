@@ -6,8 +6,9 @@ what the mode was. A model that `surrogate.reduce_array` made has no such modes 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,8 @@ from thermofem.waveforms import hermite
 
 from ..inputs import Pieces, add
 from ..thermal import check_resistance, compact
+
+log = logging.getLogger("thermofem")
 
 MOST = 20_000  # thermal states of all rings
 FEW = 8  # states of a ring from which on their number is a multiple of 4, the numbers that a processor adds at once
@@ -53,17 +56,17 @@ class RingHeat:
         return np.asarray((own * self.gain / self.rate).sum(axis=1))
 
 
-def ring_heat(thermal: Any, rings: int) -> RingHeat:
-    """Read a thermal model for ``rings`` rings.
+def ring_heat(thermal: Any, names: Sequence[str]) -> RingHeat:
+    """Read a thermal model for the rings of these names.
 
     thermal [Foster, StateSpace, OutputMap, or what holds one as ``.model``]: with one input and output, it serves every
         ring and no heat goes between them; a StateSpace with as many outputs as rings has the rings first among its
-        inputs, then heaters.
+        inputs, then heaters. Rings that it names belong to those of the same names, and others in their order.
     Raises InputError: another number of rings, a model that is not symmetric, not passive, quadratic, or too large.
     """
-    model = _model_of(thermal)
+    model, rings = _model_of(thermal), len(names)
     if isinstance(model, StateSpace) and (len(model.outputs) > 1 or len(model.inputs) > 1):
-        return _of_array(model, rings)
+        return _of_array(model, names)
     small = compact(model)
     if hasattr(small, "H"):
         raise checks.InputError(
@@ -85,12 +88,29 @@ def _model_of(thermal: Any) -> Any:
     return thermal if inner is None or callable(inner) else inner
 
 
-def _of_array(model: StateSpace, rings: int) -> RingHeat:
+def _by_name(model: StateSpace, names: Sequence[str]) -> StateSpace:
+    """The model with its rings in the order of ``names``, where it has those names; otherwise as it is."""
+    own = [*model.inputs[: len(names)]]
+    if own != [*model.outputs] or {*own} != {*names}:
+        if own != [f"ring {k + 1}" for k in range(len(names))]:
+            log.warning(
+                "thermal is of %s: they stand for the rings %s, in this order", ", ".join(own), ", ".join(names)
+            )
+        return model
+    order = [own.index(name) for name in names]
+    inputs = [*order, *range(len(names), len(model.inputs))]
+    B, C = np.asarray(model.B)[:, inputs], np.asarray(model.C)[order]
+    return replace(model, B=B, C=C, inputs=tuple(model.inputs[k] for k in inputs), outputs=tuple(names))
+
+
+def _of_array(model: StateSpace, names: Sequence[str]) -> RingHeat:
+    rings = len(names)
     if len(model.outputs) != rings or len(model.inputs) < rings:
         raise checks.InputError(
             f"thermal has {len(model.inputs)} inputs and {len(model.outputs)} outputs, the circuit {rings} rings; one "
             "of each for every ring is needed (surrogate.reduce_array), or one model for all rings"
         )
+    model = _by_name(model, names)
     rate, B, C = _modes(model)
     scale = np.abs(model.gain).max()
     parts = []

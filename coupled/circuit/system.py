@@ -60,7 +60,7 @@ def system_of(
 
     before: states of the heaters at the end of a run that this one goes on from.
     """
-    heat = ring_heat(thermal, len(circuit.names))
+    heat = ring_heat(thermal, circuit.names)
     powers = powers_of(circuit, inputs, duration)
     frame, constant = detuning_of(circuit, detuning, duration)
     light = light_of(circuit, constant + circuit.lasers[0].offset)

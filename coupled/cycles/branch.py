@@ -27,6 +27,7 @@ EASY, HARD = 3, 5  # steps of Newton's method
 SMALL = 0.05  # relative range of the carriers where a branch that shrinks ends in a Hopf point
 SLOWEST = 30.0  # times the shortest period of the branch, where it runs into a saddle
 AT = 1e-3  # largest distance of the multiplier of a bifurcation from -1 or from the unit circle
+VERTICAL = 1e-5  # of the range, or of the parameter: folds so near each other are those of an error
 HOPF = "Hopf"
 KINDS = ("fold", "period doubling", "torus")
 
@@ -72,7 +73,10 @@ def follow_along(
             continue
         if _mirrored(family, place, ahead) and (end := hopf_near(family, min(place, ahead, key=relative_range))):
             return [*out, Found(end, HOPF)], "a Hopf point"
-        out += _between(family, place, ahead, tangent, step, kinds)
+        special = _between(family, place, ahead, tangent, step, kinds)
+        if (last := _fold_beside(out, special, high - low)) is not None:
+            return out[:last], "the branch turns vertical: its folds are as near each other as its error"
+        out += special
         value = float(ahead.values[0])
         if not low <= value <= high:
             border = low if value < low else high
@@ -91,6 +95,20 @@ def follow_along(
             return out, "the period grows without bound"
         step *= 1.6 if ahead.steps <= EASY else 0.6 if ahead.steps >= HARD else 1.0
     return out, "the number of points"
+
+
+def _fold_beside(out: list[Found], special: list[Found], span: float) -> int | None:
+    """Index of the last fold in ``out`` if the next one is within `VERTICAL` of it; None if there is none or it is not.
+
+    At the end of a canard explosion the period grows while the parameter stays, and the error of the cycles decides
+    where the branch seems to turn.
+    """
+    folds = [k for k, found in enumerate(out) if found.kind == "fold"]
+    following = [float(found.place.values[0]) for found in special if found.kind == "fold"]
+    if not folds or not following:
+        return None
+    before = float(out[folds[-1]].place.values[0])
+    return folds[-1] if abs(following[0] - before) < VERTICAL * max(span, abs(before)) else None
 
 
 def outwards(family: FreeParameters, place: Place, direction: Array) -> Array:

@@ -74,7 +74,9 @@ def continue_cycle(
         over point, in the order of the branch: the parameter (SI), period (s), duty, swing (K), extinction (dB),
         drop_low and drop_high (W), stability ("stable", "doubled" or "unstable") and special ("", "fold",
         "period doubling", "torus" or "Hopf" at a point that lies exactly there); multipliers over (point, multiplier).
-        attrs["reason"] says why the branch ends. Special points are located to 1e-8 of the range.
+        attrs["reason"] says why the branch ends. Special points are located to 1e-8 of the range. Two folds in a row
+        that are within 1e-5 of it, or of the parameter, are left out: the branch turns vertical there, as at the end of
+        a canard explosion, and ends.
 
     Raises
     ------

@@ -123,6 +123,11 @@ class _Window:
         at = self.at(values[0], values[1])
         return bool(np.all((at > -MARGIN) & (at < 1 + MARGIN)))
 
+    def contains(self, values: Array) -> bool:
+        """Whether a point lies in the window itself."""
+        at = self.at(values[0], values[1])
+        return bool(np.all((at >= 0) & (at <= 1)))
+
     def holds(self, curve: xr.Dataset, values: Array) -> bool:
         """Whether a curve passes through a point."""
         own = self.at(curve["power"].values, curve["detuning"].values).T
@@ -173,7 +178,7 @@ def _curve(ring: RingResonator, model: Compact, fold: Place, across: Array, wind
 
     ways = [follow_folds(family, fold, across, sign, window.inside, POINTS) for sign in (-1.0, 1.0)]
     places = [*ways[0][0][::-1], *ways[1][0][1:]]
-    if len(places) < 3:
+    if len(places) < 3 or not any(window.contains(place.values) for place in places):
         return []
     return [_dataset(base, places, (ways[0][1], ways[1][1]))]
 

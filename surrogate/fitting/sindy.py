@@ -16,6 +16,7 @@ Sources: S. L. Brunton, J. L. Proctor, J. N. Kutz, PNAS 113, 3932 (2016); D. A. 
 
 from __future__ import annotations
 
+import logging
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -32,6 +33,9 @@ from thermofem.models import HasModel, Network, gate
 if TYPE_CHECKING:
     import xarray as xr
 
+log = logging.getLogger("thermofem")
+
+OTHER = 0.05  # relative difference of static gains that is told
 WINDOW = 15.0  # half width of the test functions in samples: 30 ns at 2 ns keeps the poles of 2 ns and more (measured)
 DOMAINS = 400  # test functions, at random places
 SEED = 0
@@ -116,6 +120,14 @@ def fit_sindy(
     gains = checks.array("static", data.attrs.get("thermal_resistances", ()) if static is None else static)
     if gains.size != rise.shape[1] or gains.min() <= 0:
         raise checks.InputError(f"static has {gains.size} values for {rise.shape[1]} probes; one positive K/W for each")
+    if gains.max() > gains[0]:
+        hotter = names[int(np.argmax(gains))]
+        raise checks.InputError(
+            f"static of {hotter!r} is larger than that of {names[0]!r}, the heated part: hotter at rest"
+        )
+    stated = np.ravel(data.attrs.get("thermal_resistances", gains))
+    if stated.shape == gains.shape and np.any(np.abs(gains - stated) > OTHER * stated):
+        log.warning("static contradicts the thermal_resistances that the data state: %s and %s K/W", gains, stated)
     step = float(times[1] - times[0])
     half = (
         WINDOW * step if window is None else checks.positive("window", window, unit="s", at_most=float(times[-1]) / 3)

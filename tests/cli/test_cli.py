@@ -79,6 +79,7 @@ def test_solve_periodic(tmp_path):
         (["solve", "-o", "same.png", "--figure", "same.png"], "would be written twice"),
         (["solve", "-o", "."], "is a folder or a device"),
         (["solve", "--samples", "100000000000"], "--samples = 1e+11"),
+        (["solve", "--field-times", ","], "--field-times ',' names no time"),
         (["reproduce", "--quick", "-o", "bad_key.toml/out"], "cannot be made"),
         (["simulate", "good.toml"], "`thermofem reduce good.toml -o model.json` makes it from this"),
         (["fit", "good.toml"], "`thermofem solve good.toml -o heat.nc` makes it from this"),

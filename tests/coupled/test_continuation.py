@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -177,3 +178,22 @@ def test_bad_input():
 def test_a_sign_change_alone_is_no_bifurcation(kind, multipliers, there):
     orbit = SimpleNamespace(multipliers=np.array(multipliers, dtype=complex))
     assert _is_there(kind, SimpleNamespace(orbit=orbit)) == there
+
+
+def test_a_branch_that_turns_vertical_ends_instead_of_collecting_folds():
+    """At the end of a canard explosion 7 to 23 folds were found, as many as the range given decided."""
+    ring = replace(coupled.borghi2021(), bus_rate=47147353672.30088).with_lumped_fcd()
+    model = th.Foster(R=[2703.1507390077354, 5096.849260992264], tau=[7.271065412224265e-08, 6.582044312651478e-07])
+    power = 0.005371607293613336
+    points = [
+        curve.isel(point=int(np.argmin(abs(curve.power.values - power))))
+        for curve in coupled.hopf_curves(ring, model, [3e-3, 8e-3], [-10e9, 20e9])
+    ]
+    start = min(points, key=lambda point: abs(float(point.power) - power))
+    ends = []
+    for values in ((20e9, -10e9), (17.4e9, 15.4e9)):
+        found = coupled.continue_cycle(ring, model, "detuning", values, guess=start)
+        assert not (found.special.values == "fold").any()
+        assert "turns vertical" in found.attrs["reason"]
+        ends.append(float(found.detuning.values[-1]))
+    assert ends[0] == pytest.approx(ends[1], rel=1e-5)

@@ -1,5 +1,6 @@
 """Identified networks: accuracy on square waves the training never saw, and a gate that refuses what is wrong."""
 
+import contextlib
 import warnings
 
 import numpy as np
@@ -170,3 +171,18 @@ def test_unusable_data_are_named(change, reason):
     data = dataset([model.response(WAVE, TIMES)] * 2, ("core", "shell"))
     with pytest.raises(th.InputError, match=reason):
         surrogate.fit_sindy(change(data), [7000.0, 7000.0])
+
+
+def test_static_gains_that_contradict_the_data_are_told(five, caplog):
+    """1.2 times the right ones gave an R_th of 9430 K/W for 7858."""
+    models, names = five
+    data = dataset([m.response(WAVE, TIMES) for m in models], names)
+    static = np.array([m.thermal_resistance for m in models])
+    data.attrs["thermal_resistances"] = static
+    surrogate.fit_sindy(data, static)
+    assert "static" not in caplog.text
+    with contextlib.suppress(th.InputError):  # such a network may oscillate
+        surrogate.fit_sindy(data, 1.2 * static)
+    assert "static contradicts the thermal_resistances that the data state" in caplog.text
+    with pytest.raises(th.InputError, match="the heated part: hotter at rest"):
+        surrogate.fit_sindy(data, static[[1, 0, *range(2, static.size)]])

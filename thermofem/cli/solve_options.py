@@ -41,4 +41,6 @@ def note_unseen_end(pulse: str | None, square: str | None, wave: waveforms.Wavef
 def times_of(texts: list[str]) -> tuple[float, ...]:
     """The times in s of --field-times '1 us, 5 us', which may be repeated; in order."""
     given = [part.strip() for text in texts for part in text.split(",") if part.strip()]
+    if texts and not given:
+        raise InputError(f"--field-times {texts[0]!r} names no time; give '1 us' or '1 us, 5 us'")
     return tuple(sorted(quantity.parse(text, "s", name="--field-times") for text in given))
