@@ -24,7 +24,7 @@ from ..kernels.tableaus import Method, tableau
 from ..resonator import RingResonator
 from ..states import State
 from ..thermal import Compact
-from .window import LONG, MAX_STEPS, check_end, floor_of, units
+from .window import LONG, MANY, MAX_STEPS, check_end, floor_of, units
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -131,7 +131,7 @@ def run_several(
     floor = floor_of(rates, math.sqrt(several.brightest(light)), model.thermal_resistance * eq.UW)
     longest = min(QUIET * rates.tau0, BEAT * 2 * math.pi / beat if beat else math.inf)
     call = uninterrupted
-    if duration > LONG:
+    if duration > LONG or duration / eq.NS > MANY * longest:
         call = partial(watched, progress=(lambda t: progress(t * eq.NS)) if progress else None)
     rows, y, reached, counts = call(
         several.integrate, np.concatenate([state.as_array(), extra]) / unit, n, light, modes, rates, fcd, thermal,

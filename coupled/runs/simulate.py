@@ -96,7 +96,7 @@ def simulate(
         further lasers: a probe or a second channel on another resonance, or light that beats on the same one
         (`coupled.runs.lasers`). Not with ``event`` or ``adiabatic``.
     progress : callable, optional
-        called with the time in s that has been reached: about ten times a second in runs of more than 100 us, and at
+        called with the time in s that has been reached: about ten times a second in long runs, and at
         the end.
 
     Returns

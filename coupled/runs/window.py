@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 MAX_STEPS = 20_000_000  # ten seconds of work and 800 MB of accepted steps
 LONG = 1e-4  # s; shorter runs are done in well under a second, at the sharpest rtol
+MANY = 50_000  # steps that the light takes at least, or edges, from which a shorter run takes a second, too
 QUANTITIES = ("energy", "carriers", "delta_T")
 NO_TIMES = np.empty(0)
 
@@ -110,7 +111,7 @@ def advance(
     unit = units(np.size(state.thermal))
     at, begin = np.asarray(times, dtype=float) / eq.NS, state.as_array() / unit
     call = uninterrupted
-    if stop - start > LONG:
+    if stop - start > LONG or laser.edges.size > MANY:
         call = partial(watched, progress=(lambda t: progress(t * eq.NS)) if progress else None)
     if adiabatic:
         from ..kernels.adiabatic import integrate

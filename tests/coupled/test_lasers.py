@@ -199,3 +199,13 @@ PLANES = (
 def test_maps_and_curves_have_one_laser(map_of):
     with pytest.raises(th.InputError, match=rf"{map_of.__name__} has one laser.*simulate\(..., lasers="):
         map_of(RING, NETWORK, [1e-3, 2e-3], [0.0, 1e9], lasers=[coupled.Laser(1e-3)])
+
+
+def test_a_short_run_of_many_beats_reports_its_progress():
+    """2 us of a beat of 4 GHz are 800 000 steps; only runs of more than 100 us said how far they were."""
+    times = []
+    beating = coupled.Laser(1e-3, 4e9)
+    coupled.simulate(RING, NETWORK, power=6e-3, duration=2e-6, lasers=beating, progress=times.append)
+    assert len(times) >= 2  # the end, and ten a second before it
+    assert times == sorted(times)
+    assert times[-1] == pytest.approx(2e-6)
