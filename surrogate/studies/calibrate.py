@@ -185,8 +185,8 @@ def _check_channel(family: Family, data: Any) -> None:
     a, b = family._channel(None, None)
     for one in map(at_probe, data if isinstance(data, list | tuple) else [data]):
         for what, port in (("heated", a), ("read", b)):
-            given, wanted = str(one.attrs.get(what)), family.ports[port]
-            if "heated" in one.attrs and given != wanted:
+            given, wanted = str(one.attrs.get(what) or family.ports[port]), family.ports[port]
+            if given != wanted:
                 raise checks.InputError(
                     f"data was {what} in {checks.shown(given)}, and the members are in {wanted!r}; solve for that, or, "
                     f"if it is the same part, set its attribute {what!r}"

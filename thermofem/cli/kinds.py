@@ -60,7 +60,7 @@ def kind_of(path: Path) -> str | None:
 
 
 def _of_netcdf(path: Path) -> str:
-    """ "data" where there is heat over time; what light does to a ring, a map and an index are results."""
+    """Kind of a netCDF file: data where there is heat over time; runs with light, maps and indices are results."""
     import h5py
 
     with h5py.File(path, "r") as file:
