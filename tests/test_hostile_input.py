@@ -275,6 +275,8 @@ def test_a_loop_of_links_is_one_line(tmp_path):
     [
         (["solve", "--pulse", ""], "--pulse is empty"),
         (["solve", "--read", "core", "--read", " "], "--read is empty"),
+        (["solve", "-o", ""], "--output is empty"),
+        (["solve", ""], "GEOMETRY is empty"),
         (["fit", "d.nc", "--order", "3"], "--order = 3 goes with --kind foster"),
         (["explore", "m.json", "--channel", "nope"], "--heated = 'nope' is unknown"),
     ],

@@ -37,7 +37,7 @@ def model_html(model: Any) -> str:
             rows.append(("thermal resistance", f"{model.thermal_resistance / 1e3:.4g} K/mW"))
     tau = getattr(getattr(model, "linear", model), "tau", None)
     if tau is not None:
-        ends = [quantity.write(float(f"{t:.3g}"), "s") for t in (np.min(tau), np.max(tau))]
+        ends = [quantity.rounded(t, "s") for t in (np.min(tau), np.max(tau))]
         rows.append(("time constants", " to ".join(dict.fromkeys(ends))))
     if hasattr(model, "coefficient"):
         rows.append(("output map", f"z + ({model.coefficient:.3g} /K) z²"))
@@ -55,7 +55,7 @@ def section_card(section: CrossSection) -> str:
 
 
 def _length(value: float) -> str:
-    return quantity.write(float(f"{value:.6g}"), "m")
+    return quantity.rounded(value, "m", 6)
 
 
 def materials_text(materials: Sequence[Material]) -> str:

@@ -196,6 +196,16 @@ def write(value: float, unit: str) -> str:
     return f"{number} {prefixed}".strip()
 
 
+def rounded(value: float, unit: str, digits: int = 3) -> str:
+    """The text of `write` for the number rounded to so many significant digits, for messages.
+
+    >>> rounded(4.1966e-5, "s"), rounded(float("inf"), "s")
+    ('42 us', 'inf s')
+    """
+    number = float(f"{value:.{digits}g}")
+    return write(number, unit) if math.isfinite(number) else f"{number} {unit}"
+
+
 def _convert(digits: str, given: str, unit: str, what: str) -> float:
     """The number ``digits`` of unit ``given`` in ``unit``; the digits are kept where the unit is a power of ten."""
     try:

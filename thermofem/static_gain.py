@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import checks
+from . import checks, quantity
 from .arrays import Array
 from .checks import InputError
 from .geometry.cross_section import CrossSection
@@ -111,8 +111,8 @@ def _cold(wave: Waveform, times: Array, rise: Array, tolerance: float) -> list[s
     if rise[0] >= 0.5 * due - tolerance:
         return []
     return [
-        f"delta_T is {rise[0]:.4g} K at the first sample, {first:.3g} s after the power set in, which heats to at "
-        f"least {due:.4g} K by then: does time begin where the power does?"
+        f"delta_T is {rise[0]:.4g} K at the first sample, {quantity.rounded(first, 's')} after the power set in, which "
+        f"heats to at least {due:.4g} K by then: does time begin where the power does?"
     ]
 
 
@@ -137,7 +137,7 @@ def _settled(wave: Waveform, times: Array, rise: Array, R: float, tolerance: flo
         return []
     return [
         f"delta_T has settled at {late:.4g} K, but thermal_resistance = {R:.5g} K/W ends at {due:.4g} K: only a pole "
-        f"much slower than {end:.3g} s explains it; {WRONG}"
+        f"much slower than {quantity.rounded(end, 's')} explains it; {WRONG}"
     ]
 
 

@@ -322,4 +322,4 @@ def _check_rest(t: Array, y: Array, start: float, warned: list[str]) -> None:
 
 
 def _words(seconds: float) -> str:
-    return quantity.write(float(f"{seconds:.4g}"), "s")
+    return quantity.rounded(seconds, "s", 4)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import checks, renamed
+from thermofem import checks, quantity, renamed
 from thermofem.arrays import Array
 from thermofem.display import shown
 from thermofem.models import HasModel, ThermalModel
@@ -235,9 +235,9 @@ def multiples(periods: Array, models: Array) -> tuple[str, ...]:
         ratio = max(seen / own, own / seen)
         if ratio > 1.5 and abs(ratio / round(ratio) - 1) < NEAR:
             notes.append(
-                f"traces[{k}] was read at a period of {seen:.4g} s and its model at {own:.4g} s, {round(ratio)} times "
-                "as much or as little: one of them is misread, and the parameters may be wrong; sample the trace more "
-                "finely, or leave it out"
+                f"traces[{k}] was read at a period of {quantity.rounded(seen, 's', 4)} and its model at "
+                f"{quantity.rounded(own, 's', 4)}, {round(ratio)} times as much or as little: one of them is misread, "
+                "and the parameters may be wrong; sample the trace more finely, or leave it out"
             )
             log.warning("%s", notes[-1])
     return tuple(notes)

@@ -352,7 +352,7 @@ def _rests(reason: str, swing: float, cycles: int = 0) -> Pulsing:
 def _slow(reason: str, wanted: float, swing: float, cycles: int) -> Pulsing:
     """A slow transient, and how long a run is ``wanted``, s; none is longer than `arguments.LONGEST`."""
     wanted = min(wanted, LONGEST)
-    words = f"{reason}: simulate {quantity.write(float(f'{wanted:.2g}'), 's')}"
+    words = f"{reason}: simulate {quantity.rounded(wanted, 's', 2)}"
     found = replace(_rests(words, swing, cycles), suggested_duration=wanted)
     return replace(found, regime=Regime.SLOW_TRANSIENT)
 

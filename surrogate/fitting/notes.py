@@ -17,11 +17,11 @@ def starts(found: Optimum) -> list[str]:
     """Sentences on the starts of measured traces, which were fitted with the poles."""
     notes = []
     for shift, error in zip(found.shift, found.shift_error, strict=True):
-        size, side = quantity.write(float(f"{abs(shift):.2g}"), "s"), "later" if shift > 0 else "earlier"
+        size, side = quantity.rounded(abs(shift), "s", 2), "later" if shift > 0 else "earlier"
         if error == np.inf:
             notes.append(f"the heating begins {size} {side} than the trace shows, or more: take more poles")
         elif error > 0:
-            error = quantity.write(float(f"{error:.2g}"), "s")
+            error = quantity.rounded(error, "s", 2)
             notes.append(f"the heating begins {size} +- {error} {side} than the trace shows: fitted with the poles")
     return notes
 
@@ -30,7 +30,7 @@ def other_gain(model: Foster, stated: float | None) -> list[str]:
     """A sentence on a model whose thermal resistance is not that which the data state."""
     if stated is None or abs(model.thermal_resistance - stated) <= OTHER * abs(stated):
         return []
-    own, true = (quantity.write(float(f"{R:.3g}"), "K/W") for R in (model.thermal_resistance, stated))
+    own, true = (quantity.rounded(R, "K/W") for R in (model.thermal_resistance, stated))
     return [f"R_th is {own} where the data state {true}: the model holds for heating like its training, not at rest"]
 
 
@@ -50,13 +50,14 @@ def unseen(found: Optimum, span: tuple[float, float]) -> list[str]:
     deviation = np.sqrt(np.maximum(found.covariance.diagonal()[: found.log_rate.size], 0))
     for log_rate, gain, sd in zip(found.log_rate[::-1], found.gain[::-1], deviation[::-1], strict=True):
         tau = np.exp(-log_rate)
-        said = f"tau = {tau:.3g} s"
+        said = f"tau = {quantity.rounded(tau, 's')}"
         if gain == 0:
             notes.append(f"{said} is one pole too many: its best gain is zero")
         elif sd > UNSEEN:
             notes.append(f"the data can't see {said}: its standard error is a factor of {np.exp(min(sd, 20)):.3g}")
         elif tau > 3 * span[1]:
-            notes.append(f"{said} is an extrapolation: the data last {span[1]:.3g} s")
+            notes.append(f"{said} is an extrapolation: the data last {quantity.rounded(span[1], 's')}")
         elif tau < span[0] / 3:
-            notes.append(f"{said} is an extrapolation: the data begin to show times at {span[0]:.3g} s")
+            seen = quantity.rounded(span[0], "s")
+            notes.append(f"{said} is an extrapolation: the data begin to show times at {seen}")
     return notes

@@ -24,7 +24,7 @@ from itertools import combinations
 
 import numpy as np
 
-from thermofem import checks
+from thermofem import checks, quantity
 from thermofem.algebra.poles import pole_responses
 from thermofem.arrays import Array
 from thermofem.dataset import Response
@@ -85,8 +85,8 @@ class FitProblem:
         shortest, longest = self.span
         if shortest > UNSEEN * longest:
             raise checks.InputError(
-                f"the samples span {longest:.3g} s and begin {shortest:.3g} s after the power changed, when nothing "
-                "that they could show moves; is a time shifted, or in another unit?"
+                f"the samples span {quantity.rounded(longest, 's')} and begin {quantity.rounded(shortest, 's')} after "
+                "the power changed, when nothing that they could show moves; is a time shifted, or in another unit?"
             )
         slowest = np.array([-np.log(longest)])
         for response in self.responses:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thermofem import Foster, checks
+from thermofem import Foster, checks, quantity
 from thermofem.arrays import Array
 
 from .fit import Fit, Training
@@ -90,6 +90,6 @@ def _beyond(R: Array, tau: Array, longest: float) -> list[str]:
     if share <= BEYOND:
         return []
     return [
-        f"{share:.0%} of the thermal resistance lies in poles slower than {SLOW * longest:.3g} s, which the data are "
-        "too short to show: only the stated thermal_resistance says so"
+        f"{share:.0%} of the thermal resistance lies in poles slower than {quantity.rounded(SLOW * longest, 's')}, "
+        "which the data are too short to show: only the stated thermal_resistance says so"
     ]

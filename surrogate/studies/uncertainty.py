@@ -263,7 +263,7 @@ def _clip(family: Family, names: tuple[str, ...]) -> Callable[[Array], Array]:
             out = float(((column < low) | (column > high)).mean())
             if out > OUTSIDE:
                 unit = family.box.units[family.names.index(name)]
-                ends = " to ".join(quantity.write(float(f"{end:.6g}"), unit) for end in (low, high))
+                ends = " to ".join(quantity.rounded(end, unit, 6) for end in (low, high))
                 raise checks.InputError(
                     f"{name}: {out:.1%} of the samples lie outside the family's {ends}; "
                     "train one that reaches four standard deviations beyond the mean"

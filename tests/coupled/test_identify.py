@@ -269,7 +269,7 @@ def test_a_period_of_few_and_a_half_samples_is_not_read_twice(samples):
 def test_a_period_that_is_a_multiple_of_the_models_is_said(caplog):
     assert multiples(np.array([1e-6, np.nan, 1.3e-6]), np.array([1.02e-6, 1e-6, 1e-6])) == ()
     (note,) = multiples(np.array([1e-6, 1.29e-6]), np.array([1e-6, 0.64e-6]))
-    assert note.startswith("traces[1] was read at a period of 1.29e-06 s and its model at 6.4e-07 s, 2 times")
+    assert note.startswith("traces[1] was read at a period of 1.29 us and its model at 640 ns, 2 times")
     assert note in caplog.text
     assert len(multiples(np.array([0.5e-6]), np.array([1.52e-6]))) == 1
 

@@ -15,6 +15,7 @@ import os
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
@@ -102,11 +103,7 @@ def speaking(function: Callable[..., Numbers | None]) -> Callable[..., None]:
     def command(*, json_: bool, quiet: bool, verbose: bool, threads: int | None, **options: Any) -> None:
         _manner.json, _manner.quiet = json_, quiet
         _held.clear()
-        for name, value in options.items():
-            if any(
-                isinstance(text, str) and not text.strip() for text in (value if isinstance(value, list) else [value])
-            ):
-                raise checks.InputError(f"--{name.strip('_').replace('_', '-')} is empty; leave it out for its default")
+        _check_empty(function, options)
         check_apart(options)
         check_used(function, options)
         _log(quiet, verbose)
@@ -141,6 +138,18 @@ def speaking(function: Callable[..., Numbers | None]) -> Callable[..., None]:
     command.__signature__ = inspect.Signature([*own, *more])  # type: ignore[attr-defined]
     del command.__wrapped__
     return command
+
+
+def _check_empty(function: Callable[..., Any], options: Mapping[str, Any]) -> None:
+    """InputError where an option or argument is '', as the shell makes it of a variable that is not set."""
+    for name, value in options.items():
+        for one in value if isinstance(value, list) else [value]:
+            unset = one == Path() and "" in sys.argv[1:]  # what Path makes of ''
+            if unset or (isinstance(one, str | Path) and not str(one).strip()):
+                marks = get_type_hints(function, include_extras=True)[name].__metadata__
+                word = name.strip("_").replace("_", "-")
+                said = word.upper() if isinstance(marks[0], typer.models.ArgumentInfo) else f"--{word}"
+                raise checks.InputError(f"{said} is empty", "leave it out, or is a variable of the shell not set?")
 
 
 class _Notes(logging.Handler):
@@ -185,7 +194,7 @@ def written(value: float, unit: str, error: float | None = None) -> str:
     """A number for people, and its standard error, to the digits that matter, with one prefix for both."""
     from .. import quantity
 
-    text = quantity.write(float(f"{value:.4g}"), unit) if unit in quantity.SI else f"{value:.4g} {unit}"
+    text = quantity.rounded(value, unit, 4) if unit in quantity.SI else f"{value:.4g} {unit}"
     if error is None:
         return text
     number, _, prefixed = text.partition(" ")

@@ -105,7 +105,7 @@ def _lines(numbers: dict[str, Any]) -> list[tuple[str, str]]:
         of = "R_th" if len(rows) == 1 else f"R_th of {name}"
         lines.append((of, f"{', '.join(f'{value / 1e3:.5g}' for value in row)} K/mW"))
     for pole in (numbers["poles"] or [])[:MOST]:
-        tau = quantity.write(float(f"{pole['tau']:.4g}"), "s")
+        tau = quantity.rounded(pole["tau"], "s", 4)
         lines.append(("pole", f"tau = {tau}" + (f", R = {pole['R'] / 1e3:.4g} K/mW" if "R" in pole else "")))
     if numbers["error_bound"] is not None:
         lines.append(("error bound", f"{numbers['error_bound']:.2e} of R_th, at every frequency"))

@@ -245,6 +245,6 @@ def slip(value: float, typical: float, at_most: float = _LONGEST) -> checks.Hint
         return checks.Hint("lengths are in metres")
     meant = value * min((1e-3, 1e-6, 1e-9), key=lambda factor: abs(math.log(abs(value) * factor / typical)))
     power = 3 * math.floor(math.log10(abs(meant)) / 3)
-    number, written = f"{meant / 10**power:g}e{power}", quantity.write(float(f"{meant:.6g}"), "m")
+    number, written = f"{meant / 10**power:g}e{power}", quantity.rounded(meant, "m", 6)
     text = f'did you mean "{written}" ({number} m)?'
     return checks.Hint(f"lengths are in metres (did you mean {number}?)", text=text)

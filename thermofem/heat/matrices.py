@@ -131,10 +131,10 @@ def discretize(
         for name, value in (("conductivity", conductivity), ("heat_capacity", heat_capacity))
     )
     for name, value, shapes in (("conductivity", k, ((), (n,), (2, n))), ("heat_capacity", c, ((), (n,)))):
-        if value.shape not in shapes or value.min() < 0:
-            raise checks.InputError(
-                f"{name} has shape {value.shape}; one value >= 0 for each of {n} triangles is needed"
-            )
+        if value.shape not in shapes:
+            raise checks.InputError(f"{name} has the shape {value.shape}; one for each of {n} triangles is needed")
+        if value.min() < 0:
+            raise checks.InputError(f"{name} = {value.min():g} is negative in a triangle; it must be zero or more")
     return build(mesh, k, c, Surfaces(held=_facets("held", held, facets), convection=_convection(convection, facets)))
 
 
