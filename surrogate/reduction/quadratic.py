@@ -53,7 +53,7 @@ class QuadraticReduction(HasModel):
     Attributes
     ----------
     model : Quadratic
-        its last state is w of the module's docstring.
+        its last state follows the square of the rise, so that terms of third order are products of two states.
     linear : Reduction
         the certified reduction at small power.
     power : float, W

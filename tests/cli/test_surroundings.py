@@ -103,6 +103,18 @@ def test_numba_that_does_not_start_is_named(folder):
     assert "Numba does not start" in found.stderr + found.stdout
 
 
+def test_byte_code_that_a_full_disk_cut_off_is_compiled_again(tmp_path):
+    """Python before 3.13 stores what fits of it, and every later start ended in an unforeseen EOFError."""
+    stored = {"PYTHONPYCACHEPREFIX": str(tmp_path), "PYTHONDONTWRITEBYTECODE": ""}
+    assert process("--version", cwd=tmp_path, **stored).returncode == 0
+    (cut,) = tmp_path.rglob("thermofem/cli/group.*.pyc")
+    whole = cut.read_bytes()
+    cut.write_bytes(whole[:300])
+    assert process("--version", cwd=tmp_path, **stored).returncode == 0
+    assert process("--version", cwd=tmp_path, **stored).returncode == 0
+    assert cut.read_bytes() == whole
+
+
 def test_an_error_that_nobody_foresaw_is_one_line_with_its_cause(folder, tmp_path):
     """Dask reads its settings where xarray looks at an array: two chained errors and the whole array were printed."""
     pytest.importorskip("dask")
