@@ -42,7 +42,7 @@ class Truncation(HasModel):
     ----------
     model : Foster
     error_bound : float
-        |H - H_r|/|H(0)|, not exceeded at any frequency: the three terms of the module's docstring.
+        |H - H_r|/|H(0)|, not exceeded at any frequency: certificate, truncation_bound, and what the static gain costs.
     truncation_bound : float
         2 sum(sigma) alone, before the static gain is restored, over |H(0)|.
     singular_values : array, K/W

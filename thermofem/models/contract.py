@@ -32,7 +32,7 @@ BEYOND = 1.2  # a rise this far above the training's largest draws a warning
 
 
 class ThermalModel(Protocol):
-    """Power in, temperature rise out; the numbered contract stands in the module's docstring."""
+    """Power in, temperature rise out; help(thermofem.models.contract) lists what holds for every model."""
 
     @property
     def inputs(self) -> tuple[str, ...]:

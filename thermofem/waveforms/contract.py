@@ -54,7 +54,7 @@ def words(wave: Waveform) -> str:
 
 
 class Waveform(Protocol):
-    """Absorbed power against time; the numbered contract stands in the module's docstring."""
+    """Absorbed power against time; help(thermofem.waveforms) lists what holds for every waveform."""
 
     piecewise_linear: ClassVar[bool]
 
