@@ -247,6 +247,15 @@ def test_ladder_of_two_by_hand():
     assert structure.capacity.values == pytest.approx([3, 7])
 
 
+def test_the_ladder_of_a_ladder_is_itself():
+    """By way of its poles the last resistance came out 2e-4 off: it carries 1e-4 of the impedance."""
+    ladder = surrogate.Cauer(R=[1e4, 1e4, 1.0], C=[1e-13, 1e-9, 1e-13])
+    assert surrogate.cauer(ladder) is ladder
+    assert surrogate.structure_function(ladder).capacity.values == pytest.approx(
+        [1e-13, 1.0001e-9, 1.0002e-9], rel=1e-15
+    )
+
+
 def test_structure_function_begins_with_the_core(reference):
     structure = surrogate.structure_function(reference)
     core = 2330 * 700 * 2 * np.pi * 7.955e-6 * 0.45e-6 * 0.22e-6

@@ -101,7 +101,7 @@ class Cauer(Delegates):
 
 
 def cauer(model: ThermalModel) -> Cauer:
-    """The ladder of a passive linear model, by continued fractions in decimals of many digits.
+    """The ladder of a passive linear model, by continued fractions in decimals of many digits; of a Cauer, itself.
 
     Raises
     ------
@@ -109,6 +109,8 @@ def cauer(model: ThermalModel) -> Cauer:
         a network that is not passive; more than `MOST` poles, or so many so near each other that R or C of the ladder
         are no floats (150 from 1 to 2 us reach 1e268 J/K). Poles of zero R are left out, equal time constants merged.
     """
+    if isinstance(model, Cauer):
+        return model
     model = linear_poles(model, "has a Cauer ladder")
     if not model.passive:
         raise checks.InputError("the network is not passive (an R is negative); it has no ladder")
