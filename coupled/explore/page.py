@@ -131,6 +131,10 @@ def explore(
     detuning = check_detuning(detuning)
     if models is None and family is None:
         raise checks.InputError("models is missing; give a thermal model, several by name, or a family")
+    if heat is not None:
+        from thermofem import HeatProblem  # brings scikit-fem
+
+        checks.instance("heat", heat, HeatProblem, hint="th.assemble(geometry) makes the HeatProblem")
     given = models if isinstance(models, Mapping) else {"model": models} if models is not None else {}
     for name, model in given.items():
         origin = getattr(getattr(model, "model", model), "origin", None)

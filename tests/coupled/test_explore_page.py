@@ -218,6 +218,8 @@ def test_refused_models_say_what_to_do():
         coupled.explore(ring, quadratic)
     with pytest.raises(th.InputError, match="give 1 to 6"):
         coupled.explore(ring, {})
+    with pytest.raises(th.InputError, match="heat is a ndarray"):
+        coupled.explore(ring, th.Foster(R=[7000.0], tau=[1e-6]), heat=np.zeros((0, 3)))
 
 
 def test_the_file_is_small_and_needs_nothing_else():
