@@ -8,6 +8,7 @@ from typing import Any
 from .checks import InputError, shown
 
 PARTS = "heated", "read"
+NAMES = "the data were read in {}: one model follows them only where these are names of one part"
 OTHER = "the data are of two geometries or more, which one model cannot follow: fit each on its own"
 
 
@@ -20,14 +21,24 @@ def other_geometry(one: Mapping[str, Any] | None, other: Mapping[str, Any] | Non
 def check_together(datasets: Sequence[Any]) -> tuple[str, ...]:
     """Doubts about Datasets that together train one model; what they do not state counts as equal.
 
+    A measured table states no heated part, and as what is read the name of its column, which need not be a part.
+
     Raises InputError: another heated part, or another part that is read.
     """
+    attrs = [data.attrs for data in datasets]
+    solved = [(k, stated) for k, stated in enumerate(attrs) if stated.get("heated")]
     for what in PARTS:
-        stated = [(k, str(data.attrs[what])) for k, data in enumerate(datasets) if data.attrs.get(what)]
-        for k, part in stated[1:]:
-            first, other = stated[0]
+        parts = [(k, str(stated[what])) for k, stated in solved if stated.get(what)]
+        for k, part in parts[1:]:
+            first, other = parts[0]
             if part != other:
                 here, there = f"data[{k}] was {what} in {shown(part)}", f"data[{first}] in {shown(other)}"
                 raise InputError(f"{here} and {there}: two channels; fit each on its own")
-    geometries = {str(data.attrs["geometry"]) for data in datasets if data.attrs.get("geometry")}
-    return (OTHER,) if len(geometries) > 1 else ()
+    return tuple(
+        words.format(" and ".join(map(shown, found)))
+        for words, found in (
+            (NAMES, dict.fromkeys(str(stated["read"]) for stated in attrs if stated.get("read"))),
+            (OTHER, dict.fromkeys(str(stated["geometry"]) for stated in attrs if stated.get("geometry"))),
+        )
+        if len(found) > 1
+    )

@@ -181,12 +181,16 @@ def _rise(model: Foster | OutputMap, response: Response) -> Array:
 
 
 def _check_channel(family: Family, data: Any) -> None:
-    """InputError where data of the finite elements were heated or read in another part than the members are."""
+    """InputError where data were heated or read in another part than the members are.
+
+    A table that was read names its column alone, which is a part only where the geometry has one of that name.
+    """
     a, b = family._channel(None, None)
+    parts = family.box.base.region_names
     for one in map(at_probe, data if isinstance(data, list | tuple) else [data]):
         for what, port in (("heated", a), ("read", b)):
             given, wanted = str(one.attrs.get(what) or family.ports[port]), family.ports[port]
-            if given != wanted:
+            if given != wanted and ("heated" in one.attrs or given in parts):
                 raise checks.InputError(
                     f"data was {what} in {checks.shown(given)}, and the members are in {wanted!r}; solve for that, or, "
                     f"if it is the same part, set its attribute {what!r}"

@@ -154,6 +154,22 @@ def test_calibration_refuses_data_of_another_part(family):
         surrogate.calibrate(family, data)
 
 
+def test_calibration_takes_a_table_whatever_its_column_is_called(family, tmp_path):
+    """The name of the column counted as a part that the members do not have."""
+    truth, times = {"radius": 6.2e-6, "width": 470e-9, "box": 2.2e-6}, np.append(0.0, np.geomspace(2e-9, 50e-6, 150))
+    rise = family.model(**truth).response(th.Constant(1e-3), times)
+    table = tmp_path / "scope.csv"
+    for column, refused in (("T (K)", False), ("core", False), ("box", True)):
+        columns = np.column_stack([times, rise])
+        np.savetxt(table, columns, delimiter=",", header=f"t (s),{column}", comments="", fmt="%.12e")
+        data = th.read_csv(table, time="t (s)", temperature=column, power=1e-3, units={"temperature": "K"})
+        if refused:
+            with pytest.raises(th.InputError, match="data was read in 'box', and the members are in 'core'"):
+                surrogate.calibrate(family, data)
+        else:
+            assert surrogate.calibrate(family, data).values == pytest.approx(truth, rel=1e-6)
+
+
 def test_a_parameter_is_given_once_and_as_a_number(family):
     width = {"width": stats.norm(500e-9, 1e-9)}
     for call, words in (
