@@ -8,8 +8,7 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -18,6 +17,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from campaigns import OXIDE, make, marks, write
+from processes import children, wait_for
 
 import thermofem as th
 from thermofem.campaign import Variation, work
@@ -96,30 +96,39 @@ def test_a_killed_worker_loses_nothing(tmp_path):
     assert all(mark.items() <= final.items() for mark in seen)  # nothing was written twice
 
 
+def test_a_killed_server_loses_nothing(tmp_path, monkeypatch):
+    """It ended with EOFError where the server of the workers was killed while it started one."""
+    forkserver = pytest.importorskip("multiprocessing.forkserver")
+    connect, calls = forkserver.connect_to_new_process, []
+
+    def killed(fds):
+        calls.append(fds)
+        if len(calls) in (1, 3):
+            os.kill(forkserver._forkserver._forkserver_pid, signal.SIGKILL)
+            raise EOFError("unexpected EOF")
+        return connect(fds)
+
+    monkeypatch.setattr(forkserver, "connect_to_new_process", killed)
+    summary = make(4).run(tmp_path, workers=2)
+    assert (summary.finished, summary.failed) == (4, 0)
+    assert len(calls) >= 3
+
+
+def test_an_executor_that_breaks_is_one_line(tmp_path, monkeypatch):
+    monkeypatch.setattr("thermofem.campaign.run.compute", poisoned)
+    with (
+        ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool,
+        pytest.raises(th.InputError, match=r"the executor broke; \d geometries of this run are kept, run again"),
+    ):
+        make(5).run(tmp_path, pool)
+    monkeypatch.undo()
+    assert make(5).run(tmp_path, workers=2).failed == 0
+
+
 def start(folder: Path, *arguments: str) -> subprocess.Popen[str]:
     code = "from thermofem.cli import main; main()"
     command = [sys.executable, "-c", code, "campaign", "campaign.toml", "-o", "out", *arguments]
     return subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True, start_new_session=True)
-
-
-def children(parent: int) -> list[int]:
-    """Processes that this one has started, and those that they have, from /proc."""
-    found: list[int] = []
-    for entry in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            fields = entry.read_text().rsplit(")", 1)[1].split()
-        except OSError:
-            continue
-        if int(fields[1]) == parent and fields[0] != "Z":
-            found += [int(entry.parent.name), *children(int(entry.parent.name))]
-    return found
-
-
-def wait_for(condition, seconds: float = 60.0) -> None:
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.02)
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")

@@ -3,6 +3,7 @@
 plan    base geometry, what is varied, how it is driven: `Campaign`
 vary    one quantity that varies, one drive: `Variation`, `Drive`
 schema  the campaign file (TOML)
+pool    worker processes that may die
 work    one geometry: solved in a worker process, handed back as the bytes of a netCDF file
 run     the loop over an Executor
 store   the folder: results, failures, and what is finished

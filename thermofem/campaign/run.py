@@ -1,16 +1,16 @@
 """The loop of a campaign: tasks go to an Executor, results come back and are written, by this process alone.
 
-At most a few tasks for each worker are under way, so memory does not grow with the campaign. A worker that dies takes
-the pool of processes with it: a new pool is made, and what was under way is then tried one by one, so that the geometry
-that kills its worker is found and recorded while the others go on.
+At most a few tasks for each worker are under way, so memory does not grow with the campaign. A geometry that kills its
+worker again and again is recorded while the others go on (`pool`).
 """
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,14 +18,14 @@ from typing import TYPE_CHECKING
 from .. import checks
 from ..checks import InputError, MissingLibraryError
 from .collect import Row, write_collections
-from .processes import begin, context, cpus, one_thread, wait_until_ready
+from .pool import Pool, WorkerDiedError, WorkersDoNotStartError
+from .processes import begin, cpus
 from .store import ResultStore
 from .work import Outcome, compute, prepare, ready
 
 if TYPE_CHECKING:
     from .plan import Campaign, Case
 
-DEATHS = 2  # of the worker that had a geometry to itself, before it is given up
 FOREIGN = 64  # limit of pending tasks for a user-supplied executor
 ROOM, PER_ROW = 100_000_000, 2_000  # bytes of rows kept for the index, and of one beside its numbers; others are read
 
@@ -79,7 +79,7 @@ def run(
     retry_failed : bool
         take geometries that failed in an earlier run again.
     report : callable
-        gets a `Summary` after every geometry.
+        gets a `Summary` when the base geometry is checked, and after every geometry.
 
     Raises
     ------
@@ -103,53 +103,19 @@ def run(
         store.write_plan(campaign, cases)
         loop = _Loop(campaign, store, report or (lambda summary: None), Summary(len(cases)))
         waiting = loop.sort(cases, retry_failed)
-        if waiting:
-            count = workers or cpus()
-            if executor is None:
-                begin()
-            with one_thread():
-                loop.work(waiting, _Workers(campaign, executor, count))
+        if not waiting:
+            loop.report(loop.summary)
+        else:
+            with contextlib.ExitStack() as stack:
+                count = workers or cpus()
+                if executor is None:
+                    begin()
+                    pool = stack.enter_context(Pool(count, prepare))
+                loop.start(executor or pool, 1 if executor else count)
+                loop.report(loop.summary)
+                loop.work(waiting, executor or pool, FOREIGN if executor else 2 * count)
         write_collections(store, loop.rows)
     return loop.summary
-
-
-@dataclass
-class _Workers:
-    """An Executor, and how to get a new one when it breaks."""
-
-    campaign: Campaign
-    given: Executor | None
-    count: int
-    pool: Executor | None = None
-
-    @property
-    def width(self) -> int:
-        """Number of tasks that are submitted at the same time."""
-        return FOREIGN if self.given else 2 * self.count
-
-    def start(self, *, trial: bool) -> Executor:
-        """Start the workers; with ``trial``, the first one checks the base geometry."""
-        if self.given:
-            self.pool = self.given
-        else:
-            wait_until_ready()
-            self.pool = ProcessPoolExecutor(self.count, mp_context=context(), initializer=prepare)
-        base = self.campaign.base_task() if trial else None
-        tests = [self.pool.submit(ready, base if k == 0 else None) for k in range(1 if self.given else self.count)]
-        try:
-            for test in tests:
-                test.result()
-        except BrokenExecutor as error:
-            raise InputError(
-                f"the worker processes do not start ({error}); a script calls run inside "
-                'if __name__ == "__main__": and is a file on disk'
-            ) from None
-        return self.pool
-
-    def stop(self) -> None:
-        """Wait for running tasks and cancel the others; an Executor given by the user is not shut down."""
-        if self.pool and not self.given:
-            self.pool.shutdown(wait=True, cancel_futures=True)
 
 
 @dataclass
@@ -160,7 +126,6 @@ class _Loop:
     store: ResultStore
     report: Callable[[Summary], None]
     summary: Summary
-    deaths: dict[str, int] = field(default_factory=dict)
     rows: dict[str, Row] = field(default_factory=dict)
     room: int = ROOM
 
@@ -176,62 +141,53 @@ class _Loop:
             else:
                 self.store.result(case.key).unlink(missing_ok=True)
                 waiting.append(case)
-        self.report(self.summary)
         return waiting
 
-    def work(self, waiting: deque[Case], workers: _Workers) -> None:
-        """Compute all of ``waiting``."""
+    def start(self, executor: Executor, count: int) -> None:
+        """Have the first worker check the base geometry, and the others load their libraries."""
+        base = self.campaign.base_task()
         try:
-            executor: Executor | None = workers.start(trial=True)
-            begin = time.perf_counter()
-            suspects: deque[Case] = deque()
-            while waiting or suspects:
-                executor = executor or workers.start(trial=False)
-                alone = not waiting
-                queue, width = (suspects, 1) if alone else (waiting, workers.width)
-                lost = self._drain(executor, queue, width, begin)
-                if not lost:
-                    continue
-                workers.stop()
-                if workers.given:
-                    raise InputError(
-                        f"the executor broke; {self.summary.finished} geometries of this run are kept, run again "
-                        "with a new one to go on"
-                    )
-                suspects.extend(case for case in lost if not (alone and self._give_up(case)))
-                executor = None
-        finally:
-            workers.stop()
+            tests = [executor.submit(ready, base if k == 0 else None) for k in range(count)]
+            for test in tests:
+                test.result()
+        except WorkerDiedError as error:
+            raise InputError(f"the base geometry cannot be solved: {error}") from None
+        except BrokenExecutor as error:
+            raise InputError(f"the executor breaks at the base geometry ({error}); give one that works") from None
 
-    def _drain(self, executor: Executor, queue: deque[Case], width: int, begin: float) -> list[Case]:
-        """Submit all tasks of a queue; returns those that were running when the executor broke."""
+    def work(self, waiting: deque[Case], executor: Executor, width: int) -> None:
+        """Compute all of ``waiting``, ``width`` of them under way at the same time."""
+        begin = time.perf_counter()
         under_way: dict[Future[Outcome], Case] = {}
-        lost: list[Case] = []
         try:
-            while (queue and not lost) or under_way:
-                while queue and not lost and len(under_way) < width:
-                    case = queue.popleft()
-                    try:
-                        under_way[executor.submit(compute, self.campaign.task(case))] = case
-                    except BrokenExecutor:
-                        lost.append(case)
-                for future in wait(under_way, return_when=FIRST_COMPLETED).done if under_way else ():
-                    case = under_way.pop(future)
-                    if isinstance(future.exception(), BrokenExecutor):
-                        lost.append(case)
-                    else:
-                        self._settle(case, future, begin)
+            while waiting or under_way:
+                while waiting and len(under_way) < width:
+                    case = waiting.popleft()
+                    under_way[executor.submit(compute, self.campaign.task(case))] = case
+                for future in wait(under_way, return_when=FIRST_COMPLETED).done:
+                    self._settle(under_way.pop(future), future, begin)
+        except BrokenExecutor:
+            for future in [future for future in under_way if future.done() and not future.cancelled()]:
+                if future.exception() is None:
+                    self._settle(under_way.pop(future), future, begin)
+            raise InputError(
+                f"the executor broke; {self.summary.finished} geometries of this run are kept, run again "
+                "with a new one to go on"
+            ) from None
         finally:
             for future in under_way:
                 future.cancel()
-        return lost
 
     def _settle(self, case: Case, future: Future[Outcome], begin: float) -> None:
         """Write what came back."""
         error = future.exception()
-        if isinstance(error, MissingLibraryError):
+        if isinstance(error, MissingLibraryError | WorkersDoNotStartError | BrokenExecutor):
             raise error
-        outcome = Outcome(case.key, b"", f"{type(error).__name__}: {error}", 0.0) if error else future.result()
+        if error is None:
+            outcome = future.result()
+        else:
+            kind = "" if isinstance(error, WorkerDiedError) else f"{type(error).__name__}: "
+            outcome = Outcome(case.key, b"", f"{kind}{error}", 0.0)
         if outcome.reason:
             self._fail(case, outcome.reason)
         else:
@@ -243,15 +199,6 @@ class _Loop:
         spent = self.summary.cpu_seconds + outcome.cpu
         self.summary = replace(self.summary, cpu_seconds=spent, seconds=time.perf_counter() - begin)
         self.report(self.summary)
-
-    def _give_up(self, case: Case) -> bool:
-        """Whether a geometry that was alone has killed its worker too often."""
-        self.deaths[case.key] = self.deaths.get(case.key, 0) + 1
-        if self.deaths[case.key] < DEATHS:
-            return False
-        self._fail(case, f"the worker process died {DEATHS} times while it had only this geometry (out of memory?)")
-        self.report(self.summary)
-        return True
 
     def _fail(self, case: Case, reason: str) -> None:
         values = {v.name: value for v, value in zip(self.campaign.variations, case.values, strict=True)}
