@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import logging
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import Executor, Future
+from concurrent.futures import BrokenExecutor, Executor, Future
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -63,26 +63,37 @@ class Solver:
 
         ``marks`` tell the tasks apart, and ``shared`` says what they have in common beside `key`.
 
-        Raises InputError: of a task, or all of them failed.
+        Raises InputError: of a task, or all of them failed; the executor broke.
         """
         paths = [self._path(function.__name__, shared, mark) for mark in marks]
         kept = [_read(path) if path and path.is_file() else None for path in paths]
         left = [k for k, one in enumerate(kept) if one is None]
-        futures = {k: self._submit(function, tasks[k]) for k in left}
-        for k, future in futures.items():
-            try:
-                found = kept[k] = future.result()
-            except checks.InputError:
-                for other in futures.values():
-                    other.cancel()
-                raise
-            except Exception as error:
-                log.warning("a member failed and is left out: %s: %s", type(error).__name__, error)
-                continue
-            if (path := paths[k]) is not None:
-                _write(path, found)
+        futures: dict[int, Future[Any]] = {}
+        reason = ""
+        try:
+            for k in left:
+                futures[k] = self._submit(function, tasks[k])
+            for k, future in futures.items():
+                try:
+                    found = kept[k] = future.result()
+                except (checks.InputError, BrokenExecutor):
+                    raise
+                except Exception as error:
+                    reason = f"{type(error).__name__}: {error}"
+                    log.warning("a member failed and is left out: %s", reason)
+                    continue
+                if (path := paths[k]) is not None:
+                    _write(path, found)
+        except BrokenExecutor as error:
+            raise checks.InputError(
+                f"the executor broke ({type(error).__name__}: {error})",
+                "run again with a new one" + (f"; what {self.folder} holds is kept" if self.folder else ""),
+            ) from None
+        finally:
+            for future in futures.values():
+                future.cancel()
         if tasks and all(one is None for one in kept):
-            raise checks.InputError("every member of a batch failed; the log says why")
+            raise checks.InputError(f"every member of a batch failed, the last one with {reason}")
         return kept
 
     def _submit(self, function: Callable[..., Any], task: Task) -> Future[Any]:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import logging
 import multiprocessing
+import os
 import pickle
 import shutil
+import signal
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import numpy as np
@@ -21,7 +23,9 @@ from surrogate.family.moved import MovedEngine
 from surrogate.family.reduced import MemberModes, Small
 from surrogate.family.solving import Solver
 from surrogate.family.train import _idle
+from thermofem.campaign.pool import Pool
 from thermofem.campaign.vary import Variation
+from thermofem.campaign.work import follow_parent
 
 MARKS = [np.array([float(k)]) for k in range(4)]
 
@@ -52,9 +56,34 @@ def test_training_goes_on_from_what_is_kept(tmp_path):
     again = Solver("key", None, tmp_path)(refuse, tasks, marks)
     np.testing.assert_array_equal(again[1].tau, first[1].tau)
     next(tmp_path.iterdir()).write_bytes(b"torn")
-    with pytest.raises(th.InputError, match="every member of a batch failed"):
+    with pytest.raises(th.InputError, match="every member of a batch failed, the last one with AssertionError: member"):
         Solver("another key", None, tmp_path)(refuse, tasks, marks)
     assert Solver("key", None, tmp_path)(modes, tasks, marks)[0].tau.size == 2
+
+
+def die(number: float) -> MemberModes:
+    if number == 2.0:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return modes(number)
+
+
+@pytest.mark.slow
+def test_an_executor_that_breaks_is_one_line(tmp_path):
+    """All members that were not there yet counted as failed, or a BrokenProcessPool came out."""
+    tasks = [(float(k),) for k in (0, 1, 2, 3)]
+    words = r"the executor broke .*; run again with a new one; what .* is kept"
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+        for _ in range(2):  # the second time it is broken from the start
+            with pytest.raises(th.InputError, match=words):
+                Solver("key", pool, tmp_path)(die, tasks, MARKS)
+
+
+@pytest.mark.slow
+def test_a_member_that_kills_its_process_is_left_out(caplog):
+    with Pool(2, follow_parent) as pool:
+        found = Solver("key", pool)(die, [(float(k),) for k in (0, 1, 2, 3)], MARKS)
+    assert [one is None for one in found] == [False, False, True, False]
+    assert "WorkerDiedError: the worker process died 2 times" in caplog.text
 
 
 def test_a_mistake_of_the_user_is_not_a_failed_member():

@@ -22,6 +22,7 @@ from .values import assigned
 if TYPE_CHECKING:
     from surrogate import Family
 
+MEMBERS = ("surrogate.family.solving",)  # what solves them in a worker process
 FamilyFile = Annotated[Path, typer.Argument(metavar="FAMILY", help="Family file of thermofem family.")]
 Fix = Annotated[list[str] | None, typer.Option(help="Keep a parameter, e.g. 'radius=7 um'; may be repeated.")]
 Period = Annotated[str | None, typer.Option(help="Settled period of self-pulsing, e.g. '900 ns'.")]
@@ -55,13 +56,12 @@ def family(
         stack.enter_context(working("training"))
         pool = None
         if workers > 1:
-            import multiprocessing
-            from concurrent.futures import ProcessPoolExecutor
-
+            from ..campaign.pool import Pool
+            from ..campaign.processes import begin
             from ..campaign.work import follow_parent
 
-            spawn = multiprocessing.get_context("spawn")
-            pool = stack.enter_context(ProcessPoolExecutor(workers, mp_context=spawn, initializer=follow_parent))
+            begin(MEMBERS)
+            pool = stack.enter_context(Pool(workers, follow_parent, MEMBERS))
         hot = None if power is None else quantity.parse(power, "W", name="--power")
         found = surrogate.train_family(file, tolerance, executor=pool, folder=folder, power=hot)
     found.save(output)

@@ -1,0 +1,141 @@
+"""Commands whose worker processes are killed, as where memory runs out, and commands that are ended themselves."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from campaigns import marks, write
+from processes import helpers, wait_for
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc"),
+]
+FAMILY = ("family", "rings.toml", "--tolerance", "1e-3", "--workers", "2")
+CAMPAIGN = ("campaign", "campaign.toml", "-o", "out", "--workers", "2")
+LIMIT = 60.0  # s
+
+
+@pytest.fixture
+def folder(tmp_path):
+    write(tmp_path, 60)
+    vary = 'path = "layer.box.thickness"\nfrom = "1 um"\nto = "3 um"\n'
+    more = 'path = "part.core.radius"\nfrom = "5 um"\nto = "9 um"\n'
+    (tmp_path / "rings.toml").write_text(f'geometry = "ring.toml"\n[[vary]]\n{vary}[[vary]]\n{more}')
+    return tmp_path
+
+
+def start(folder: Path, *arguments: str, **environment: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "thermofem", *arguments],
+        cwd=folder,
+        env={**os.environ, **environment},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def end(process: subprocess.Popen[str]) -> tuple[int, str]:
+    """Exit code and standard error; no process of the command outlives it."""
+    try:
+        _, said = process.communicate(timeout=LIMIT)
+        return process.returncode, said
+    finally:
+        process.kill()
+
+
+def kill(pids: list[int]) -> None:
+    for pid in pids:
+        os.kill(pid, signal.SIGKILL)
+
+
+def working(process: subprocess.Popen[str], folder: Path) -> bool:
+    """Whether results come, or the command has ended."""
+    return len(list(folder.glob("parts/*.npz"))) + len(marks(folder / "out")) > 1 or process.poll() is not None
+
+
+def of_family(path: Path) -> dict:
+    """What a family file holds, beside how long it took."""
+    with np.load(path) as found:
+        arrays = {name: array.tolist() for name, array in found.items() if name != "hash"}
+    header = json.loads(str(arrays["header"]))
+    del header["provenance"]["seconds"]
+    return arrays | {"header": header}
+
+
+@pytest.mark.parametrize("kinds", [["worker"], ["server", "worker"]])
+def test_a_training_survives_killed_workers(folder, kinds):
+    """It ended with "every member of a batch failed", with exit code 70, or not at all."""
+    assert end(start(folder, *FAMILY, "-o", "whole.json"))[0] == 0
+    training = start(folder, *FAMILY, "--folder", "parts")
+    wait_for(lambda: working(training, folder))
+    for kind in kinds:
+        kill(helpers(training.pid, kind)[:1])
+    code, said = end(training)
+    assert (code, said.count("\n")) == (0, 2), said
+    assert of_family(folder / "family.json") == of_family(folder / "whole.json")
+
+
+def test_workers_that_are_killed_again_and_again_are_one_line(folder):
+    training = start(folder, *FAMILY, "--folder", "parts")
+    stop = threading.Event()
+
+    def kill_them() -> None:
+        while not stop.wait(0.02):
+            for pid in helpers(training.pid, "worker"):
+                try:
+                    os.kill(pid, signal.SIGKILL)
+                except OSError:
+                    continue
+
+    killer = threading.Thread(target=kill_them)
+    killer.start()
+    try:
+        code, said = end(training)
+    finally:
+        stop.set()
+        killer.join()
+    assert code == 2, said
+    assert said.splitlines()[-1].startswith("thermofem: error: ")
+    assert "worker process" in said.splitlines()[-1]
+    assert "Traceback" not in said
+    assert not (folder / "family.json").exists()
+
+
+@pytest.mark.parametrize("arguments", [FAMILY, CAMPAIGN])
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, -15), (signal.SIGHUP, -1)])
+def test_signals_end_a_command_promptly(folder, arguments, number, code):
+    """SIGTERM of a campaign left a warning of leaked semaphores on standard error."""
+    command = start(folder, *arguments, *(("--folder", "parts") if arguments == FAMILY else ()))
+    wait_for(lambda: working(command, folder))
+    workers = helpers(command.pid)
+    assert workers
+    begin = time.monotonic()
+    os.killpg(command.pid, number) if number == signal.SIGINT else command.send_signal(number)
+    found, said = end(command)
+    assert found == code, said
+    assert time.monotonic() - begin < 20
+    assert "leaked" not in said
+    assert "Traceback" not in said
+    wait_for(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers))
+
+
+@pytest.mark.parametrize("arguments", [FAMILY, CAMPAIGN, (*CAMPAIGN[:-1], "1")])
+def test_a_long_folder_of_temporary_files(folder, arguments):
+    """A socket's name has at most 108 characters: "AF_UNIX path too long" was all that was said."""
+    long = folder / ("long" * 30)
+    long.mkdir()
+    code, said = end(start(folder, *arguments, TMPDIR=str(long)))
+    assert code == 0, said
+    assert list(long.iterdir()) == []
