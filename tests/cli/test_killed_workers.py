@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from campaigns import marks, write
+from commands import thermofem
 from processes import helpers, wait_for
 
 pytestmark = [
@@ -139,3 +140,19 @@ def test_a_long_folder_of_temporary_files(folder, arguments):
     code, said = end(start(folder, *arguments, TMPDIR=str(long)))
     assert code == 0, said
     assert list(long.iterdir()) == []
+
+
+@pytest.mark.parametrize("words", ["cannot be made", "no file of a campaign", "rim"])
+def test_a_refused_campaign_is_one_line(folder, words):
+    """A line of progress stood above it."""
+    if words == "cannot be made":
+        (folder / "out").write_text("")
+    elif words == "rim":
+        with (folder / "campaign.toml").open("a") as file:
+            file.write('[probes]\nheated = "rim"\n')
+    else:
+        (folder / "out").mkdir()
+        (folder / "out" / "index.nc").write_text("precious")
+    done = thermofem(*CAMPAIGN, cwd=folder)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1), done.stderr
+    assert words in done.stderr

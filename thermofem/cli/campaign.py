@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 from concurrent.futures import Executor
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -32,14 +32,15 @@ def run(file: Path, output: Path, *, workers: int | None, scheduler: str | None,
     terminal = console()
     what, rate = TextColumn("{task.description}", markup=False), TextColumn("{task.fields[rate]}")
     columns = (what, BarColumn(), MofNCompleteColumn(), rate)
-    with _executor(scheduler) as executor, Progress(*columns, TimeRemainingColumn(), console=terminal) as progress:
-        bar = progress.add_task("geometries", total=len(campaign), rate="")
+    progress = Progress(*columns, TimeRemainingColumn(), console=terminal)
+    bar = progress.add_task("geometries", total=len(campaign), rate="")
+    with _executor(scheduler) as executor, contextlib.closing(_Shown(progress, bar)) as shown:
         summary = campaign.run(
             output,
             executor,
             workers=workers if workers is not None or scheduler else threads_wanted(),
             retry_failed=retry_failed,
-            report=lambda summary: _show(progress, bar, summary),
+            report=shown,
         )
     found = f"{summary.finished} finished in {summary.seconds:.0f} s, {summary.reused} were there already"
     note(f"{summary.total} geometries: {found}, {summary.failed} failed")
@@ -56,10 +57,23 @@ def run(file: Path, output: Path, *, workers: int | None, scheduler: str | None,
     return {**asdict(summary), "domain_too_small": cut, **files}
 
 
-def _show(drawn: Progress, bar: TaskID, summary: Summary) -> None:
-    rate = f"{summary.finished / summary.seconds:.1f}/s" if summary.seconds else ""
-    failed = f", {summary.failed} failed" if summary.failed else ""
-    drawn.update(bar, completed=summary.done, total=summary.total, rate=rate + failed)
+@dataclass
+class _Shown:
+    """A bar that begins with the first summary: what is refused before prints one line."""
+
+    progress: Progress
+    bar: TaskID
+
+    def __call__(self, summary: Summary) -> None:
+        rate = f"{summary.finished / summary.seconds:.1f}/s" if summary.seconds else ""
+        failed = f", {summary.failed} failed" if summary.failed else ""
+        self.progress.update(self.bar, completed=summary.done, total=summary.total, rate=rate + failed)
+        self.progress.start()
+
+    def close(self) -> None:
+        """Leave the bar as it is."""
+        if self.progress.live.is_started:
+            self.progress.stop()
 
 
 @contextlib.contextmanager
