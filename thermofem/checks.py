@@ -321,9 +321,11 @@ def instances(name: str, values: Any, *kinds: type) -> tuple[Any, ...]:
 
 def unique(name: str, values: Sequence[Any], *, hint: str = "") -> None:
     """Raise InputError where a value stands twice in a list."""
-    twice = next((value for k, value in enumerate(values) if value in values[:k]), None)
-    if twice is not None:
-        raise InputError(f"{name} holds {shown(twice)} twice; give each once", hint)
+    seen: set[Any] = set()
+    for value in values:
+        if value in seen:
+            raise InputError(f"{name} holds {shown(value)} twice; give each once", hint)
+        seen.add(value)
 
 
 def mapping(name: str, value: Any, *, hint: str = "") -> dict[str, Any]:

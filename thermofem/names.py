@@ -10,7 +10,7 @@ import re
 from enum import EnumType, StrEnum
 from typing import Any
 
-from .checks import InputError, choice, one_line, shown
+from .checks import InputError, choice, one_line, shown, unique
 
 LONGEST = 100  # characters
 MOST = 10_000  # names in one list
@@ -34,10 +34,12 @@ def check_name(what: str, name: Any) -> str:
 
 
 def check_names(what: str, names: Any) -> tuple[str, ...]:
-    """Return a list of names as a tuple, each checked by `check_name`."""
+    """Return a list of names as a tuple, each checked by `check_name` and given once."""
     if not isinstance(names, list | tuple) or not 0 < len(names) <= MOST:
         raise InputError(f"{what} = {shown(names)} must be a list of names, 1 to {MOST}")
-    return tuple(check_name(what, name) for name in names)
+    found = tuple(check_name(what, name) for name in names)
+    unique(what, found, hint="a name tells one from the other")
+    return found
 
 
 def check_one(what: str, names: Any) -> tuple[str, ...]:

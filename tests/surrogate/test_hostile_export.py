@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import subprocess
 
@@ -75,3 +76,17 @@ def test_a_file_name_is_one_line(to, tmp_path):
             with pytest.raises(th.InputError, match="line break or control character"):
                 make(tmp_path / f"a{mark}b")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_name_given_twice_is_refused_where_a_model_is_made_or_read(tmp_path):
+    """Two pins of one name: exports merged or dropped a channel."""
+    eye, one, two = np.eye(2), ("core", "heater"), ("core", "core")
+    good = th.StateSpace(eye, -eye, eye, eye, inputs=one, outputs=one)
+    path = surrogate.save_model(good, tmp_path / "two.json")
+    content = json.loads(path.read_text())
+    for which in ("inputs", "outputs"):
+        with pytest.raises(th.InputError, match=f"{which} holds 'core' twice; give each once"):
+            th.StateSpace(eye, -eye, eye, eye, **{"inputs": one, "outputs": one, which: two})
+        path.write_text(json.dumps(content | {which: two}))
+        with pytest.raises(th.InputError, match=f"{which} holds 'core' twice"):
+            surrogate.load_model(path)
