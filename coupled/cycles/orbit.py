@@ -22,7 +22,9 @@ FEWEST, MOST_INTERVALS = 20, 3000
 POLYNOMIAL = 3e-7  # error of the polynomials between the stages; periods are far better (order 9, not 6)
 GROWTH = 1.5  # of a mesh at most
 SLACK = 8.0  # by how much the worst interval may exceed it
-RESOLVED = 1e-5  # of the multiplier along the orbit, which is 1: a pulse much shorter than the period may be missed
+RESOLVED = 1e-7  # of the multiplier along the orbit, which is 1: a pulse much shorter than the period may be missed
+ROUGHLY = 3e-5  # of the same, for a rough orbit: the period then errs by some 1e-6 at most
+FINE_SHARES, AGREE = (0.1, 0.2, 0.4, 0.8), 1e-6  # of precise traces; relative difference of two equal periods
 CLOSE_ENOUGH = 1e-7  # a step of Newton's method that small leaves less than its square times a hundred
 TRACE_RTOL, FINE_RTOL = 1e-5, 1e-7  # of traces; the second for pulses some thousand times shorter than the period
 SHOTS, FEW_SHOTS, STEPS = 12, 8, 12  # of Newton's method along traces, the same for a rough orbit, and on a mesh
@@ -107,20 +109,43 @@ def shoot(
     """Close an orbit from a state on it whose carriers rise, near ``T`` ns; None where Newton's method finds none.
 
     Far from the orbit every step integrates anew until the carriers return, so that the pulses stay where the equations
-    put them; near it the stages of a fixed mesh move. A ``rough`` orbit is one on the mesh of the trace, whose period
-    errs by less than 1e-6. ``rtol`` is that of the traces.
+    put them; near it the stages of a fixed mesh move. A ``rough`` orbit is one on the mesh of a trace; `pulsing_map`
+    states how far its period errs. ``rtol`` is that of the traces.
     """
+    if rough:
+        return _near(p, y, T, pulses, rtol, *ROUGH, FEW_SHOTS, ROUGHLY)
+    trial = _near(p, y, T, pulses, rtol, *FIRST, SHOTS)
+    found = None if trial is None else settle(p, trial)
+    if found is not None and found.off < ROUGHLY:
+        return found
+    if trial is not None:
+        y, T = trial.start, trial.T
+    return _along_traces(p, y, T, pulses)
+
+
+def _along_traces(p: CycleProblem, y: Array, T: float, pulses: int) -> Orbit | None:
+    """The orbit on meshes of precise traces, where the remeshed one does not close or passes by a pulse."""
+    found = None
+    for share in FINE_SHARES:
+        trial = _near(p, y, T, pulses, FINE_RTOL, share, CLOSE_ENOUGH, SHOTS)
+        if trial is not None and found is not None and abs(trial.T - found.T) <= AGREE * trial.T:
+            return trial
+        found = trial or found
+    return None
+
+
+def _near(
+    p: CycleProblem, y: Array, T: float, pulses: int, rtol: float, share: float, step: float, shots: int,
+    resolved: float = np.inf,
+) -> Orbit | None:  # fmt: skip
+    """`orbit_return.near` as an Orbit; None where it found none."""
     from ..kernels import orbit_return
 
-    share, step = ROUGH if rough else FIRST
     start, Y, tau, T, M, move = uninterrupted(
         orbit_return.near, y, T, pulses, UNKNOWN, p.at, p.floor, scheme(), tableau(Method.RODAS4), rtol, share, step,
-        FEW_SHOTS if rough else SHOTS, new_watch(),
+        shots, resolved, new_watch(),
     )  # fmt: skip
-    if not move < np.inf:
-        return None
-    found = Orbit(start, Y, tau, float(T), M, float(move))
-    return found if rough else settle(p, found)
+    return Orbit(start, Y, tau, float(T), M, float(move)) if move < np.inf else None
 
 
 def closer(p: CycleProblem, trial: Orbit, tolerance: float = CLOSE_ENOUGH, most: int = STEPS) -> Orbit:

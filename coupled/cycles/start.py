@@ -18,7 +18,6 @@ from ..kernels.interrupts import new_watch, uninterrupted
 from ..kernels.tableaus import Method, tableau
 from ..runs.window import check_end
 from .orbit import FINE_RTOL, TRACE_RTOL, CycleProblem, Orbit, around, shoot, until
-from .scheme import scheme
 
 if TYPE_CHECKING:
     from ..kernels.orbit_start import Transient
@@ -31,7 +30,7 @@ AGREE = 0.2  # relative difference of two amplitudes that are taken for the same
 DIFFER = 20  # pulses that a doubled cycle is left for: those that differ more make a better start
 FLAT = 1e-5  # relative range of the carriers below which an orbit is a fixed point
 MOST_PULSES = 4
-SAME = 1e-3  # of the largest carriers or heat, by which the pulses of a cycle that repeats within a period may differ
+SAME = 1e-3  # of the period, by which some times a cycle of one pulse may differ from one of several that goes round it
 BACK = 0.02  # of the largest heat, within which a trace that pulses unequally is back
 
 
@@ -155,26 +154,32 @@ def _close(
 
 def _once(p: CycleProblem, found: Settled, rough: bool) -> Settled:
     """The cycle of one pulse where a ``found`` one of several goes round it as many times."""
-    from ..kernels import orbit_mesh
-
-    y, Y, tau, T = found.orbit[:4]
-    (after,) = orbit_mesh.interpolate(y, Y, tau, scheme(), np.array([1 / found.pulses]))
-    if found.pulses == 1 or np.abs(after - y)[2:].max() > SAME * np.abs(y[2:]).max():
+    y, T, pulses = found.orbit.start, found.orbit.T, found.pulses
+    met = around(p, y, T / pulses, 1) if pulses > 1 else None
+    if met is None or _away(met[1], y) > BACK:
         return found
-    orbit = shoot(p, y, T / found.pulses, 1, rough)
-    size = np.inf if orbit is None else float(np.abs(nontrivial(orbit)).max())
-    return Settled(orbit, 1, size) if orbit is not None and size < 1 else found
+    for rtol in (TRACE_RTOL, FINE_RTOL):
+        orbit = shoot(p, met[1], T / pulses, 1, rough, rtol=rtol)
+        if orbit is not None and abs(pulses * orbit.T - T) <= SAME * T:
+            size = float(np.abs(nontrivial(orbit)).max())
+            return Settled(orbit, 1, size) if size < 1 else found
+    return found
+
+
+def _away(y: Array, first: Array) -> float:
+    """How far the heat of two states differs, of the largest."""
+    return float(np.abs(y[3:] - first[3:]).max() / np.abs(first[3:]).max())
 
 
 def _repeats(p: CycleProblem, y: Array, T: float, fewest: int = 2) -> int:
     """After how many pulses, ``fewest`` or more, a trace is nearly back; 0 where it is not within `MOST_PULSES`."""
-    first = y[3:]
+    first = y
     for pulses in range(1, MOST_PULSES + 1):
         found = around(p, y, T, 1)
         if found is None:
             return 0
         y = found[1]
-        if pulses >= fewest and np.abs(y[3:] - first).max() <= BACK * np.abs(first).max():
+        if pulses >= fewest and _away(y, first) <= BACK:
             return pulses
     return 0
 

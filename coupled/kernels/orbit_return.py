@@ -31,6 +31,7 @@ CLOSE = 3e-4  # a chord step that small leads to the mesh
 FALLS = 0.5  # of a chord step, what the next one may be
 TURN = 1e-5  # change of the period in a first step on the mesh that may be the last one
 STEPS = 6  # of Newton's method on the mesh
+SAME = 1e-5  # of a period, of two meshes of which the second has twice as many intervals: the second errs much less
 FEWEST = 16  # intervals of a mesh for each pulse
 UNIFORM = 0.2  # share of a mesh that does not follow the steps of the trace
 MOST_STEPS = 20_000_000  # of an integration
@@ -179,10 +180,16 @@ def _largest(rows: Array) -> Array:
     return size
 
 
+@compiled
+def off(M: Array) -> float:
+    """Return the distance from 1 of the multiplier along the orbit: it tells how fine the mesh is."""
+    return float(np.abs(np.linalg.eigvals(M.astype(np.complex128)) - 1.0).min())
+
+
 @merged
 def near(
     y: Array, T: float, pulses: int, guess: Array, ring: Ring, floor: Array, scheme: Scheme, method: Tableau,
-    rtol: float, share: float, tolerance: float, shots: int, watch: Array,
+    rtol: float, share: float, tolerance: float, shots: int, resolved: float, watch: Array,
 ) -> Any:  # fmt: skip
     """Close an orbit of ``pulses`` pulses from a state on it whose carriers rise, near ``T`` ns.
 
@@ -198,6 +205,8 @@ def near(
         size of the last step on the mesh, relative to the largest values; it leaves about its square.
     shots : int
         the most traces.
+    resolved : float
+        an `off` above which the mesh becomes twice as fine, until the period changes by less than `SAME`.
     watch : array
         as for `rosenbrock.integrate`.
 
@@ -211,6 +220,7 @@ def near(
     """
     y, m, before, known = y.copy(), y.size, np.inf, guess.shape[0] == y.size
     chord = np.empty((0, 0))
+    kept = (y, np.empty((0, 0, m)), np.empty(0), T, np.empty((0, 0)), np.inf)
     section, right = np.zeros((1, m + 1)), np.zeros((1, 1))
     section[0, 2] = 1.0  # the beginning keeps its carriers
     for _ in range(shots):
@@ -240,10 +250,15 @@ def near(
                 start, Y_new, turned, M, closed, move = close(start, Y_new, tau, turned, ring, scheme, tolerance, STEPS)
             if closed and turned > 0.0:
                 orbit_heat.warm(start, Y_new, tau, turned, ring, scheme)
-                return start, Y_new, tau, turned, monodromy(M), move
+                last, found = kept[3], kept[5] < np.inf
+                kept = (start, Y_new, tau, turned, monodromy(M), move)
+                if resolved == np.inf or off(kept[4]) <= resolved or (found and abs(turned - last) <= SAME * turned):
+                    break
+                y, T, share, known, before = start, turned, 2.0 * share, False, np.inf
+                continue
         chord, known, before = chord_of(M, end, ring), True, np.inf
         y = nearer(y, changes[0], Y)
-    return y, np.empty((0, 0, m)), np.empty(0), T, np.empty((0, 0)), np.inf
+    return kept
 
 
 for module in (algebra, collocation, equations, kinds, orbits):

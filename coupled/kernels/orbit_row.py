@@ -33,6 +33,7 @@ class Options(NamedTuple):
     share: float
     tolerance: float
     shots: int
+    resolved: float
     level: float  # of the duty cycle
     longest: float  # ns, a transient
 
@@ -85,7 +86,7 @@ def continued(
         y, T = y + ahead[k] * beside.starts[k], T + ahead[k] * beside.periods[k]
     start, Y, tau, T, M, move = near(
         y, T, 1, beside.M, at, floor, scheme, method, options.rtol, options.share, options.tolerance, options.shots,
-        watch,
+        options.resolved, watch,
     )  # fmt: skip
     if move < np.inf:
         lowest, highest = np.inf, -np.inf

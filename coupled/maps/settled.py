@@ -13,7 +13,7 @@ import numpy as np
 from thermofem import checks
 from thermofem.arrays import Array, NDArray
 
-from ..cycles.orbit import FEW_SHOTS, ROUGH, TRACE_RTOL, CycleProblem, closer, problem, settle
+from ..cycles.orbit import FEW_SHOTS, ROUGH, ROUGHLY, TRACE_RTOL, CycleProblem, closer, problem, settle
 from ..cycles.parameters import under_laser
 from ..cycles.scheme import scheme
 from ..cycles.start import RestError, Settled, longest_of, pursued, rest_words
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ..kernels.orbit_row import Beside
     from ..kernels.orbit_start import Transient
 
-LONGEST = 3e5  # ns, a transient from a cold ring
+LONGEST = 1e6  # ns, a transient from a cold ring
 
 Found = tuple[str, float, float, float, str]
 
@@ -97,7 +97,7 @@ class _Row(NamedTuple):
         """Return the points from ``first`` on, up to one where a transient does not end at rest."""
         from ..kernels import orbit_row
 
-        options = orbit_row.Options(TRACE_RTOL, *ROUGH, FEW_SHOTS, DUTY_LEVEL, longest_of(self.p, LONGEST))
+        options = orbit_row.Options(TRACE_RTOL, *ROUGH, FEW_SHOTS, ROUGHLY, DUTY_LEVEL, longest_of(self.p, LONGEST))
         rows, beside, transient = uninterrupted(
             orbit_row.along, self.shifts[first:], self.still[first:], self.points[first:], beside, self.p.at,
             self.p.floor, scheme(), tableau(Method.RODAS4), options, watch,
