@@ -130,10 +130,8 @@ def animate_field(
         ax.set_title(f"t = {float(data['field_time'][at]) * 1e6:.4g} µs", fontsize="small")
         return (picture,)
 
-    film = animation.FuncAnimation(figure, draw, frames=data.sizes["field_time"])
-
     def write(file: FilePath) -> None:
-        failed = ""
+        failed, film = "", animation.FuncAnimation(figure, draw, frames=data.sizes["field_time"])
         try:
             film.save(file, writer=writer, dpi=120, progress_callback=on_frame)
         except CalledProcessError as error:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from .. import checks, quantity
 from ..checks import InputError
 from .detuning import detuning_of
-from .values import assigned
+from .values import assigned, naming
 
 if TYPE_CHECKING:
     from coupled import Laser, RingResonator
@@ -130,6 +130,11 @@ def varying(option: str, text: str, unit: str, duration: float = math.inf) -> An
     Raises InputError: a text of another form, a quantity with another unit or out of range, or a pulse that begins when
         the run of ``duration`` in s is over.
     """
+    with naming(f"{option} = {text!r}"):
+        return _varying(option, text, unit, duration)
+
+
+def _varying(option: str, text: str, unit: str, duration: float) -> Any:
     from ..waveforms import Function, Pulse, SquareWave
 
     amount, word, rest = _split(text)
@@ -142,7 +147,7 @@ def varying(option: str, text: str, unit: str, duration: float = math.inf) -> An
         import numpy as np
 
         rate = quantity.positive(rest, "Hz", name=option)
-        return Function(lambda t: value * np.sin(2 * np.pi * rate * t), period=1 / rate)
+        return _within(Function(lambda t: value * np.sin(2 * np.pi * rate * t), period=1 / rate), duration)
     first, _, second = rest.partition(" duty " if word == "square" else " at ")
     length = quantity.positive(first, "s", name=option)
     if word == "pulse":
@@ -155,8 +160,15 @@ def varying(option: str, text: str, unit: str, duration: float = math.inf) -> An
         return Function(_between(value, start, start + length), edges)
     share = _share(option, text, second)
     if unit == "W":
-        return SquareWave(value, length, share)
-    return Function(_between(value, 0.0, share * length), [share * length], period=length)
+        return _within(SquareWave(value, length, share), duration)
+    return _within(Function(_between(value, 0.0, share * length), [share * length], period=length), duration)
+
+
+def _within(wave: Any, duration: float) -> Any:
+    """A wave whose edges in a run of ``duration`` are not too many, or InputError."""
+    if duration < math.inf:
+        wave.breakpoints(0.0, duration)
+    return wave
 
 
 def _share(option: str, text: str, given: str) -> float:

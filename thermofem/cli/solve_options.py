@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from .. import checks, quantity
 from ..checks import InputError
 from .output import note
+from .values import naming
 
 if TYPE_CHECKING:
     from .. import waveforms
@@ -24,11 +25,15 @@ def waveform(power: str, pulse: str | None, square: str | None, duty: float | No
     if duty is not None:
         checks.between("--duty", duty, 0, 1, hint="the duty cycle is the fraction of the period that is on")
     if pulse:
-        return waveforms.Pulse(watts, quantity.positive(pulse, "s", name="--pulse"))
+        width = quantity.positive(pulse, "s", name="--pulse")
+        with naming(f"--power {power} with --pulse {pulse}"):
+            return waveforms.Pulse(watts, width)
     if square:
-        share = 1 / 3 if duty is None else duty
-        return waveforms.SquareWave(watts, quantity.positive(square, "s", name="--square"), share)
-    return waveforms.Constant(watts)
+        period, share = quantity.positive(square, "s", name="--square"), 1 / 3 if duty is None else duty
+        with naming(f"--power {power} with --square {square}"):
+            return waveforms.SquareWave(watts, period, share)
+    with naming(f"--power {power}"):
+        return waveforms.Constant(watts)
 
 
 def note_unseen_end(pulse: str | None, square: str | None, wave: waveforms.Waveform, duration: float) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import contextlib
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from ..checks import InputError
@@ -24,3 +25,14 @@ def assigned(option: str, texts: Iterable[str], example: str) -> dict[str, str]:
             raise InputError(f"{option} {name!r} is given twice; give it once")
         found[name] = value
     return found
+
+
+@contextlib.contextmanager
+def naming(options: str) -> Iterator[None]:
+    """Say which options a refusal is about, where it speaks of the numbers that they gave."""
+    try:
+        yield
+    except InputError as error:
+        if error.rule.startswith(options.split(" = ")[0]):
+            raise
+        raise InputError(f"{options}: {error.for_text()}") from None

@@ -92,7 +92,7 @@ def check_cycles(start: float, stop: float, period: float, edges: int = 1) -> No
     if count > most:
         raise checks.InputError(
             f"{count:.2g} periods of {period:g} s are asked for at once, more than {most:g}",
-            "take solve_periodic for the settled state, or a shorter run",
+            "take a shorter run, or solve_periodic for settled heat",
         )
 
 
