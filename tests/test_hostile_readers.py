@@ -132,7 +132,7 @@ def test_names_are_refused_wherever_a_model_is_made_or_loaded(tmp_path):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"inputs": ["core", "core"]}, "one of each"),
+        ({"inputs": ["core", "core"]}, "one of each|twice"),
         ({"units": {"R": "K/mW", "tau": "us"}}, "R is in 'K/mW'; a model file holds it in K/W"),
         ({"units": 5}, "units must be an object"),
         ({"poles": [{"R": 5e3, "tau": True}]}, "not a number"),

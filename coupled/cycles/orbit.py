@@ -116,11 +116,9 @@ def shoot(
         return _near(p, y, T, pulses, rtol, *ROUGH, FEW_SHOTS, ROUGHLY)
     trial = _near(p, y, T, pulses, rtol, *FIRST, SHOTS)
     found = None if trial is None else settle(p, trial)
-    if found is not None and found.off < ROUGHLY:
+    if found is not None:
         return found
-    if trial is not None:
-        y, T = trial.start, trial.T
-    return _along_traces(p, y, T, pulses)
+    return _along_traces(p, y, T, pulses) if trial is None else _along_traces(p, trial.start, trial.T, pulses)
 
 
 def _along_traces(p: CycleProblem, y: Array, T: float, pulses: int) -> Orbit | None:
@@ -160,7 +158,8 @@ def closer(p: CycleProblem, trial: Orbit, tolerance: float = CLOSE_ENOUGH, most:
 def settle(p: CycleProblem, trial: Orbit, error: float = POLYNOMIAL) -> Orbit | None:
     """Close a trial orbit on its mesh, and on finer ones until the polynomials between the stages err by ``error``.
 
-    Where the multiplier along the orbit still differs from 1, the mesh becomes finer twice more.
+    Where the multiplier along the orbit still differs from 1, the mesh becomes finer twice more; None where it differs
+    then, too: the mesh has lost a pulse.
     """
     tolerance, root = FIRST[1], 1 / (scheme().c.size + 1)  # the first mesh is the trace's, and good for a rough answer
     spare, found = 2, None
@@ -171,8 +170,8 @@ def settle(p: CycleProblem, trial: Orbit, error: float = POLYNOMIAL) -> Orbit | 
                 return found
         finer, worst, _ = remeshed(trial, p.at.thermal, error)
         if tolerance == CLOSE_ENOUGH and worst <= (SLACK * error) ** root:
-            found = trial
-            if not spare or found.off < RESOLVED:
+            found = trial if trial.off <= ROUGHLY * max(1.0, abs(trial.multipliers[0])) else found
+            if not spare or trial.off < RESOLVED:
                 return found
             spare, error = spare - 1, 1e-2 * error
             finer, _, _ = remeshed(trial, p.at.thermal, error)
