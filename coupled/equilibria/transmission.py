@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 POINTS = 600  # of a curve
+HALVINGS = 10  # of a step of a sweep, until it is clear which fixed point follows on which
+CLEAR = 0.3  # of the gap between two energies, on a logarithmic scale, and of a factor e: what a clear step may change
 
 
 @one_laser
@@ -159,7 +162,8 @@ def sweep(
 ) -> xr.Dataset:
     """Follow the fixed point of a laser whose power or detuning changes so slowly that the ring is always at rest.
 
-    From step to step the ring stays on its branch. Where that ends in a fold it jumps to the nearest stable one. Where
+    From step to step the ring stays on its branch; wide steps are divided until it is clear which fixed point follows.
+    Where the branch ends in a fold the ring jumps to the nearest stable one. Where
     it turns unstable without ending (a Hopf point) the ring begins to pulse; the fixed point is followed on, and regime
     says so: `simulate` with a waveform says what the ring does there.
 
@@ -197,14 +201,19 @@ def sweep(
     P, nu = np.broadcast_to(P, steps), np.broadcast_to(nu, steps)
     shifts = 2 * np.pi * eq.NS * nu
     farthest = float(np.abs(shifts).max())
-    path, jumped, before, pieces, pump = np.empty((2, steps)), np.zeros(steps, dtype=bool), None, None, np.nan
+
+    def points_at(k: float) -> Array:
+        pump = eq.internal_pump(ring, float(np.interp(k, np.arange(steps), P)))
+        if pump not in pieces:
+            pieces.clear()  # of one power at a time
+            pieces[pump] = balance.turning_points(balance.reach(farthest, pump, *rest), pump, *rest)
+        points = balance.fixed_points(float(np.interp(k, np.arange(steps), shifts)), pump, *rest, pieces[pump])
+        return np.asarray(points[:, np.argsort(points[0])])
+
+    pieces: dict[float, Any] = {}
+    path, jumped, before = np.empty((2, steps)), np.zeros(steps, dtype=bool), None
     for k in range(steps):
-        if eq.internal_pump(ring, P[k]) != pump:
-            pump = eq.internal_pump(ring, P[k])
-            pieces = balance.turning_points(balance.reach(farthest, pump, *rest), pump, *rest)
-        points = balance.fixed_points(shifts[k], pump, *rest, pieces)
-        points = points[:, np.argsort(points[0])]
-        here, jumped[k] = _next(points[0], before, lambda i, p=points: _stable(p[:, i], at))
+        points, here, jumped[k] = _followed(points_at, max(k - 1, 0), k, before, at, HALVINGS)
         path[:, k], before = points[:, here], (points[0], here)
     found = _dataset(ring, at, path[0], path[1], P, nu, "step")
     found["jumped"] = ("step", jumped, {"units": "1", "long_name": "left its branch"})
@@ -228,13 +237,41 @@ def _window(along: Any, low: float, high: float, inside: Any) -> tuple[Array, Ar
     return U, D, powers, detunings
 
 
+def _followed(
+    points_at: Callable[[float], Array], first: float, last: float, before: tuple[Array, int] | None, at: Internal,
+    halvings: int,
+) -> tuple[Array, int, bool]:  # fmt: skip
+    """Fixed points (U, D) at the end of a step, which one follows on that of ``before``, and whether that is a jump."""
+    points = points_at(last)
+    if before is not None and _clear(points[0], before[0]):
+        return points, before[1], False
+    if before is None or not halvings:
+        return points, *_next(points[0], before, lambda i: _stable(points[:, i], at))
+    middle = (first + last) / 2
+    between, here, jumped = _followed(points_at, first, middle, before, at, halvings - 1)
+    points, here, again = _followed(points_at, middle, last, (between[0], here), at, halvings - 1)
+    return points, here, jumped or again
+
+
+def _clear(U: Array, earlier: Array) -> bool:
+    """Whether as many fixed points have moved by much less than they lie apart: each then follows on its own."""
+    if U.size != earlier.size:
+        return False
+    gaps = np.diff(np.log(earlier))
+    return bool(np.abs(np.log(U / earlier)).max() <= CLEAR * min(1.0, gaps.min(initial=1.0)))
+
+
 def _next(U: Array, before: tuple[Array, int] | None, stable: Any) -> tuple[int, bool]:
-    """Which of the fixed points of energies ``U`` follows on the one of the step before, and whether that is a jump."""
+    """Which of the fixed points of energies ``U`` follows on the one of the step before, and whether that is a jump.
+
+    In the order of their energies every second one is a saddle; they come and go in pairs with a neighbour.
+    """
     if before is None:
         rest = [i for i in range(U.size) if stable(i)]
         return (rest or [0])[0], False
     earlier, at = before
-    nearest = int(np.argmin(np.abs(np.log(U / earlier[at]))))
+    alike = range(at % 2, U.size, 2) or range(U.size)
+    nearest = min(alike, key=lambda i: abs(np.log(U[i] / earlier[at])))
     if U.size >= earlier.size:
         return nearest, False
     pair = int(np.argmin(np.diff(np.log(earlier))))  # the two that met and vanished

@@ -79,6 +79,27 @@ def test_a_sweep_goes_on_through_a_hopf_point():
     assert smooth.max() < 0.3 < abs(np.log(energy[jumps[0]] / energy[jumps[0] - 1]))
 
 
+HEAT = th.Foster(R=[2000, 5800], tau=[56e-9, 1.2e-6])
+
+
+@pytest.mark.parametrize(
+    ("loss", "bus", "laser"),
+    [
+        (2.982931076728242e9, 1.2144963771951746e10,
+         {"power": 8.409052107938398e-3, "detuning": (18.87317412e9, -32.46744620e9, 3)}),
+        (2.5907327e9, 3.7042807e10, {"power": (17.4136711e-3, 3.84791e-3, 3), "detuning": -39.526650e9}),
+    ],
+)  # fmt: skip
+def test_wide_steps_end_where_narrow_ones_do(loss, bus, laser):
+    """Steps wider than the bistable range went onto the saddle, which no ring at rest can follow."""
+    ring = replace(RING, loss_rate=loss, bus_rate=bus)
+    name = next(name for name in laser if isinstance(laser[name], tuple))
+    wide = coupled.sweep(ring, HEAT, **laser | {name: np.linspace(*laser[name])})
+    narrow = coupled.sweep(ring, HEAT, **laser | {name: np.linspace(*laser[name][:2], 801)})
+    assert "saddle" not in wide.regime
+    np.testing.assert_allclose(wide.energy, narrow.energy[::400], rtol=1e-9)  # the same equations, solved to round-off
+
+
 def test_power_sweeps_too():
     P = np.geomspace(1e-4, 1e-2, 101)
     found = coupled.sweep(RING, EXPERIMENT, power=np.concatenate([P, P[::-1]]), detuning=-30e9)
