@@ -8,6 +8,7 @@ import subprocess
 import sys
 import warnings
 
+import h5py
 import numpy as np
 import pytest
 from commands import says_one_line
@@ -15,7 +16,7 @@ from fuzz import hostile
 
 import surrogate
 import thermofem as th
-from thermofem import files
+from thermofem import files, netcdf
 from thermofem.cli import main
 from thermofem.traces import read_trace
 
@@ -140,3 +141,15 @@ def test_a_current_folder_that_was_deleted_is_named(tmp_path):
     assert run.stderr.startswith("thermofem: error: ")
     assert run.stderr.count("\n") == 1
     assert "current folder was deleted" in run.stderr
+
+
+def test_a_group_that_holds_itself_under_many_names_is_refused_at_once(tmp_path, monkeypatch):
+    """Each of 200 names leads to all of them again: the first check came after 40 000 looks, of 2000 after 4 million."""
+    path, looks, plain = tmp_path / "loop.nc", [], h5py.Group.__getitem__
+    with h5py.File(path, "w") as file:
+        for k in range(200):
+            file[f"g{k}"] = file["/"]
+    monkeypatch.setattr(h5py.Group, "__getitem__", lambda group, name: looks.append(name) or plain(group, name))
+    with pytest.raises(th.InputError, match="groups deep"):
+        th.load(path)
+    assert len(looks) <= netcdf.MOST_OBJECTS + 1

@@ -85,13 +85,13 @@ def _declared(file: Any) -> int:
                 if isinstance(link, h5py.SoftLink):
                     raise InputError(f"cannot be read: {shown(name)} is a soft link; netCDF has none")
                 item = group[name]
-                seen += 1
+                seen += 1  # a group may hold itself under many names, and at the next depth each of them again
+                if seen > MOST_OBJECTS or depth > DEPTH:
+                    raise InputError(f"cannot be read: more than {MOST_OBJECTS} variables or {DEPTH} groups deep")
                 if isinstance(item, h5py.Group):
                     below.append(item)
                 elif isinstance(item, h5py.Dataset):
                     total += _values(name, item)
-        if seen > MOST_OBJECTS or depth > DEPTH:
-            raise InputError(f"cannot be read: more than {MOST_OBJECTS} variables or {DEPTH} groups deep")
         groups, depth = below, depth + 1
     return total
 
