@@ -144,7 +144,7 @@ def test_a_current_folder_that_was_deleted_is_named(tmp_path):
 
 
 def test_a_group_that_holds_itself_under_many_names_is_refused_at_once(tmp_path, monkeypatch):
-    """Each of 200 names leads to all of them again: the first check came after 40 000 looks, of 2000 after 4 million."""
+    """Each of 200 names leads to all of them again; the first check came after 40 000 looks."""
     path, looks, plain = tmp_path / "loop.nc", [], h5py.Group.__getitem__
     with h5py.File(path, "w") as file:
         for k in range(200):
