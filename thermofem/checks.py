@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -321,11 +322,9 @@ def instances(name: str, values: Any, *kinds: type) -> tuple[Any, ...]:
 
 def unique(name: str, values: Sequence[Any], *, hint: str = "") -> None:
     """Raise InputError where a value stands twice in a list."""
-    seen: set[Any] = set()
-    for value in values:
-        if value in seen:
+    for value, count in Counter(values).items():
+        if count > 1:
             raise InputError(f"{name} holds {shown(value)} twice; give each once", hint)
-        seen.add(value)
 
 
 def mapping(name: str, value: Any, *, hint: str = "") -> dict[str, Any]:

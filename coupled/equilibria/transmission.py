@@ -163,9 +163,9 @@ def sweep(
     """Follow the fixed point of a laser whose power or detuning changes so slowly that the ring is always at rest.
 
     From step to step the ring stays on its branch; wide steps are divided until it is clear which fixed point follows.
-    Where the branch ends in a fold the ring jumps to the nearest stable one. Where
-    it turns unstable without ending (a Hopf point) the ring begins to pulse; the fixed point is followed on, and regime
-    says so: `simulate` with a waveform says what the ring does there.
+    Where the branch ends in a fold the ring jumps to the nearest stable one. Where it turns unstable without ending (a
+    Hopf point) the ring begins to pulse; the fixed point is followed on, and regime says so: `simulate` with a waveform
+    says what the ring does there.
 
     Parameters
     ----------
@@ -202,12 +202,16 @@ def sweep(
     shifts = 2 * np.pi * eq.NS * nu
     farthest = float(np.abs(shifts).max())
 
+    def between(values: Array, k: float) -> float:
+        low = int(k)
+        return float(values[low] + (k - low) * (values[min(low + 1, steps - 1)] - values[low]))
+
     def points_at(k: float) -> Array:
-        pump = eq.internal_pump(ring, float(np.interp(k, np.arange(steps), P)))
+        pump = eq.internal_pump(ring, between(P, k))
         if pump not in pieces:
             pieces.clear()  # of one power at a time
             pieces[pump] = balance.turning_points(balance.reach(farthest, pump, *rest), pump, *rest)
-        points = balance.fixed_points(float(np.interp(k, np.arange(steps), shifts)), pump, *rest, pieces[pump])
+        points = balance.fixed_points(between(shifts, k), pump, *rest, pieces[pump])
         return np.asarray(points[:, np.argsort(points[0])])
 
     pieces: dict[float, Any] = {}
