@@ -290,9 +290,9 @@ def save(data: xr.Dataset | Record, path: str | Path) -> Path:
     import h5netcdf
     from xarray.backends import H5NetCDFStore
 
-    attrs = {key: value for key, value in data.attrs.items() if key != netcdf.HASH}
-    if not netcdf.packed(data):
-        attrs[netcdf.HASH] = netcdf.content_hash(data.variables, attrs)
+    attrs = netcdf.signed(data.variables, data.attrs)
+    if netcdf.packed(data):
+        attrs, _ = netcdf.unsigned(data.variables, attrs)
     data = data.copy()
     data.attrs = attrs
     encoding = {name: {"zlib": True} for name, v in data.data_vars.items() if v.size > 1000}
@@ -308,7 +308,7 @@ def save(data: xr.Dataset | Record, path: str | Path) -> Path:
 def load(path: str | Path) -> xr.Dataset:
     """Read a Dataset written by `save`, into memory; time, power and the other known variables come in SI.
 
-    Where values, units or the drive were changed after `save` wrote them, the log says so.
+    Where values, units or attributes were changed after `save` wrote them, the log says so.
 
     Raises
     ------
@@ -333,9 +333,9 @@ def load(path: str | Path) -> xr.Dataset:
         raise checks.InputError(f"{path} has schema {checks.shown(schema)}, which is no number")
     if schema > SCHEMA:
         raise checks.InputError(f"{path} has schema {schema}; this version reads up to {SCHEMA}, update thermofem")
-    written = data.attrs.pop(netcdf.HASH, None)
-    if written is not None and written != netcdf.content_hash(data.variables, data.attrs):
-        log.warning("%s was changed after thermofem wrote it: values, units or drive are not those of then", path)
+    data.attrs, whole = netcdf.unsigned(data.variables, data.attrs)
+    if whole is False:
+        log.warning("%s was changed after thermofem wrote it: values, units or attributes are not those of then", path)
     try:
         return netcdf.in_si(data)
     except checks.InputError as error:

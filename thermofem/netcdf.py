@@ -10,7 +10,7 @@ import contextlib
 import hashlib
 import json
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,8 +30,7 @@ LARGEST = 16_000_000_000  # bytes that no file may declare
 DAMAGE = (ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, TypeError, ValueError)
 """Exceptions of HDF5, h5netcdf and xarray for a damaged file."""
 OPEN: dict[str, Any] = {"decode_times": False, "decode_timedelta": False, "phony_dims": "sort"}  # for open_dataset
-HASH = "content_hash"  # attribute of the files that `dataset.save` writes
-_HASHED = ("kind", "heated", "read", "waveform", "thermal_resistance", "thermal_resistances")  # attributes
+HASH = "content_hash"  # attribute of the files that `dataset.save` writes: JSON with the hash and what it covers
 VALID = ("valid_min", "valid_max", "valid_range")  # attributes; what lies outside is missing by CF's convention
 ENCODED = {"missing_value", "scale_factor", "add_offset", "calendar", *VALID}  # attributes that change values
 PER = "per unit"  # in the units of derivatives with respect to parameters
@@ -102,13 +101,16 @@ def _values(name: str, item: Any) -> int:
         raise InputError(f"cannot be read: the values of {shown(name)} lie in another file")
     if item.is_virtual:
         raise InputError(f"cannot be read: the values of {shown(name)} are views of other files")
-    if "This is a netCDF dimension but not a netCDF variable" in str(item.attrs.get("NAME", b"")):
-        return 0  # never loaded
+    label = item.attrs.get("NAME", b"")
+    if isinstance(label, bytes) and b"This is a netCDF dimension but not a netCDF variable." in label:
+        return 0  # never loaded: h5netcdf compares the same words; in text of another type it does not find them
     return int(np.prod(item.shape, dtype=object) if item.shape else 1) * max(1, item.dtype.itemsize)
 
 
-def content_hash(variables: Mapping[Any, Any], attrs: Mapping[Any, Any]) -> str:
-    """Hash of the values, dimensions and units of a Dataset, and of the attributes that describe the drive.
+def signed(variables: Mapping[Any, Any], attrs: Mapping[Any, Any]) -> dict[str, Any]:
+    """Attributes of a file with `HASH`: a hash of the content, and the names of the attributes that it covers.
+
+    Others may be added to the file later, such as notes of its user.
 
     Parameters
     ----------
@@ -116,17 +118,46 @@ def content_hash(variables: Mapping[Any, Any], attrs: Mapping[Any, Any]) -> str:
     attrs : mapping
         attributes of the Dataset.
     """
+    plain = {key: value for key, value in attrs.items() if key != HASH}
+    names = sorted(map(str, plain))
+    return {**plain, HASH: json.dumps({"hash": _content_hash(variables, plain, names), "attributes": names})}
+
+
+def unsigned(variables: Mapping[Any, Any], attrs: Mapping[Any, Any]) -> tuple[dict[Any, Any], bool | None]:
+    """Attributes without `HASH`, and whether the content is as it was signed; None without a hash.
+
+    A hash of 32 digits, of an earlier version, counts as none.
+    """
+    plain = {key: value for key, value in attrs.items() if key != HASH}
+    written = str(attrs.get(HASH, ""))
+    if len(written) in (0, 32):
+        return plain, None
+    try:
+        kept = json.loads(written)
+        return plain, bool(_content_hash(variables, plain, kept["attributes"]) == kept["hash"])
+    except (LookupError, TypeError, ValueError, RecursionError):  # an attribute is missing, or the JSON is damaged
+        return plain, False
+
+
+def _content_hash(variables: Mapping[Any, Any], attrs: Mapping[Any, Any], names: Sequence[str]) -> str:
+    """Hash of the values, dimensions and units of a Dataset, and of its attributes of these names."""
     found = hashlib.sha256()
     for name in sorted(variables, key=str):
         v = variables[name]
         values = np.asarray(v.values)
         head = [str(name), list(map(str, v.dims)), list(values.shape), str(v.attrs.get("units", ""))]
-        plain = {"c": "<c16"}.get(values.dtype.kind, "<f8") if values.dtype.kind in "biufc" else None
-        body = json.dumps(list(map(str, values.ravel()))).encode() if plain is None else values.astype(plain).tobytes()
-        found.update(json.dumps(head).encode() + body)
-    drive = {key: np.asarray(attrs[key]).tolist() for key in _HASHED if key in attrs}
-    found.update(json.dumps(drive, sort_keys=True, default=str).encode())
+        found.update(json.dumps(head).encode() + _bytes(values))
+    for name in names:
+        found.update(json.dumps(name).encode() + _bytes(np.ravel(attrs[name])))
     return found.hexdigest()[:32]
+
+
+def _bytes(values: Any) -> bytes:
+    """Numbers in one type, which a file keeps; anything else as text."""
+    kind = values.dtype.kind
+    if kind in "biufc":
+        return bytes(values.astype("<c16" if kind == "c" else "<f8").tobytes())
+    return json.dumps([one.decode() if isinstance(one, bytes) else str(one) for one in values.ravel()]).encode()
 
 
 def packed(data: xr.Dataset) -> bool:

@@ -107,6 +107,10 @@ def netcdf(folder: Path) -> Iterator[tuple[str, Path]]:
     with file("declares") as made:
         made.create_dataset("delta_T", shape=(10**12,), dtype="f8", chunks=(10**6,), compression="gzip")
     yield "declares 1e12 values", folder / "declares.nc"
+    with file("scale") as made:  # h5netcdf leaves a dimension without values alone, unless its NAME is an array
+        made.create_dataset("delta_T", shape=(10**12,), dtype="f8", chunks=(10**6,), compression="gzip")
+        made["delta_T"].attrs["NAME"] = [b"This is a netCDF dimension but not a netCDF variable."]
+    yield "more than fit", folder / "scale.nc"
     with file("external") as made:
         made.create_dataset("delta_T", shape=(20,), dtype="f8", external=[(str(secret), 0, 160)])
     yield "lie in another file", folder / "external.nc"

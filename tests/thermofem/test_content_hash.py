@@ -22,7 +22,8 @@ WORDS = "changed after thermofem wrote it"
 @pytest.fixture
 def data():
     model = th.Foster(R=[5e3], tau=[3e-6])
-    return th.dataset.build(TIMES, model.response(th.Constant(1e-3), TIMES), th.Constant(1e-3))
+    made = th.dataset.build(TIMES, model.response(th.Constant(1e-3), TIMES), th.Constant(1e-3))
+    return made.assign_attrs(start_within=0.0, rest_rows=200.0)
 
 
 def with_unit(file):
@@ -33,11 +34,20 @@ def with_value(file):
     file["delta_T"][7] *= 1.001
 
 
+def with_start(file):
+    """Standard errors of a measured trace follow from it."""
+    file.attrs["start_within"] = 1e-7
+
+
+def without_rest(file):
+    del file.attrs["rest_rows"]
+
+
 def with_drive(file):
     file.attrs["waveform"] = th.waveforms.to_json(th.Constant(2e-3))
 
 
-@pytest.mark.parametrize("change", [with_unit, with_value, with_drive])
+@pytest.mark.parametrize("change", [with_unit, with_value, with_drive, with_start, without_rest])
 def test_a_change_behind_its_back_is_said(data, change, tmp_path, caplog):
     """Times in ns instead of s, of a step that has not settled, contradict nothing else in the file."""
     th.save(data, tmp_path / "a.nc")
