@@ -17,9 +17,9 @@ from scipy.optimize import brentq
 
 from thermofem.arrays import Array
 
+from .closing import nontrivial
 from .hopf_end import hopf_near
 from .path import FreeParameters, Place, on_a_good_mesh, predicted, weights
-from .start import nontrivial
 
 FIRST, LONGEST, SHORTEST = 0.01, 0.1, 1e-7  # steps, in the units of `path.weights`
 TURN = 0.3  # of the largest values, what the stages may change in a step

@@ -17,12 +17,12 @@ from ..heaters import constant
 from ..resonator import RingResonator
 from ..thermal import Compact
 from . import branch
+from .closing import nontrivial
 from .fold_path import follow_folds
 from .hopf_start import born, laser_of
 from .measures import measure
 from .orbit import problem
 from .path import FreeParameters, Place, corrected, weights
-from .start import nontrivial
 
 if TYPE_CHECKING:
     import xarray as xr

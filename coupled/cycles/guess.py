@@ -11,10 +11,11 @@ from thermofem.checks import InputError
 from thermofem.contents import contents
 
 from ..states import State, starting_point
+from .closing import Settled
 from .hopf_start import is_hopf_point, near_hopf
 from .orbit import FIRST, CycleProblem, Orbit, closer, settle, shoot
 from .scheme import scheme
-from .start import Settled, settled
+from .start import settled
 
 MOST_PULSES = 1000  # in a period
 STEPS_NEARBY = 4  # of Newton's method on the mesh of a guess; more show that the pulses are elsewhere

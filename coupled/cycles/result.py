@@ -9,10 +9,10 @@ import numpy as np
 from thermofem import dataset
 
 from ..equilibria.steady import provenance
+from .closing import Settled, nontrivial
 from .measures import measure
 from .orbit import CycleProblem, Orbit
 from .scheme import scheme
-from .start import Settled, nontrivial
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -71,6 +71,8 @@ def _numbers(p: CycleProblem, found: Settled) -> dict[str, Any]:
     }[kind]
     if found.pulses > 1:
         words += f"; {found.pulses} pulses in a period"
+    if found.rough:
+        words += "; no mesh resolves its steepest pulse, so the period is known to 1e-5 only"
     return {
         "period": period, "duty": measured.duty, "swing": measured.swing, "extinction": measured.extinction,
         "settling_time": float(settling), "stability": kind, "pulses": found.pulses, "reason": words,

@@ -7,17 +7,18 @@ twice as long, until the ring rests or pulses like the cycle.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thermofem.arrays import Array, NDArray
+from thermofem.arrays import Array
 from thermofem.checks import InputError
 
 from ..kernels.interrupts import new_watch, uninterrupted
 from ..kernels.tableaus import Method, tableau
 from ..runs.window import check_end
-from .orbit import FINE_RTOL, TRACE_RTOL, CycleProblem, Orbit, around, shoot, until
+from .closing import Settled, close, refined, swing
+from .orbit import TRACE_RTOL, CycleProblem
 
 if TYPE_CHECKING:
     from ..kernels.orbit_start import Transient
@@ -27,30 +28,17 @@ SLOWEST = 30  # of the slowest heat, what a transient may take where that is lon
 SLOW = ", such as that of a model without its slowest pole"
 PATIENCE = 1e8  # ns, what it may take at most: ten to twenty seconds of computing
 AGREE = 0.2  # relative difference of two amplitudes that are taken for the same
-DIFFER = 20  # pulses that a doubled cycle is left for: those that differ more make a better start
-FLAT = 1e-5  # relative range of the carriers below which an orbit is a fixed point
-MOST_PULSES = 4
-SAME = 1e-3  # of the period, by which some times a cycle of one pulse may differ from one of several that goes round it
-BACK = 0.02  # of the largest heat, within which a trace that pulses unequally is back
 
 
 class RestError(InputError):
     """The ring comes to rest at a stable fixed point."""
 
 
-class Settled(NamedTuple):
-    """A cycle, how many pulses it has, and the largest modulus of a multiplier but the trivial one."""
-
-    orbit: Orbit
-    pulses: int
-    size: float = np.nan
-
-
 def settled(p: CycleProblem, y: Array, begin: str = "a cold ring") -> Settled:
     """Return the cycle on which a ring settles from the state ``y``; raises as `pursued`."""
     from ..kernels.orbit_start import Transient
 
-    return pursued(p, Transient(y), stable_points(p), begin)
+    return refined(p, pursued(p, Transient(y), stable_points(p), begin))
 
 
 def pursued(
@@ -58,13 +46,11 @@ def pursued(
     begun: Transient,
     points: Array,
     begin: str = "a cold ring",
-    rough: bool = False,
     longest: float = LONGEST,
 ) -> Settled:
-    """Continue a transient from ``begin`` and return the cycle on which the ring settles.
+    """Continue a transient from ``begin`` and return the cycle on which the ring settles, mostly a rough orbit.
 
-    ``points`` are its stable fixed points as of `spectrum.stable`; ``rough`` is as for `shoot`, ``longest`` as for
-    `longest_of`.
+    ``points`` are its stable fixed points as of `spectrum.stable`; ``longest`` is as for `longest_of`.
 
     Raises InputError: it comes to rest, or does not repeat itself within the longest transient.
     """
@@ -85,10 +71,11 @@ def pursued(
         check_end(np.array([0, 0, begun.ended]), begun.reached, begun.duration * 1e-9, TRACE_RTOL)
         low, high = begun.low, begun.high
         if begun.turn > 0:
-            found, said, met = _close(p, begun.y, begun.turn, (low + high) / 2, rough, rough and unstable)
+            last = begun.passed >= longest
+            found, said, met = close(p, begun.y, begun.turn, (low + high) / 2, unstable, last)
             unstable = unstable or met
             if found is not None:
-                if points[0, 0] > 0 and not abs(_range(found.orbit) - (high - low)) <= AGREE * (high - low):
+                if points[0, 0] > 0 and not abs(swing(found.orbit) - (high - low)) <= AGREE * (high - low):
                     said = "the pulses still change"
                 else:
                     return found
@@ -109,89 +96,6 @@ def rest_words(p: CycleProblem, passed: float, point: Array, begin: str = "a col
         f"comes to rest at a stable fixed point, {point[0]:.4g} fJ and {point[2]:.4g} K; give guess= a cycle nearby "
         "where one may lie beside it"
     )
-
-
-def _close(
-    p: CycleProblem, y: Array, T: float, level: float, rough: bool, wary: bool
-) -> tuple[Settled | None, str, bool]:
-    """The stable cycle near a trace that pulses every ``T`` ns through ``level``, of one pulse or a few; or why not.
-
-    The last value says whether an unstable one is there. Where that is known, only a trace that repeats itself is tried
-    (``wary``).
-    """
-    met = until(p, y, 4 * T, level)
-    if met is None:
-        return None, "the pulses end", False
-    y = met
-    pulses, said = _repeats(p, y, T, 1) if wary else 1, ""
-    if pulses == 0:
-        return None, "the pulses do not repeat", True
-    while pulses <= MOST_PULSES:
-        orbit = shoot(p, y, T, pulses, rough)
-        if orbit is None and pulses == 1 and (pulses := _repeats(p, y, T)) > 1:
-            orbit = shoot(p, y, T, pulses, rough)
-            if orbit is None and (orbit := shoot(p, y, T, 1, rough, rtol=FINE_RTOL)) is not None:
-                pulses = 1
-        if orbit is None:
-            return None, said or "the pulses do not repeat", bool(said)
-        if _range(orbit) <= FLAT * orbit.Y[:, :, 2].max():
-            return None, "the pulses die away", False
-        others = nontrivial(orbit)
-        size = float(np.abs(others).max())
-        if size < 1:
-            return _once(p, Settled(orbit, pulses, size), rough), "", False
-        worst = others[np.argmax(np.abs(others))]
-        if worst.real > -1 or abs(worst.imag) > 0:
-            return None, "the cycle there is unstable", True
-        said = f"a cycle of {pulses} has doubled, with a multiplier of {worst.real:.3g}"
-        found = around(p, y, T, DIFFER)
-        if found is None:
-            return None, said, True
-        y = found[1]
-        pulses *= 2
-    return None, said, True
-
-
-def _once(p: CycleProblem, found: Settled, rough: bool) -> Settled:
-    """The cycle of one pulse where a ``found`` one of several goes round it as many times."""
-    y, T, pulses = found.orbit.start, found.orbit.T, found.pulses
-    met = around(p, y, T / pulses, 1) if pulses > 1 else None
-    if met is None or _away(met[1], y) > BACK:
-        return found
-    for rtol in (TRACE_RTOL, FINE_RTOL):
-        orbit = shoot(p, met[1], T / pulses, 1, rough, rtol=rtol)
-        if orbit is not None and abs(pulses * orbit.T - T) <= SAME * T:
-            size = float(np.abs(nontrivial(orbit)).max())
-            return Settled(orbit, 1, size) if size < 1 else found
-    return found
-
-
-def _away(y: Array, first: Array) -> float:
-    """How far the heat of two states differs, of the largest."""
-    return float(np.abs(y[3:] - first[3:]).max() / np.abs(first[3:]).max())
-
-
-def _repeats(p: CycleProblem, y: Array, T: float, fewest: int = 2) -> int:
-    """After how many pulses, ``fewest`` or more, a trace is nearly back; 0 where it is not within `MOST_PULSES`."""
-    first = y
-    for pulses in range(1, MOST_PULSES + 1):
-        found = around(p, y, T, 1)
-        if found is None:
-            return 0
-        y = found[1]
-        if pulses >= fewest and _away(y, first) <= BACK:
-            return pulses
-    return 0
-
-
-def nontrivial(orbit: Orbit) -> NDArray[np.complex128]:
-    """The multipliers but the one of the orbit's own direction."""
-    every = orbit.multipliers
-    return np.delete(every, int(np.argmin(np.abs(every - 1))))
-
-
-def _range(orbit: Orbit) -> float:
-    return float(np.ptp(orbit.Y[:, :, 2]))
 
 
 def stable_points(p: CycleProblem) -> Array:

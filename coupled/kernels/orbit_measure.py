@@ -104,7 +104,7 @@ def digest(rows: Array, duration: float) -> Array:
     """Return measures of the carriers late in a transient, from rows (t, Re a, Im a, N, dT).
 
     Lowest and highest in the second half, their range in the third and in the fourth quarter, how often they rise
-    through the middle after the first quarter, and the time between the last two rises.
+    through the middle after the first quarter, and the longest time between two rises.
     """
     low, high = np.inf, -np.inf
     range_low, range_high = np.full(2, np.inf), np.full(2, -np.inf)
@@ -115,15 +115,15 @@ def digest(rows: Array, duration: float) -> Array:
         low, high = min(low, N), max(high, N)
         part = 0 if t < 0.75 * duration else 1
         range_low[part], range_high[part] = min(range_low[part], N), max(range_high[part], N)
-    ups, last = 0.0, 0.0
+    ups, longest = 0.0, 0.0
     if rows.shape[0] >= 4:
         found = levels.rises(rows[:, 0].copy(), rows[:, 3].copy(), 0.5 * (low + high), 1.0)
         for i in range(found.size):
             if found[i] >= duration / 4:
                 ups += 1.0
-                last = found[i] - found[i - 1] if i > 0 else 0.0
+                longest = max(longest, found[i] - found[i - 1]) if i > 0 else longest
     third, fourth = max(range_high[0] - range_low[0], 0.0), max(range_high[1] - range_low[1], 0.0)
-    return np.array([low, high, third, fourth, ups, last])
+    return np.array([low, high, third, fourth, ups, longest])
 
 
 for module in (equations, kinds, levels):

@@ -32,6 +32,8 @@ FALLS = 0.5  # of a chord step, what the next one may be
 TURN = 1e-5  # change of the period in a first step on the mesh that may be the last one
 STEPS = 6  # of Newton's method on the mesh
 SAME = 1e-5  # of a period, of two meshes of which the second has twice as many intervals: the second errs much less
+DIP = 3e-6  # of the carriers, by which they fall between two pulses; less is the noise of a trace
+NOISE = 8  # rises of that kind in a trace, at the most
 FEWEST = 16  # intervals of a mesh for each pulse
 UNIFORM = 0.2  # share of a mesh that does not follow the steps of the trace
 MOST_STEPS = 20_000_000  # of an integration
@@ -69,15 +71,18 @@ def around(
     Returns the rows (t, Re a, Im a, N, dT), the end, and whether they have.
     """
     level, out, met = y[2], np.empty((0, 5)), True
-    y = y.copy()
-    for _ in range(pulses):
+    y, left = y.copy(), pulses
+    for _ in range(pulses + NOISE):
         y[2] = level * (1.0 + 1e-12)  # above it, so that the level is met after the pulse and not at once
         rows, y, _, _, _, counts = integrated(y, LONGEST_RETURN * T, level, ring, floor, method, rtol, 0.0, watch)
         if counts[2] != rosenbrock.EVENT:
             met = False
             break
         out = followed(out, rows)
-    return out, y, met
+        left -= 1 if rows[:, 3].min() < level * (1.0 - DIP) else 0
+        if left == 0:
+            break
+    return out, y, met and left == 0
 
 
 @compiled

@@ -31,7 +31,7 @@ class Transient(NamedTuple):
     first: float = 0.0  # ns, the first step of the next part
     low: float = 0.0  # carriers in the second half of the part
     high: float = 0.0
-    turn: float = 0.0  # ns between the last two pulses; 0 where there are too few, or they die away
+    turn: float = 0.0  # ns between two pulses, the longest in the part; 0 where there are too few, or they die away
     rest: int = -1  # number of the stable fixed point at which it rests
     reached: float = 0.0  # ns, in the part
     ended: int = DONE  # how the integration did

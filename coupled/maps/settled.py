@@ -13,10 +13,11 @@ import numpy as np
 from thermofem import checks
 from thermofem.arrays import Array, NDArray
 
+from ..cycles.closing import Settled
 from ..cycles.orbit import FEW_SHOTS, ROUGH, ROUGHLY, TRACE_RTOL, CycleProblem, closer, problem, settle
 from ..cycles.parameters import under_laser
 from ..cycles.scheme import scheme
-from ..cycles.start import RestError, Settled, longest_of, pursued, rest_words
+from ..cycles.start import RestError, longest_of, pursued, rest_words
 from ..equilibria.steady import absorbable, internal
 from ..kernels.interrupts import uninterrupted
 from ..kernels.tableaus import Method, tableau
@@ -118,7 +119,7 @@ class _Row(NamedTuple):
 
         p = under_laser(self.p, self.p.power, self.detunings[k])
         try:
-            found = pursued(p, transient, self.points[k], rough=True, longest=LONGEST)
+            found = pursued(p, transient, self.points[k], longest=LONGEST)
         except RestError as rest:
             return _resting(str(rest)), None
         except checks.InputError as error:
