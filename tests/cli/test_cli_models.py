@@ -110,7 +110,7 @@ def test_validate_states_the_range(folder):
 @pytest.mark.slow
 def test_validate_trains_every_model_on_a_geometry(folder):
     (folder / "ring.toml").write_text(th.strip_ring().to_toml())
-    done = thermofem("validate", "ring.toml", "-o", "ring.png", cwd=folder)
+    done = thermofem("validate", "ring.toml", "--figure", "ring.png", "-o", "ring.nc", cwd=folder)
     assert done.returncode == 0, done.stderr
     rows = {line.split("│")[1].strip(): line for line in done.stdout.splitlines() if line.startswith("│")}
     foster, reduction = [f"Foster, trained ({n})" for n in (3, 5)], "certified reduction (0.0001)"
@@ -124,6 +124,9 @@ def test_validate_trains_every_model_on_a_geometry(folder):
     assert "strip ring: square waves of 2 mW, 33% duty, against its FEM" in done.stdout
     assert "the same at every power" in done.stdout
     assert (folder / "ring.png").read_bytes().startswith(b"\x89PNG")
+    curve = th.load(folder / "ring.nc")["relative_error"].sel(model="second order").interp(period=1e-6)
+    assert curve.item() == pytest.approx(0.04, abs=0.015)  # as in test_validate_states_the_range
+    assert sorted(th.load(folder / "ring.nc")["model"].values) == sorted(rows)
 
 
 @pytest.mark.slow
@@ -186,7 +189,9 @@ def test_simulate_reads_a_ring_file(folder):
         (["validate", "second.json", "second.json", "--reference", "fem.json"], "MODELS holds 'second' twice"),
         (["validate", "ring.toml", "second.json"], "one geometry alone"),
         (["validate", "missing.toml", "-o", "x.png"], "missing.toml"),
-        (["validate", "missing.toml", "-o", "x.nc"], "does not say what kind of image"),
+        (["validate", "missing.toml", "-o", "x.nc"], "missing.toml"),
+        (["validate", "missing.toml", "-o", "x.txt"], "does not say what kind of image"),
+        (["validate", "second.json", "--reference", "fem.json", "-o", "c.png"], "--figure c.png draws them"),
         (["validate", "second.json", "--reference", "fem.json", "--shortest", "20 us"], "must be below --longest"),
         (["simulate", "fem.json", "--detuning", "-10"], "--detuning"),
         (["simulate", "fem.json", "--power", "8 dB"], "--power"),

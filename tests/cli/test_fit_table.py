@@ -157,6 +157,19 @@ def test_fit_a_table_and_show_its_model(tmp_path):
     assert surrogate.load_model(model).passive
 
 
+@pytest.mark.parametrize(
+    ("heated", "read", "proven"),
+    [(["core"], ["core"], True), (["core", "heater"], ["core"], False), (["heater"], ["core"], False)],
+)
+def test_a_bound_is_called_proven_for_one_port_alone(heated, read, proven, tmp_path):
+    """Between its samples the bound of several ports has a margin without a proof (docs/models.md)."""
+    heat = th.assemble(th.heated_ring(), accuracy=1e-2)
+    surrogate.save_model(surrogate.reduce(heat.channels(heated, read), 1e-2), tmp_path / "m.json")
+    said = json.loads(run("show", tmp_path / "m.json", "--json").stdout)["trusted"]
+    assert ("(proven; against its FEM)" in said) == proven
+    assert ("sampled frequencies" in said) != proven
+
+
 RIGOL = "X,CH1,Start,Increment,\nSequence,Volt,{first},{step}\n"
 
 
@@ -222,6 +235,7 @@ def test_without_a_sensitivity_volts_are_printed_as_volts(tmp_path):
         (["fit", "three.csv", "--power", "1 mW"], "3 columns .a, b, c.; name two with --time and --temperature"),
         (["fit", "three.csv", "--power", "1 mW", "--time", "a"], "--temperature is missing"),
         (["fit", "two.csv"], "--power"),
+        (["fit", "none.csv", "--power", "1 mW", "--pulse", "4 us"], "none.csv does not exist"),
         (["fit", "two.csv", "two.csv", "--power", "1 mW", "--figure", "f.png"], "--figure shows one file; 2 are given"),
         (["fit", "two.csv", "--power", "1 mW", "--figure", "f.txt"], "f.txt"),
         (["fit", "two.csv", "--power", "1 mW", "--duty", "0.5"], "--duty 0.5 goes with --square"),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .. import checks, quantity, trees
+from .. import checks, files, quantity, trees
 from ..checks import InputError
 from . import options
 from .files import about, check_outputs, in_volts
@@ -153,7 +153,7 @@ def _training(paths: list[Path], columns: dict[str, str | None], drive: dict[str
     from ..traces import read_trace
 
     for path in paths:
-        expect(path, "data", "table")
+        expect(files.regular(path), "data", "table")
     tables = [path for path in paths if kind_of(path) == "table"]
     given = [f"--{name}" for name, value in {**drive, **columns}.items() if value is not None]
     if given and not tables:

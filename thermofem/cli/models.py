@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .. import checks
+from ..files import IMAGES
 from . import drives, options
 from .bar import Bar
 from .files import DEFAULT_RING, check_outputs, model_of, one_channel, ring_of, say_ring, section_of
@@ -82,13 +83,13 @@ def validate(
     read: options.Read = None,
     figure: options.Figure = None,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Curves (.nc), or for a geometry the figure (.png).")
+        Path | None, typer.Option("--output", "-o", help="Curves (.nc); for a geometry also the figure (.png).")
     ] = None,
 ) -> dict[str, Any]:
     """Judge models by their period error (Section 6 of the paper): over which periods can each be trusted?
 
-    Given a geometry, every kind of model is trained on it and judged by its FEM, with k(T) at the power asked; given
-    models, those.
+    Given a geometry, the usual kinds of model are trained on it and judged by its FEM, with k(T) at the power asked;
+    given models, those.
     """
     import numpy as np
 
@@ -104,9 +105,11 @@ def validate(
     if any(path.suffix.lower() == ".toml" for path in inputs):
         if len(inputs) > 1 or reference:
             raise checks.InputError("validate takes one geometry alone; models with --reference, without a geometry")
-        figures = [path for path in (figure, output) if path] or [Path("period_error.png")]
+        curves = output if output and output.suffix.lower() == ".nc" else None
+        figures = [path for path in (figure, output) if path and path != curves]
+        figures = figures if figures or curves else [Path("period_error.png")]
         settings: dict[str, Any] = {"periods": periods, "power": watts, "duty": duty, "heated": heated, "read": read}
-        return _validate_geometry(inputs[0], figures, accuracy=accuracy, **settings)
+        return _validate_geometry(inputs[0], figures, curves, accuracy=accuracy, **settings)
     if reference is None:
         raise checks.InputError("models are judged by a --reference, e.g. from `reduce`; or give one geometry (.toml)")
     load = lambda path: one_channel(path, heated, read)  # noqa: E731
@@ -124,13 +127,11 @@ def _validate_models(
     duty: float,
 ) -> dict[str, Any]:
     """Curves of models from files."""
-    import xarray as xr
-
     import surrogate
 
-    from .. import dataset
-
     check_outputs([output, figure], images=[figure])
+    if output.suffix.lower() in IMAGES:
+        raise checks.InputError(f"--output = {output} takes the curves (.nc); --figure {output} draws them")
     for path in (*models, reference):
         expect(path, "model")
     checks.unique("MODELS", [path.stem for path in models], hint="curves are named after the files")
@@ -138,12 +139,21 @@ def _validate_models(
     for path in models:
         curves[path.stem] = surrogate.period_error(load(path), judge, periods, power=watts, duty=duty)
         say(f"{path.stem}: {curves[path.stem].attrs['validity']}")
-    joined = xr.concat(list(curves.values()), dim="model", combine_attrs="drop_conflicts")
-    dataset.save(joined.assign_coords(model=list(curves)), output)
+    _save_curves(curves, output)
     if figure:
         _draw_curves(curves, figure)
     say(f"wrote {output}" + (f" and {figure}" if figure else ""))
     return {"models": {name: _judged(curve) for name, curve in curves.items()}, "curves": output, "figure": figure}
+
+
+def _save_curves(curves: Mapping[str, xr.Dataset], path: Path) -> None:
+    """Write the curves of several models over a dimension ``model``."""
+    import xarray as xr
+
+    from .. import dataset
+
+    joined = xr.concat(list(curves.values()), dim="model", combine_attrs="drop_conflicts")
+    dataset.save(joined.assign_coords(model=list(curves)), path)
 
 
 def _judged(curve: xr.Dataset) -> dict[str, Any]:
@@ -158,31 +168,34 @@ def _judged(curve: xr.Dataset) -> dict[str, Any]:
 
 
 def _validate_geometry(
-    path: Path, figures: list[Path], *, power: float, duty: float, **settings: Any
+    path: Path, figures: list[Path], curves: Path | None, *, power: float, duty: float, **settings: Any
 ) -> dict[str, Any]:
-    """Train every kind of model on a geometry: one figure, one table."""
+    """Train the usual kinds of model on a geometry: figures, a table, and the curves where wanted."""
     from ..geometry import CrossSection
     from .validate import advice, judge, table
 
-    check_outputs(figures, images=figures)
+    check_outputs([*figures, curves], images=figures)
     expect(path, "geometry")
     geometry = CrossSection.from_toml(path)
-    with working("solving, training every kind of model, judging"):
+    with working("solving, training models, judging"):
         found = judge(geometry, power=power, duty=duty, **settings)
     by = "its FEM" if found.power is None else "its FEM with k(T)"
     of = f"{geometry.name}: square waves of {power * 1e3:g} mW, {duty:.0%} duty, against {by}"
     for figure in figures:
         _draw_curves(found.curves, figure, of)
+    if curves:
+        _save_curves(found.curves, curves)
     show(table(found, of))
     lines = advice(found)
     for line in lines:
         say(line)
-    say(f"wrote {' and '.join(map(str, figures))}")
+    say(f"wrote {' and '.join(map(str, [*figures, *([curves] if curves else [])]))}")
     return {
         "models": {name: _judged(curve) for name, curve in found.curves.items()},
         "refused": dict(found.refused),
         "advice": lines,
         "figures": figures,
+        "curves": curves,
     }
 
 

@@ -79,7 +79,9 @@ def _number(value: Any) -> float | None:
 def _trusted(numbers: dict[str, Any]) -> str:
     """Where the model may be trusted, in words."""
     if numbers["error_bound"] is not None:
-        return f"at every frequency, within {numbers['error_bound']:.1e} of R_th (proven, against its FEM)"
+        one = len({*numbers["heated"], *numbers["read"]}) == 1
+        how = "proven" if one else "proven at sampled frequencies, with a margin between them"
+        return f"at every frequency, within {numbers['error_bound']:.1e} of R_th ({how}; against its FEM)"
     words = []
     if numbers["largest_rise"] is not None:
         words.append(f"up to a rise of {numbers['largest_rise']:.3g} K")
