@@ -48,12 +48,12 @@ def commands(page: Path) -> list[list[str]]:
 
 
 def same_text(found: str, expected: str) -> None:
-    """Equal but for numbers, which may differ by 5 % or one in the last digit: meshes and round-off change."""
+    """Equal but for numbers, which may differ by 0.3 % or one in the last digit: meshes and round-off change."""
     assert NUMBER.sub("#", found.strip()) == NUMBER.sub("#", expected.strip())
     for ours, printed in zip(NUMBER.findall(found), NUMBER.findall(expected), strict=True):
         digits = len(printed.partition("e")[0].partition(".")[2])
         last = 10.0**-digits * float("1" + (printed[printed.find("e") :] if "e" in printed else ""))
-        assert float(ours) == pytest.approx(float(printed), rel=0.05, abs=1.01 * last)
+        assert float(ours) == pytest.approx(float(printed), rel=3e-3, abs=1.01 * last)
 
 
 def neighbours(folder: Path) -> None:
