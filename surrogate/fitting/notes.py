@@ -10,6 +10,7 @@ from .projection import Optimum
 
 CANCELLING = 100.0  # R of a pole over R_th from which poles of opposite sign count as one
 OTHER = 0.1  # relative difference of thermal resistances that is told
+KNOWN = np.log(10)  # standard deviation of ln(tau) from which its size says nothing
 UNSEEN = np.log(2)  # standard deviation of ln(tau) from which a time constant counts as not seen: a factor of two
 
 
@@ -27,7 +28,7 @@ def starts(found: Optimum) -> list[str]:
 
 
 def other_gain(model: Foster, stated: float | None) -> list[str]:
-    """A sentence on a model whose thermal resistance is not that which the data state."""
+    """Warning if the thermal resistance of the model differs from that of the data."""
     if stated is None or abs(model.thermal_resistance - stated) <= OTHER * abs(stated):
         return []
     own, true = (quantity.rounded(R, "K/W") for R in (model.thermal_resistance, stated))
@@ -54,7 +55,8 @@ def unseen(found: Optimum, span: tuple[float, float]) -> list[str]:
         if gain == 0:
             notes.append(f"{said} is one pole too many: its best gain is zero")
         elif sd > UNSEEN:
-            notes.append(f"the data can't see {said}: its standard error is a factor of {np.exp(min(sd, 20)):.3g}")
+            size = f": its standard error is a factor of {np.exp(sd):.2g}" if sd < KNOWN else ""
+            notes.append(f"the data do not determine {said}{size}")
         elif tau > 3 * span[1]:
             notes.append(f"{said} is an extrapolation: the data last {quantity.rounded(span[1], 's')}")
         elif tau < span[0] / 3:
