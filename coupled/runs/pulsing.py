@@ -159,9 +159,9 @@ def pulsing(run: xr.Dataset | Record) -> Pulsing:
         energy = _values(run, "energy") if "energy" in run.variables else drop
         return lasting(found, t, energy, dT, rest_of_run(run))
     answer = f"{found.cycles} cycles in the answer" if found.regime == Regime.SELF_PULSING else found.reason
-    return replace(
-        found, regime=Regime.DRIVEN, reason=f"{moving} {'vary' if ' and ' in moving else 'varies'}: {answer}"
-    )
+    answer = answer.removesuffix(_advice(found.suggested_duration))  # a longer run has a longer drive
+    reason = f"{moving} {'vary' if ' and ' in moving else 'varies'}: {answer}"
+    return replace(found, regime=Regime.DRIVEN, reason=reason, suggested_duration=float("nan"))
 
 
 def lasting(found: Pulsing, t: Array, energy: Array, dT: Array, rest: Rest | None) -> Pulsing:
@@ -242,20 +242,22 @@ def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, e
     *_, earlier, drift = (0.0, 0.0, *(lengths[1:] / lengths[:-1] - 1))
     unclear = 0.0 if every_step else 1 / samples
     if abs(drift) > max(unclear, longest_change(earlier, drift, heights.size > 2 * together)):
-        words = f"{heights.size} cycles, whose length still changes by {100 * drift:+.2g} % from one to the next"
+        words = f"{heights.size} cycles, whose length changes by {100 * drift:+.2g} % from one to the next"
         words += f", after {100 * earlier:+.2g} %" if abs(drift) <= FAR and earlier else ""
         return _slow(words, wanted, swing, heights.size)
     unequal = miss(heights, waits[:-1], together)
+    left = [f"cycles differ by {100 * unequal:.2g} %"] if 10 * noise < unequal < np.inf else []
+    if abs(drift) > STEADY_PERIOD:
+        left.append(f"the period {'grows' if drift > 0 else 'falls'} by {100 * abs(drift):.2g} % per cycle")
     last = (t >= begin) & (t <= end)
     low, high = drop[last].min(), drop[last].max()
     return Pulsing(
         Regime.SELF_PULSING,
         seen
-        + ("steady" if abs(change) < close else "growing" if change > 0 else "still falling")
+        + ("steady" if abs(change) < close else "growing" if change > 0 else "falling")
         + " amplitude"
         + (f", in a pattern of {together}" if together > 1 else "")
-        + (f", pulses that still differ by {100 * unequal:.2g} %" if 10 * noise < unequal < np.inf else "")
-        + (f", each cycle {100 * drift:+.2g} % longer than the last" if abs(drift) > STEADY_PERIOD else "")
+        + (f"; not settled: {', '.join(left)}" if left else "")
         + ("" if every_step else _sampled(samples)),
         period=end - begin,
         duty=_duty(t, drop, begin, end),
@@ -339,7 +341,7 @@ def _under_way(t: Array, N: Array, swing: float, cycles: int) -> Pulsing:
         earlier, later = np.ptp(np.interp(t[-1] - (t[-1] - t[0]) * EIGHTHS, t, N), axis=1)
         if later > max(earlier, GROWS * tail.max()):
             return _slow("a movement of the carriers that grows instead of dying away", wanted, swing, cycles)
-        words = f"settled: from the last quarter on the carriers move by {100 * change:.1g} %"
+        words = f"in the last quarter of the run the carriers change by {100 * change:.1g} % only"
         return _rests(words, swing, cycles)
     seen = f"{cycles} complete cycle{'s' if cycles != 1 else ''} and no more" if cycles else "no complete cycle"
     return _slow(f"{seen}, yet still moving", wanted, swing, cycles)
@@ -352,9 +354,12 @@ def _rests(reason: str, swing: float, cycles: int = 0) -> Pulsing:
 def _slow(reason: str, wanted: float, swing: float, cycles: int) -> Pulsing:
     """A slow transient, and how long a run is ``wanted``, s; none is longer than `arguments.LONGEST`."""
     wanted = min(wanted, LONGEST)
-    words = f"{reason}: simulate {quantity.rounded(wanted, 's', 2)}"
-    found = replace(_rests(words, swing, cycles), suggested_duration=wanted)
+    found = replace(_rests(reason + _advice(wanted), swing, cycles), suggested_duration=wanted)
     return replace(found, regime=Regime.SLOW_TRANSIENT)
+
+
+def _advice(wanted: float) -> str:
+    return f": simulate {quantity.rounded(wanted, 's', 2)}"
 
 
 def _values(run: xr.Dataset | Record, name: str) -> Array:

@@ -67,7 +67,7 @@ def test_two_maxima_of_the_drop_power_are_one_cycle():
         (np.exp(-TIMES / 0.5e-6), "stable", "constant"),
         (0.3 + 0.7 * np.exp(-TIMES / 3e-6), "self-pulsing", "steady|falling"),
         (0.6 + 0.4 * np.exp(-TIMES / 8e-6), "slow transient", "falling"),  # 5 % above its end: not settled yet
-        (0.01 * np.exp(TIMES / 5e-6), "self-pulsing", "growing"),
+        (0.01 * np.exp(TIMES / 5e-6), "self-pulsing", "growing amplitude; not settled: cycles differ by"),
     ],
 )
 def test_an_oscillation_pulses_unless_it_heads_for_zero(amplitude, regime, reason):
@@ -90,7 +90,11 @@ def test_a_small_oscillation_under_a_drift_is_seen():
     ("carriers", "regime", "reason"),
     [
         (2 - np.exp(-TIMES / 1e-6), "stable", "constant"),
-        (2 - np.exp(-TIMES / 4e-6), "stable", "last quarter"),  # e^-3.75 - e^-5 = 1.7 % of 1 and 0.7 % to go, of 2
+        (
+            2 - np.exp(-TIMES / 4e-6),
+            "stable",
+            "the last quarter of the run the carriers change by",
+        ),  # e^-3.75 - e^-5 = 1.7 % of 1 and 0.7 % to go, of 2
         (2 - np.exp(-TIMES / 30e-6), "slow transient", "no complete cycle"),
         (1 + TIMES / DURATION, "slow transient", "simulate 200 us"),
         (2 + np.sin(2 * np.pi * TIMES / 15e-6), "slow transient", "cycle"),
@@ -103,6 +107,17 @@ def test_what_does_not_pulse_is_at_rest_or_under_way(carriers, regime, reason):
     assert found.regime == regime
     assert reason in found.reason
     assert np.isnan(found.period)
+
+
+@pytest.mark.parametrize("carriers", [1 + TIMES / DURATION, 2 + np.sin(2 * np.pi * TIMES / 15e-6), wave()])
+def test_a_driven_trace_is_not_told_to_last_longer(carriers):
+    run = trace(carriers)
+    run["input_power"] = "time", 1e-3 * (1 + TIMES / DURATION)
+    found = coupled.pulsing(run)
+    assert found.regime == "driven"
+    assert found.reason.startswith("the power varies: ")
+    assert "simulate" not in found.reason
+    assert np.isnan(found.suggested_duration)
 
 
 def test_pulses_that_ended_are_stable():
@@ -331,7 +346,7 @@ def test_a_movement_that_grows_is_no_rest():
     found = coupled.pulsing(trace(2 + 1.5e-2 * np.exp(to_go / 3e-6) * np.sin(2 * np.pi * to_go / 5e-6 + 0.5)))
     assert (found.regime, "grows" in found.reason) == ("slow transient", True)
     dying = coupled.pulsing(trace(2 + 4e-3 * np.exp(-TIMES / 8e-6) * np.sin(2 * np.pi * to_go / 30e-6 + 0.5)))
-    assert (dying.regime, "settled" in dying.reason) == ("stable", True)
+    assert (dying.regime, "last quarter" in dying.reason) == ("stable", True)
 
 
 def test_an_audit_of_a_few_cells_finds_nothing():
