@@ -235,7 +235,7 @@ _SUFFIX = {
 COMMANDS = """# Commands
 
 `--help` after each command prints the same text. Quantities are text with a unit, as `"8 dBm"`, `"-10 GHz"`, `"20 us"`.
-A mistake is one line that names it, and exit code 2. `thermofem --version` prints the version.
+An input error prints one line and exits with code 2. `thermofem --version` prints the version.
 A detuning is a frequency or, as `"80 pm"`, a distance in wavelength; a longer wavelength is a negative detuning.
 
 | exit code | meaning |
@@ -249,7 +249,8 @@ A detuning is a frequency or, as `"80 pm"`, a distance in wavelength; a longer w
 
 `thermofem --install-completion` installs tab completion for bash, zsh, fish or PowerShell; open a new shell afterwards.
 In zsh the first Tab of a session only loads it; press Tab again.
-With `--json` every command prints its numbers in SI as one JSON object on standard output; words go to standard error.
+Results are printed on standard output; warnings and progress on standard error. With `--json` every command prints its
+numbers in SI as one JSON object on standard output, and all messages on standard error.
 
 | stage | takes | gives | commands |
 |---|---|---|---|

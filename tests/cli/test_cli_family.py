@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 
 import numpy as np
@@ -96,6 +97,16 @@ def test_calibrate(folder):
     asked = ("calibrate", str(folder / "family.json"), str(folder / "trace.nc"))
     assert "box = 1.8 ± " in run(*asked)
     assert run(*asked, "--noise", "10 mK") == run(*asked, "--noise", "0.01")
+    assert "± contains the noise only; on its own mesh the family is off by " in run(*asked)
+    numbers = json.loads(run(*asked, "--json", "--quiet"))
+    assert -1 <= numbers["correlation"] <= 1
+    assert 0 < numbers["error"] < 1e-2  # the tolerance of the training
+
+
+def test_a_table_is_not_calibrated_but_how_to_convert_it_is_said(folder):
+    (folder / "scope.csv").write_text("t (s),T (K)\n0,0\n1,1\n")
+    with pytest.raises(AssertionError, match=r"em.read_csv\(.*scope.csv.*, \.\.\.\), .*scope.nc"):
+        run("calibrate", str(folder / "family.json"), str(folder / "scope.csv"))
 
 
 @pytest.mark.parametrize(

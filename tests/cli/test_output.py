@@ -16,8 +16,10 @@ from typer.testing import CliRunner
 import coupled
 import surrogate
 import thermofem as th
+from coupled.bar import bar
 from thermofem.cli import app
 from thermofem.cli.detuning import detuning_of
+from thermofem.cli.output import written
 from thermofem.cli.runs import doctor
 from thermofem.constants import c as C  # noqa: N812
 
@@ -54,6 +56,48 @@ def test_every_command_returns_numbers():
     assert get_type_hints(doctor)  # the commands themselves return a dict; what typer calls prints it
     for name, command in COMMANDS.items():
         assert {"--json", "--quiet", "--verbose", "--threads"} <= {o for p in command.params for o in p.opts}, name
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "error", "text"),
+    [
+        (2000.5, "K/W", 2.5, "2.0005 ± 0.0025 K/mW"),
+        (2000.0, "K/W", 2.04, "2.0000 ± 0.0020 K/mW"),
+        (887123.0, "1/s", 23000.0, "887100 ± 23000 1/s"),  # never fewer than four digits
+        (1.2e-6, "s", 3.1e-9, "1.2000 ± 0.0031 us"),
+        (1.8e-6, "m", 1e-20, "1.8 ± 1e-14 um"),  # round-off: no row of zeros
+        (3.4e-13, "J/K", 0.0, "3.4e-13 ± 0 J/K"),
+        (5.0, "", float("inf"), "5 ± inf"),
+    ],
+)
+def test_a_number_ends_where_its_error_does(value, unit, error, text):
+    assert written(value, unit, error) == text
+
+
+def test_results_are_on_standard_output_and_bars_on_standard_error(tmp_path, monkeypatch, capfd):
+    """solve, campaign and family printed their results on standard error, map its bar on standard output."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "strip.toml").write_text(th.strip_ring().to_toml())
+    done = CliRunner().invoke(app, ["solve", "--duration", "1 us", "--samples", "11"])
+    assert done.stderr == ""
+    assert [line.split()[0] for line in done.stdout.splitlines()] == ["R_th", "wrote"]
+    with bar("map", 2, wanted=True) as advance:
+        advance()
+    said = capfd.readouterr()
+    assert (said.out, "map" in said.err) == ("", True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "former", "name"),
+    [
+        (["uncertainty", "none.json", "--spread", "box=2 um,1 nm"], "--layer=x", "--interpolate"),
+        (["cosimulate"], "--tolerance=x", "--max-discrepancy"),
+    ],
+)
+def test_former_names_of_options_work_and_are_not_listed(arguments, former, name):
+    done = CliRunner().invoke(app, [*arguments, former])
+    assert name in done.output + str(done.exception)
+    assert former[:-2] not in CliRunner().invoke(app, [arguments[0], "--help"]).output
 
 
 @pytest.mark.parametrize("name", ["design", "uncertainty"])

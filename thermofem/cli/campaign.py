@@ -17,7 +17,7 @@ from ..campaign.processes import begin
 from ..campaign.store import ResultStore
 from ..checks import InputError, MissingLibraryError
 from .kinds import expect
-from .output import console, note, threads_wanted
+from .output import console, note, say, threads_wanted
 
 
 def run(file: Path, output: Path, *, workers: int | None, scheduler: str | None, retry_failed: bool) -> dict[str, Any]:
@@ -43,7 +43,7 @@ def run(file: Path, output: Path, *, workers: int | None, scheduler: str | None,
             report=shown,
         )
     found = f"{summary.finished} finished in {summary.seconds:.0f} s, {summary.reused} were there already"
-    note(f"{summary.total} geometries: {found}, {summary.failed} failed")
+    say(f"{summary.total} geometries: {found}, {summary.failed} failed")
     cut = int((domain_errors(output) > campaign.accuracy).sum())
     if cut:
         note(
@@ -51,9 +51,9 @@ def run(file: Path, output: Path, *, workers: int | None, scheduler: str | None,
             'move it outwards, or make it "open" where the stack goes on'
         )
     if summary.failed:
-        note(f"reasons are in {output / 'failures'} and in the index; --retry-failed takes them again")
+        say(f"reasons are in {output / 'failures'} and in the index; --retry-failed takes them again")
     files = {"index": output / "index.nc", "training": output / "training.nc"}
-    note(f"wrote {files['index']} and {files['training']}")
+    say(f"wrote {files['index']} and {files['training']}")
     return {**asdict(summary), "domain_too_small": cut, **files}
 
 

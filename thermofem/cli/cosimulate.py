@@ -31,9 +31,7 @@ def cosimulate(
     predictor: Annotated[
         str | None, typer.Option(metavar="MODEL", help="Model (JSON) that predicts, or none; default: a reduction.")
     ] = None,
-    max_discrepancy: Annotated[
-        str, typer.Option("--max-discrepancy", "--tolerance", help="Discrepancy left between light and FEM.")
-    ] = "1 mK",
+    max_discrepancy: Annotated[str, typer.Option(help="Discrepancy left between light and FEM.")] = "1 mK",
     accuracy: options.Accuracy = 1e-3,
     rtol: Annotated[float, typer.Option(help="Relative error of a step of the light.")] = 1e-6,
     field_times: options.FieldTimes = None,

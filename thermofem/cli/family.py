@@ -13,7 +13,7 @@ from .. import quantity
 from ..checks import InputError, choice
 from . import options
 from .files import about, check_outputs, ring_of, working
-from .kinds import expect
+from .kinds import expect, kind_of
 from .maps import grid
 from .output import hold, note, say, written
 from .quantities import cycle_property, optics_of, pulsing_points, pulsing_range
@@ -65,13 +65,13 @@ def family(
         hot = None if power is None else quantity.parse(power, "W", name="--power")
         found = surrogate.train_family(file, tolerance, executor=pool, folder=folder, power=hot)
     found.save(output)
-    note(
+    say(
         f"{found.size} functions ({found.engine}); error over {found.error.count} rings not seen: "
         f"worst {found.error.worst:.1e}, median {found.error.median:.1e}"
     )
     if found.bend is not None:
-        note(f"k(T) up to {quantity.write(found.bend.power, 'W')}: error {found.bend.error:.1e}")
-    note(f"wrote {output}")
+        say(f"k(T) up to {quantity.write(found.bend.power, 'W')}: error {found.bend.error:.1e}")
+    say(f"wrote {output}")
     error = {"worst": found.error.worst, "median": found.error.median, "count": found.error.count}
     return {
         "family": output,
@@ -94,7 +94,7 @@ def design(
     ] = None,
     fix: Fix = None,
     optics: OpticsOption = None,
-    seed: Annotated[int, typer.Option(help="Of the starting points of the search.")] = 0,
+    seed: Annotated[int, typer.Option(help="Random seed of the starting points of the search.")] = 0,
     ring: Ring = "borghi2021",
     power: Power = "8 dBm",
     detuning: Detuning = "0 GHz",
@@ -167,15 +167,16 @@ def uncertainty(
     samples: Annotated[int, typer.Option(help="Base samples, a power of two.")] = 1024,
     interpolate: Annotated[
         int | None,
-        typer.Option("--interpolate", "--layer", help="Compute this number of members only and interpolate."),
+        typer.Option(help="Compute this number of members only and interpolate."),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of the samples.")] = 0,
+    seed: Annotated[int, typer.Option(help="Random seed of the samples.")] = 0,
     optics: OpticsOption = None,
     ring: Ring = "borghi2021",
     power: Power = "8 dBm",
     detuning: Detuning = "0 GHz",
 ) -> dict[str, Any]:
-    """What normal fabrication tolerances make of R_th, the settled period or the self-pulsing map; what matters most.
+    """Propagate normally distributed fabrication tolerances to R_th, the settled period or the self-pulsing map, with
+    Sobol indices.
 
     For --map, --power and --detuning are pairs: '3 dBm, 10 dBm' and '-30 GHz, 30 GHz'.
     """
@@ -265,19 +266,27 @@ def calibrate(
     spread = None if noise is None else _noise(noise)
     found = surrogate.load_family(file)
     for path in data:
+        if kind_of(path) == "table":
+            raise InputError(
+                f"{path} holds a table of numbers, not data (netCDF); convert it in Python: "
+                f"thermofem.save(thermofem.read_csv({str(path)!r}, ...), {str(path.with_suffix('.nc'))!r})"
+            )
         expect(path, "data")
     with working("fitting"), about(data):
         result = surrogate.calibrate(found, [dataset.load(path) for path in data], noise=spread)
     for name, unit in zip(found.names, found.box.units, strict=True):
         value, error = result.values[name], result.standard_errors[name]
         say(f"{name} = {written(value, unit, error)}" + (" (end of its range)" if name in result.active else ""))
-    say(f"residual {result.residual:.3g} K rms")
+    say(f"residual {result.residual:.3g} K rms, correlation of neighbouring residuals {result.correlation:.2f}")
     for text in result.unseen:
         say(f"not determined by the data: {text}")
+    say(f"± contains the noise only; on its own mesh the family is off by {result.certified.error:.1e}")
     return {
         "values": result.values,
         "standard_errors": result.standard_errors,
         "residual": result.residual,
+        "correlation": result.correlation,
+        "error": result.certified.error,
         "unseen": list(result.unseen),
         "active": list(result.active),
     }

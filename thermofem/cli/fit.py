@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     Data = Record | xr.Dataset
 
 KINDS = ("newton", "second-order", "foster", "spectrum", "sindy")
+TRANSFER = "The table was measured on another part than the heated one (netCDF files already record this)."
 TABLE = "a table of numbers"
 POLES = 5  # of a Foster network
 
@@ -33,14 +34,20 @@ def fit(
     kind: Annotated[str, typer.Option(help="newton, second-order, foster, spectrum or sindy.")] = "second-order",
     order: Annotated[int | None, typer.Option(help="Number of poles of a Foster network; default 5.")] = None,
     power: Annotated[str | None, typer.Option(help="Absorbed power while a table was measured.")] = None,
-    pulse: Annotated[str | None, typer.Option(help="It heated for this long, e.g. '4 us'; default: a step.")] = None,
-    square: Annotated[str | None, typer.Option(help="It was a square wave of this period, from rest.")] = None,
+    pulse: Annotated[
+        str | None, typer.Option(help="Length of the heating pulse in a table, e.g. '4 us'; default: a step.")
+    ] = None,
+    square: Annotated[
+        str | None, typer.Option(help="Period of the square wave, from rest, that heated in a table.")
+    ] = None,
     duty: options.Duty = None,
     time: Annotated[str | None, typer.Option(help="Column with the time, e.g. 'X (us)'; of two the first.")] = None,
     temperature: Annotated[str | None, typer.Option(help="Column with the temperature or its voltage.")] = None,
-    sensitivity: Annotated[str | None, typer.Option(help="Of a voltage, e.g. '10 mV/K'; without it V is K.")] = None,
+    sensitivity: Annotated[
+        str | None, typer.Option(help="Volts per kelvin of the thermometer, e.g. '10 mV/K'; default: 1 V/K.")
+    ] = None,
     start: Annotated[str | None, typer.Option(help="When the heating began; default: found in the trace.")] = None,
-    transfer: Annotated[bool, typer.Option(help="Another part was read than heated; solve's files say so.")] = False,
+    transfer: Annotated[bool, typer.Option(help=TRANSFER)] = False,
     baseline: Annotated[str | None, typer.Option(help="Temperature at rest; default: the mean before.")] = None,
     heated: Annotated[str | None, typer.Option(help="Part that was heated.")] = None,
     read: Annotated[str | None, typer.Option(help="Part that was read; picks one of several.")] = None,

@@ -80,11 +80,20 @@ class Commands(TyperGroup):
                 formatter.write_dl(rows)
 
 
+# names that options had before, which --help does not list: command, old name, new name
+FORMER: dict[str, dict[str, str]] = {
+    "uncertainty": {"--layer": "--interpolate"},
+    "cosimulate": {"--tolerance": "--max-discrepancy"},
+}
+
+
 class _Command(TyperCommand):
     """One command; an option that takes one value is given once, as the parser would forget the others."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Values of arguments and options; InputError for an option that is given twice."""
+        former = FORMER.get(self.name or "", {})
+        args = [former.get(head := arg.partition("=")[0], head) + arg[len(head) :] for arg in args]
         given = Counter(self.make_parser(ctx).parse_args(args=list(args))[2])
         for option, count in given.items():
             single = option.param_type_name == "option" and not option.multiple

@@ -12,7 +12,7 @@ from . import drives, options
 from .detuning import detuning_of
 from .files import DEFAULT_RING, check_outputs, longer, model_of, ring_of, say_ring, working
 from .kinds import expect
-from .output import say
+from .output import say, watched
 
 if TYPE_CHECKING:
     from coupled import RingResonator
@@ -58,7 +58,8 @@ def map_(
     warmed = constant(thermal, powers, **parts)
     say_ring(resonator, ring)
     found = coupled.pulsing_map.record(
-        resonator, thermal, *axes, heaters=powers, **parts, duration=length, follow=follow, file=resume, show_bar=True
+        resonator, thermal, *axes, heaters=powers, **parts, duration=length, follow=follow, file=resume,
+        show_bar=watched(),
     )  # fmt: skip
     return _finish(found, figure, output, ("regime", "frequency", "duty"), resonator, warmed)
 

@@ -14,7 +14,7 @@ GeometryAccuracy = Annotated[float, typer.Option(help="Wanted relative error of 
 Model = Annotated[Path, typer.Argument(help="Thermal model (JSON).")]
 Heated = Annotated[str | None, typer.Option(help="Part that takes the heat, of a model of several parts.")]
 Read = Annotated[str | None, typer.Option(help="Part that is read, of a model of several parts.")]
-CHANNEL = "Part of a model of several parts that the light heats and that detunes it; --heated and --read part the two."
+CHANNEL = "Part that the light heats and whose temperature shifts the resonance; or use --heated and --read."
 Channel = Annotated[str | None, typer.Option(help=CHANNEL)]
 Heater = Annotated[list[str] | None, typer.Option(help="Constant power of another part of the model: 'heater=5 mW'.")]
 

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from rich.status import Status
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+JSON = "Print results as JSON on standard output and messages on standard error."
 Numbers = Mapping[str, Any]
 
 
@@ -124,9 +125,9 @@ def speaking(function: Callable[..., Numbers | None]) -> Callable[..., None]:
             raise typer.Exit(1)
 
     shared = {
-        "json_": Annotated[bool, typer.Option("--json", help="Numbers as JSON on standard output, words elsewhere.")],
-        "quiet": Annotated[bool, typer.Option("--quiet", "-q", help="No words.")],
-        "verbose": Annotated[bool, typer.Option("--verbose", "-v", help="Also what is done inside.")],
+        "json_": Annotated[bool, typer.Option("--json", help=JSON)],
+        "quiet": Annotated[bool, typer.Option("--quiet", "-q", help="Print no messages.")],
+        "verbose": Annotated[bool, typer.Option("--verbose", "-v", help="Print details of each step.")],
         "threads": Annotated[int | None, typer.Option(help="Threads to use; default: one for each CPU.")],
     }
     hints = {**get_type_hints(function, include_extras=True), **shared, "return": None}
@@ -191,12 +192,23 @@ def threads_wanted() -> int | None:
 
 
 def written(value: float, unit: str, error: float | None = None) -> str:
-    """A number for people, and its standard error, to the digits that matter, with one prefix for both."""
+    """A number for people; with a standard error to two digits of the same prefix, it ends where the error does.
+
+    A number has four digits, or as many as an error that is smaller asks for, up to ten.
+    """
+    import math
+
     from .. import quantity
 
     text = quantity.rounded(value, unit, 4) if unit in quantity.SI else f"{value:.4g} {unit}"
     if error is None:
         return text
     number, _, prefixed = text.partition(" ")
-    shown = float(f"{error * (float(number) / value if value else 1.0):.2g}")
-    return f"{number} ± {shown:g} {prefixed}".rstrip()
+    factor = quantity.parse(f"1 {prefixed}", unit) if unit in quantity.SI else 1.0
+    size, off = value / factor, float(f"{error / factor:.2g}")
+    said = f"{off:g}"
+    if size and 0 < off < math.inf:
+        places = 1 - math.floor(math.log10(off))
+        if 4 <= places + math.floor(math.log10(abs(size))) + 1 <= 10:
+            number, said = (f"{x:.{max(places, 0)}f}" for x in (size, off))
+    return f"{number} ± {said} {prefixed}".rstrip()

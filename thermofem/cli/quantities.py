@@ -69,7 +69,10 @@ def pulsing_points(ring: str, powers: Any, detunings: Any) -> Callable[..., Any]
 
 
 def optics_of(family: Family, given: Sequence[str] | None, ring: str) -> Optics | None:
-    """Read ``--optics 'bus_rate/width=-1e17'``: d(optical number)/d(parameter) in SI; "detuning" counts as one."""
+    """Read ``--optics 'bus_rate/width=-1e17'``: d(optical parameter)/d(parameter) in SI.
+
+    'detuning' is accepted as an optical parameter.
+    """
     import surrogate
     from coupled.unknowns import optical_names
 

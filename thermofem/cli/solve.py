@@ -14,7 +14,7 @@ from .bar import Bar
 from .files import check_outputs, section_of
 from .kinds import expect
 from .output import console as terminal
-from .output import note, working
+from .output import say, working
 from .solve_options import note_unseen_end, times_of, waveform
 
 if TYPE_CHECKING:
@@ -91,13 +91,13 @@ def solve(
     source = data.attrs["heated"]
     pair = f"{wanted} heated by {source}" if isinstance(wanted, str) and wanted != source else source
     a, largest = data.attrs, float(data["delta_T"].values.max())
-    note(
+    say(
         f"R_th of {pair} = {a['thermal_resistance'] / 1e3:.4g} K/mW, largest rise {largest:.4g} K, "
         f"energy imbalance {a['heat_imbalance']:.0e}"
     )
     for path in files:
         if path:
-            note(f"wrote {path}")
+            say(f"wrote {path}")
     return {
         "thermal_resistance": float(a["thermal_resistance"]),
         "largest_rise": largest,
@@ -121,7 +121,7 @@ def _preview(geometry: Path | None, accuracy: float, path: Path | None) -> dict[
     with working("meshing"):
         mesh = mesh_for(section, accuracy)
     _draw_preview(section, mesh, path)
-    note(f"{section.name}: {', '.join(mesh.region_names)}; {len(mesh.triangles)} triangles; wrote {path}")
+    say(f"{section.name}: {', '.join(mesh.region_names)}; {len(mesh.triangles)} triangles; wrote {path}")
     return {"preview": path}
 
 

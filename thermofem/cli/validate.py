@@ -56,7 +56,7 @@ def judge(
     heated: str | None = None,
     read: str | None = None,
 ) -> Judged:
-    """Train the usual kinds of model on one channel of a geometry and judge them by its FEM, with k(T) at the power given.
+    """Train the usual kinds of model on one channel of a geometry and judge them by its FEM, k(T) at the power given.
 
     Raises
     ------
