@@ -22,10 +22,10 @@ LARGE = 4  # resolutions, and
 SHARE = 0.01  # of the swing: what a trace must have had ahead when it stopped
 
 
-def clipping(y: Array) -> str:
+def clipping(y: Array, unit: str = "K") -> str:
     """A sentence where the largest or the smallest of the values looks clipped; else no text.
 
-    y [shape (n,), K]
+    y [shape (n,), unit]
     """
     levels = np.unique(y)
     if levels.size < 3:
@@ -35,8 +35,8 @@ def clipping(y: Array) -> str:
         at = y == extreme
         if _piled(y, at, int(np.sum(y == beside)), resolution) or _sudden(y, *_longest(at), resolution):
             return (
-                f"{int(at.sum())} rows hold the {end} value, {extreme:.6g} K: the trace looks clipped; if it is, what "
-                "is fitted to it is wrong: take a wider range of the instrument"
+                f"{int(at.sum())} rows hold the {end} value, {extreme:.6g} {unit}: the trace looks clipped; if it is, "
+                "what is fitted to it is wrong: take a wider range of the instrument"
             )
     return ""
 

@@ -112,9 +112,7 @@ def animate_field(
 
     path = checks.path("path", path)
     data = check_field(takes("data", data, "data_vars", what=FIELDS))
-    kind = choice("film: ending", path.suffix, (".gif", ".mp4"))
-    if kind == ".mp4" and not animation.FFMpegWriter.isAvailable():
-        raise InputError(f"{path.name} needs ffmpeg, which is not installed; .gif works without it")
+    kind = check_film(path)
     positive("frames_per_second", frames_per_second, at_most=50, hint="a GIF cannot be faster")
     writer = (animation.PillowWriter if kind == ".gif" else animation.FFMpegWriter)(fps=frames_per_second)
     hottest = int(np.argmax(data["field"].values.max(axis=1)))
@@ -144,6 +142,16 @@ def animate_field(
     finally:
         plt.close(figure)
     return path
+
+
+def check_film(path: FilePath) -> str:
+    """The ending of a film's name; InputError for another one than .gif and .mp4, and for .mp4 without ffmpeg."""
+    from matplotlib import animation
+
+    kind = choice("film: ending", path.suffix, (".gif", ".mp4"))
+    if kind == ".mp4" and not animation.FFMpegWriter.isAvailable():
+        raise InputError(f"{path.name} needs ffmpeg, which is not installed; .gif works without it")
+    return kind
 
 
 def _geometry(data: xr.Dataset) -> CrossSection:

@@ -9,6 +9,7 @@ import numpy as np
 
 from thermofem.dataset import response_of
 from thermofem.plot_style import INK, VERMILION, WIDTH, takes, time_unit
+from thermofem.traces import unit_of
 from thermofem.waveforms import period_times
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ FINE = 4001  # samples of a period, between which a periodic state is a straight
 
 
 def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
-    """Data and model against time above, their difference (K) below; samples in equal ratios on a logarithmic axis.
+    """Data and model against time above, their difference below; samples in equal ratios on a logarithmic axis.
 
     fit [reduction or thermal model]
     data: the data of the fit, or any other of `thermofem.solve` or `thermofem.read_csv`.
@@ -38,6 +39,7 @@ def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
         _, ax = plt.subplots(2, 1, figsize=(WIDTH, 4.2), **layout)
     upper, lower = ax
     factor, unit = time_unit(float(response.times[-1]))
+    kelvin = unit_of(data.attrs.get("assumed", ""))
     t, missed = response.times * factor, rise - response.rise
     upper.plot(t, response.rise, color=INK, linewidth=2.6, alpha=0.4, label="data")
     upper.plot(t, rise, color=VERMILION, linewidth=1.2, label="model")
@@ -45,13 +47,13 @@ def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
     if not response.periodic and gaps.mean() > RATIOS * np.median(gaps):
         upper.set(xscale="log")
         lower.set(xscale="log")
-    upper.set(ylabel="temperature rise (K)", xlim=(t[t > 0][0] if upper.get_xscale() == "log" else t[0], t[-1]))
+    rise_label = "temperature rise (K)" if kelvin == "K" else "rise of the voltage (V)"
+    upper.set(ylabel=rise_label, xlim=(t[t > 0][0] if upper.get_xscale() == "log" else t[0], t[-1]))
     upper.legend(frameon=False, fontsize="small")
     rms = float(np.sqrt(np.mean(missed**2)))
-    upper.set_title(
-        f"{response.name}: residual {rms:.2g} K rms, {rms / response.swing:.2%} of the swing", fontsize="small"
-    )
+    of = response.name.replace(" us", " µs")
+    upper.set_title(f"{of}: residual {rms:.2g} {kelvin} rms, {rms / response.swing:.2%} of the swing", fontsize="small")
     lower.axhline(0, color=INK, linewidth=0.6)
     lower.plot(t, missed, color=VERMILION, linewidth=1)
-    lower.set(xlabel=f"time ({unit})", ylabel="residual (K)")
+    lower.set(xlabel=f"time ({unit})", ylabel=f"residual ({kelvin})")
     return np.array([upper, lower])

@@ -102,6 +102,7 @@ def test_solve_periodic(tmp_path):
         (["cite", "."], "it is a folder; give a file in it"),
         (["solve", "-o", f"{'n' * 300}.nc"], "File name too long"),
         (["cite", f"{'n' * 300}.nc"], "File name too long"),
+        (["cosimulate", "--detuning", "1554.2 nm"], "must be a distance from the resonance at 1554.3 nm, not a wav"),
         (["campaign", "missing.toml"], "campaign file 'missing.toml' does not exist"),
         (["campaign", "bad.toml"], "not valid TOML"),
         (["campaign", "empty.toml"], "geometry is missing"),
@@ -171,6 +172,14 @@ def test_solve_writes_fields(tmp_path):
     done = thermofem("solve", "--square", "1 us", "--periodic", "--field-times", "1 us", cwd=tmp_path)
     assert done.returncode == 2
     assert "--periodic keeps no fields" in done.stderr
+
+
+@pytest.mark.parametrize(("name", "words"), [("a.avi", "'.avi'"), ("a.mp4", "a.mp4 needs ffmpeg")])
+def test_a_film_that_cannot_be_written_is_refused_before_the_solve(name, words, tmp_path, monkeypatch):
+    monkeypatch.setattr("matplotlib.animation.FFMpegWriter.isAvailable", lambda: False)
+    monkeypatch.setattr("thermofem.solving.solve.record", None)
+    done = thermofem("solve", "--animation", name, cwd=tmp_path)
+    assert (done.returncode, words in done.stderr) == (2, True), done.stderr
 
 
 @pytest.mark.parametrize(

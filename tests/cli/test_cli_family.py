@@ -129,6 +129,10 @@ def test_a_table_is_not_calibrated_but_how_to_convert_it_is_said(folder):
         ),
         (("calibrate", "{}/family.json", "{}/none.nc", "--noise", "1 degC"), "difference of temperatures"),
         (("calibrate", "{}/family.json", "{}/none.nc", "--noise", "nan"), "does not begin with a number"),
+        (
+            ("design", "{}/family.json", "--resistance", "9000 K/W", "--fix", "box=2 um"),
+            "every parameter is fixed; remove one --fix",
+        ),
         (("design", "{}/family.json", "--swing", "6 degC"), "--swing = '6 degC' is a difference of temperatures"),
         (("design", "{}/rings.toml", "--resistance", "9000 K/W"), "is not a family"),
     ],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from typer.testing import CliRunner
 
 import surrogate
 import thermofem as th
+from surrogate.plot import plot_fit
 from thermofem.cli import app
 from thermofem.clipping import clipping
 from thermofem.traces import read_trace
@@ -220,6 +222,18 @@ def test_without_a_sensitivity_volts_are_printed_as_volts(tmp_path):
     assert "V/mW" in done.output
     assert "K/mW" not in done.output
     assert '--sensitivity "10 mV/K"' in done.output
+    assert re.search(r"baseline [0-9.]+ V, the mean of", done.output)
+
+
+def test_a_figure_of_volts_has_volts_on_its_axes(tmp_path):
+    path = trace(tmp_path / "scope.csv", "Time (us),CH1 (V)\n", start=1e-6, offset=0.5)
+    for sensitivity, label in ((None, "rise of the voltage (V)"), (1.0, "temperature rise (K)")):
+        data = read_trace(path, WAVE, sensitivity=sensitivity).data
+        upper, lower = plot_fit(surrogate.fit_newton(data), data)
+        assert upper.get_ylabel() == label
+        assert lower.get_ylabel() == f"residual {label[-3:]}"
+        assert f"{label[-2]} rms" in upper.get_title()
+        assert "4 µs" in upper.get_title()
 
 
 @pytest.mark.parametrize(

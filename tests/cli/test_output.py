@@ -33,6 +33,8 @@ def test_doctor_gives_its_checks_as_numbers_and_its_exit_code(monkeypatch):
     numbers = json.loads(done.stdout)
     assert numbers["command"] == "doctor"
     assert set(numbers["checks"]["python"]) == {"ok", "found"}
+    assert numbers["checks"]["optional"]["ok"]  # nothing fails without these
+    assert all(name in numbers["checks"]["optional"]["found"] for name in ("ffmpeg", "gdsfactory"))
     assert done.exit_code == (0 if numbers["passed"] else 1)
     monkeypatch.setattr("thermofem.cli.doctor.CHECKS", {"python": lambda: ("", "3.11 or newer is needed")})
     done = CliRunner().invoke(app, ["doctor", "--json"])
@@ -64,6 +66,7 @@ def test_every_command_returns_numbers():
         (2000.5, "K/W", 2.5, "2.0005 ± 0.0025 K/mW"),
         (2000.0, "K/W", 2.04, "2.0000 ± 0.0020 K/mW"),
         (887123.0, "1/s", 23000.0, "887100 ± 23000 1/s"),  # never fewer than four digits
+        (558663.0, "1/s", 4200.0, "558700 ± 4200 1/s"),
         (1.2e-6, "s", 3.1e-9, "1.2000 ± 0.0031 us"),
         (1.8e-6, "m", 1e-20, "1.8 ± 1e-14 um"),  # round-off: no row of zeros
         (3.4e-13, "J/K", 0.0, "3.4e-13 ± 0 J/K"),

@@ -245,7 +245,7 @@ def test_dask_is_imported_nowhere_else():
         (("[[drive]]", "[[drives]]"), "did you mean 'drive'"),
         (("[[drive]]", 400 * "[[drive]]\n"), "[[drive]]: 400 tables are more than 300"),
         (("count", "cuont"), "did you mean 'count'"),
-        (("count = 4", ""), "oxide has a range to draw from"),
+        (("count = 4", ""), "oxide has a range without count: give samples"),
         (("count = 4", "count = 1"), "count = 1 must be a whole number"),
         (("1.0 W/m/K", "2 W/m/K"), "from = 2 must be below to = 1.4"),
         (("1.0 W/m/K", "1.0 W/m"), "not all quantities of one kind"),

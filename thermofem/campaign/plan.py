@@ -100,9 +100,9 @@ class Campaign:
         drawn = [v.name for v in self.variations if not v.values]
         if bool(drawn) != bool(self.samples):
             raise InputError(
-                f"samples = {self.samples} but "
-                + (f"{', '.join(drawn)} has a range to draw from" if drawn else "nothing has a range to draw from")
-                + "; a range without count needs samples, a list does not"
+                f"{', '.join(drawn)} has a range without count: give samples, the number of points to draw from it"
+                if drawn
+                else f"samples = {self.samples} but nothing has a range to draw from; leave it out"
             )
         checks.integer("samples", self.samples, 0, LARGEST)
         if len(self) > LARGEST:

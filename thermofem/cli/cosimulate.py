@@ -10,6 +10,7 @@ import typer
 from ..checks import InputError
 from . import options
 from .bar import Bar
+from .detuning import detuning_of
 from .drives import HEATER, heaters
 from .files import DEFAULT_RING, check_outputs, ring_of, say_ring, section_of, working
 from .kinds import expect
@@ -54,7 +55,7 @@ def cosimulate(
     length = quantity.positive(duration, "s", name="--duration")
     settings: dict[str, Any] = {
         "power": quantity.not_negative(power, "W", name="--power"),
-        "detuning": quantity.parse(detuning, "Hz", name="--detuning"),
+        "detuning": detuning_of(detuning, resonator),
         "max_discrepancy": quantity.positive_rise(max_discrepancy, name="--max-discrepancy"),
         "heaters": heaters(heater or [], length),
         "field_times": times_of(field_times or []),

@@ -34,5 +34,8 @@ def detuning_of(text: str, ring: RingResonator, name: str = "--detuning") -> flo
         return quantity.parse(text, "Hz", name=name)
     distance, wavelength = quantity.parse(text, "m", name=name), c / ring.frequency
     if not abs(distance) < 0.1 * wavelength:
-        raise InputError(f"{name} = {text!r} is far beyond the resonance at {wavelength * 1e9:.5g} nm", 'e.g. "80 pm"')
+        raise InputError(
+            f"{name} = {text!r} must be a distance from the resonance at {wavelength * 1e9:.6g} nm, not a wavelength",
+            'e.g. "80 pm"',
+        )
     return float(c / (wavelength + distance) - ring.frequency)

@@ -83,6 +83,18 @@ def _compiler() -> tuple[str, str | None]:
     return f"numba {numba.__version__} compiles", None if answer == 2 else "numba compiles wrongly"
 
 
+def _optional() -> tuple[str, str | None]:
+    """What some exports and films alone need; nothing fails without it."""
+    from importlib.util import find_spec
+    from shutil import which
+
+    there = {
+        "ffmpeg (films as .mp4)": which("ffmpeg"),
+        "gdsfactory (geometries of its sections)": find_spec("gdsfactory"),
+    }
+    return ", ".join(name if found else f"no {name}" for name, found in there.items()), None
+
+
 CHECKS: dict[str, Callable[[], tuple[str, str | None]]] = {
     "python": _python,
     "packages": _packages,
@@ -90,4 +102,5 @@ CHECKS: dict[str, Callable[[], tuple[str, str | None]]] = {
     "mesher": _mesher,
     "netCDF": _netcdf,
     "compiler": _compiler,
+    "optional": _optional,
 }

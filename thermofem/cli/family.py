@@ -113,8 +113,11 @@ def design(
     target = {make(): _wanted(text, unit, option) for option, text, unit, make in asked if text is not None}
     if not target:
         raise InputError("nothing is wanted; add --resistance, --rise-time, --period, --swing or --range")
+    fixed = _fixed(found, fix)
+    if set(fixed) == set(found.names):
+        raise InputError("every parameter is fixed; remove one --fix")
     with working("searching"):
-        common: dict[str, Any] = {"fixed": _fixed(found, fix), "optics": optics_of(found, optics, ring), "seed": seed}
+        common: dict[str, Any] = {"fixed": fixed, "optics": optics_of(found, optics, ring), "seed": seed}
         result = surrogate.design(found, target=target, **common)
     of_target = {
         name: unit for name, (_, text, unit, _) in zip(result.achieved, (a for a in asked if a[1]), strict=True)

@@ -210,5 +210,5 @@ def written(value: float, unit: str, error: float | None = None) -> str:
     if size and 0 < off < math.inf:
         places = 1 - math.floor(math.log10(off))
         if 4 <= places + math.floor(math.log10(abs(size))) + 1 <= 10:
-            number, said = (f"{x:.{max(places, 0)}f}" for x in (size, off))
+            number, said = (f"{round(x, places):.{max(places, 0)}f}" for x in (size, off))
     return f"{number} ± {said} {prefixed}".rstrip()

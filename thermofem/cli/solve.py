@@ -58,6 +58,10 @@ def solve(
     checks.between("--samples", samples, 2, 1_000_000)
     files = [output, figure, preview, paraview, animation]
     check_outputs(files, images=[figure, preview])
+    if animation:
+        from ..plot import check_film
+
+        check_film(animation)
     length = quantity.positive(duration, "s", name="--duration")
     if not periodic:
         note_unseen_end(pulse, square, wave, length)
@@ -90,6 +94,7 @@ def solve(
         _film(data, animation)
     source = data.attrs["heated"]
     pair = f"{wanted} heated by {source}" if isinstance(wanted, str) and wanted != source else source
+    pair = f"{source} (heated and read there)" if isinstance(wanted, tuple) else pair
     a, largest = data.attrs, float(data["delta_T"].values.max())
     say(
         f"R_th of {pair} = {a['thermal_resistance'] / 1e3:.4g} K/mW, largest rise {largest:.4g} K, "
