@@ -160,6 +160,45 @@ def test_a_run_has_a_panel_for_each_quantity():
     assert len(ax.figure.axes) == 2  # the twin
 
 
+def test_the_spike_of_the_light_that_is_switched_on_sets_no_axis():
+    """In the first nanosecond the drop power reached 5.6 mW, and 3.6 mW in the pulses after it."""
+    ring = coupled.borghi2021()
+    run = coupled.simulate(ring, MODEL, power=6.31e-3, detuning=0.0, duration=5e-6)
+    spike, later = (float(1e3 * run["drop"].values[kept].max()) for kept in (slice(None), run["time"].values > 5e-9))
+    assert spike > 1.3 * later
+    assert later < FUNCTIONS["plot_traces"](run).get_ylim()[1] < 1.1 * later
+    wave = coupled.Sweep([0, 5e-6], [0.0, -40e9])
+    run = coupled.simulate(ring, MODEL, power=6.31e-3, detuning=wave, duration=5e-6)
+    later = float(1e3 * run["drop"].values[run["time"].values > 5e-9].max())
+    assert max(line.get_ydata().max() for line in FUNCTIONS["plot_sweep"](run).lines) == pytest.approx(later)
+    coarse = coupled.simulate(ring, MODEL, power=1e-3, detuning=wave, duration=5e-6, times=np.linspace(0, 5e-6, 11))
+    assert sum(line.get_xdata().size for line in FUNCTIONS["plot_sweep"](coarse).lines) == 11
+
+
+def test_points_that_do_not_pulse_have_no_colour_of_a_regime():
+    """Slow transients, too, had the colour of "stable" in the panels of frequency and duty cycle."""
+    frame = {"dims": ("power", "detuning"), "coords": {"power": [1e-3, 2e-3], "detuning": [0.0, 1e9]}}
+    regime = xr.DataArray([["slow transient", "self-pulsing"]] * 2, **frame)
+    duty = xr.DataArray([[np.nan, 0.4]] * 2, **frame)
+    ax = FUNCTIONS["plot_map"](xr.Dataset({"regime": regime, "duty": duty}), "duty")
+    regimes = import_module("coupled.plot.maps").REGIMES.values()
+    assert matplotlib.colors.to_hex(ax.get_facecolor()) not in {colour.lower() for colour in regimes}
+
+
+def test_the_names_of_parts_stand_beside_the_cross_section():
+    """A name lay over the frame and left it."""
+    geometry = th.heated_ring()
+    ax = FUNCTIONS["plot_preview"](geometry, th.assemble(geometry, accuracy=0.05).mesh)
+    figure = ax.figure
+    figure.draw_without_rendering()
+    frame = ax.get_window_extent()
+    names = [matplotlib.text.Text.get_window_extent(text) for text in ax.texts]
+    assert [text.get_text() for text in ax.texts] == ["heater (heated)", "core (heated)"]
+    assert all(frame.x1 < box.x0 and box.x1 < figure.bbox.x1 for box in names)
+    assert names[1].y1 < names[0].y0
+    assert "air or void, not meshed" in [text.get_text() for text in figure.legends[0].get_texts()]
+
+
 def test_a_fit_of_samples_in_equal_ratios_is_drawn_over_them():
     """Seconds after microseconds: on a straight axis in microseconds the rise would be a line on the left edge."""
     times = np.geomspace(1e-4, 90.0, 100)

@@ -43,6 +43,8 @@ _MATERIALS = {
     "Al": "#c0c0c8",
     "air": "#ffffff",
 }
+_UNMESHED: dict[str, Any] = {"facecolor": "white", "edgecolor": "#c3c8ce", "hatch": "///", "linewidth": 0}
+LINE = 0.08  # of the height of an axes: a line of small text
 _OTHER = ("#d4b9da", "#fdd0a2", "#c7e9c0")
 
 
@@ -173,6 +175,7 @@ def plot_cross_section(
         takes("mesh", mesh, "triangles", what=MESH)
     ax = _axes(ax, (WIDTH, 4.0))
     colours: dict[str, str] = {}
+    ax.add_patch(plt.Rectangle((0, 0), 1, 1, transform=ax.transAxes, zorder=0, **_UNMESHED))
     for face in geometry.subdivision.faces:
         name = geometry.material_of(face.owner).name
         colour = colours.setdefault(name, _MATERIALS.get(name, _OTHER[len(colours) % len(_OTHER)]))
@@ -188,7 +191,8 @@ def plot_cross_section(
     ax.set(xlabel="r (µm)", ylabel="z (µm)", title=geometry.name)
     ax.set_aspect("equal")
     handles = [plt.Rectangle((0, 0), 1, 1, facecolor=c, edgecolor=INK, linewidth=0.6) for c in colours.values()]
-    ax.legend(handles, list(colours), loc="upper right", fontsize="small")
+    handles.append(plt.Rectangle((0, 0), 1, 1, **_UNMESHED))
+    ax.legend(handles, [*colours, "air or void, not meshed"], loc="upper right", fontsize="small")
     return ax
 
 
@@ -221,9 +225,14 @@ def plot_preview(geometry: CrossSection, mesh: Mesh) -> Axes:
 
 
 def _name_parts(geometry: CrossSection, ax: Axes) -> None:
-    """Write the name of every part at its edge, heated ones marked."""
-    for number, part in enumerate(geometry.parts):
+    """Write the name of every part beside the axes, heated ones marked, from top to bottom, with a line to it."""
+    low, high = (end * 1e-6 for end in ax.get_ylim())
+    parts = sorted(enumerate(geometry.parts), key=lambda one: -(one[1].bottom + one[1].height / 2))
+    step, beside = min(LINE, 1 / len(parts)), 1.0 + LINE / 2
+    for rank, (number, part) in enumerate(parts):
         r, z = (part.inner_radius + part.outer_radius) / 2, part.bottom + part.height / 2
+        left = step * (len(parts) - 1 - rank)  # what the names below need
+        beside = max(min((z - low) / (high - low), beside - step), left + step / 2)
         if any(
             p.inner_radius < r < p.outer_radius and 0 < z - p.bottom < p.height for p in geometry.parts[number + 1 :]
         ):
@@ -232,11 +241,11 @@ def _name_parts(geometry: CrossSection, ax: Axes) -> None:
         ax.annotate(
             f"{part.name} (heated)" if part.heated else part.name,
             at,
-            xytext=(14 + 10 * (number % 2), 14 + 12 * (number % 3)),
-            textcoords="offset points",
+            xytext=(1.04, beside),
+            textcoords="axes fraction",
+            verticalalignment="center",
             fontsize="small",
             arrowprops={"arrowstyle": "-", "color": INK, "linewidth": 0.7},
-            bbox={"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "alpha": 0.85},
         )
 
 

@@ -79,7 +79,7 @@ def plot_map(
         cells = ax.pcolormesh(x, y, values.values * factor, cmap="viridis", vmin=low, vmax=high, rasterized=True)
         if key:
             ax.figure.colorbar(cells, ax=ax, label=label)
-        ax.set_facecolor(REGIMES["stable"])
+        ax.set_facecolor("white")  # no colour of a regime: points without this number are of any
     for curve in hopf:
         nu, power = curve["detuning"].values * 1e-9, dbm(curve["power"].values)
         leading, hard = curve["leading"].values, curve["lyapunov"].values > 0

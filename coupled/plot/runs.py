@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 RUN = "a Dataset of coupled.simulate or coupled.cosimulate; coupled.plot.circuit draws those of simulate_circuit"
+SWITCHING = 1e-3  # of a run: its first share, in which the light that was switched on rings
 OTHERS = (GREEN, PURPLE, ORANGE)
 OUTPUTS = {
     "drop": "drop power",
@@ -61,12 +62,18 @@ def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     ax.plot(t, drop, color=LIGHT, linewidth=1.1)
     ax.set_ylabel(f"drop power ({power_unit})", color=LIGHT)
     ax.set_xlim(t[0], t[-1])
+    ax.set_ylim(0, 1.05 * float(drop[_switched(t) :].max()) or None)
     right.plot(t, run["delta_T"].values, color=HEAT, linewidth=1.1, linestyle=style)
     right.set_ylabel("temperature rise (K)", color=HEAT)
+    right.set_ylim(bottom=0)
     for one in (ax, right):
-        one.set_ylim(bottom=0)
         one.spines["top"].set_visible(False)
     return ax
+
+
+def _switched(t: np.ndarray) -> int:
+    """Number of the first sample after the light has been switched on; 0 of samples that are too coarse to show it."""
+    return max(int(np.searchsorted(t, t[0] + SWITCHING * (t[-1] - t[0]))) - 1, 0)
 
 
 def _drives(run: xr.Dataset) -> list[tuple[str, dict[str, np.ndarray]]]:
@@ -123,6 +130,8 @@ def plot_sweep(run: xr.Dataset, show: str = "drop", ax: Axes | None = None) -> A
     ax = axes(ax, (5.4, 3.6))
     x, x_unit = readable(run[swept[0]].values, "Hz" if swept[0] == "detuning" else "W")
     y, y_unit = readable(run[show].values, "K" if show == "delta_T" else "W")
+    first = _switched(run["time"].values)  # before it the light follows no detuning yet
+    x, y = x[first:], y[first:]
     rising = np.append(np.diff(x) >= 0, np.diff(x)[-1] >= 0)
     turns = np.flatnonzero(np.diff(rising.astype(int)) != 0) + 1
     seen = set()

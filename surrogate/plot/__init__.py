@@ -59,7 +59,12 @@ def plot_period_error(
     limit = 1.0 if absolute else 100.0
     ax.set_ylim(max(bottom, -limit), min(top, limit))
     ax.set(xscale="log", xlabel="period of the reference (µs)", ylabel=f"period error ({'µs' if absolute else '%'})")
-    ax.set_title(f"shaded: within {100 * within:g} %, for the periods named", fontsize="small", loc="left", color=INK)
+    ax.set_title(
+        f"shaded: error within {100 * within:g} %; the legend gives the periods",
+        fontsize="small",
+        loc="left",
+        color=INK,
+    )
     ax.xaxis.set_major_formatter("{x:g}")
     ax.margins(x=0)
     below: dict[str, Any] = (
@@ -80,7 +85,7 @@ def plot_period_errors(curves: Mapping[str, xr.Dataset], *, within: float = 0.1,
     for line in left.lines[1:]:  # the first is zero
         error = np.abs(np.asarray(line.get_ydata(), dtype=float))
         right.loglog(line.get_xdata(), np.where(error > 0, error, np.nan), line.get_linestyle(), color=line.get_color())
-    right.axhline(100 * within, color=SKY, linewidth=0.8)
+    right.axhline(100 * within, color=INK, linewidth=0.8, linestyle=":")
     right.set_ylim(bottom=max(right.get_ylim()[0], 1e-4))  # %; below that is round-off
     right.set(xlabel=left.get_xlabel(), ylabel="magnitude of the period error (%)")
     right.xaxis.set_major_formatter("{x:g}")

@@ -90,6 +90,34 @@ def test_results_are_on_standard_output_and_bars_on_standard_error(tmp_path, mon
     assert (said.out, "map" in said.err) == ("", True)
 
 
+def test_titles_say_what_was_heated_and_how(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    titles = []
+    monkeypatch.setattr(
+        "thermofem.plot.save_figure", lambda ax, path: titles.append(ax.get_title() or ax.get_title("left"))
+    )
+    (tmp_path / "ring.toml").write_text(th.heated_ring().to_toml())
+    surrogate.save_model(
+        surrogate.reduce(th.assemble(th.heated_ring(), 1e-2).channels(["core", "heater"]), 1e-2), "m.json"
+    )
+    solve = ["solve", "ring.toml", "--accuracy", "1e-2", "--figure", "a.png"]
+    map_ = ["m.json", "--points", "2,2", "--channel", "core", "--heater", "heater=5 mW", "--figure", "a.png"]
+    for arguments in (
+        [*solve, "--square", "1 us", "--periodic", "--heated", "core"],
+        [*solve, "--heated", "heater", "--read", "core"],
+        [*solve, "--heated", "heater", "--read", "core", "--read", "heater", "--pulse", "1 us"],
+        ["stability", *map_],
+    ):
+        done = CliRunner().invoke(app, arguments)
+        assert done.exit_code == 0, done.exception
+    assert titles[:3] == [
+        "core: square wave 2 mW, 1 µs, duty 0.333, one period of the periodic state",
+        "core, heater heated: step 2 mW, from rest",
+        "heater heated: pulse 2 mW, 1 µs, from rest",
+    ]
+    assert titles[3].replace("\n", " ").endswith("K/mW, heater at 5 mW")
+
+
 @pytest.mark.parametrize(
     ("arguments", "former", "name"),
     [

@@ -61,7 +61,7 @@ def map_(
         resonator, thermal, *axes, heaters=powers, **parts, duration=length, follow=follow, file=resume,
         show_bar=watched(),
     )  # fmt: skip
-    return _finish(found, figure, output, ("regime", "frequency", "duty"), resonator, warmed)
+    return _finish(found, figure, output, ("regime", "frequency", "duty"), resonator, warmed, powers)
 
 
 def stability(
@@ -89,7 +89,7 @@ def stability(
     say_ring(resonator, ring)
     with working("finding fixed points and their eigenvalues; the first run on a machine compiles for some seconds"):
         found = coupled.stability_map.record(resonator, thermal, *axes, heaters=powers, **parts)
-    return _finish(found, figure, output, ("regime",), resonator, warmed)
+    return _finish(found, figure, output, ("regime",), resonator, warmed, powers)
 
 
 def _setting(model: Path, ring: str, power: str, detuning: str, points: str) -> tuple[RingResonator, tuple[Any, Any]]:
@@ -140,7 +140,13 @@ def _quantity(text: str, unit: str, name: str) -> float:
 
 
 def _finish(
-    found: Any, figure: Path | None, output: Path, show: tuple[str, ...], ring: RingResonator, warmed: Any
+    found: Any,
+    figure: Path | None,
+    output: Path,
+    show: tuple[str, ...],
+    ring: RingResonator,
+    warmed: Any,
+    powers: dict[str, float],
 ) -> dict[str, Any]:
     """Write the map and its figure, and print the number of points of each regime."""
     import numpy as np
@@ -168,7 +174,7 @@ def _finish(
             folds = {ring.name: _folds(ring, model, axes) if linear else []}
             for curve in (*hopf[ring.name], *folds[ring.name]):
                 curve["detuning"] = curve["detuning"].copy(data=curve["detuning"].values - turned)
-            title = f"{ring.name}, {_thermal(warmed.model)}"
+            title = ", ".join([ring.name, _thermal(warmed.model), *_heating(powers)])
             over = {"hopf": {title: hopf[ring.name]}, "folds": {title: folds[ring.name]}}
             save_figure(plot_maps({title: found.dataset()}, show=show, **over)[0, 0], figure)
     say(f"wrote {output}" + (f" and {figure}" if figure else ""))
@@ -180,6 +186,13 @@ def _thermal(model: Any) -> str:
     poles = getattr(model, "order", None)
     size = f" with {poles} states" if isinstance(poles, int) else ""
     return f"{type(model).__name__}{size}, R_th = {model.thermal_resistance / 1e3:.4g} K/mW"
+
+
+def _heating(powers: dict[str, float]) -> list[str]:
+    """The powers of the heaters in words."""
+    from .. import quantity
+
+    return [f"{name} at {quantity.write(power, 'W')}" for name, power in powers.items()]
 
 
 def _folds(ring: RingResonator, model: ThermalModel, axes: tuple[Any, Any]) -> list[Any]:

@@ -153,7 +153,20 @@ def _draw(data: Record, figure: Path | None, paraview: Path | None) -> None:
     if figure:
         from .. import plot
 
-        plot.save_figure(plot.plot_response(data.dataset()), figure)
+        ax = plot.plot_response(data.dataset())
+        ax.set_title(_title(data), fontsize="small", loc="left")
+        plot.save_figure(ax, figure)
+
+
+def _title(data: Record) -> str:
+    """What was heated, and read where that is one other part; how; and whether this is a periodic state."""
+    from .. import waveforms
+
+    a = data.attrs
+    of = "" if "," in a["read"] or a["read"] == a["heated"] else f"{a['read']}, "
+    part = a["heated"] if a["read"] == a["heated"] else f"{of}{a['heated']} heated"
+    drive = waveforms.words(waveforms.from_json(a["waveform"])).replace(" us", " µs")
+    return f"{part}: {drive}" + (", one period of the periodic state" if a["kind"] == "periodic" else ", from rest")
 
 
 def _film(data: Record, path: Path) -> None:
