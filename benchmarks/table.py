@@ -37,14 +37,14 @@ WORDS = {
     "transient": (
         "Full-order heat: one pulse on the reference strip",
         """2 mW for 20 µs, 40 µs recorded, error below 1e-3 of the largest rise from 1 ns after each edge on, {unknowns}
-quadratic unknowns. What the ratios mean: a power of straight lines is answered in closed form on some twenty fields,
-which no method that steps can match; the second row is ours for every other power. The two marches by hand take equal
+quadratic unknowns. What the ratios mean: for piecewise linear power we use a closed form on some twenty basis fields;
+no time stepping is as fast; the second row is ours for every other power. The two marches by hand take equal
 steps, as one writes them first, and pay for the short times after an edge everywhere; steps that grow after each edge
-would close most of their gap to the second row, at the price of a factorization for each. PETSc's adaptive Rosenbrock-W
-method is its fair peer: it factorizes in every step, where our step ladder re-uses seven factorizations, and it gains
-where it gives more than it was asked for. femwell is another problem on the same triangles (planar, linear elements,
-hence four times fewer unknowns), and its undamped Crank–Nicolson steps do not reach the error; its time and error stand
-for what its user gets.""",
+would close most of their gap to the second row, at the price of a factorization for each. PETSc's adaptive
+Rosenbrock-W method is the closest comparison: it factorizes in every step, where our step ladder re-uses seven
+factorizations, and it gains where it gives more than it was asked for. femwell is another problem on the same
+triangles (planar, linear elements, hence four times fewer unknowns), and its undamped Crank–Nicolson steps do not
+reach the error; its time and error are those of its default use.""",
     ),
     "nonlinear": (
         "Conductivity and heat capacity that depend on temperature: a pulse to 145 K",
@@ -56,7 +56,7 @@ in closed form. The linear runs reuse the factors and fields of an earlier run."
         "Reduction: the same matrices to a handful of poles",
         """The error is the largest of |Z − Z_r|/R_th over 60 frequencies from 1 kHz to 100 GHz. Ours comes with a
 proven bound. pyMOR's balanced truncation and IRKA are general methods for any linear system and do not use that heat
-is symmetric; that is what most of the ratio buys. Their order is ours for 1e-4 (balanced truncation) and 10
+is symmetric; this explains most of the ratio. Their order is ours for 1e-4 (balanced truncation) and 10
 (IRKA).""",
     ),
     "family": (

@@ -166,7 +166,7 @@ class RingResonator:
 
     @property
     def index_rate(self) -> float:
-        """w0 / n0 in rad/s: the resonance shift for a unit change of index, with the sign turned."""
+        """w0 / n0 in rad/s: minus the shift of the resonance frequency for a unit change of refractive index."""
         return self.omega / self.refractive_index
 
     @property

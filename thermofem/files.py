@@ -213,7 +213,10 @@ def write_whole(path: str | Path, write: Callable[[Path], Any]) -> Path:
 
 @functools.lru_cache(maxsize=64)
 def _temporaries(folder: Path) -> tuple[Path, ...]:
-    """Temporary files of all outputs in a folder, as this process first finds it: a campaign writes many files."""
+    """Temporary files in a folder.
+
+    The folder is listed once per process, because a campaign writes many files.
+    """
     with os.scandir(folder) as entries:
         return tuple(Path(entry.path) for entry in entries if _TEMPORARY.fullmatch(entry.name))
 

@@ -34,7 +34,7 @@ def plot_step(model: ThermalModel, ax: Axes | None = None, *, power: float = 1e-
     times = _times(model)
     rise = power * np.asarray(model.step_response(times))
     ax.semilogx(times, rise, color=CYCLE[drawn % len(CYCLE)], label=label)
-    ax.set(xlabel="time (s)", ylabel=f"temperature rise for a {power * 1e3:g} mW step (K)")
+    ax.set(xlabel="time (s)", ylabel=f"temperature rise\nfor a {power * 1e3:g} mW step (K)")
     ax.set_ylim(bottom=min(0.0, float(rise.min())))
     if label:
         ax.legend(frameon=False, fontsize="small", loc="upper left")

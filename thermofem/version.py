@@ -1,3 +1,3 @@
-"""The version: in every file that is written, and in the key of every result of a campaign."""
+"""Package version. It is stored in every file and is part of the hash of every campaign result."""
 
 __version__ = "0.2.0"

@@ -96,7 +96,7 @@ def jacobian(y: Array, detuning: Array, rings: Rings, heat: Heat, net: LightNetw
 def growing(y: Array, detuning: Array, rings: Rings, heat: Heat, net: LightNetwork) -> float:
     """Return the modulus of the fastest mode that grows, in 1/ns, or 0 where all decay.
 
-    Of the whole circuit where it is small, else of each ring with its own heat.
+    A small circuit is treated as a whole. In a large one each ring is treated alone with its own heat.
     """
     n, K = heat.gain.shape
     if y.size <= LARGEST_SPECTRUM:

@@ -21,9 +21,19 @@ def bus(
 
     Parameters
     ----------
-    rings : RingResonator or sequence
+    rings : RingResonator or sequence of RingResonator
+        in the order in which the light of the bus passes them.
     phase, loss, delay : float; rad, dB, s
         of the waveguide between two rings.
+
+    Returns
+    -------
+    Circuit
+
+    Raises
+    ------
+    InputError
+        no ring, or a loss or delay below zero.
 
     >>> import coupled
     >>> coupled.bus(coupled.borghi2021()).ports
@@ -47,9 +57,19 @@ def scissor(
 
     Parameters
     ----------
-    rings : RingResonator or sequence
+    rings : RingResonator or sequence of RingResonator
+        in the order in which the light of the first bus passes them.
     phase, loss, delay : float; rad, dB, s
         of the waveguide between two rings, on each bus.
+
+    Returns
+    -------
+    Circuit
+
+    Raises
+    ------
+    InputError
+        no ring, or a loss or delay below zero.
 
     >>> import coupled
     >>> coupled.scissor([coupled.borghi2021()] * 3).ports
@@ -72,10 +92,19 @@ def crow(rings: RingResonator | Sequence[RingResonator]) -> Circuit:
     wave each way, makes da_1/dt = ... - i mu a_2 with mu = sqrt(gamma_d1 gamma_e2), and the losses into that coupler
     cancel. Laser "in" on the first ring; detectors "through" there, "drop" on the last ring.
 
+    Parameters
+    ----------
+    rings : RingResonator or sequence of RingResonator
+        from the one with the laser to the one with the drop port, each with two couplers.
+
+    Returns
+    -------
+    Circuit
+
     Raises
     ------
     InputError
-        a ring without a second coupler.
+        no ring, or a ring without a second coupler.
 
     >>> import coupled
     >>> coupled.crow([coupled.borghi2021()] * 3).ports

@@ -19,7 +19,7 @@ from .certify import own
 from .reduced import MemberModes
 
 PER_DECADE = 4  # shifts
-FASTEST = 1e10  # 1/s; the step response from 1 ns on sees nothing faster
+FASTEST = 1e10  # 1/s; faster poles do not change the step response after 1 ns
 NEGLIGIBLE = 1e-5  # of the tolerance: energy of a mode of the snapshots that is left out
 
 
@@ -40,7 +40,7 @@ class Member:
 
 
 def solved(row: Array, heat: HeatProblem, ports: tuple[str, ...], tolerance: float) -> Member:
-    """Reduce a member, and take its fields at many shifts."""
+    """Reduce one ring of the family and compute its temperature fields at many shifts."""
     modes, found = own(heat, ports, tolerance)
     rate, beta = found.projection.rate, found.projection.ports  # (k,), (k, ports)
     slow = min(rate[0], FASTEST / 10)

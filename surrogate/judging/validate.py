@@ -98,7 +98,24 @@ def valid_range(curve: xr.Dataset, *, within: float = 0.1) -> tuple[float, float
 
     Its ends are interpolated between the curve's periods, in their logarithm; where the curve ends within, so does the
     stretch. A stretch of less than an octave, `OCTAVE`, does not count unless it is the whole curve: an error that
-    crosses zero is small at one period only, and that period is not known beforehand. (nan, nan) if there is none.
+    crosses zero is small at one period only, and that period is not known beforehand.
+
+    Parameters
+    ----------
+    curve : Dataset
+        of `period_error`: ``relative_error`` over ``period`` (s).
+    within : float
+        relative error that is allowed.
+
+    Returns
+    -------
+    tuple of two floats, s
+        (nan, nan) if there is no such stretch.
+
+    Raises
+    ------
+    InputError
+        no curve, several models, or a limit that is not positive.
     """
     within = checks.positive("within", within, hint="0.1 is ten percent")
     if not {"period", "relative_error"} <= set(getattr(curve, "variables", ())):
@@ -128,7 +145,24 @@ def valid_range(curve: xr.Dataset, *, within: float = 0.1) -> tuple[float, float
 
 
 def validity(curve: xr.Dataset, *, within: float = 0.1) -> str:
-    """`valid_range` in words: 'within 10 % from 0.6 to 1.45 us'."""
+    """`valid_range` in words: 'within 10 % from 0.6 to 1.45 us'.
+
+    Parameters
+    ----------
+    curve : Dataset
+        of `period_error`.
+    within : float
+        relative error that is allowed.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    InputError
+        as `valid_range`.
+    """
     low, high = valid_range(curve, within=within)
     within = float(within)
     if not low <= high:
@@ -219,14 +253,50 @@ def compare(
 def square_waves(
     power: float = 2e-3, *, periods: int = 11, duties: Sequence[float] = (0.1, 0.2, 1 / 3, 0.45, 0.6)
 ) -> list[Waveform]:
-    """Square waves from 0.1 to 10 us at every duty: 55 by default, on which orders of models are compared."""
+    """Square waves from 0.1 to 10 us at every duty: 55 by default, on which orders of models are compared.
+
+    Parameters
+    ----------
+    power : float, W
+        while the wave is on.
+    periods : int
+        number of periods, evenly spaced in their logarithm.
+    duties : sequence of float
+        fractions of the period that are on, between 0 and 1.
+
+    Returns
+    -------
+    list of SquareWave
+        ``periods`` times ``len(duties)``.
+
+    Raises
+    ------
+    InputError
+        a number out of its range.
+    """
     periods = checks.integer("periods", periods, 1, 10_000)
     each = checks.array("duties", duties).tolist()
     return [SquareWave(power, t, d) for t in np.geomspace(1e-7, 1e-5, periods) for d in each]
 
 
 def held_out_drives(power: float = 2e-3) -> list[Waveform]:
-    """Drives of every kind that no training uses: square waves 0.1..10 us, pulses, random telegraph, chirp."""
+    """Drives of every kind that no training uses: square waves 0.1..10 us, pulses, random telegraph, chirp.
+
+    Parameters
+    ----------
+    power : float, W
+        the largest of each drive.
+
+    Returns
+    -------
+    list of Waveform
+        15 square waves, 4 pulses of 20 ns to 20 us, 2 random telegraphs, 1 chirp.
+
+    Raises
+    ------
+    InputError
+        a power out of its range.
+    """
     pulses = [Pulse(power, width) for width in (2e-8, 2e-7, 2e-6, 2e-5)]
     noise: list[Waveform] = [Telegraph(power, 2e-7, 2e-5, seed=1), Telegraph(power, 2e-6, 1e-4, seed=2)]
     return [*square_waves(power, periods=5, duties=(0.1, 1 / 3, 0.6)), *pulses, *noise, Chirp(power, 1e-7, 1e-5, 1e-4)]

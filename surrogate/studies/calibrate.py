@@ -100,6 +100,12 @@ def calibrate(
     tolerance : float
         of a family that is trained here; keep it below the relative noise of the mean of all samples.
 
+    Returns
+    -------
+    Calibration
+        values with standard errors (of the noise alone; `Calibration.certified` has the error of the family), what the
+        data do not determine, and the member on its own mesh.
+
     Raises
     ------
     InputError

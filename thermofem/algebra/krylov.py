@@ -67,7 +67,7 @@ class KrylovSpace:
 
     K, M [sparse matrix, shape (n, n)]: symmetric positive definite.
     B [shape (n, p)]
-    smallest: squared length, of columns of unit length, below which what a column adds is round-off.
+    smallest: a column of unit length is dropped when its squared remainder is below this value (round-off).
     order: number of fields.
     stiffness [shape (order, order)]: V^T K V.
     inside [shape (order, p)]: V^T B.

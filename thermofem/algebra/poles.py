@@ -52,7 +52,10 @@ def pole_responses(rate: Array, wave: waveforms.Waveform, times: ArrayLike, *, p
 
 
 def _phi2(rate: Array, u: Array) -> Array:
-    """Integral of v exp(-rate (u - v)): the answer of one pole to a ramp; a series where the difference cancels."""
+    """Response of one pole to a unit ramp, the integral of v exp(-rate (u - v)) for v from 0 to u.
+
+    A series is used for small ``rate`` ``u``, where the closed form loses digits.
+    """
     z = rate * u
     series = u * u * (0.5 - z / 6 + z * z / 24 - z**3 / 120)
     return np.where(z < 1e-3, series, (u + np.expm1(-z) / rate) / rate)

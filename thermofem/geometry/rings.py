@@ -72,8 +72,19 @@ def rib_ring(
 
     Parameters
     ----------
+    radius : float, m
+        to the centre of the core.
+    width, height : float, m
+        of the core, its height from the bottom of the slab.
+    box, cladding : float, m
+        thickness of the buried oxide, and of the oxide above the top of the core.
     slab, slab_width : float, m
         thickness and width of the slab left by the etch, centred on the core. The core stands on it.
+
+    Raises
+    ------
+    InputError
+        a length that is not positive or in another unit, a slab that is not thinner and wider than the core.
 
     >>> rib_ring().region_names
     ('substrate', 'box', 'cladding', 'slab', 'core')
@@ -106,6 +117,13 @@ def disc(
         of the disc, to its edge.
     rim : float, m
         width of the ring at the edge that the mode fills.
+    box, cladding : float, m
+        thickness of the buried oxide, and of the oxide above the top of the disc.
+
+    Raises
+    ------
+    InputError
+        a length that is not positive or in another unit, or a rim that is not narrower than the disc.
 
     >>> disc().heated
     ('core',)
@@ -132,9 +150,19 @@ def heated_ring(
 
     Parameters
     ----------
-    cladding : float, m
-        separates the core from the heater.
+    radius : float, m
+        to the centre of the core and of the heater.
+    width, height : float, m
+        of the core.
+    box, cladding : float, m
+        thickness of the buried oxide, and of the oxide between the top of the core and the heater.
     heater_width, heater_height : float, m
+        of the heater.
+
+    Raises
+    ------
+    InputError
+        a length that is not positive or in another unit, or a width beyond the axis.
 
     >>> heated_ring().heated
     ('core', 'heater')

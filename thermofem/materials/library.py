@@ -90,7 +90,7 @@ _INCROPERA = "Incropera, DeWitt, Bergman and Lavine, Fundamentals of Heat and Ma
 
 
 def silicon_film(thickness: float) -> Material:
-    """Crystalline silicon of a thickness in m near the mean free path of its phonons, which the surfaces cut short.
+    """Crystalline silicon of a thickness near the mean free path of its phonons, which the surfaces cut short.
 
         k = 148 W/m/K / (1 + x),  x = 3 L/(8 thickness),  L = 300 nm,    k(T) ~ T^(-1.3/(1 + x))
 
@@ -98,6 +98,21 @@ def silicon_film(thickness: float) -> Material:
     L a typical value (100 to 300 nm are in use). It gives 70 W/m/K at 100 nm and 22 at 20 nm; for measured films see Ju
     and Goodson, Appl. Phys. Lett. 74, 3005 (1999), and Liu and Asheghi, Appl. Phys. Lett. 84, 3819 (2004). Doping and
     etched sidewalls reduce it further: good to some 20 %.
+
+    Parameters
+    ----------
+    thickness : float, m
+        5 nm to 1 mm.
+
+    Returns
+    -------
+    Material
+        density and specific heat are those of bulk silicon.
+
+    Raises
+    ------
+    InputError
+        a thickness outside this range.
 
     >>> round(silicon_film(220e-9).conductivity)
     98

@@ -103,6 +103,16 @@ class Cauer(Delegates):
 def cauer(model: ThermalModel) -> Cauer:
     """The ladder of a passive linear model, by continued fractions in decimals of many digits; of a Cauer, itself.
 
+    Parameters
+    ----------
+    model : ThermalModel
+        linear, with one input and one output; or a fit or reduction that holds it.
+
+    Returns
+    -------
+    Cauer
+        R (K/W) and C (J/K) from the heated part outwards.
+
     Raises
     ------
     InputError
@@ -150,6 +160,20 @@ def foster_of(ladder: Cauer) -> Foster:
 
     With the ladder's incidence D (bidiagonal), C dx/dt = -D^T R^-1 D x + e_1 P. The singular values of
     R^-1/2 D C^-1/2 are the square roots of the rates, which keeps the slow ones accurate.
+
+    Parameters
+    ----------
+    ladder : Cauer
+
+    Returns
+    -------
+    Foster
+        as many poles as the ladder has steps.
+
+    Raises
+    ------
+    InputError
+        no ladder.
     """
     checks.has("ladder", ladder, "R", "C", hint="surrogate.cauer(model) makes a Cauer ladder")
     R, C = np.asarray(ladder.R), np.asarray(ladder.C)

@@ -189,7 +189,20 @@ def _check_static(stated: Any, found: float | None, kind: str) -> None:
 def load_provenance(path: str | Path) -> dict[str, Any]:
     """Where the model of a file comes from: training drive, parameters, geometry; as given to `save_model`.
 
-    Of a file that was changed since, without its error bound and misfit.
+    Parameters
+    ----------
+    path : str or Path
+        of `save_model`.
+
+    Returns
+    -------
+    dict
+        numbers in SI; of a file that was changed since, without its error bound and misfit; empty where none is there.
+
+    Raises
+    ------
+    InputError
+        no file, or none of a thermal model.
     """
     provenance = _content(path)[0].get("provenance", {})
     if not isinstance(provenance, dict):

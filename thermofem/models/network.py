@@ -96,6 +96,19 @@ class Network(Delegates):
 def gate(A: ArrayLike, b: ArrayLike, static: float, *, name: str = "core") -> Foster:
     """Pass a network dT/dt = A T + b P, read at its first state, as a Foster network, or refuse it.
 
+    Parameters
+    ----------
+    A : array, shape (n, n), 1/s
+    b : array, shape (n,), K/J
+    static : float, K/W
+        the thermal resistance that the network must have.
+    name : str
+        of the part that is heated and read.
+
+    Returns
+    -------
+    Foster
+
     Raises
     ------
     InputError

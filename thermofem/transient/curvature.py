@@ -51,7 +51,7 @@ class Departure:
         return np.asarray(self.law.integral(self.ambient, x) / self.reference - x - self.chord * x**2)
 
     def __call__(self, z: Array) -> Array:
-        """Part of e(z), from amplitudes of shape (times, k)."""
+        """Contribution of this law to the quadratic correction e(z); z [shape (times, k)]: amplitudes."""
         return np.asarray(self.of(z @ self.fields.T) @ self.loads)
 
     def along(self, z: Array, slope: Array) -> Array:

@@ -185,7 +185,7 @@ class Modal:
             if short:
                 low, high, span = _decade(KNOWN_LOW * slow), max(KNOWN_HIGH * fast, KNOWN_LEAST), KNOWN_SPAN
             if EARLIEST / first > (KNOWN_REACH * high if short else high):
-                # to a decade; nothing in the mesh is faster than its fastest cell
+                # rounded up to a decade and limited by the fastest rate of the mesh
                 high = max(high, min(10 ** np.ceil(np.log10(EARLIEST / first)), self._cell))
             key = high, short
             if key not in self._spaces:

@@ -20,7 +20,7 @@ from .training_stages import printed
 
 KAPPA_SQUARED = 0.063  # power coupling into each bus, Section 2
 FAINT = 1e-7  # W: -40 dBm, too little for anything nonlinear
-BISTABLE = (7.0, -28.0)  # dBm and GHz, where the second-order equation has three fixed points
+BISTABLE = (7.0, -28.0)  # power (dBm) and detuning (GHz) at which the second-order equation has three fixed points
 RUNS = {  # model, dBm, GHz
     "second order, experiment": ((7.0, -10.0), (8.0, 0.0), (10.0, 20.0)),
     "second order, FEM": ((8.0, 0.0),),
