@@ -158,7 +158,7 @@ def test_simulate_pulses_with_the_period_of_the_fem(folder):
     done = thermofem("simulate", "fem.json", "--power", "8 dBm", "--figure", "traces.png", cwd=folder)
     assert done.returncode == 0, done.stderr
     assert "are those of the ring 'Borghi 2021'; --ring RING.toml takes those of yours" in done.stderr
-    period = float(done.stdout.split("period ")[1].split(" ns")[0])
+    period = float(done.stdout.split("\nperiod ")[1].split(" ns")[0])
     assert period == pytest.approx(680, rel=0.01)  # the same optics on an independent code's heat
     assert th.load(folder / "traces.nc")["drop"].max() > 3e-3
 
