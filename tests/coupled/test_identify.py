@@ -66,7 +66,7 @@ def test_optics_and_carriers_come_back_and_seeds_repeat(traces, capsys):
     found = coupled.identify(
         RING, trace, free=["bus_rate", "tau0"], model=EXPERIMENT, bounds=bounds, runs=1, show_bar=True
     )
-    assert "100%" in capsys.readouterr().out
+    assert "100%" in capsys.readouterr().err
     # no noise: what is left is the step control, 1e-4 of the period, over sensitivities of order one
     assert found.parameters["bus_rate"] == pytest.approx(40e9, rel=3e-3)
     assert found.parameters["tau0"] == pytest.approx(1.1 * RING.carriers.tau0, rel=3e-3)

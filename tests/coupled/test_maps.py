@@ -104,7 +104,7 @@ def test_any_executor_will_do_and_a_bar_may_be_drawn(small, capsys):
     assert executor.jobs == POWERS.size
     assert capsys.readouterr().out == ""
     coupled.pulsing_map(RING, EXPERIMENT, POWERS[:1], DETUNINGS[:1], duration=1e-7, show_bar=True)
-    assert "100%" in capsys.readouterr().out
+    assert "100%" in capsys.readouterr().err
 
 
 @pytest.mark.skipif(find_spec("distributed") is None, reason='needs Dask: pip install "thermofem[dask]"')

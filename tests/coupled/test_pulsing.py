@@ -312,7 +312,7 @@ def test_no_verdict_at_the_edge_is_contradicted_by_a_run_six_times_as_long():
         run = coupled.simulate(ring, model, power=power, detuning=detuning, times=times, duration=120e-6, rtol=1e-8)
         late = run["carriers"].values
         assert (np.ptp(late) > 0.02 * late.max()) == (regime == "self-pulsing"), (ring, model, reason)
-        if regime == "self-pulsing" and "still" not in reason:
+        if regime == "self-pulsing" and "falling" not in reason and "differ" not in reason:
             # a length may change by 2 % from one cycle to the next, and some cycles are still to come
             up = crossings(times, late, (late.min() + late.max()) / 2)
             assert period == pytest.approx((up[-1] - up[0]) / (up.size - 1), rel=0.05)
