@@ -62,7 +62,8 @@ def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     ax.plot(t, drop, color=LIGHT, linewidth=1.1)
     ax.set_ylabel(f"drop power ({power_unit})", color=LIGHT)
     ax.set_xlim(t[0], t[-1])
-    ax.set_ylim(0, 1.05 * float(drop[_switched(t) :].max()) or None)
+    late = drop[_switched(t) :]
+    ax.set_ylim(0, 1.05 * float(late[np.isfinite(late)].max(initial=0.0)) or None)
     right.plot(t, run["delta_T"].values, color=HEAT, linewidth=1.1, linestyle=style)
     right.set_ylabel("temperature rise (K)", color=HEAT)
     right.set_ylim(bottom=0)
@@ -73,7 +74,8 @@ def plot_traces(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 def _switched(t: np.ndarray) -> int:
     """Number of the first sample after the light has been switched on; 0 of samples that are too coarse to show it."""
-    return max(int(np.searchsorted(t, t[0] + SWITCHING * (t[-1] - t[0]))) - 1, 0)
+    with np.errstate(invalid="ignore"):  # times of any origin: at least two samples are left
+        return max(int(np.argmax(t - t[0] >= SWITCHING * (t[-1] - t[0]))) - 1, 0)
 
 
 def _drives(run: xr.Dataset) -> list[tuple[str, dict[str, np.ndarray]]]:
