@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from thermofem.arrays import Array, NDArray
+from thermofem.checks import InputError
 
 from ..heaters import turned_by
 from ..kernels.collocation import Ring
@@ -66,8 +67,26 @@ class Orbit(NamedTuple):
         return float(np.abs(self.multipliers - 1).min())
 
 
+def has_carriers(ring: RingResonator) -> bool:
+    """Whether light generates free carriers."""
+    return ring.tpa_coefficient > 0
+
+
+def check_carriers(ring: RingResonator) -> None:
+    """InputError for a ring without carriers: pulses are told by them."""
+    if not has_carriers(ring):
+        raise InputError(
+            "ring has no two-photon absorption and so no free carriers, by which settled cycles are followed; "
+            "simulate and pulsing, or pulsing_map with a duration, show whether it pulses"
+        )
+
+
 def problem(ring: RingResonator, model: Compact, power: float, detuning: float, rise: float = 0.0) -> CycleProblem:
-    """Return ring, heat (`thermal.compact`) and laser in internal units; heaters add ``rise`` in K."""
+    """Return ring, heat (`thermal.compact`) and laser in internal units; heaters add ``rise`` in K.
+
+    Raises InputError: a ring without carriers.
+    """
+    check_carriers(ring)
     from ..kernels import equations as eq
 
     rates, fcd = eq.internal_rates(ring)

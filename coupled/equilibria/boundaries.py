@@ -83,9 +83,9 @@ def hopf_curves(
     list of xarray.Dataset
         one for each curve, over point: power (W), detuning (Hz), energy (J), frequency (Hz, w / 2 pi), leading,
         whether no other mode grows there, so that the curve bounds a stable region, and lyapunov (1/s), the first
-        Lyapunov coefficient g of dr/dt = growth r + g r^3 for carriers N (1 + r cos wt): below 0 the bifurcation is
-        supercritical, above 0 subcritical, with a pulsing ring beside the stable point. A curve that leaves the window
-        goes on to its first point outside.
+        Lyapunov coefficient g of dr/dt = growth r + g r^3 for carriers N (1 + r cos wt), or in a ring without carriers
+        for the larger of Re a and Im a: below 0 the bifurcation is supercritical, above 0 subcritical, with a pulsing
+        ring beside the stable point. A curve that leaves the window goes on to its first point outside.
 
     Raises
     ------
@@ -356,11 +356,12 @@ def _criticality(plane: _Plane, U: float, D: float, w: float) -> tuple[float, ND
 
     y, detuning = spectrum.state(U, D, plane.rates, plane.fcd, plane.thermal, plane.static)
     size = np.abs(y)
-    size[:2], size[3:] = np.sqrt(U), max(float(size[3:].sum()), 1e-12)
+    size[:2], size[2], size[3:] = np.sqrt(U), max(size[2], 1e-12), max(float(size[3:].sum()), 1e-12)
+    unit = 2 if y[2] > 0 else int(np.argmax(np.abs(y[:2])))  # without two-photon absorption there are no carriers
     g, values = first_lyapunov(
-        lambda x: eq.jacobian(x, detuning, plane.rates, plane.fcd, plane.thermal), y, size, w, 2
+        lambda x: eq.jacobian(x, detuning, plane.rates, plane.fcd, plane.thermal), y, size, w, unit
     )  # fmt: skip
-    return g * y[2] ** 2, values
+    return g * y[unit] ** 2, values
 
 
 def _others_decay(values: NDArray[np.complex128], w: float) -> bool:

@@ -22,6 +22,7 @@ from thermofem.record import Record, as_dataset, recorded
 
 from ..arguments import check_duration, one_laser
 from ..bar import bar
+from ..cycles.orbit import check_carriers, has_carriers
 from ..equilibria.steady import provenance
 from ..heaters import constant
 from ..kernels.interrupts import new_watch
@@ -100,7 +101,8 @@ def pulsing_map(
         constant power in further inputs of a linear model, on for long before the laser; as for `simulate`, and so are
         ``heated`` and ``read``.
     settled : bool, optional
-        whether the numbers are those of settled cycles; by default True unless ``duration`` or ``follow`` is given.
+        whether the numbers are those of settled cycles; by default True unless ``duration`` or ``follow`` is given, or
+        the ring has no two-photon absorption: settled cycles are told by their carriers.
     duration : float, s, optional
         of the traces, where they are not settled; 20 us by default.
     rtol : float
@@ -138,9 +140,11 @@ def pulsing_map(
     warm = constant(model, heaters, heated, read)
     small, grid = warm.model, grid_of(ring, powers, detunings, vary).warmed(warm)
     if settled is None:
-        settled = duration is None and follow is None
+        settled = duration is None and follow is None and has_carriers(ring)
     elif checks.flag("settled", settled) and not (duration is None and follow is None):
         raise checks.InputError("settled=True goes with neither duration nor follow, which belong to traces")
+    elif settled:
+        check_carriers(ring)
     duration = check_duration(20e-6 if duration is None else duration)
     rtol = checks.between("rtol", rtol, 1e-13, 1e-3, hint="1e-5 gives periods to 1e-4")
     order = None if follow is None else Follow(checks.choice("follow", str(follow), [str(way) for way in Follow]))

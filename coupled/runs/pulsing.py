@@ -113,7 +113,8 @@ def pulsing(run: xr.Dataset | Record) -> Pulsing:
     ----------
     run : xarray.Dataset
         time (s), carriers (1/m^3), drop (W) and delta_T (K), at 8 times or more. A ring without a drop port is judged
-        by its energy instead, and so is one ring of a circuit, ``run.sel(ring="ring 1")``.
+        by its energy instead, and so is one ring of a circuit, ``run.sel(ring="ring 1")``. A ring without carriers, as
+        without two-photon absorption, is judged by its light alone.
 
     Returns
     -------
@@ -202,21 +203,22 @@ def warming(found: Pulsing, run: xr.Dataset | Record, t: Array, dT: Array) -> Pu
 def classify(t: Array, N: Array, drop: Array, dT: Array, *, rtol: float = 0.0, every_step: bool = False) -> Pulsing:
     """`pulsing` for arrays: time (s), carriers, drop power and temperature rise (K).
 
-    ``rtol`` is the tolerance behind them; ``every_step`` says that they are the accepted steps of an integration, which
-    are as dense as the trace needs.
+    A ring without carriers is judged by its drop power. ``rtol`` is the tolerance behind the arrays; ``every_step``
+    says that they are the accepted steps of an integration, which are as dense as the trace needs.
     """
+    N, what = (N, "carriers") if N.any() else (drop, "photons")
     swing = float(np.ptp(dT[t >= (t[0] + t[-1]) / 2]))
     noise = min(max(QUIET, 10 * rtol), SETTLED)
     for share in (1 / 2, 1 / 4):  # a slow drift may hide a small oscillation
         late = N[t >= t[-1] - share * (t[-1] - t[0])]
         if np.ptp(late) <= noise * late.max():
-            return _rests(f"the carriers are constant over the last {share:.0%}", swing)
+            return _rests(f"the {what} are constant over the last {share:.0%}", swing)
         up = crossings(t, N, (late.min() + late.max()) / 2)
         waits = np.diff(up, append=t[-1])  # the last one is still running
         if up.size >= 3 and waits[-2] <= 1.5 * waits[-6:-2].max() and waits[-1] <= 1.5 * waits[-6:-1].max():
             break
     else:
-        return _under_way(t, N, swing, max(up.size - 1, 0))
+        return _under_way(t, N, what, swing, max(up.size - 1, 0))
     edges = np.searchsorted(t, up)
     samples = float(np.median(np.diff(edges)))
     if samples < FINE and not every_step:
@@ -330,7 +332,7 @@ def _duty(t: Array, drop: Array, begin: float, end: float) -> float:
     return float(np.sum(np.diff(edges)[above]) / (end - begin))
 
 
-def _under_way(t: Array, N: Array, swing: float, cycles: int) -> Pulsing:
+def _under_way(t: Array, N: Array, what: str, swing: float, cycles: int) -> Pulsing:
     """Classify a trace with fewer than two cycles, or whose oscillation has ended, as stable or as a slow transient."""
     wanted = LONGER * float(t[-1] - t[0])
     tail = N[t >= t[-1] - (t[-1] - t[0]) / 4]
@@ -340,8 +342,8 @@ def _under_way(t: Array, N: Array, swing: float, cycles: int) -> Pulsing:
     if change <= SETTLED:
         earlier, later = np.ptp(np.interp(t[-1] - (t[-1] - t[0]) * EIGHTHS, t, N), axis=1)
         if later > max(earlier, GROWS * tail.max()):
-            return _slow("a movement of the carriers that grows instead of dying away", wanted, swing, cycles)
-        words = f"in the last quarter of the run the carriers change by {100 * change:.1g} % only"
+            return _slow(f"a movement of the {what} that grows instead of dying away", wanted, swing, cycles)
+        words = f"in the last quarter of the run the {what} change by {100 * change:.1g} % only"
         return _rests(words, swing, cycles)
     seen = f"{cycles} complete cycle{'s' if cycles != 1 else ''} and no more" if cycles else "no complete cycle"
     return _slow(f"{seen}, yet still moving", wanted, swing, cycles)

@@ -136,9 +136,11 @@ export function patternOf(heights, waits) {
 
 /**
  * Classify a trace { t (ns), U, N, dT }: regime "self-pulsing", "stable" or "slow transient", and for a pulsing one
- * period (ns), duty, swing (K), begin and end of the last cycle (ns), level of N, pattern.
+ * period (ns), duty, swing (K), begin and end of the last cycle (ns), level of N, pattern. Without carriers U takes the
+ * place of N.
  */
-export function classify({ t, U, N, dT }, rtol = 1e-6) {
+export function classify({ t, U, N: carriers, dT }, rtol = 1e-6) {
+  const N = carriers.some((x) => x > 0) ? carriers : U;
   const n = t.length;
   const span = t[n - 1] - t[0];
   const [coldest, hottest] = extent(dT, firstAt(t, (t[0] + t[n - 1]) / 2), n);

@@ -41,7 +41,7 @@ function trace(request, known, rodas4, rodas5p) {
   const rows = lifted(run.rows.slice(0, 5 * run.count), rise);
   const out = { ended: run.ended, steps: run.accepted, rows, pulsing: found, cycle: null };
   if (!settled) return out;
-  const pulses = found.regime === "self-pulsing";
+  const pulses = found.regime === "self-pulsing" && all.N.some((x) => x > 0); // settled cycles are told by carriers
   known.cycle = pulses ? settle(system, drive, turn, run.y, found, accuracyOf(request.quick, rodas4, rodas5p)) : null;
   if (known.cycle) out.cycle = { ...known.cycle, rows: lifted(known.cycle.rows.slice(), rise) };
   return out;
