@@ -384,4 +384,4 @@ def test_a_settled_cycle_under_a_heater(js):
     cycle = coupled.limit_cycle(ring, model, **light, heaters={"heater": 4e-3})
     assert page["period"] * 1e-9 == pytest.approx(cycle.attrs["period"], rel=SAME)
     top = float(cycle["delta_T"].max())
-    assert page["hottest"] == pytest.approx(top, rel=4e-5)  # steps of both miss the top by 2e-5
+    assert page["hottest"] == pytest.approx(top, rel=2e-4)  # steps of both miss the top, by up to 1e-4
