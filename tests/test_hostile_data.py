@@ -18,6 +18,7 @@ import surrogate
 import thermofem as th
 from thermofem import files, netcdf
 from thermofem.cli import main
+from thermofem.cli.kinds import kind_of
 from thermofem.traces import read_trace
 
 MODEL = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
@@ -153,3 +154,26 @@ def test_a_group_that_holds_itself_under_many_names_is_refused_at_once(tmp_path,
     with pytest.raises(th.InputError, match="groups deep"):
         th.load(path)
     assert len(looks) <= netcdf.MOST_OBJECTS + 1
+
+
+def test_damaged_groups_of_a_file_are_one_line(tmp_path):
+    """`kind_of` let the KeyError of HDF5 through, and most commands ask it first."""
+    path = th.save(DATA, tmp_path / "heat.nc")
+    for content in hostile.flipped(path.read_bytes(), 1200):
+        path.write_bytes(content)
+        assert kind_of(path) in ("data", "result", None)
+        says_one_line(lambda: th.load(path))
+        says_one_line(lambda: th.dataset.load_record(path))
+
+
+@pytest.mark.parametrize(
+    ("attribute", "right", "wrong"),
+    [("start_within", (0.0, 1e-7, 4e-6), (1.0, -1e-9)), ("rest_rows", (0.0, 1.0, 200), (1e-6, 0.5, -1))],
+)
+def test_a_start_or_rest_that_no_trace_has_is_refused(attribute, right, wrong):
+    """Standard errors follow from them."""
+    for value in right:
+        assert getattr(th.dataset.response_of(DATA.assign_attrs({attribute: value})), attribute) <= value
+    for value in wrong:
+        with pytest.raises(th.InputError, match=attribute):
+            th.dataset.response_of(DATA.assign_attrs({attribute: value}))

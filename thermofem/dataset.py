@@ -40,6 +40,7 @@ SCHEMA = 1
 KINDS = ("transient", "periodic")
 FEWEST = 8  # samples that a training takes
 POSSIBLE = 1e-30, 1e12  # s or K: any time and rise, with squares and sums that floats hold
+CROPPED = 100.0  # of the span of a trace: how far its start may be off, where most of its rows were left out
 START, REST = "start_within", "rest_rows"  # attributes of a measured trace, see `Response`
 TWICE = 1e-3  # of the swing, by which both rows of a jump of the power may differ: the temperature has none
 
@@ -193,14 +194,17 @@ def response_of(data: xr.Dataset) -> Response:
     gain = static_gain.static_gain(data)
     if periodic:
         return Response(wave, times, rise, periodic, words, gain, doubts)
-    within, rest = (_estimated(data, name, known) for name, known in ((START, 0.0), (REST, np.inf)))
+    within = _estimated(data, START, 0.0, CROPPED * float(np.ptp(times)))
+    rest = _estimated(data, REST, np.inf, POSSIBLE[1])
+    if 0 < rest < 1:
+        raise checks.InputError(f"data.attrs[{REST!r}] = {rest:g} is no number of rows; 0, or 1 and more, is needed")
     return Response(wave, times, rise, periodic, words, gain, doubts, min(within, float(times[-1]) / FEWEST), rest)
 
 
-def _estimated(data: xr.Dataset, name: str, known: float) -> float:
+def _estimated(data: xr.Dataset, name: str, known: float, most: float) -> float:
     """An attribute of a measured trace, of which the start or the baseline was found from the trace itself."""
     name, value = f"data.attrs[{name!r}]", data.attrs.get(name)
-    return known if value is None else checks.between(name, value, 0, POSSIBLE[1])
+    return known if value is None else checks.between(name, value, 0, most)
 
 
 def check_texts(data: xr.Dataset) -> None:

@@ -51,7 +51,8 @@ def opened_half() -> Iterator[None]:
 def check(path: Path) -> None:
     """InputError unless every value of the file lies in it, and they are no more than it can hold.
 
-    Raises InputError: external or virtual storage, links to other files, too many variables or values; no HDF5 file.
+    Raises InputError: external or virtual storage, links to other files, too many variables or values; a variable that
+    is longer or shorter than its dimension, where h5netcdf leaves it so or adds zeros; no HDF5 file.
     """
     import h5py
 
@@ -62,11 +63,20 @@ def check(path: Path) -> None:
     except DAMAGE as error:
         if isinstance(error, InputError):
             raise
+        if _classic(path):
+            raise InputError("is netCDF-3; save it as netCDF-4, such as with nccopy -k nc4 OLD NEW") from None
         raise InputError(f"cannot be read as netCDF ({error or type(error).__name__}); is it complete?") from None
     if declared > min(LARGEST, ROOM + PACKED * size):
         raise InputError(
             f"cannot be read: its {size} bytes declare {float(declared):.2g} bytes of values, more than fit"
         )
+
+
+def _classic(path: Path) -> bool:
+    """Whether a file is netCDF-3, which no reader here takes."""
+    with contextlib.suppress(OSError), path.open("rb") as file:
+        return file.read(4) in (b"CDF\x01", b"CDF\x02", b"CDF\x05")
+    return False
 
 
 def _declared(file: Any) -> int:
@@ -104,6 +114,12 @@ def _values(name: str, item: Any) -> int:
     label = item.attrs.get("NAME", b"")
     if isinstance(label, bytes) and b"This is a netCDF dimension but not a netCDF variable." in label:
         return 0  # never loaded: h5netcdf compares the same words; in text of another type it does not find them
+    for scales, length in zip(item.dims, item.shape or (), strict=False):
+        if len(scales) and scales[0].shape[:1] != (length,):
+            raise InputError(
+                f"cannot be read: {shown(name)} has {length} values, its dimension {shown(scales[0].name.strip('/'))} "
+                f"{'x'.join(map(str, scales[0].shape))}"
+            )
     return int(np.prod(item.shape, dtype=object) if item.shape else 1) * max(1, item.dtype.itemsize)
 
 

@@ -137,6 +137,16 @@ def netcdf(folder: Path) -> Iterator[tuple[str, Path]]:
             made["time"].attrs["units"] = unit
             made["delta_T"] = np.zeros(20)
         yield "variable 'time'", folder / f"{name}.nc"
+    for length in (12, 30):  # h5netcdf adds zeros, or leaves what is too long for its dimension
+        with h5netcdf.File(folder / f"{length}.nc", "w") as made:
+            made.dimensions = {"time": 20}
+            made.create_variable("time", ("time",), data=np.linspace(0, 1e-5, 20))
+        with h5py.File(folder / f"{length}.nc", "a") as made:
+            made.create_dataset("delta_T", data=np.zeros(length), maxshape=(None,)).dims[0].attach_scale(made["time"])
+        yield f"'delta_T' has {length} values, its dimension 'time' 20", folder / f"{length}.nc"
+    for version in (1, 2, 5):
+        (folder / f"classic{version}.nc").write_bytes(b"CDF" + bytes([version]) + b"\0" * 30)
+        yield "save it as netCDF-4", folder / f"classic{version}.nc"
     for name in ("unit", "Units"):  # read as K, 1000 times too large
         with file(name) as made:
             made["delta_T"] = np.linspace(0, 1e3, 20)
@@ -288,6 +298,12 @@ def damaged(content: bytes, seed: int, count: int) -> Iterator[bytes]:
             continue
         wrong[start : start + length] = pick.randbytes(min(length, len(wrong) - start))
         yield bytes(wrong)
+
+
+def flipped(content: bytes, last: int) -> Iterator[bytes]:
+    """Copies of a file with one byte inverted: every eighth up to the last, the groups of an HDF5 file among them."""
+    for k in range(0, min(last, len(content)), 8):
+        yield content[:k] + bytes([content[k] ^ 0xFF]) + content[k + 1 :]
 
 
 @contextlib.contextmanager

@@ -57,6 +57,20 @@ def test_a_change_behind_its_back_is_said(data, change, tmp_path, caplog):
     assert WORDS in caplog.text
 
 
+ODD = [5, np.nan, "{", "[]", b"\xff", np.array([1, 2]), np.array([b"a", b"b"]), np.empty(0), h5py.Empty("f8")]
+
+
+@pytest.mark.parametrize("value", ODD, ids=lambda v: f"{v!r:.12}")
+def test_a_hash_of_any_type_is_a_change(value, data, tmp_path, caplog):
+    """An array had no truth value."""
+    th.save(data, tmp_path / "a.nc")
+    with h5py.File(tmp_path / "a.nc", "a") as file:
+        file.attrs["content_hash"] = value
+    th.load(tmp_path / "a.nc")
+    th.dataset.load_record(tmp_path / "a.nc")
+    assert WORDS in caplog.text
+
+
 def test_what_is_whole_says_nothing(data, tmp_path, caplog):
     """Words, whole numbers, Booleans, several probes, attributes of every type; once more after `load`."""
     odd = data.assign(word=("time", np.array(["a", "é"] * 25)), flag=("time", TIMES > 0), count=("time", np.arange(50)))

@@ -59,12 +59,17 @@ def kind_of(path: Path) -> str | None:
     return "table" if path.suffix.lower() in (".csv", ".txt", ".dat") else None
 
 
-def _of_netcdf(path: Path) -> str:
+def _of_netcdf(path: Path) -> str | None:
     """Kind of a netCDF file: data where there is heat over time; runs with light, maps and indices are results."""
     import h5py
 
-    with h5py.File(path, "r") as file:
-        names = set(file)
+    from ..netcdf import DAMAGE
+
+    try:
+        with h5py.File(path, "r") as file:
+            names = set(file)
+    except DAMAGE:
+        return None
     return "data" if "time" in names and "carriers" not in names else "result"
 
 
