@@ -1,8 +1,9 @@
 """Columns of numbers in a text, with the names and units of the header above them.
 
 What is read: columns divided by commas, semicolons, tabs or spaces, after any header. The last line above the table
-with text in all columns names them; a line of bare units below it counts too. Lines that begin with % or # are header.
-Any other line between the header and the table is a damaged row, and refused. With semicolons or tabs a comma is a
+with text in all columns names them; a line of bare units below it counts too. Both may have another separator than the
+rows; a unit of time, temperature or voltage that no column takes is refused. Lines that begin with % or # are header.
+Any other line between the header and the table is a damaged row, and refused, as is one that another separator divides. With semicolons or tabs a comma is a
 decimal mark; a table in which it may divide thousands is refused, and so are two units for one column.
 A unit stands in the header, "Time (s)", "CH1 [mV]" or "time_us", or is given in ``units``. Where the header states the
 start and the increment of the times (Rigol), the first column counts them. Empty columns at the end and
@@ -29,6 +30,7 @@ SPELLED = {
     "microsecond": "us", "microseconds": "us", "nanosecond": "ns", "nanoseconds": "ns", "millisecond": "ms",
     "celsius": "degC", "watt": "W", "watts": "W",
 }  # fmt: skip
+DIVIDERS = ("\t", ";", ",", "|", ":", " ")
 _UNIT = re.compile(r"\s*[(\[]([^()\[\]]*)[)\]]")
 _ENDING = re.compile(r"(?<!_per)_(s|ms|us|ns|K|mK|degC|V|mV|W|mW|uW)$")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)  # 1,234: or a decimal comma before three digits
@@ -217,33 +219,63 @@ def _check_marks(rows: list[str], at: Sequence[int], divider: str) -> None:
 def _header(lines: list[str], divider: str, used: NDArray[np.bool_]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names and units of the columns from the lines above them; ``used`` marks the columns with numbers.
 
-    Raises InputError: a line below the names holds a number, or is neither names nor units: a damaged row.
+    The lines are divided as the rows are, or by the separator that finds more units in them.
+
+    Raises InputError: a line below the names holds a number, or is neither names nor units: a damaged row; a line that
+    another separator makes a row; units that no column takes.
     """
-    columns = used.size
-    split = [_names(line.lstrip("%# "), divider, columns) for line in lines]
-    fitting = [k for k, cells in enumerate(split) if len(cells) == columns and not _is_number(cells[0])]
-    full = [k for k in fitting if all(split[k][c] and not _is_number(split[k][c]) for c in np.flatnonzero(used))]
-    last = full[-1] if full else fitting[-1] if fitting else -1
+    columns, bare = used.size, [line.lstrip("%# ") for line in lines]
+    own = split = [_names(line, divider, columns) for line in bare]
+    if _stated(own, used) < used.sum():
+        split = max(
+            own, *([_names(line, d, columns) for line in bare] for d in DIVIDERS), key=lambda s: _stated(s, used)
+        )
+    fitting, last = _fitting(split, used)
     place, below = last, None
     above = [k for k in fitting if k < last]
-    if above and all(_is_unit(cell) for cell in split[last] if cell):
+    if above and _are_units(split[last]):
         place, below = above[-1], split[last]
     for k, line in enumerate(lines):
-        words = line.split() if divider == " " else split[k]
+        words = line.split() if divider == " " else own[k]
         broken = any(map(_is_number, words)) if k > last >= 0 else _is_number(words[0]) if words else False
-        if not _is_remark(line) and (broken or (k > last and k in fitting and any(split[k]))):
+        broken = broken or any(_floats(_cells(line, d), d) is not None for d in DIVIDERS)
+        if not _is_remark(line) and (broken or (k > last and k in _fitting(own, used)[0] and any(own[k]))):
             raise _damaged(k + 1, line, columns)
     if last < 0:
-        return tuple(str(k + 1) for k in range(columns)), ("",) * columns
-    units = [_bracket(name) for name in split[place]]
-    stated = [(place, split[place]), *((k, split[k]) for k in above if k != place)]
-    _check_units(units, stated if below is None else [*stated, (last, below)])
+        names, units = [str(k + 1) for k in range(columns)], [""] * columns
+    else:
+        names, units = split[place], [_bracket(name) for name in split[place]]
+        stated = [(place, split[place]), *((k, split[k]) for k in above if k != place)]
+        _check_units(units, stated if below is None else [*stated, (last, below)])
     if below:
         units = [unit or cell.strip("()[] ") for unit, cell in zip(units, below, strict=True)]
-    for k in fitting:
-        if not any(units) and any(_is_unit(_bracket(cell)) for cell in split[k]):
-            raise InputError(f"line {k + 1} states units, but line {place + 1} is the header; take the wrong one out")
-    return tuple(split[place]), tuple(units)
+    for k, line in enumerate(lines):
+        if not any(units) and _measures(line):
+            what = f"line {k + 1} = {line.strip()[:40]!r} states units that no column takes"
+            raise InputError(f"{what}; write a name and a unit for each of {columns} columns, divided as the rows are")
+    return tuple(names), tuple(units)
+
+
+def _fitting(split: list[list[str]], used: NDArray[np.bool_]) -> tuple[list[int], int]:
+    """Lines with a cell for each column, and the last of them that is full; else the last one, or -1."""
+    fitting = [k for k, cells in enumerate(split) if len(cells) == used.size and not _is_number(cells[0])]
+    full = [k for k in fitting if all(split[k][c] and not _is_number(split[k][c]) for c in np.flatnonzero(used))]
+    return fitting, full[-1] if full else fitting[-1] if fitting else -1
+
+
+def _stated(split: list[list[str]], used: NDArray[np.bool_]) -> int:
+    """Number of units in the header that these cells of lines make: in its names, or in a line of units below them."""
+    fitting, last = _fitting(split, used)
+    if last < 0:
+        return 0
+    inside = sum(_is_unit(_bracket(cell)) for cell in split[last])
+    return max(inside, len(split[last]) if fitting[0] < last and _are_units(split[last]) else 0)
+
+
+def _measures(line: str) -> bool:
+    """Whether a line has the unit of a time, a temperature or a voltage in brackets, and no number after it."""
+    found = ((m[1], line[m.end() :].lstrip(' :=,;|\t"')[:1]) for m in _UNIT.finditer(line))
+    return any(_is_unit(unit, ("s", "K", "V")) for unit, after in found if not after.isdigit())
 
 
 def _check_units(units: list[str], stated: list[tuple[int, list[str]]]) -> None:
@@ -284,19 +316,24 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _is_unit(cell: str) -> bool:
-    """Whether a cell is a bare unit such as "(us)", "mV" or "Volt"."""
+def _is_unit(cell: str, of: tuple[str, ...] = ()) -> bool:
+    """Whether a cell is a bare unit such as "(us)", "mV" or "Volt"; of one of these dimensions where any is given."""
     bare = cell.strip("()[] ")
     if not bare:
         return False
     for text in (header_unit(bare), bare.lower()):  # scopes write "Volt"
-        try:
-            quantity.parse(f"1 {text}", "s")
-        except InputError as error:
-            if "wrong dimension" not in str(error):
-                continue
-        return True
+        for unit in of or ("s",):
+            try:
+                quantity.parse(f"1 {text}", unit)
+            except InputError as error:
+                if of or "wrong dimension" not in str(error):
+                    continue
+            return True
     return False
+
+
+def _are_units(cells: list[str]) -> bool:
+    return all(_is_unit(cell) for cell in cells if cell)
 
 
 def measured(table: Columns, place: int, temperatures: Array) -> Array:

@@ -264,6 +264,28 @@ def scaled_columns(text: str) -> Iterator[str]:
     yield text.replace("e-06", "e300").replace("e-07", "e300")
 
 
+def headers(rows: list[tuple[str, str]]) -> Iterator[tuple[str, str]]:
+    """Tables of times in us and temperatures in mK whose header is divided in another way than their rows."""
+    heads = [f"{{}}time (us){d}T (mK)" for d in (",", ", ", ";", "; ", "\t", "   ", " | ", "|", ": ")]
+    heads += ["{}time(us) T(mK)", '{}"time (us)","T (mK)"', "{}time_us, T_mK", "{}time [us], T [mK], run"]
+    heads += [f"{{0}}time{d}T\n{{0}}us{d}mK" for d in (",", ";", "\t", "|")]
+    for head in heads:
+        for divider in (",", ", ", ";", "\t", " "):
+            for mark in ("", "# "):
+                table = "\n".join(divider.join(row) for row in rows)
+                yield f"{head!r} above {divider!r}", f"{head.format(mark)}\n{table}\n"
+
+
+def mixed(rows: list[tuple[str, str]]) -> Iterator[tuple[str, str]]:
+    """Tables whose separator is another one from some row on."""
+    dividers = (",", ";", "\t", " ", "|")
+    for first in dividers:
+        for then in dividers:
+            for k in (1, 5, len(rows) // 2, len(rows) - 1) if then != first else ():
+                lines = [first.join(row) for row in rows[:k]] + [then.join(row) for row in rows[k:]]
+                yield f"{first!r} then {then!r} from {k}", "\n".join(["time (us),T (mK)", *lines])
+
+
 def meshes() -> dict[str, bytes]:
     """Files of gmsh that are valid: two squares in the plane, the second one half cut away."""
     formats = {  # of the numbers of each line of 4.1: int, size_t, double; the last letter goes on

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import says_one_line
+from fuzz import hostile
 from paths import MEASURED
 
 import surrogate
@@ -84,6 +86,31 @@ def test_a_table_without_header_and_with_decimal_commas(tmp_path):
 
 
 GOOD = "Time (us),T (K),P (mW)\n0,0,1\n1,1,1\n2,2,1\n"
+
+
+ROWS = [(f"{k / 5:.1f}", f"{1e3 * k + 1.5:.1f}") for k in range(40)]
+
+
+def test_units_of_a_header_that_is_divided_in_another_way_count():
+    """`np.savetxt` writes a header with commas above rows with spaces; its temperatures in degF were taken for K."""
+    for what, text in hostile.headers(ROWS):
+        found = says_one_line(lambda text=text: columns.parse(text))
+        assert ("run" in what) if found is None else (found.units == ("us", "mK")), what
+        assert found is None or found.values.shape == (40, 2)
+
+
+def test_a_separator_that_changes_is_a_damaged_row():
+    """The first 100 rows of 201 counted as text before the table: a thermal resistance of 549 instead of 15029."""
+    for what, text in hostile.mixed(ROWS):
+        found = says_one_line(lambda text=text: columns.parse(text))
+        assert found is None or len(found.values) == 40, what  # spaces and tabs are both white space
+
+
+def test_remarks_with_another_unit_or_separator_change_nothing():
+    rows = "\n".join("   ".join(row) for row in ROWS)
+    remarks = "% Model: ring, second\n% Ambient (K): 293\n% Power (mW): 2\n% Date: Nov 20 2020, 10:11\n"
+    assert columns.parse(f"{remarks}% Time (us)   T (mK)\n{rows}").units == ("us", "mK")
+    assert columns.parse(f"{remarks}{rows}").units == ("", "")
 
 
 def test_degrees_celsius_have_an_offset(tmp_path):
