@@ -3,8 +3,9 @@
 What is read: columns divided by commas, semicolons, tabs or spaces, after any header. The last line above the table
 with text in all columns names them; a line of bare units below it counts too. Both may have another separator than the
 rows; a unit of time, temperature or voltage that no column takes is refused. Lines that begin with % or # are header.
-Any other line between the header and the table is a damaged row, and refused, as is one that another separator divides. With semicolons or tabs a comma is a
-decimal mark; a table in which it may divide thousands is refused, and so are two units for one column.
+Any other line between the header and the table is a damaged row, and refused, as is one that another separator divides.
+With semicolons or tabs a comma is a decimal mark; a table in which it may divide thousands is refused, and so are two
+units for one column.
 A unit stands in the header, "Time (s)", "CH1 [mV]" or "time_us", or is given in ``units``. Where the header states the
 start and the increment of the times (Rigol), the first column counts them. Empty columns at the end and
 empty rows are left out.

@@ -12,6 +12,7 @@ import json
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -126,7 +127,7 @@ def _values(name: str, item: Any) -> int:
 def signed(variables: Mapping[Any, Any], attrs: Mapping[Any, Any]) -> dict[str, Any]:
     """Attributes of a file with `HASH`: a hash of the content, and the names of the attributes that it covers.
 
-    Others may be added to the file later, such as notes of its user.
+    Others may be added to the file later, such as notes of its user. Each group of a file has a hash of its own.
 
     Parameters
     ----------
@@ -135,7 +136,7 @@ def signed(variables: Mapping[Any, Any], attrs: Mapping[Any, Any]) -> dict[str, 
         attributes of the Dataset.
     """
     plain = {key: value for key, value in attrs.items() if key != HASH}
-    names = sorted(map(str, plain))
+    names = sorted(str(key) for key in plain if key != "coordinates")  # which xarray moves elsewhere
     return {**plain, HASH: json.dumps({"hash": _content_hash(variables, plain, names), "attributes": names})}
 
 
@@ -155,17 +156,45 @@ def unsigned(variables: Mapping[Any, Any], attrs: Mapping[Any, Any]) -> tuple[di
         return plain, False
 
 
+def sign(file: Any) -> None:
+    """Write `HASH` into an open file of h5netcdf that is otherwise complete."""
+    file.attrs[HASH] = signed(_stored(file), file.attrs)[HASH]
+
+
+def whole(path: Path) -> bool | None:
+    """Whether a file is as it was signed, without its values in memory at once; None without a hash."""
+    import h5netcdf
+
+    with h5netcdf.File(path, "r") as file:
+        return unsigned(_stored(file), file.attrs)[1]
+
+
+def _stored(file: Any) -> dict[str, Any]:
+    return {name: SimpleNamespace(dims=v.dimensions, values=v, attrs=v.attrs) for name, v in file.variables.items()}
+
+
 def _content_hash(variables: Mapping[Any, Any], attrs: Mapping[Any, Any], names: Sequence[str]) -> str:
     """Hash of the values, dimensions and units of a Dataset, and of its attributes of these names."""
     found = hashlib.sha256()
     for name in sorted(variables, key=str):
         v = variables[name]
-        values = np.asarray(v.values)
-        head = [str(name), list(map(str, v.dims)), list(values.shape), str(v.attrs.get("units", ""))]
-        found.update(json.dumps(head).encode() + _bytes(values))
+        head = [str(name), list(map(str, v.dims)), list(v.values.shape), str(v.attrs.get("units", ""))]
+        found.update(json.dumps(head).encode())
+        for piece in _pieces(v.values):
+            found.update(_bytes(piece))
     for name in names:
         found.update(json.dumps(name).encode() + _bytes(np.ravel(attrs[name])))
     return found.hexdigest()[:32]
+
+
+def _pieces(values: Any) -> Iterator[Any]:
+    """Rows of an array or of a variable of h5netcdf, of numbers so many at a time as memory holds."""
+    if not values.shape or np.dtype(values.dtype).kind not in "biufc":
+        yield np.asarray(values[()])
+        return
+    rows = max(1, ROOM // max(1, 8 * int(np.prod(values.shape[1:]))))
+    for start in range(0, values.shape[0], rows):
+        yield np.asarray(values[start : start + rows])
 
 
 def _bytes(values: Any) -> bytes:

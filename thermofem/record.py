@@ -10,7 +10,7 @@ import functools
 import inspect
 import io
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, Protocol, cast
 
@@ -75,8 +75,12 @@ class Record:
 
         whole = io.BytesIO()
         with h5netcdf.File(whole, "w") as file:
-            Record(self.data, self.coordinates, netcdf.signed(self.variables, self.attrs)).write_into(file)
+            self.signed().write_into(file)
         return whole.getbuffer()
+
+    def signed(self) -> Record:
+        """The record with the hash of its content among its attributes."""
+        return replace(self, attrs=netcdf.signed(self.variables, self.attrs))
 
     def write_into(self, group: Any) -> None:
         """Write everything into an empty h5netcdf file or group."""

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import json
 import logging
+from dataclasses import replace
 
 import h5py
 import numpy as np
 import pytest
+from campaigns import STEP, make
 from commands import thermofem
 
 import surrogate
 import thermofem as th
+from thermofem import netcdf
+from thermofem.campaign import Drive
 from thermofem.cli.show import show
 from thermofem.record import Record, column
 
@@ -165,3 +169,38 @@ def test_a_refused_command_says_one_line_and_a_successful_one_says_what_was_chan
     assert (refused.returncode, refused.stderr.count("\n"), WORDS in refused.stderr) == (2, 1, False)
     done = thermofem("simulate", str(reduced), "--power", "1 mW", "--duration", "1 us", "-o", "a.nc", cwd=tmp_path)
     assert (done.returncode, done.stderr.count(WORDS)) == (0, 1)
+
+
+def test_a_campaign_whose_files_were_changed_says_so(tmp_path, threads, caplog):
+    """A result that somebody had scaled trained a model 1.5 times too hot; the index was not looked at either."""
+    square = Drive("square", th.SquareWave(2e-3, 1e-6, 1 / 3), samples=31)
+    campaign = replace(make(2, read=("core", "box")), drives=(STEP, square))
+    campaign.run(tmp_path, threads)
+    results = sorted((tmp_path / "results").glob("*.nc"))
+    paths = [*results, tmp_path / "training.nc", tmp_path / "index.nc"]
+    for path in paths:
+        th.load(path)
+    with th.open_campaign(tmp_path) as index:
+        right = index["thermal_resistance"].values
+    assert WORDS not in caplog.text
+    for path, name in zip(paths, ["delta_T", "delta_T", "features", "thermal_resistance"], strict=True):
+        with h5py.File(path, "a") as file:
+            file[name][...] *= 1.5
+        caplog.clear()
+        th.load(path)
+        assert WORDS in caplog.text, path
+    caplog.clear()
+    with th.open_campaign(tmp_path) as index:
+        assert np.isnan(index["thermal_resistance"]).all()  # its results are changed, too
+    assert WORDS in caplog.text
+    campaign.run(tmp_path, threads)
+    with h5py.File(tmp_path / "index.nc", "a") as file:
+        file["thermal_resistance"][...] *= 2
+    with th.open_campaign(tmp_path) as index:
+        np.testing.assert_array_equal(index["thermal_resistance"], right)
+
+
+def test_large_and_small_pieces_have_one_hash(data, monkeypatch):
+    whole = netcdf.signed(data.variables, data.attrs)
+    monkeypatch.setattr(netcdf, "ROOM", 100)
+    assert netcdf.signed(data.variables, data.attrs) == whole

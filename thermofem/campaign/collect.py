@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import logging
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -29,6 +30,8 @@ from .store import ResultStore, write_file
 if TYPE_CHECKING:
     import xarray as xr
 
+log = logging.getLogger("thermofem")
+
 Row = dict[str, Array]  # thermal_resistance, delta_T_DRIVE and `NUMBERS` of one geometry
 
 INDEX, TRAINING = "index.nc", "training.nc"
@@ -43,8 +46,8 @@ NUMBERS = {
 def open_campaign(directory: str | Path) -> xr.Dataset:
     """Open the index of a campaign: every geometry, finished or not, as one Dataset.
 
-    Arrays are read when they are used. After a run that was killed, the index is made anew from the results that are
-    there (in memory; the folder is not written).
+    Arrays are read when they are used. After a run that was killed, or where somebody changed the index, it is made
+    anew from the results that are there (in memory; the folder is not written).
 
     Parameters
     ----------
@@ -71,7 +74,9 @@ def open_campaign(directory: str | Path) -> xr.Dataset:
             netcdf.check(path)
             index = xr.open_dataset(path, engine="h5netcdf", **netcdf.OPEN)
             if index["key"].values.tolist() == keys and index["status"].values.tolist() == store.status(keys):
-                return index
+                if netcdf.whole(path) is not False:
+                    return index
+                log.warning("%s was changed after thermofem wrote it; what follows is made from the results", path)
             index.close()
         except netcdf.DAMAGE:
             pass  # damaged: made anew below
@@ -125,9 +130,9 @@ def _contents(
     probes = _probes(store.result(keys[int(np.argmax(there))])) if there.any() else []
     memory = {name: io.BytesIO() for name in names}
     with contextlib.ExitStack() as stack:
-        variables = {}
+        variables, files = {}, {}
         for name in names:
-            file = stack.enter_context(h5netcdf.File(memory[name], "w"))
+            file = files[name] = stack.enter_context(h5netcdf.File(memory[name], "w"))
             chosen = [k for k in range(len(keys)) if there[k] or name == INDEX]
             variables[name] = _layout(file, plan, probes, chosen)
             if name == INDEX:
@@ -143,6 +148,8 @@ def _contents(
                 for key, finished in zip(keys[chunk], there[chunk], strict=True)
             ]
             _fill(variables, found, start, int(there[:start].sum()))
+        for file in files.values():
+            netcdf.sign(file)
     return {name: content.getvalue() for name, content in memory.items()}
 
 

@@ -20,9 +20,10 @@ _WRITABLE = 1  # flag of HDF5's H5LTopen_file_image: the image may be written to
 def filled(results: dict[str, Record]) -> bytes:
     """Content of a netCDF file; an earlier file of the same layout serves as the template.
 
-    The first result is its root, as `thermofem.load` reads it; each further one is a group. Made in memory: HDF5 can
-    take the whole process down when a disk is full.
+    The first result is its root, as `thermofem.load` reads it; each further one is a group. Each has its hash. Made in
+    memory: HDF5 can take the whole process down when a disk is full.
     """
+    results = {name: record.signed() for name, record in results.items()}
     layout = [_layout(name, record) for name, record in results.items()]
     if getattr(_worker, "layout", None) != layout:
         _worker.content, _worker.layout, _worker.first = _written(results), layout, results
