@@ -26,6 +26,7 @@ from typing import Any
 from . import checks, trees
 from .checks import InputError
 
+WRITTEN = (".nc", ".json", ".npz", ".sha256", ".lock")  # endings of files in the project's stores
 IMAGES = (".png", ".pdf", ".svg", ".jpg")
 _TEMPORARY = re.compile(r"\..*-[0-9a-f]{16}(\.\w+)?")  # names that `write_whole` gives
 FRESH = 60.0  # s; a temporary file that was touched within is left alone, locked or not
@@ -153,12 +154,18 @@ def sweep(folder: Path) -> None:
 
 
 def check_entries(folder: Path) -> None:
-    """InputError unless a folder, of any origin, holds only regular files, folders and links to folders."""
+    """InputError unless a folder, of any origin, holds only regular files, folders and links to folders.
+
+    A folder with the name of a file that a store writes is refused, too.
+    """
     with os.scandir(folder) as entries:
         for entry in entries:
-            if not (entry.is_dir() or entry.is_file(follow_symlinks=False)):
-                what = "a link to a file" if entry.is_symlink() else "a pipe or a device"
-                raise InputError(f"{Path(entry.path)} is {what}; take it out of the folder, or take another folder")
+            what = "a link to a file" if entry.is_symlink() else "a pipe or a device"
+            if entry.is_dir() and entry.name.endswith(WRITTEN):
+                what = "a folder where a file is written"
+            elif entry.is_dir() or entry.is_file(follow_symlinks=False):
+                continue
+            raise InputError(f"{Path(entry.path)} is {what}; take it out of the folder, or take another folder")
 
 
 def check_target(path: str | Path) -> Path:

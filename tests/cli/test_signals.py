@@ -130,7 +130,7 @@ def test_a_write_protected_file_stays(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("name", [".lock", "index.nc", "results.sha256"])
-@pytest.mark.parametrize("kind", ["link", "pipe"])
+@pytest.mark.parametrize("kind", ["link", "pipe", "folder"])
 def test_a_folder_of_somebody_else_writes_nowhere_else(name, kind, tmp_path):
     """A link in the folder of a campaign had the file that it names overwritten; a pipe was waited for."""
     folder, victim = tmp_path / "rings", tmp_path / "victim.txt"
@@ -138,6 +138,8 @@ def test_a_folder_of_somebody_else_writes_nowhere_else(name, kind, tmp_path):
     victim.write_text("precious")
     if kind == "link":
         (folder / name).symlink_to(victim)
+    elif kind == "folder":  # was "Is a directory", for a campaign that had begun
+        (folder / name).mkdir()
     else:
         os.mkfifo(folder / name)
     with pytest.raises(th.InputError, match=f"{name} is a"), files.folder_locked(folder):
