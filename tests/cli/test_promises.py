@@ -42,16 +42,22 @@ def folder(tmp_path, monkeypatch):
     surrogate.save_model(MODEL, "model.json")
     Path("ring.toml").write_text(RING)
     Path("strip.toml").write_text(th.strip_ring().to_toml())
+    Path("plan.toml").write_text('geometry = "ring.toml"\n')
+    Path("circuit.toml").write_text('[[ring]]\nname = "a"\nfile = "../names.toml"\n')
+    (tmp_path.parent / "names.toml").write_text(f'file = "{tmp_path.name}/plan.toml"\n')
     return tmp_path
 
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_no_command_writes_over_a_file_that_it_is_given(command, folder):
-    """`map --ring ring.toml -o ring.toml` replaced the ring by the map. Every option x every output of a command."""
+    """`map --ring ring.toml -o ring.toml` replaced the ring by the map, `family` the geometry that its file names.
+
+    Every option x every output of a command, for the file itself and for files that name it.
+    """
     names = [p.name for p in COMMANDS[command].params]
     for target in OUTPUTS.intersection(names):
         for name in set(names) - OUTPUTS - {"help"}:
-            for given in ("ring.toml", [Path("strip.toml"), Path("ring.toml")]):
+            for given in ("ring.toml", [Path("strip.toml"), Path("ring.toml")], "plan.toml", [Path("circuit.toml")]):
                 with pytest.raises(th.InputError, match="read and written at once"):
                     check_apart({name: given, target: Path("../") / folder.name / "ring.toml"})
 
@@ -64,6 +70,7 @@ def test_no_command_writes_over_a_file_that_it_is_given(command, folder):
         ["stability", "model.json", "--ring", "ring.toml", "-o", "ring.toml"],
         ["uncertainty", "f.json", "--spread", "box=2 um,1 nm", "--ring", "ring.toml", "--map", "ring.toml"],
         ["solve", "strip.toml", "--paraview", "strip.toml"],
+        ["family", "plan.toml", "-o", "ring.toml"],
     ],
 )
 def test_the_commands_ask(arguments, folder, monkeypatch, capsys):

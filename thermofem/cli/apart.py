@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from .. import toml_file
 from ..checks import InputError
 from .values import each
 
@@ -15,16 +16,46 @@ OUTPUTS = frozenset({"output", "figure", "preview", "paraview", "animation", "ma
 
 
 def check_apart(options: Mapping[str, Any]) -> None:
-    """InputError where a command would write over a file that another of its options names.
+    """InputError where a command would write over a file that another of its options names, or that such a file names.
 
     Every option but those in `OUTPUTS` counts as an input, so that no command has to list its own.
     """
+    outputs = [path for name in OUTPUTS & options.keys() for path in filter(None, each(options[name]))]
+    if not outputs:
+        return
     given = [item for name, value in options.items() if name not in OUTPUTS for item in each(value)]
-    taken = [item for item in given if isinstance(item, str | Path) and os.path.isfile(item)]
-    for name in OUTPUTS & options.keys():
-        for path in filter(None, each(options[name])):
-            if any(writes(path, item) for item in taken):
-                raise InputError(f"{path} would be read and written at once; give it another name")
+    taken = [path for item in given if isinstance(item, str | Path) for path in _read_with(item)]
+    for path in outputs:
+        if any(writes(path, other) for other in taken):
+            raise InputError(f"{path} would be read and written at once; give it another name")
+
+
+def _read_with(path: str | Path) -> list[Path]:
+    """A file and every file that its TOML text names, such as the geometry of a campaign; none where it is no file."""
+    found: dict[str, Path] = {}
+    waiting = [Path(path)]
+    while waiting:
+        path = waiting.pop()
+        if os.path.isfile(path) and os.path.realpath(path) not in found:
+            found[os.path.realpath(path)] = path
+            waiting += [path.parent / word for word in _words(path)]
+    return list(found.values())
+
+
+def _words(path: Path) -> list[str]:
+    """Texts in a file of TOML; none in any other."""
+    try:
+        level: list[Any] = [toml_file.parse(toml_file.text_of(path, "TOML"))]
+    except InputError:
+        return []
+    words = []
+    while level:
+        node = level.pop()
+        if isinstance(node, dict | list):
+            level += node.values() if isinstance(node, dict) else node
+        elif isinstance(node, str):
+            words.append(node)
+    return words
 
 
 def writes(output: str | Path, other: str | Path) -> bool:
