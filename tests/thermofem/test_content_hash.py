@@ -17,6 +17,7 @@ import thermofem as th
 from thermofem import netcdf
 from thermofem.campaign import Drive
 from thermofem.cli.show import show
+from thermofem.models import files as model_files
 from thermofem.record import Record, column
 
 TIMES = np.linspace(0, 10e-6, 50)
@@ -118,6 +119,7 @@ def test_records_of_the_commands_are_fitted():
 def reduced(tmp_path):
     """A model file with a certificate."""
     provenance = {"method": "reduction", "error_bound": 1e-4, "residual_K": 0.1, "geometry": "", "content_hash": "old"}
+    provenance |= {"assumed": ["a voltage: 1 V counts as 1 K"], "source": "scope.csv"}
     return surrogate.save_model(th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6]), tmp_path / "m.json", provenance=provenance)
 
 
@@ -128,6 +130,10 @@ def reduced(tmp_path):
         lambda tree: tree["provenance"].update(error_bound=1e-9),
         lambda tree: tree["provenance"].update(geometry="another"),
         lambda tree: tree["provenance"].update(content_hash=[1]),
+        lambda tree: tree["provenance"].update(content_hash={"hash": "x", "entries": 3}),
+        lambda tree: tree["provenance"]["content_hash"]["entries"].remove("geometry"),
+        lambda tree: tree["provenance"].pop("assumed"),
+        lambda tree: tree["provenance"].update(source="another"),
         lambda tree: tree.update(outputs=["shell"]),
     ],
 )
@@ -159,6 +165,21 @@ def test_a_model_as_it_was_written_keeps_its_certificate(reduced, caplog):
     reduced.write_text(json.dumps(tree))
     assert surrogate.load_model(reduced).origin["error_bound"] == 1e-4
     assert WORDS not in caplog.text
+
+
+def test_a_model_of_version_0_2_0_is_held_against_its_own_hash(reduced, caplog):
+    """It covered the certificate and its basis alone."""
+    tree = json.loads(reduced.read_text())
+    del tree["provenance"]["content_hash"]
+    known = [tree["provenance"].get(key) for key in (*model_files.CLAIMS, *model_files._BASIS)]
+    tree["provenance"]["content_hash"] = model_files._hash(tree, known)
+    reduced.write_text(json.dumps(tree))
+    surrogate.load_model(reduced)
+    assert WORDS not in caplog.text
+    tree["poles"][0]["tau"] = 4e-8
+    reduced.write_text(json.dumps(tree))
+    surrogate.load_model(reduced)
+    assert WORDS in caplog.text
 
 
 def test_a_refused_command_says_one_line_and_a_successful_one_says_what_was_changed(reduced, tmp_path):

@@ -13,7 +13,7 @@ from .. import checks, files, quantity
 from ..checks import InputError
 from .apart import writes
 from .kinds import expect
-from .output import hold, note
+from .output import hold
 from .output import working as working
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def model_of(
 
     model: ThermalModel = load_model(path)
     if in_volts((getattr(model, "origin", None) or {}).get("assumed")):
-        note(f"warning: {path} was trained on a voltage that counts as kelvin; train it with `fit --sensitivity`")
+        hold(f"warning: {path} was trained on a voltage that counts as kelvin; train it with `fit --sensitivity`")
     for option, given, names in (("--heated", heated, model.inputs), ("--read", read, model.outputs)):
         if given is not None:
             checks.choice(option, given, names)

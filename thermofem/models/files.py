@@ -44,7 +44,7 @@ CLAIMS = (
     "residual_K",
     "relative_residual",
 )  # of the provenance: how good the numbers are
-_BASIS = ("method", "tolerance", "training", "geometry", "mesh_accuracy")  # and what that is of
+_BASIS = ("method", "tolerance", "training", "geometry", "mesh_accuracy")  # what else the hash of version 0.2.0 covers
 _log = logging.getLogger("thermofem")
 
 KINDS: dict[str, Any] = {kind.__name__: kind for kind in (Cauer, Foster, Network, OutputMap, Quadratic, StateSpace)}
@@ -94,7 +94,7 @@ def save_model(model: ThermalModel, path: str | Path, *, provenance: Mapping[str
         text = json.dumps(content, indent=2, allow_nan=False, default=_plain)
         read = trees.from_json(text)  # raises where the file could not be read back, as the next line
         _check_sizes(read)
-        provenance[HASH] = _hash(read)
+        provenance[HASH] = _signature(read, sorted(read["provenance"]))
         text = json.dumps(content, indent=2, allow_nan=False, default=_plain)
     except (TypeError, ValueError, RecursionError) as error:
         raise checks.InputError(f"provenance cannot be written as JSON: {error}") from None
@@ -104,8 +104,8 @@ def save_model(model: ThermalModel, path: str | Path, *, provenance: Mapping[str
 def load_model(path: str | Path) -> Any:
     """Read the model of a file written by `save_model`.
 
-    Where its numbers, or what it says of their error, were changed after `save_model` wrote them, the log says so, and
-    the ``.origin`` of the model claims no error.
+    Where its numbers or its provenance were changed after `save_model` wrote them, the log says so, and the ``.origin``
+    of the model claims no error. Entries may be added to the provenance.
 
     Raises
     ------
@@ -129,7 +129,7 @@ def load_model(path: str | Path) -> Any:
         raise checks.InputError(f"{path}: {error}") from None
     if changed:
         _log.warning(
-            "%s was changed after thermofem wrote it: values or certificate are not those of then; error unknown",
+            "%s was changed after thermofem wrote it: values or provenance are not those of then; error unknown",
             path,
         )
     provenance = content.get("provenance")
@@ -210,11 +210,25 @@ def load_provenance(path: str | Path) -> dict[str, Any]:
     return provenance
 
 
-def _hash(content: dict[str, Any]) -> str:
-    """Hash of a model file but for the user's own notes in its provenance; 1 and 1.0 are one number."""
-    provenance = content.get("provenance")
-    known = [provenance.get(key) for key in (*CLAIMS, *_BASIS)] if isinstance(provenance, dict) else None
+def _signature(content: dict[str, Any], entries: list[str]) -> dict[str, Any]:
+    """Hash of a model file, and the entries of its provenance that it covers; 1 and 1.0 are one number."""
+    return {"hash": _hash(content, {key: content["provenance"].get(key) for key in entries}), "entries": entries}
+
+
+def _hash(content: dict[str, Any], known: Any) -> str:
     return digest_tree(json.loads(json.dumps({**content, "provenance": known}), parse_int=float))
+
+
+def _is_changed(content: dict[str, Any], written: Any) -> bool:
+    """Whether a file is another one than its `HASH` is of; a file without one counts as it is."""
+    if written is None:
+        return False
+    if isinstance(written, str):  # of version 0.2.0
+        return written != _hash(content, [content["provenance"].get(key) for key in (*CLAIMS, *_BASIS)])
+    entries = written.get("entries") if isinstance(written, dict) else None
+    if not isinstance(entries, list) or not all(isinstance(key, str) for key in entries):
+        return True
+    return bool(written != _signature(content, entries))
 
 
 def _content(path: str | Path) -> tuple[dict[str, Any], bool]:
@@ -237,7 +251,7 @@ def _content(path: str | Path) -> tuple[dict[str, Any], bool]:
     found = content.get("provenance")
     provenance: dict[str, Any] = found if isinstance(found, dict) else {}
     written = provenance.pop(HASH, None)
-    changed = written is not None and written != _hash(content)
+    changed = _is_changed(content, written)
     for claim in CLAIMS if changed else ():
         provenance.pop(claim, None)
     return content, changed
