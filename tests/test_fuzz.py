@@ -45,7 +45,7 @@ def test_files_that_end_early_are_documented_errors(readers):
                     readers.survives(name, text[: pick.randrange(len(text))], {})
 
 
-@pytest.mark.parametrize("name", ["table", "trace", "mesh"])
+@pytest.mark.parametrize("name", ["table", "trace", "mesh", "netcdf"])
 def test_damage_of_every_column_and_byte_is_a_documented_error(readers, name):
     texts = list(readers.replaced(name, readers.seeds()[name]))
     random.Random(2).shuffle(texts)

@@ -36,6 +36,7 @@ from coupled import circuit as circuits
 from thermofem import files, waveforms
 from thermofem.campaign import Campaign
 from thermofem.campaign.schema import fields
+from thermofem.cli.kinds import kind_of
 from thermofem.models.network import gate
 from thermofem.quantity import parse
 from thermofem.traces import read_trace
@@ -135,6 +136,15 @@ def mesh(text: str) -> None:
     assert np.isfinite(list(th.mesh.load(path).volumes().values())).all()
 
 
+def netcdf(text: str) -> None:
+    """netCDF file, a character for each byte."""
+    path = FOLDER / "heat.nc"
+    path.write_bytes(text.encode("latin-1", "replace"))
+    kind_of(path)
+    th.dataset.load_record(path)
+    th.dataset.response_of(th.load(path))
+
+
 def amount(text: str) -> None:
     """Text with a unit, read as each kind of quantity."""
     for unit in ("m", "s", "W", "K", "W/m/K", "m^2*K/W", ""):
@@ -164,6 +174,7 @@ TARGETS: dict[str, Callable[[str], None]] = {
     "circuit": circuit,
     "journal": journal,
     "mesh": mesh,
+    "netcdf": netcdf,
     "quantity": amount,
 }
 
@@ -197,6 +208,7 @@ def seeds() -> dict[str, list[str]]:
     th.mesh.Mesh([[0, 0], [1e-6, 0], [1e-6, 1e-6], [0, 1e-6]], [[0, 1, 2], [0, 2, 3]], [0, 1], ("core", "box")).save(
         saved
     )
+    kept = th.save(th.dataset.build(np.linspace(0, 1e-5, 30), np.linspace(0, 9, 30), waves[1]), FOLDER / "seed.nc")
     driven = "".join(f"{k},{293.15 + k % 3},{k // 6 % 2}\n" for k in range(24))
     t = np.linspace(-1e-6, 9e-6, 60)
     heated = linear.response(th.Pulse(1e-3, 3e-6), np.maximum(t, 0.0)) * (t > 0)
@@ -222,6 +234,7 @@ def seeds() -> dict[str, list[str]]:
         ],
         "waveform": [th.waveforms.to_json(wave) for wave in waves],
         "mesh": [content.decode("latin-1") for content in [*hostile.meshes().values(), saved.read_bytes()]],
+        "netcdf": [kept.read_bytes().decode("latin-1")],
         "quantity": ["450 nm", "8 dBm", "-10 GHz", "1.4 W/m/K", "293.15 K", "20 degC", "1e-8 m^2*K/W"],
     }
 
@@ -290,8 +303,12 @@ def replaced(name: str, texts: list[str]) -> Iterator[str]:
     for k, text in enumerate(texts):
         if name in ("table", "trace"):
             yield from hostile.scaled_columns(text)
-        elif name == "mesh":
-            yield from (content.decode("latin-1") for content in hostile.damaged(text.encode("latin-1"), k, 2000))
+            for generator in (hostile.headers, hostile.mixed):
+                yield from (table for _, table in generator([(f"{k}", f"{k % 7}") for k in range(20)]))
+        elif name in ("mesh", "netcdf"):
+            content = text.encode("latin-1")
+            yield from (other.decode("latin-1") for other in hostile.damaged(content, k, 2000))
+            yield from (other.decode("latin-1") for other in hostile.flipped(content, len(content)))
         elif name in ("model", "waveform"):
             yield from map(json.dumps, hostile.replaced_leaves(json.loads(text)))
         elif name in ("geometry", "campaign", "ring", "circuit"):
