@@ -97,7 +97,7 @@ class Heating(NamedTuple):
         added: Array | float = 0.0
         for name, power in self.powers.items():
             transfer = self.transfers[name]
-            added = added + transfer.gain * _responses(transfer, power, np.array([time]))[0]
+            added = added + transfer.gain * states_of(1 / np.asarray(transfer.tau), power, np.array([time]))[0]
         return added
 
     def static(self, time: float) -> float:
@@ -111,19 +111,17 @@ def heating(found: Channels, heaters: Mapping[str, Any] | None, duration: float,
 
     ``heaters`` maps names to numbers, waveforms, or lists of them, which add; W.
     """
-    powers = {name: _power(name, value, duration) for name, value in checks.mapping("heaters", heaters).items()}
+    powers = {name: power_of(name, value, duration) for name, value in checks.mapping("heaters", heaters).items()}
     if not powers:
         return Heating({}, {}, 0.0)
-    rises = [_rise(found.transfers[name], power, SHARE * rtol) for name, power in powers.items()]
-    return Heating(powers, found.transfers, add(rises))
+    every = []
+    for name, power in powers.items():
+        transfer = found.transfers[name]
+        every += rises(1 / np.asarray(transfer.tau), transfer.gain[None], power, rtol)
+    return Heating(powers, found.transfers, add(every))
 
 
-def _responses(transfer: Foster, power: Pieces, times: Array) -> Array:
-    """Responses of the poles from rest, J, shape (times, poles)."""
-    return cubic_pole_responses(1 / np.asarray(transfer.tau), *power, times)
-
-
-def _power(name: str, value: Any, duration: float) -> Pieces:
+def power_of(name: str, value: Any, duration: float) -> Pieces:
     """The power of a heater in W; InputError where it is negative or too large."""
     found = pieces(f"heaters[{name!r}]", value, 0.0, float(duration))
     low, high = bounds(found)
@@ -133,36 +131,49 @@ def _power(name: str, value: Any, duration: float) -> Pieces:
     return found
 
 
-def _rise(transfer: Foster, power: Pieces, tolerance: float) -> Pieces:
-    """The rise as cubic Hermite pieces.
+def states_of(rate: Array, power: Pieces, times: Array, begin: Array | None = None) -> Array:
+    """States of poles dx/dt = P - rate x, J, shape (times, n), that begin with ``begin``, by default at rest."""
+    x = cubic_pole_responses(rate, *power, times)
+    return x if begin is None else x + begin * np.exp(np.multiply.outer(times - power.edges[0], -rate))
 
-    Between edges of the power dT is a cubic and sum_i a_i exp(-u/tau_i); a piece of length h is off by at most
-    h^4/384 sum_i |a_i| tau_i^-4 exp(-u/tau_i), u at its left end.
+
+def rises(rate: Array, gain: Array, power: Pieces, rtol: float, begin: Array | None = None) -> list[Pieces]:
+    """The rises of m parts by one heater as cubic Hermite pieces on the same edges, to a hundredth of ``rtol``.
+
+    Between edges of the power a rise is a cubic and sum_i a_i exp(-u rate_i); a piece of length h is off by at most
+    h^4/384 sum_i |a_i| rate_i^4 exp(-u rate_i), u at its left end.
+
+    rate [shape (n,), 1/s]
+    gain [shape (m, n), K/J]: of the poles, in each part.
+    begin [shape (n,), J]: as of `states_of`.
     """
-    rate, gain, edges = 1 / np.asarray(transfer.tau), transfer.gain, power.edges
-    x = _responses(transfer, power, edges)
-    allowed = 384 * tolerance * max(float(np.abs(x @ gain).max()), SMALLEST)
+    edges = power.edges
+    x = states_of(rate, power, edges, begin)
+    allowed = 384 * SHARE * rtol * np.maximum(np.abs(x @ gain.T).max(axis=0), SMALLEST)
     slope = x[:-1]
     for k, factor in enumerate((1.0, 1.0, 2.0, 6.0)):  # the derivatives, up to the fourth
         slope = factor * power.coefficients[:, [k]] - rate * slope
-    bend = np.abs(slope * gain)
-    nodes = np.concatenate([*map(_nodes, edges[:-1], np.diff(edges), bend, [rate] * len(bend), [allowed] * len(bend))])
-    nodes = np.append(nodes, edges[-1])
-    states = _responses(transfer, power, nodes)
-    falling = states @ (gain * rate)
-    on = power.on(nodes)
-    first = gain.sum() * on.coefficients[:, 0] - falling[:-1]
-    last = gain.sum() * on.ends - falling[1:]
-    return hermite(nodes, states @ gain, first, last)
+    weight = np.abs(gain) / allowed[:, None]
+    starts = zip(edges[:-1], np.diff(edges), np.abs(slope), strict=True)
+    nodes = [_nodes(start, length, weight * bend, rate) for start, length, bend in starts]
+    t = np.append(np.concatenate(nodes), edges[-1])
+    x, on = states_of(rate, power, t, begin), power.on(t)
+    falling, total = x @ (gain * rate).T, gain.sum(axis=1)
+    first = np.multiply.outer(on.coefficients[:, 0], total) - falling[:-1]
+    last = np.multiply.outer(on.ends, total) - falling[1:]
+    return [hermite(t, *columns) for columns in zip((x @ gain.T).T, first.T, last.T, strict=True)]
 
 
-def _nodes(start: float, length: float, bend: Array, rate: Array, allowed: float) -> Array:
-    """Left ends of the pieces between two edges of the power."""
+def _nodes(start: float, length: float, bend: Array, rate: Array) -> Array:
+    """Left ends of the pieces between two edges of the power.
+
+    bend [shape (m, n), 1/s^4]: sizes of the exponentials in the fourth derivatives, relative to what is allowed.
+    """
     u, out = 0.0, []
     while u < length * (1 - 1e-9):
         out.append(start + u)
-        fourth = float(bend @ np.exp(-rate * u))
-        u += (allowed / fourth) ** 0.25 if fourth > 0 else length
+        fourth = float(np.max(bend @ np.exp(-rate * u)))
+        u += fourth**-0.25 if fourth > 0 else length
     return np.array(out)
 
 

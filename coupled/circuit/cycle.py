@@ -92,7 +92,7 @@ def circuit_limit_cycle(
             "lengthen it, or the pulses never repeat"
         )
     y, period, multipliers = closed
-    begin = xr.Dataset(attrs={"final_state": y * units})
+    begin = xr.Dataset(attrs=run.attrs | {"final_state": y * units})
     duration = period * 1e-9
     times = np.linspace(0.0, duration, int(samples))
     cycle = simulate_circuit(

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import Constant, Foster, StateSpace, checks
+from thermofem import Foster, StateSpace, checks
 from thermofem.arrays import Array
 from thermofem.models.state_space import eigenmodes
-from thermofem.waveforms import hermite
 
+from ..heaters import power_of, rises, states_of
 from ..inputs import Pieces, add
 from ..thermal import check_resistance, compact
 
@@ -26,7 +26,6 @@ log = logging.getLogger("thermofem")
 MOST = 20_000  # thermal states of all rings
 FEW = 8  # states of a ring from which on their number is a multiple of 4, the numbers that a processor adds at once
 NOTHING = 1e-15  # of a ring's R_th, what a state adds to any ring
-PER_DECADE, FIRST = 30, 1e-10  # samples of a heater's answer after an edge, the first in s: see `heater_offsets`
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,13 +155,12 @@ def _modes(model: StateSpace) -> tuple[Array, Array, Array]:
 
 
 def heater_offsets(
-    heat: RingHeat, heaters: Mapping[str, Any] | None, duration: float, before: Array | None = None
-) -> tuple[list[Pieces], Array]:
-    """Temperature rise of every ring by the heaters, K, as piecewise cubics over the run, and their states at its end.
+    heat: RingHeat, heaters: Mapping[str, Any] | None, duration: float, rtol: float, before: Array | None = None
+) -> tuple[dict[str, Pieces], list[Pieces], Array]:
+    """Powers of the heaters in W, the rise of every ring by them in K, and their states at the end of the run.
 
-    A number is a power that was on for ever, a waveform one that is switched on at t = 0. After another run, whose
-    states at its end are ``before``, both begin with its heat. Between samples at `PER_DECADE` a decade after every
-    edge, cubics with the exact slopes miss an exponential by less than 1e-6 of it.
+    A number is a power that was on for ever, a waveform (or a list) one that is switched on at t = 0. After another
+    run, whose states at its end are ``before``, both begin with its heat. Accuracy as of `heaters.rises`.
 
     before: states of all heaters in their order, with those that are not given now, which cool.
     """
@@ -170,57 +168,30 @@ def heater_offsets(
     checks.has(
         "heaters", given, "items", hint="give powers by the names of the thermal model's inputs, {'heater 1': 1e-3}"
     )
-    whole = np.array([0.0, duration])
-    rings = len(heat.gain)
-    offsets = [[Pieces(whole, np.zeros((1, 4)))] for _ in range(rings)]
     for name in given:
         if not heat.heaters:
             raise checks.InputError(f"heaters has {name!r}, and the thermal model has no heaters among its inputs")
         checks.choice("a name in heaters", name, heat.heaters)
+    powers = {name: power_of(name, value, duration) for name, value in given.items()}
     sizes = [rate.size for rate, *_ in heat.heaters.values()]
     if before is not None and before.size != sum(sizes):
         raise checks.InputError(
             f"initial has {before.size} states of heaters and the thermal model {sum(sizes)}; go on with the same model"
         )
     started = np.split(np.zeros(sum(sizes)) if before is None else before, np.cumsum(sizes)[:-1]) if sizes else []
-    ends = [np.empty(0)]
+    whole = np.array([0.0, duration])
+    dark = Pieces(whole, np.zeros((1, 4)))
+    offsets, ends = [[dark] for _ in heat.gain], [np.empty(0)]
     for (name, (rate, gain, read)), begin in zip(heat.heaters.items(), started, strict=True):
-        power = given.get(name, 0.0)
-        if not hasattr(power, "breakpoints"):
-            watts = checks.between(f"heaters[{name!r}]", power, 0, 10, unit="W", hint="did you mean 1e-3 for 1 mW?")
-            settled = gain / rate * watts
+        value, power = given.get(name, 0.0), powers.get(name, dark)
+        if hasattr(value, "__float__"):
+            settled = gain / rate * float(value)
             if before is None or np.array_equal(begin, settled):
-                for i in range(rings):
-                    offsets[i].append(Pieces(whole, np.array([[float((read[i] * settled).sum()), 0.0, 0.0, 0.0]])))
+                for parts, rise in zip(offsets, read @ settled, strict=True):
+                    parts.append(Pieces(whole, np.array([[rise, 0.0, 0.0, 0.0]])))
                 ends.append(settled)
                 continue
-            power = Constant(watts)
-        for i, pieces_of_ring in enumerate(_answers(rate, gain, read, power, duration, begin)):
-            offsets[i].append(pieces_of_ring)
-        ends.append(_states(rate, gain, power, np.array([duration]), begin)[0])
-    return [add(parts) if len(parts) > 1 else parts[0] for parts in offsets], np.concatenate(ends)
-
-
-def _states(rate: Array, gain: Array, wave: Any, t: Array, begin: Array) -> Array:
-    """States of a heater's poles, K for a ring that reads them with 1; shape (times, poles)."""
-    from thermofem.models.foster import pole_responses
-
-    return np.asarray(pole_responses(rate, wave, t) * gain + begin * np.exp(np.multiply.outer(t, -rate)))
-
-
-def _answers(rate: Array, gain: Array, read: Array, wave: Any, duration: float, begin: Array) -> list[Pieces]:
-    """Rises of all rings under one heater, as cubics between samples with exact slopes."""
-    edges = np.array([0.0, *wave.breakpoints(0.0, duration), duration])
-    times = [edges]
-    for start, length in zip(edges[:-1], np.diff(edges), strict=True):
-        if length > FIRST:
-            count = int(np.ceil(PER_DECADE * np.log10(length / FIRST))) + 1
-            times.append(start + np.geomspace(FIRST, length, count)[:-1])
-    t = np.unique(np.concatenate(times))
-    t = t[np.concatenate([[True], np.diff(t) > 1e-15 * duration])]
-    x = _states(rate, gain, wave, t, begin)
-    late, early = wave.before(t[1:]), wave(t[:-1])
-    rise = x @ read.T
-    at_start = (-rate * x[:-1] + gain * early[:, None]) @ read.T
-    at_end = (-rate * x[1:] + gain * late[:, None]) @ read.T
-    return [hermite(t, *columns) for columns in zip(rise.T, at_start.T, at_end.T, strict=True)]
+        for parts, rising in zip(offsets, rises(rate, read * gain, power, rtol, begin / gain), strict=True):
+            parts.append(rising)
+        ends.append(gain * states_of(rate, power, whole, begin / gain)[-1])
+    return powers, [add(parts) if len(parts) > 1 else parts[0] for parts in offsets], np.concatenate(ends)

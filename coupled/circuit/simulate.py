@@ -61,7 +61,7 @@ def simulate_circuit(
         one for all rings (no heat between them), or the array reduction of `surrogate.reduce_array`, or its StateSpace.
     inputs : mapping of laser name to float, Waveform, or a list of both; W
         a laser that is left out is dark.
-    heaters : mapping of name to float or Waveform; W
+    heaters : mapping of name to float, Waveform, or a list of both; W
         names of the thermal model's further inputs. A number is a power that was on for ever; after another run
         (``initial``) it is on from t = 0.
     detuning : float, Waveform, or a list of both; Hz
@@ -119,7 +119,7 @@ def simulate_circuit(
     check_delays(circuit)
     duration = float(duration)
     drives: dict[str, Any] = {"inputs": inputs, "heaters": heaters, "detuning": detuning, "duration": duration}
-    system = system_of(circuit, thermal, before=_heaters_before(initial), **drives)
+    system = system_of(circuit, thermal, rtol=rtol, before=_heaters_before(initial), **drives)
     light, heat, drive, rings, offsets = system.light, system.heat, system.drive, system.rings, system.offsets
     warn_of_fast_streams(circuit, inputs)
     corner = corners(circuit, light)

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from thermofem.arrays import Array, NDArray
-from thermofem.waveforms import Constant
 
 from ..inputs import Input, Pieces
 from ..runs.window import floor_of
@@ -24,7 +23,7 @@ class System:
     """A circuit under its drive: light, heat and powers in SI, and the same in internal units (the types of `layout`).
 
     powers [W]: of the lasers.
-    heaters [W]: powers of the heaters as functions of time.
+    heaters [W]: powers of the heaters that are given.
     offsets [K]: what the heaters add to each ring.
     heater_states: of all heaters at the end of the run.
     detuning [Hz]: 0 where it varies.
@@ -35,7 +34,7 @@ class System:
     light: Light
     heat: RingHeat
     powers: list[Pieces]
-    heaters: dict[str, Any]
+    heaters: dict[str, Pieces]
     offsets: list[Pieces]
     heater_states: Array
     detuning: float
@@ -54,6 +53,7 @@ def system_of(
     heaters: Mapping[str, Any] | None = None,
     detuning: Input = 0.0,
     duration: float,
+    rtol: float = 1e-6,
     before: Array | None = None,
 ) -> System:
     """Convert a circuit and its drive; arguments and errors as of `simulate_circuit`.
@@ -64,10 +64,9 @@ def system_of(
     powers = powers_of(circuit, inputs, duration)
     frame, constant = detuning_of(circuit, detuning, duration)
     light = light_of(circuit, constant + circuit.lasers[0].offset)
-    offsets, ends = heater_offsets(heat, heaters, duration, before)
+    watts, offsets, ends = heater_offsets(heat, heaters, duration, rtol, before)
     drive = internal_drive(circuit, light, powers, frame, offsets, duration)
     rings = _rings(circuit, light, heat, drive.largest)
-    watts = {name: p if hasattr(p, "breakpoints") else Constant(p) for name, p in (heaters or {}).items()}
     return System(
         light, heat, powers, watts, offsets, ends, constant, frame, drive, rings, _states(heat), _network(light)
     )
