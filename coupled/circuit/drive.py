@@ -19,6 +19,7 @@ from .network import Light
 log = logging.getLogger("thermofem")
 
 ECHO = 1e-7  # of the light: edges that come back weaker are left to the error control
+HAIR = 1e-13  # of a run: edges that are nearer to each other are one; sums of hundreds of delays differ by less
 MOST_EDGES = 5_000_000
 
 
@@ -83,18 +84,32 @@ def echoes(edges: Array, light: Light, duration: float) -> Array:
     passing = light.seen_delay[: light.delay.size]
     gain = float(np.abs(passing).sum(axis=1).max(initial=0.0))
     first = float(np.abs(light.seen_laser[: light.delay.size]).max(initial=0.0))
-    found, newest = {float(t) for t in edges}, {float(t) for t in edges}
+    found = newest = edges
     strength = first
-    while newest and strength > ECHO:
-        newest = {round(t + d, 18) for t in newest for d in delays.tolist() if t + d < duration} - found
-        found |= newest
+    while newest.size and strength > ECHO:
+        later = np.add.outer(newest, delays).ravel()
+        newest = _apart(later[later < duration], duration)
+        newest = newest[_distance(found, newest) > HAIR * duration]
+        found = np.sort(np.concatenate([found, newest]))
         strength *= gain
-        if len(found) > MOST_EDGES:
+        if found.size > MOST_EDGES:
             raise checks.InputError(
                 f"inputs: their edges and echoes are more than {MOST_EDGES:g}; shorten the run or lengthen the delays"
             )
-    every = np.array(sorted(found))
-    return every[np.concatenate([[True], np.diff(every) > 1e-15 * duration])]
+    return found
+
+
+def _apart(times: Array, duration: float) -> Array:
+    """Times in increasing order, without those that are nearer than `HAIR` to the one before."""
+    every = np.sort(times)
+    return every[np.diff(every, prepend=-np.inf) > HAIR * duration]
+
+
+def _distance(known: Array, times: Array) -> Array:
+    """Distance of each time from the nearest of ``known``, which increase."""
+    at = np.searchsorted(known, times)
+    near = np.stack([known[at - 1], known[np.minimum(at, known.size - 1)]])
+    return np.asarray(np.abs(near - times).min(axis=0))
 
 
 def internal_drive(
@@ -121,8 +136,8 @@ def internal_drive(
         c = c * (2 * np.pi * eq.NS) + offset.on(detuning_edges).coefficients * (ring.thermal_shift * eq.NS)
         turning.append(c * scale)
     edges = echoes(power_edges, light, duration)
-    every = np.unique(np.concatenate([edges, detuning_edges]))
-    every = every[np.concatenate([[True], np.diff(every) > 4e-16 * duration])]
+    every = _apart(np.concatenate([edges, detuning_edges]), duration)
+    every[-1] = duration
     middle = (every[:-1] + every[1:]) / 2
     lasers = [laser.offset for laser in circuit.lasers]
     return LaserTable(
@@ -135,4 +150,5 @@ def internal_drive(
         detuning=np.ascontiguousarray(np.stack(turning, axis=1)),
         turn=2 * np.pi * eq.NS * (np.array(lasers) - lasers[0]),
         largest=np.maximum(np.abs(power[:, :, 0]).max(axis=0), 1e-300),
+        hair=2 * HAIR * duration / eq.NS,
     )

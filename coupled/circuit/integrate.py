@@ -87,7 +87,8 @@ def drive_stages(
         if not light or D > 0:
             lasers_at(drive, piece, at, now.laser, now.laser_slope)
             if D > 0:
-                delayed_at(at, net.delay, past, cubics, filled, now.delayed, now.delayed_slope)
+                aside = (1.0 - 2.0 * places[q]) * drive.hair
+                delayed_at(at, aside, net.delay, past, cubics, filled, now.delayed, now.delayed_slope)
             inputs_of(net, now.laser, now.delayed, stages.inputs[q])
             if q == 0:
                 inputs_of(net, now.laser_slope, now.delayed_slope, stages.input_slopes)
@@ -113,7 +114,7 @@ def between(
     f: float, t: float, h: float, piece: int, out: Array, k: Array, d: Array, w: Workspace, drive: LaserTable,
     net: LightNetwork, past: Array, cubics: Complex, filled: int, now: Now,
 ) -> None:  # fmt: skip
-    """Write the state and the observed waves at the fraction ``f`` of a step to ``now``."""
+    """Write the state and the observed waves at the fraction ``f`` of a step to ``now``: at 1, before a front there."""
     state, start, after, n = now.state, w.start, w.after, w.own.size
     for i in range(n):
         for p in range(3):
@@ -126,7 +127,8 @@ def between(
                 state[m] += part * k[j, m]
     lasers_at(drive, piece, t + f * h, now.laser, now.laser_slope)
     if net.delay.size > 0:
-        delayed_at(t + f * h, net.delay, past, cubics, filled, now.delayed, now.delayed_slope)
+        aside = (1.0 - 2.0 * f) * drive.hair
+        delayed_at(t + f * h, aside, net.delay, past, cubics, filled, now.delayed, now.delayed_slope)
     observe(net, state, now.laser, now.delayed, now.waves)
 
 

@@ -67,6 +67,7 @@ class LaserTable(NamedTuple):
     detuning: Array  # rad/ns, shape (pieces, N, 4)
     turn: Array  # rad/ns, of each laser against the common frame, shape (L,)
     largest: Array  # uW, shape (L,)
+    hair: float  # ns, by which times of fronts may be off
 
 
 @inlined

@@ -46,21 +46,23 @@ def detunings_at(drive: LaserTable, piece: int, t: float, values: Array, slopes:
 
 @lean
 def delayed_at(
-    t: float, delay: Array, past: Array, cubics: Complex, filled: int, wave: Complex, slope: Complex
+    t: float, aside: float, delay: Array, past: Array, cubics: Complex, filled: int, wave: Complex, slope: Complex
 ) -> None:
     """Write the waves at the starts of the delayed waveguides at t - delay, and their slopes; 0 before the start.
 
+    The past step is the one at t + aside - delay: a front that comes back just at ``t`` has not come yet where
+    ``aside`` is negative.
     ``past``, shape (m, 2), holds start and length of every past step, ``cubics``, shape (m, D, 4), their waves.
     """
     for d in range(delay.size):
         at = t - delay[d]
         wave[d], slope[d] = 0.0, 0.0
-        if filled == 0 or at < past[0, 0]:
+        if filled == 0 or at + aside < past[0, 0]:
             continue
         low, high = 0, filled - 1
         while low < high:
             middle = (low + high + 1) // 2
-            if past[middle, 0] <= at:
+            if past[middle, 0] <= at + aside:
                 low = middle
             else:
                 high = middle - 1
