@@ -151,6 +151,25 @@ def keep_row(
 
 
 @inlined_lean
+def renew(
+    rows: Array, row: int, t: float, y: Array, drive: LaserTable, net: LightNetwork, past: Array,
+    cubics: Complex, filled: int, now: Now,
+) -> None:  # fmt: skip
+    """Overwrite the waves in rows at the start ``t`` of a piece by those after it; ``now`` holds its lasers."""
+    n, state, waves = net.own.size, now.state, now.waves
+    for i in range(n):
+        state[i], state[n + i] = y[3 * i], y[3 * i + 1]
+    if net.delay.size > 0:
+        delayed_at(t, drive.hair, net.delay, past, cubics, filled, now.delayed, now.delayed_slope)
+    observe(net, state, now.laser, now.delayed, waves)
+    at = row - 1
+    while at >= 0 and rows[at, 0] >= t - drive.hair:
+        for q in range(waves.size):
+            rows[at, 1 + 4 * n + 2 * q], rows[at, 2 + 4 * n + 2 * q] = waves[q].real, waves[q].imag
+        at -= 1
+
+
+@inlined_lean
 def gather(nodes: Complex, f: float, h: float, corner: Array, before: Array, out: Array) -> None:
     """Write the energies of the observed waves so far, if wanted, then the signals of the detectors, if there are any.
 
@@ -178,7 +197,8 @@ def integrate(
         one.
     max_steps, watch: as in `kernels.rosenbrock.integrate`.
     Returns rows [shape (m, 1 + 4 N + 2 Q (+ Q) (+ Q))]: t, then Re a, Im a, N, dT of each ring, Re and Im of each
-        observed wave, the energies, and the signals of the detectors in uW; not the start's.
+        observed wave, the energies, and the signals of the detectors in uW; not the start's. Waves at an edge are
+        those after it.
     Returns [y, t, counts]: the state and time of the end; accepted steps, rejected steps, and how it ended.
     """
     n, K = heat.gain.shape
@@ -235,6 +255,7 @@ def integrate(
             detunings_at(drive, piece - 1, begin, plain, missed)
         lasers_at(drive, piece, begin, now.laser, now.laser_slope)
         detunings_at(drive, piece, begin, lit.base, lit.detuning_slopes)
+        renew(rows, row, begin, y, drive, net, past, cubics, filled, now)
         light, turn = steady(drive, piece)
         for q in range(stages):
             inputs_of(net, now.laser, now.delayed, lit.inputs[q])

@@ -1,4 +1,4 @@
-"""Fronts of light that come back through delays, against closed forms."""
+"""Fronts of light, of lasers and from delays, against closed forms."""
 
 import numpy as np
 import pytest
@@ -101,3 +101,29 @@ def test_a_front_at_a_dark_ring_takes_the_sharpest_rtol():
         run = coupled.simulate_circuit(circuit, SECOND_ORDER, rtol=rtol, **drive)
         within = run.attrs["steps"] * rtol * sharp.max()  # rtol in each step
         assert run.energy.values == pytest.approx(sharp, rel=0, abs=within)
+
+
+@pytest.mark.parametrize("times", [None, np.arange(9) * 0.5e-9])
+def test_light_at_a_jump_is_that_after_it(times):
+    """As `input` and `simulate` have it; it was that before, and the power balance at the time off by all of it."""
+    wave, drive = th.SquareWave(P, 2e-9, 0.5), {"duration": 4.5e-9, "times": times, "rtol": 1e-9}
+    run = coupled.simulate_circuit(coupled.bus(RING), SECOND_ORDER, inputs={"in": [P, wave]}, average=True, **drive)
+    one = coupled.simulate(RING, SECOND_ORDER, power=[P, wave], **{**drive, "times": run.time.values})
+    assert run.output.sel(port="through").values == pytest.approx(one.through.values, rel=0, abs=1e-6 * P)
+
+
+def test_light_at_a_front_is_that_after_it():
+    """Light that passes a delay alone, at the times of its jumps, and one round-off beside them."""
+    delay, period = 1.234567e-10, 4.1e-10
+    ways = [Waveguide("s1.out 1", "s2.in 1", delay=delay), Waveguide("s2.out 2", "s3.in 2", delay=delay / 3)]
+    splitters = [Splitter(name, 0.5) for name in ("s1", "s2", "s3")]
+    circuit = Circuit({"idle": RING}, ways, [LaserPort("in", "s1.in 1")], (), splitters)
+    jumps = np.sort(np.concatenate([delay * 4 / 3 + np.arange(4) * period / 2, delay + np.arange(4) * period / 2]))
+    times = np.unique(np.concatenate([jumps, np.nextafter(jumps, 0), np.nextafter(jumps, 1)]))
+    run = coupled.simulate_circuit(
+        circuit, SECOND_ORDER, inputs={"in": th.SquareWave(P, period, 0.5)}, duration=1e-9, times=times
+    )
+    for port, late, share in (("s2.out 1", delay, 4), ("s3.out 1", delay * 4 / 3, 8)):
+        phase = (times - late) / period + 1e-9
+        lit = (phase >= 0) & (phase % 1 < 0.5)
+        assert run.output.sel(port=port).values == pytest.approx(P / share * lit, rel=0, abs=1e-12 * P)
