@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from thermofem import Symbols, checks
-from thermofem.arrays import Array
+from thermofem.arrays import Array, NDArray
 
 from ..arguments import detuning_in_time, power_in_time
 from ..inputs import Pieces, joint, pieces
@@ -140,6 +140,7 @@ def internal_drive(
     every[-1] = duration
     middle = (every[:-1] + every[1:]) / 2
     lasers = [laser.offset for laser in circuit.lasers]
+    turn, largest = 2 * np.pi * eq.NS * (np.array(lasers) - lasers[0]), np.abs(power[:, :, 0]).max(axis=0)
     return LaserTable(
         edges=every / eq.NS,
         power_piece=np.clip(np.searchsorted(power_edges, middle) - 1, 0, len(power) - 1),
@@ -148,7 +149,21 @@ def internal_drive(
         power=np.ascontiguousarray(power),
         detuning_edges=detuning_edges / eq.NS,
         detuning=np.ascontiguousarray(np.stack(turning, axis=1)),
-        turn=2 * np.pi * eq.NS * (np.array(lasers) - lasers[0]),
-        largest=np.maximum(np.abs(power[:, :, 0]).max(axis=0), 1e-300),
+        turn=turn,
+        largest=np.maximum(largest, 1e-300),
         hair=2 * HAIR * duration / eq.NS,
+        beat=_beat(light, turn, largest > 0),
     )
+
+
+def _beat(light: Light, turn: Array, lit: NDArray[np.bool_]) -> float:
+    """Fastest turn of lit lasers in any observed wave against the others and, beside rings or delays, the frame."""
+    fastest = 0.0
+    for q in range(len(light.terminals)):
+        late, ringed = bool(light.seen_delay[q].any()), bool(light.seen_ring[q].any())
+        seen = turn[lit & ((light.seen_laser[q] != 0) | late)]
+        if seen.size:
+            fastest = max(
+                fastest, float(np.ptp(np.append(seen, 0.0) if late or ringed or q < light.delay.size else seen))
+            )
+    return fastest

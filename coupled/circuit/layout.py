@@ -68,6 +68,7 @@ class LaserTable(NamedTuple):
     turn: Array  # rad/ns, of each laser against the common frame, shape (L,)
     largest: Array  # uW, shape (L,)
     hair: float  # ns, by which times of fronts may be off
+    beat: float  # rad/ns, fastest turn of light that reaches an observed wave past the rings
 
 
 @inlined
