@@ -76,22 +76,22 @@ def detuning_of(circuit: Circuit, detuning: Any, duration: float) -> tuple[Piece
 def echoes(edges: Array, light: Light, duration: float) -> Array:
     """Edges of the lasers and those that come back through the delays while they are strong enough.
 
-    Light behind a delay is at most as strong as before it times the largest gain from any delay to any other.
+    Light behind a delay is at most as strong as before it times the largest gain from any delay to any other past the
+    rings. A ring makes a kink of a jump: one passage through a ring is counted as a gain of 1, more are left out.
     """
     delays = np.unique(light.delay)
     if not delays.size:
         return edges
     passing = light.seen_delay[: light.delay.size]
     gain = float(np.abs(passing).sum(axis=1).max(initial=0.0))
-    first = float(np.abs(light.seen_laser[: light.delay.size]).max(initial=0.0))
     found = newest = edges
-    strength = first
-    while newest.size and strength > ECHO:
+    generation = 0
+    while newest.size and gain ** max(generation - 1, 0) > ECHO:
         later = np.add.outer(newest, delays).ravel()
         newest = _apart(later[later < duration], duration)
         newest = newest[_distance(found, newest) > HAIR * duration]
         found = np.sort(np.concatenate([found, newest]))
-        strength *= gain
+        generation += 1
         if found.size > MOST_EDGES:
             raise checks.InputError(
                 f"inputs: their edges and echoes are more than {MOST_EDGES:g}; shorten the run or lengthen the delays"
