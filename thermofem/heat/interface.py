@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..mesh import Mesh
+from ..mesh.pinched import parted
 
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
@@ -30,17 +31,17 @@ def resistances(geometry: CrossSection) -> dict[str, float]:
 
 
 def split(mesh: Mesh, resistance: Mapping[str, float]) -> Mesh:
-    """The mesh with nodes doubled on the surface of every region in ``resistance`` (m^2 K/W).
+    """The mesh with nodes doubled on the surface of every region in ``resistance`` (m^2 K/W), and at `pinched` points.
 
     Points keep their place; those of one side follow each other in the order that they had.
     """
     side = _side(mesh, resistance)
     if not side.any():
-        return mesh
+        return parted(mesh)
     count = len(mesh.points)
     pairs = side[:, None] * count + mesh.triangles
     used, triangles = np.unique(pairs, return_inverse=True)
-    return replace(mesh, points=mesh.points[used % count], triangles=triangles.reshape(-1, 3).astype(np.int64))
+    return parted(replace(mesh, points=mesh.points[used % count], triangles=triangles.reshape(-1, 3).astype(np.int64)))
 
 
 def contacts(mesh: Mesh, resistance: Mapping[str, float]) -> dict[float, tuple[NDArray[np.intp], NDArray[np.intp]]]:
