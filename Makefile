@@ -72,6 +72,7 @@ fuzz: .venv/installed-dev
 audit: .venv/installed-dev
 	$(BIN)/python tests/fuzz/audit.py $(MINUTES)
 	$(BIN)/python tests/audit/accuracy.py 200
+	$(BIN)/python tests/audit/corners.py
 	$(BIN)/python tests/audit/reductions.py 1500
 	$(BIN)/python tests/audit/verdicts.py 4000
 	$(BIN)/python tests/audit/families.py

@@ -9,8 +9,9 @@ on the same triangles stand for u_exact - u and w_exact - w, times `SATURATION`.
 
     s Z(s) = int s^2 t exp(-s t) step(t) dt/t,    a kernel that is one decade wide in t around 1/s,
 
-one s a decade sees the whole step response; s = 0 is R_th. The share of each triangle in a(u_3 - u, w_3 - w) says where
-to refine, see `adaptive`.
+one s a decade sees the whole step response; s = 0 is R_th. Cubic functions see less of the error in triangles at a
+vertex where the field is strongly singular: these count more (`singular.saturation`). The share of each triangle in
+a(u_3 - u, w_3 - w) says where to refine, see `adaptive`.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import numpy as np
 
 from ..arrays import Array
 from .matrices import properties
+from .singular import saturation, strong
 
 if TYPE_CHECKING:
     from .enrichment import Enrichment
@@ -49,12 +51,14 @@ class Estimate:
     shares [dict from (heated, read) to array, shape (s, triangles)]: the same in every triangle, absolute values.
     weights [dict from (heated, read) to float]: what a channel counts when the mesh is judged: 1 where the heated part
         is read, else gain/(gain + `FAINT` R_th), as what is hardly felt is not worth a finer mesh.
+    corners [dict from (r, z) in m to float]: where the field is strongly singular, with the exponent.
     """
 
     shifts: Array
     errors: dict[Channel, Array]
     shares: dict[Channel, Array]
     weights: dict[Channel, float]
+    corners: dict[tuple[float, float], float]
 
     @property
     def largest(self) -> float:
@@ -82,6 +86,21 @@ class MeshError:
         from .enrichment import Enrichment
 
         return Enrichment.of(self.heat.discretization, *properties(self.heat.geometry, self.heat.mesh))
+
+    @cached_property
+    def strong(self) -> dict[int, float]:
+        """Vertices where the field is strongly singular, with the exponent."""
+        heat = self.heat
+        return strong(heat.discretization, properties(heat.geometry, heat.mesh)[0], heat.mesh.region)
+
+    @cached_property
+    def unseen(self) -> Array:
+        """What each triangle's share is times more than `SATURATION` of it, less 1; shape (triangles,)."""
+        found = np.zeros(len(self.heat.mesh.triangles))
+        for vertex, exponent in self.strong.items():
+            at = (self.heat.mesh.triangles == vertex).any(axis=1)
+            found[at] = np.maximum(found[at], saturation(exponent) / SATURATION - 1)
+        return found
 
     @cached_property
     def shifts(self) -> Array:
@@ -142,10 +161,14 @@ class MeshError:
             i, j = names.index(heated), names.index(read)
             scale = np.array([v[j, i] for v in values]) if i == j else np.full(len(values), values[-1][j, i])
             pair = np.sqrt(np.abs([share[j, j] * share[i, i] for share in shares]))
+            whole = np.abs([total[j, i] for total in totals])
+            if self.strong:
+                whole, pair = whole + pair @ self.unseen, pair * (1 + self.unseen)
             each = (factor if i == j else CROSS * factor)[:, None] * pair / np.abs(scale)[:, None]
-            whole = factor * np.abs([total[j, i] for total in totals]) / np.abs(scale)
-            errors[heated, read] = whole if i == j else each.sum(axis=1)
+            errors[heated, read] = factor * whole / np.abs(scale) if i == j else each.sum(axis=1)
             local[heated, read] = each
             gain, own = abs(values[-1][j, i]), values[-1][i, i]
             weights[heated, read] = 1.0 if i == j else float(gain / (gain + FAINT * own))
-        return Estimate(self.shifts, errors, local, weights)
+        points = self.heat.mesh.points
+        corners = {(float(points[v, 0]), float(points[v, 1])): exponent for v, exponent in self.strong.items()}
+        return Estimate(self.shifts, errors, local, weights, corners)

@@ -10,6 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import Array, NDArray
+from ..mesh.refine import refined
+from ..mesh.triangles import Mesh
 from .accuracy import Estimate
 
 AIM = 0.8  # of the target
@@ -17,16 +19,63 @@ LEFT = 0.15  # of the share of a triangle after it was divided in four: 1/16 whe
 BULK = 0.8  # of the sum
 
 
-def marked(estimate: Estimate, target: float) -> NDArray[np.bool_]:
-    """Select the triangles to divide."""
+FINEST = 1e-8  # of the largest coordinate: ten times `mesh.motion.NEAR`, within which a vertex is at a corner
+ORDINARY = 2 / 3  # exponent of the field at the corner of a good conductor
+
+
+def divided(mesh: Mesh, estimate: Estimate, target: float) -> Mesh | None:
+    """The next mesh; None where triangles would have to be finer than `FINEST`.
+
+    mesh: of the estimate, without doubled nodes.
+
+    At a vertex where the field is strongly singular the triangles are divided several times at once, as often as makes
+    their error fall as it does at an ordinary corner.
+    """
+    finest = FINEST * float(np.abs(mesh.points).max())
+    at = {point: _touching(mesh, point) for point in estimate.corners}
+    stuck = np.any([there & (_longest(mesh) < 2 * finest) for there in at.values()], axis=0) if at else None
+    chosen = marked(estimate, target, stuck)
+    if not chosen.any():
+        return None
+    deeper = [point for point, there in at.items() if (there & chosen).any()]
+    mesh = refined(mesh, chosen)[0]
+    for point in deeper:
+        for _ in range(round(ORDINARY / estimate.corners[point]) - 1):
+            there = _touching(mesh, point) & (_longest(mesh) >= 2 * finest)
+            mesh = refined(mesh, there)[0] if there.any() else mesh
+    return mesh
+
+
+def marked(estimate: Estimate, target: float, stuck: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
+    """Select the triangles to divide.
+
+    stuck [shape (triangles,)]: not to be divided. They may have half of the error; the rest is made as small as if they
+        had no more.
+    """
     chosen = np.zeros(0, dtype=bool)
     for channel, errors in estimate.errors.items():
         own = target / max(estimate.weights[channel], 1e-12)
         for error, share in zip(errors, estimate.shares[channel], strict=True):
             chosen = chosen if chosen.size else np.zeros(share.size, dtype=bool)
-            if error > own:
-                chosen |= _largest(share, AIM * own)
+            if stuck is None or not stuck.any():
+                left, wanted = error, own
+            else:
+                there, share = float(share[stuck].sum()), np.where(stuck, 0.0, share)
+                left, wanted = error - there, own - min(there, own / 2)
+            if left > wanted:
+                chosen |= _largest(share, AIM * wanted)
     return chosen
+
+
+def _touching(mesh: Mesh, point: tuple[float, float]) -> NDArray[np.bool_]:
+    """Which triangles have a corner there."""
+    return np.asarray((mesh.points == point).all(axis=1)[mesh.triangles].any(axis=1))
+
+
+def _longest(mesh: Mesh) -> Array:
+    """Longest edge of each triangle in m."""
+    corners = mesh.points[mesh.triangles]
+    return np.asarray(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).max(axis=1))
 
 
 def _largest(share: Array, wanted: float) -> NDArray[np.bool_]:

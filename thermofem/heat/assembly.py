@@ -20,10 +20,9 @@ from ..geometry.cross_section import CrossSection
 from ..geometry.rings import strip_ring
 from ..mesh import find_committed, make, mesh_for
 from ..mesh.motion import Motion, quality
-from ..mesh.refine import refined
 from ..mesh.triangles import trusted
 from ..sizes import sizes
-from .adaptive import marked
+from .adaptive import divided
 from .interface import split
 from .problem import HeatProblem, adapted, on_mesh, resistances
 
@@ -76,7 +75,7 @@ class Leader:
         if estimate.largest <= self.accuracy:
             return heat, mesh
         if flattest >= DIVIDED[0] and estimate.largest <= DIVIDED[1] * self.accuracy:
-            return adapted(geometry, refined(mesh, marked(estimate, self.accuracy))[0], self.accuracy)
+            return adapted(geometry, divided(mesh, estimate, self.accuracy) or mesh, self.accuracy)
         return None
 
 

@@ -20,13 +20,12 @@ import numpy as np
 from .. import checks
 from ..arrays import Array, ArrayLike, NDArray
 from ..materials.laws import Law, is_constant
-from ..mesh.refine import refined
 from ..models import NonlinearSystem, StateSpace
 from ..transient.modal import Modal
 from ..transient.nonlinear import NodalOperator, NonlinearLedger, nodal_operator, rows
 from ..transient.trajectory import Ledger
 from .accuracy import Estimate, MeshError
-from .adaptive import marked
+from .adaptive import divided
 from .domain import domain_error, warn_of_domain
 from .interface import resistances, split
 from .matrices import Discretization, build, capacity, conduction, discretize, properties
@@ -293,26 +292,42 @@ class HeatProblem:
 def adapted(geometry: CrossSection, mesh: Mesh, accuracy: float) -> tuple[HeatProblem, Mesh]:
     """The heat problem on a mesh that is divided until its estimated error is below the accuracy; and that mesh.
 
-    The log says so where `ROUNDS` or `LARGEST` end that before.
+    The log says so where `ROUNDS`, `LARGEST` or `adaptive.FINEST` end that before.
     """
-    resistance = resistances(geometry)
+    resistance, finer = resistances(geometry), mesh
     for _ in range(ROUNDS):
+        mesh = finer
         heat = on_mesh(geometry, split(mesh, resistance), accuracy)
         estimate = heat.estimate()
         if estimate.largest <= accuracy or heat.unknowns > LARGEST:
             break
-        last, (mesh, _) = mesh, refined(mesh, marked(estimate, accuracy))
-    else:
-        mesh = last
+        found = divided(mesh, estimate, accuracy)
+        if found is None:
+            break
+        finer = found
     if estimate.largest > accuracy:
         log.warning(
-            "%s: the mesh of %d unknowns leaves an estimated error of %.1e, more than accuracy = %g",
+            "%s: the mesh of %d unknowns leaves an estimated error of %.1e, more than accuracy = %g%s",
             geometry.name,
             heat.unknowns,
             estimate.largest,
             accuracy,
+            _corner(heat, estimate),
         )
     return heat, mesh
+
+
+def _corner(heat: HeatProblem, estimate: Estimate) -> str:
+    """Where the field is most singular, and what helps; "" where it is nowhere strongly so."""
+    if not estimate.corners:
+        return ""
+    r, z = min(estimate.corners, key=lambda point: estimate.corners[point])
+    there = (heat.mesh.points == (r, z)).all(axis=1)[heat.mesh.triangles].any(axis=1)
+    names = [repr(heat.mesh.region_names[k]) for k in np.unique(heat.mesh.region[there])]
+    return (
+        f"; {', '.join(names)} meet in the corner r = {r:g} m, z = {z:g} m, and what flows through a corner depends on "
+        "picometres; let the good conductors overlap there, or keep them apart"
+    )
 
 
 def on_mesh(geometry: CrossSection, mesh: Mesh, accuracy: float) -> HeatProblem:

@@ -24,14 +24,15 @@ def parted(mesh: Mesh) -> Mesh:
     pinched = np.flatnonzero(np.bincount(ends.ravel(), minlength=count) > 2)  # two edges of the boundary otherwise
     if not pinched.size:
         return mesh
-    triangles, copied = mesh.triangles.copy(), []
+    triangles = mesh.triangles.copy()
+    copied: list[int] = []
     for vertex in pinched:
         around = np.flatnonzero((mesh.triangles == vertex).any(axis=1))
         group = groups(mesh.triangles[around], int(vertex))
         for number in range(1, group.max() + 1):
             own = around[group == number]
             triangles[own] = np.where(triangles[own] == vertex, count + len(copied), triangles[own])
-            copied.append(vertex)
+            copied.append(int(vertex))
     return replace(mesh, points=np.concatenate([mesh.points, mesh.points[copied]]), triangles=triangles)
 
 
