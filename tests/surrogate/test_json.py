@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from models import MODELS
 
 import surrogate
 import thermofem as th
+from thermofem.models.files import KINDS
 
 PAPER = surrogate.second_order(kappa=8.87e5, tau_f=55.8e-9, tau_s=1200e-9, eta=0.31)
 
@@ -51,6 +53,20 @@ def test_state_space_survives_exactly(tmp_path):
 
 def test_provenance_travels_with_the_model(saved):
     assert surrogate.load_provenance(saved) == {"training": ["square wave"], "power": 2e-3}
+
+
+ONE_OF_EACH = ("second order", "Cauer ladder", "SINDy network", "output map", "quadratic", "state space, small")
+
+
+@pytest.mark.parametrize("name", ONE_OF_EACH)
+def test_every_kind_reads_what_it_writes_and_refuses_all_else(name):
+    kind = type(MODELS[name]())
+    assert {type(MODELS[one]()) for one in ONE_OF_EACH} == set(KINDS.values())
+    written = MODELS[name]().to_json()
+    assert kind.from_json(written).to_json() == written
+    for other in (3, None, [], {}, [1], "text", {**written, "units": 3, **dict.fromkeys(written)}):
+        with pytest.raises(th.InputError):
+            kind.from_json(other)
 
 
 def test_a_transfer_between_two_parts_may_have_a_negative_R(tmp_path):

@@ -26,7 +26,7 @@ from ..display import shown
 from ..names import check_one
 from .contract import Delegates, ThermalModel
 from .foster import Foster, linear_poles
-from .json_fields import columns, parts, rows
+from .json_fields import columns, names, parts, reader, rows
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -89,12 +89,14 @@ class Cauer(Delegates):
     def to_json(self) -> dict[str, Any]:
         """Fields of the model file, from the heated part outwards."""
         return {
+            **names(self),
             "thermal_resistance": self.thermal_resistance,
             "ladder": rows(("C", self.C), ("R", self.R)),
             "units": {"thermal_resistance": "K/W", "C": "J/K", "R": "K/W"},
         }
 
     @classmethod
+    @reader
     def from_json(cls, content: Mapping[str, Any]) -> Cauer:
         """The ladder of a model file."""
         return cls(**columns(content, "ladder", R="K/W", C="J/K"), **parts(content))

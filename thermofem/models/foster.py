@@ -14,7 +14,7 @@ from ..algebra.system import LONGEST, SHORTEST
 from ..arrays import Array, ArrayLike, NDArray, in_pieces
 from ..display import model_html, shown
 from ..names import check_one
-from .json_fields import columns, parts, rows
+from .json_fields import columns, names, parts, reader, rows
 
 
 @shown
@@ -116,12 +116,14 @@ class Foster:
         """Fields of the model file; InputError for a network that is not passive."""
         self.check_passive()
         return {
+            **names(self),
             "thermal_resistance": self.thermal_resistance,
             "poles": rows(("R", self.R), ("tau", self.tau)),
             "units": {"thermal_resistance": "K/W", "R": "K/W", "tau": "s"},
         }
 
     @classmethod
+    @reader
     def from_json(cls, content: Mapping[str, Any]) -> Foster:
         """The network of a model file."""
         model = cls(**columns(content, "poles", R="K/W", tau="s"), **parts(content))

@@ -2,14 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from functools import wraps
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
 from ..names import check_names
+
+Kind = TypeVar("Kind")
+
+
+def reader(read: Callable[[type[Kind], Mapping[str, Any]], Kind]) -> Callable[[type[Kind], Mapping[str, Any]], Kind]:
+    """Make a method ``from_json`` raise InputError for whatever content is not that of its model."""
+
+    @wraps(read)
+    def checked(cls: type[Kind], content: Mapping[str, Any]) -> Kind:
+        try:
+            return read(cls, content)
+        except KeyError as error:
+            raise checks.InputError(f"there is no {error.args[0]!r}; docs/models.md lists the fields") from None
+        except (TypeError, AttributeError, IndexError) as error:
+            raise checks.InputError(f"it is not laid out as docs/models.md says: {error}") from None
+
+    return checked
+
+
+def names(model: Any) -> dict[str, list[str]]:
+    """Fields of the heated and read parts."""
+    return {"inputs": list(model.inputs), "outputs": list(model.outputs)}
 
 
 def parts(content: Mapping[str, Any]) -> dict[str, Any]:

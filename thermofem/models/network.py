@@ -15,7 +15,7 @@ from ..names import check_names
 from ..waveforms import Waveform
 from .contract import Delegates, warn_beyond
 from .foster import Foster
-from .json_fields import table
+from .json_fields import names, reader, table
 
 STATIC = 1e-3  # largest error of the static gain that passes
 
@@ -74,6 +74,7 @@ class Network(Delegates):
         """Fields of the model file."""
         units = {"A": "1/s", "b": "K/J", "thermal_resistance": "K/W", "largest_rise": "K"}
         return {
+            **names(self),
             "states": list(self.names),
             "A": self.A.tolist(),
             "b": self.b.tolist(),
@@ -83,6 +84,7 @@ class Network(Delegates):
         }
 
     @classmethod
+    @reader
     def from_json(cls, content: Mapping[str, Any]) -> Network:
         """The network of a model file; it passes the `gate` again."""
         states, A, b = check_names("states", content["states"]), table(content, "A", 2), table(content, "b", 1)

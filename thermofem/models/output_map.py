@@ -13,6 +13,7 @@ from ..arrays import Array, ArrayLike
 from ..display import model_html, shown
 from .contract import AtSmallPower, check_rise, warn_beyond
 from .foster import Foster
+from .json_fields import reader
 
 
 @shown
@@ -95,6 +96,7 @@ class OutputMap(AtSmallPower):
         return {**content, "coefficient": self.coefficient, "largest_rise": self.largest_rise, "units": units}
 
     @classmethod
+    @reader
     def from_json(cls, content: Mapping[str, Any]) -> OutputMap:
         """The model of a model file."""
         return cls(Foster.from_json(content), content["coefficient"], content.get("largest_rise"))

@@ -17,7 +17,7 @@ from ..arrays import Array, ArrayLike, NDArray, in_pieces
 from ..display import model_html, shown
 from ..names import check_one
 from .contract import check_rise, warn_beyond
-from .json_fields import parts
+from .json_fields import names, parts, reader
 from .state_space import StateSpace
 
 RTOL = 1e-8  # of LSODA per step; 1e-6 of the largest rise accumulates over 50 us at most (measured)
@@ -262,9 +262,10 @@ class Quadratic:
         self._check_plausible()
         arrays = {name: getattr(self, name).tolist() for name in ("A", "H", "G", "B", "C")}
         units = {"A": "1/s", "H": "1/(K s)", "G": "1/J", "B": "K/J", "C": "1", "largest_rise": "K"}
-        return {**arrays, "largest_rise": self.largest_rise, "units": units}
+        return {**names(self), **arrays, "largest_rise": self.largest_rise, "units": units}
 
     @classmethod
+    @reader
     def from_json(cls, content: Mapping[str, Any]) -> Quadratic:
         """The system of a model file."""
         A, H, G, B, C = (content[name] for name in ("A", "H", "G", "B", "C"))

@@ -19,7 +19,7 @@ from ..transient.integration import integrate, integrate_periodic
 from ..transient.modal import Modal
 from .contract import check_single
 from .foster import Foster
-from .json_fields import parts, table
+from .json_fields import names, parts, reader, table
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
@@ -176,9 +176,10 @@ class StateSpace:
         full = {name: self._sparse(name).toarray() for name in ("E", "A", "B", "C")}
         _check_definite(full["E"], full["A"])
         units = {"E": "J/K", "A": "W/K", "B": "1", "C": "1"}
-        return {**{name: matrix.tolist() for name, matrix in full.items()}, "units": units}
+        return {**names(self), **{name: matrix.tolist() for name, matrix in full.items()}, "units": units}
 
     @classmethod
+    @reader
     def from_json(cls, content: Mapping[str, Any]) -> StateSpace:
         """The system of a model file."""
         E, A, B, C = (table(content, name, 2) for name in ("E", "A", "B", "C"))
