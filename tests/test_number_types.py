@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 from decimal import Decimal
 
 import numpy as np
@@ -50,6 +51,14 @@ def test_fields_are_numbers_of_python(one, kind):
     for name in floats:
         assert type(getattr(made, name)) is float
         assert getattr(made, name) == float(kind(getattr(one, name)))
+
+
+@pytest.mark.parametrize("make", [th.strip_ring, th.rib_ring, th.disc, th.heated_ring])
+@pytest.mark.parametrize("kind", TYPES, ids=["float32", "longdouble", "0d"])
+def test_rings_are_added_up_in_floats(make, kind):
+    """radius - width/2 of float32 was float32."""
+    given = {name: kind(one.default) for name, one in inspect.signature(make).parameters.items()}
+    assert make(**given) == make(**{name: float(value) for name, value in given.items()})
 
 
 def test_a_loss_of_few_bits_does_not_wrap():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 import thermofem as th
@@ -62,7 +63,11 @@ def test_materials_boundaries_angles_and_words():
         ({"core.radius": 5e-6}, "leads nowhere"),
         ({"part.core.radius": 5.0}, "did you mean 5e-6"),
         ({3: 5.0}, "is no text"),
+        ({"part.core.radius": 10**400}, "larger than any number"),
+        ({"ambient": 10**400}, "larger than any number"),
         ("radius", "a mapping is needed"),
+        ([], "a mapping is needed"),
+        (np.array([1.0, 2.0]), "a mapping is needed"),
     ],
 )
 def test_what_cannot_be_changed(values, words):

@@ -201,9 +201,10 @@ class CrossSection:
         >>> wider.layers[1].thickness, wider.volumes()["core"] > strip_ring().volumes()["core"]
         (3e-06, True)
         """
-        checks.has("values", values or {}, "items", hint='a mapping is needed: {"part.core.radius": 5e-6}')
+        values = {} if values is None else values
+        checks.has("values", values, "items", hint='a mapping is needed: {"part.core.radius": 5e-6}')
         table = toml_schema.table_of(self)
-        paths.change_values(table, {**(values or {}), **more})
+        paths.change_values(table, {**values, **more})
         return self.from_toml_text(toml_file.write_table(table))
 
     @classmethod

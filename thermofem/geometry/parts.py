@@ -219,8 +219,8 @@ class Probe:
 
 def ring(radius: float, width: float, *, of: str = "") -> tuple[float, float]:
     """Inner and outer radius in m of a ring from the radius to its centre and its width; ``of`` opens the message."""
-    checks.positive(f"{of}radius", radius, unit="m", hint=slip(radius, 8e-6))
-    _not_below_an_atom(f"{of}width", checks.positive(f"{of}width", width, unit="m"))
+    radius = checks.positive(f"{of}radius", radius, unit="m", hint=slip(radius, 8e-6))
+    width = _not_below_an_atom(f"{of}width", checks.positive(f"{of}width", width, unit="m"))
     if width > 2 * radius:
         raise checks.InputError(
             f"{of}width = {width:g} m is larger than radius = {radius:g} m allows", slip(width, 450e-9, radius)

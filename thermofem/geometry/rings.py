@@ -40,11 +40,13 @@ def strip_ring(
     >>> strip_ring(width=500e-9).region_names
     ('substrate', 'box', 'cladding', 'core')
     """
-    length("outer_radius", outer_radius, typical=60e-6)
-    for name, value, typical in (("box", box, 2e-6), ("cladding", cladding, 2e-6), ("substrate", substrate, 30e-6)):
+    outer_radius = length("outer_radius", outer_radius, typical=60e-6)  # floats: what is float32 would be added as such
+    box, cladding, substrate = (
         length(name, value, typical=typical)
-    length("height", height, typical=220e-9)
-    length("radius", radius, typical=8e-6)
+        for name, value, typical in (("box", box, 2e-6), ("cladding", cladding, 2e-6), ("substrate", substrate, 30e-6))
+    )
+    height = length("height", height, typical=220e-9)
+    radius = length("radius", radius, typical=8e-6)
     if radius > outer_radius:
         raise checks.InputError(
             f"radius = {radius:g} m is larger than outer_radius = {outer_radius:g} m", slip(radius, 8e-6, outer_radius)
@@ -90,10 +92,10 @@ def rib_ring(
     ('substrate', 'box', 'cladding', 'slab', 'core')
     """
     base = strip_ring(radius, width, height, box, cladding)
-    length("slab", slab, typical=90e-9)
+    slab, height = length("slab", slab, typical=90e-9), base.parts[0].height
     if slab >= height:
         raise checks.InputError(f"slab = {slab:g} m must be thinner than height = {height:g} m")
-    length("slab_width", slab_width, typical=2e-6)
+    slab_width = length("slab_width", slab_width, typical=2e-6)
     if slab_width <= width:
         raise checks.InputError(f"slab_width = {slab_width:g} m must be wider than width = {width:g} m")
     inner, outer = ring(radius, slab_width, of="slab: ")
@@ -128,8 +130,7 @@ def disc(
     >>> disc().heated
     ('core',)
     """
-    length("rim", rim, typical=1e-6)
-    length("radius", radius, typical=5e-6)
+    rim, radius = length("rim", rim, typical=1e-6), length("radius", radius, typical=5e-6)
     if rim >= radius:
         raise checks.InputError(f"rim = {rim:g} m must be narrower than radius = {radius:g} m")
     base = strip_ring(radius - rim / 2, rim, height, box, cladding)
@@ -168,7 +169,7 @@ def heated_ring(
     ('core', 'heater')
     """
     base = strip_ring(radius, width, height, box, cladding)
-    length("heater_height", heater_height, typical=100e-9)
+    heater_height = length("heater_height", heater_height, typical=100e-9)
     inner, outer = ring(radius, heater_width, of="heater: ")
     heater = Part("heater", "TiN", inner, outer, bottom=base.top_z, height=heater_height, heated=True)
     return replace(base, name="heated ring", parts=(*base.parts, heater))

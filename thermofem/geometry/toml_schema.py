@@ -64,7 +64,8 @@ def as_text(path: str, value: Any) -> Any:
         return value
     *before, key = path.split(".")
     unit = _UNITS.get(before[-1] if key in ("value", "r", "z") and before else key)
-    return value if unit is None else quantity.write(float(value), unit)
+    number = checks.finite(path, value)
+    return value if unit is None else quantity.write(number, unit)
 
 
 def fields(text: str) -> dict[str, Any]:
