@@ -26,7 +26,7 @@ from thermofem.models.lumped import (
 )
 
 from .mismatch import mismatch
-from .notes import cancelling, other_gain, starts, unseen
+from .notes import cancelling, other_gain, starts, undetermined, unseen
 from .projection import FitProblem, Optimum, optimum, polish
 
 if TYPE_CHECKING:
@@ -51,6 +51,7 @@ class Fit(HasModel):
     standard_errors : dict of float
         one standard deviation of each parameter, from the Jacobian, the residual's variance and its autocorrelation,
         which a trace of fewer than 50 samples does not show: there noise counts as independent from sample to sample.
+        inf where a time constant beyond the data decides, as ``notes`` say.
     correlations : array, shape (parameters, parameters)
         in the order of ``parameters``.
     residual : float, K
@@ -348,6 +349,7 @@ class Training:
         covariance = jacobian @ found.covariance @ jacobian.T
         deviation = np.sqrt(np.maximum(covariance.diagonal(), 0))
         safe = np.maximum(deviation, np.finfo(float).tiny)
+        deviation = np.where(undetermined(found, self.problem.span, jacobian), np.inf, deviation)
         fit = Fit(
             model=model,
             parameters={name: float(value) for name, value in parameters.items()},

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from thermofem import Foster, quantity
+from thermofem.arrays import Array, NDArray
 
 from .projection import Optimum
 
 CANCELLING = 100.0  # R of a pole over R_th from which poles of opposite sign count as one
 OTHER = 0.1  # relative difference of thermal resistances that is told
 KNOWN = np.log(10)  # standard deviation of ln(tau) from which its size says nothing
+OUTSIDE = 3.0  # time constant over the longest time shown, or the shortest over it, from which it is an extrapolation
 UNSEEN = np.log(2)  # standard deviation of ln(tau) from which a time constant counts as not seen: a factor of two
 
 
@@ -45,6 +47,18 @@ def cancelling(model: Foster) -> list[str]:
     ]
 
 
+def undetermined(found: Optimum, span: tuple[float, float], jacobian: Array) -> NDArray[np.bool_]:
+    """Which parameters move with a time constant that is an extrapolation: no linear theory gives their error.
+
+    A pole slower than the data is seen by its gain, a faster one by its R = gain/rate: those alone keep an error.
+    jacobian [shape (parameters, 2n)]: by (log_rate, gain).
+    """
+    tau, n = np.exp(-found.log_rate), found.gain.size
+    slow, fast = tau > OUTSIDE * span[1], tau < span[0] / OUTSIDE
+    along = np.vstack([np.eye(n), np.diag(np.where(fast, found.gain, 0.0))])[:, (slow | fast) & (found.gain != 0)]
+    return np.asarray((np.abs(jacobian @ along) > 1e-9 * (np.abs(jacobian) @ np.abs(along))).any(axis=1))
+
+
 def unseen(found: Optimum, span: tuple[float, float]) -> list[str]:
     """Sentences on time constants that the data do not determine."""
     notes = []
@@ -57,9 +71,9 @@ def unseen(found: Optimum, span: tuple[float, float]) -> list[str]:
         elif sd > UNSEEN:
             size = f": its standard error is a factor of {np.exp(sd):.2g}" if sd < KNOWN else ""
             notes.append(f"the data do not determine {said}{size}")
-        elif tau > 3 * span[1]:
+        elif tau > OUTSIDE * span[1]:
             notes.append(f"{said} is an extrapolation: the data last {quantity.rounded(span[1], 's')}")
-        elif tau < span[0] / 3:
+        elif tau < span[0] / OUTSIDE:
             seen = quantity.rounded(span[0], "s")
             notes.append(f"{said} is an extrapolation: the data begin to show times at {seen}")
     return notes

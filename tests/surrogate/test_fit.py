@@ -1,5 +1,7 @@
 """Training of Foster networks and spectra, against the models that made the data and against published tables."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -153,6 +155,21 @@ def test_a_fit_says_what_its_data_cannot_see(reference):
     short = from_rest(reference, th.Constant(2e-3), np.linspace(0, 1e-7, 101))
     imposed = surrogate.fit_foster(short, 3, thermal_resistance=reference.thermal_resistance)
     assert any("extrapolation: the data last" in note for note in imposed.notes)
+    assert imposed.standard_errors["tau_3"] == math.inf
+    assert imposed.provenance["standard_errors"]["tau_3"] is None
+
+
+def test_what_an_extrapolated_time_constant_decides_has_no_standard_error():
+    """Its pulls reached 2800. Of a slow pole the slope at the start is seen, of a fast one the end: they keep theirs."""
+    slow = from_rest(th.Foster([5000.0], [1e-5]), th.Constant(2e-3), np.linspace(0, 1e-6, 201))
+    fit = surrogate.fit_newton(slow)
+    assert "is an extrapolation: the data last" in fit.notes[0]
+    assert fit.standard_errors["tau_th"] == math.inf
+    assert fit.standard_errors["heat_capacity"] < 1e-3 * fit.parameters["heat_capacity"]
+    fast = from_rest(th.Foster([2000.0, 5000.0], [1e-9, 1e-6]), th.Constant(2e-3), np.linspace(0, 1e-5, 1001)[1:])
+    fit = surrogate.fit_foster(fast, 2)
+    assert "is an extrapolation: the data begin" in fit.notes[0]
+    assert {name for name, error in fit.standard_errors.items() if error == math.inf} == {"tau_1"}
 
 
 def test_the_static_gain_is_taken_from_the_data_the_caller_or_not_at_all(step, reference):
