@@ -6,7 +6,8 @@ With d the distance to the outlines of the heated parts and d_c that to one of t
 
 The heat flux is singular where conductivities meet at a corner, and so h_c decides the accuracy. Outlines and corners
 of other parts and of voids count in the same way with h and h_c multiplied by 1 + d/(0.3 um): what is far from the heat
-sees a smoother field. Corners on an insulated surface have the stronger singularity, and 0.15 h_c.
+sees a smoother field. Corners on an insulated surface have the stronger singularity, and 0.15 h_c. h_c is at most the
+distance to the next corner: thin parts far away, and the neck where two parts nearly touch, conduct as they should.
 
 Copies of parts off the axis are read far from the heat, where mostly the last term bounds the sizes. With them it is
 multiplied by f = slope(accuracy)/slope(1e-3), about the fourth root of the accuracy, as the error of a smooth field
@@ -166,7 +167,9 @@ def _corners(geometry: CrossSection, heated: Sequence[Segment], other: Sequence[
         if in_the_open and len(turns[r, z]) == 1 and turns[r, z][0] > 0:
             continue
         share = EXPOSED if in_the_open else 1.0
-        corners.append((r, z, h_c * share * (1 + _distance(heated, r, z) / REACH)))
+        away = np.hypot(r - ends[:, 0], z - ends[:, 1])
+        nearest = float(away[away > 1e-9 * geometry.outer_radius].min(initial=math.inf))
+        corners.append((r, z, min(h_c * share * (1 + _distance(heated, r, z) / REACH), nearest)))
     return corners
 
 

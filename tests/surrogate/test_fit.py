@@ -160,7 +160,7 @@ def test_a_fit_says_what_its_data_cannot_see(reference):
 
 
 def test_what_an_extrapolated_time_constant_decides_has_no_standard_error():
-    """Its pulls reached 2800. Of a slow pole the slope at the start is seen, of a fast one the end: they keep theirs."""
+    """Its pulls reached 2800. The slope at the start is seen of a slow pole, and the end of a fast one."""
     slow = from_rest(th.Foster([5000.0], [1e-5]), th.Constant(2e-3), np.linspace(0, 1e-6, 201))
     fit = surrogate.fit_newton(slow)
     assert "is an extrapolation: the data last" in fit.notes[0]

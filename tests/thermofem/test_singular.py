@@ -60,11 +60,11 @@ def test_the_corners_of_the_reference_strip_are_ordinary():
     assert not th.assemble(th.strip_ring()).estimate().corners
 
 
-def touching(conductivity=130.0):
-    """A core and a slab beside and below it, which share one corner."""
+def touching(conductivity=130.0, gap=0.0):
+    """A core and a slab beside and below it, which share one corner, or nearly do."""
     good = th.Material("good", conductivity, 2330, 700)
     core = th.Part("core", "good", 5e-6, 5.5e-6, 0.0, 0.22e-6, heated=True)
-    slab = th.Part("slab", "good", 5.5e-6, 9e-6, -0.2e-6, 0.2e-6)
+    slab = th.Part("slab", "good", 5.5e-6 + gap, 9e-6, -0.2e-6 - gap, 0.2e-6)
     return th.CrossSection("corner", 60e-6, th.strip_ring().layers, (core, slab), materials=(good,))
 
 
@@ -82,6 +82,17 @@ def test_the_estimate_covers_the_error_at_a_corner_contact(conductivity, accurac
     assert error < accuracy or caplog.records
     for record in caplog.records:
         assert "'core', 'slab' meet in the corner r = 5.5e-06 m, z = 0 m" in record.getMessage()
+
+
+# K/W at accuracy 1e-4; meshes with the sizes of ordinary corners erred by 8.8 % and 1.8 %, and stated 4.9 % and 0.8 %
+NECKS = {0.2e-9: (0.05, 6609.0), -0.2e-9: (0.01, 5959.0)}
+
+
+@pytest.mark.parametrize("gap", NECKS)
+def test_the_estimate_covers_the_error_of_corners_that_nearly_touch(gap, needs_mesher):
+    accuracy, exact = NECKS[gap]
+    heat = th.assemble(touching(130.0, gap), accuracy)
+    assert abs(exact / heat.thermal_resistance() - 1) < heat.mesh_error() < accuracy
 
 
 def test_triangles_at_a_corner_contact_are_not_divided_without_end(needs_mesher):
