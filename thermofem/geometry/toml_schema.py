@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from .. import checks, quantity, toml_file
 from ..checks import InputError
 from ..materials.library import LIBRARY, Material
@@ -60,6 +62,8 @@ _UNITS = {
 
 def as_text(path: str, value: Any) -> Any:
     """A value as a geometry file writes it at a path: numbers in SI get their unit, anything else is unchanged."""
+    if isinstance(value, np.generic | np.ndarray) and value.ndim == 0:
+        value = value.item()
     if isinstance(value, bool) or not isinstance(value, int | float):
         return value
     *before, key = path.split(".")
