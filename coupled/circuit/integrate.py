@@ -28,7 +28,17 @@ from .equations import growing, neighbours
 from .kernel import Workspace, moved, step, step_error, workspace
 from .layout import Complex, Heat, Integers, LaserTable, LightNetwork, Rings
 from .poles import Series
-from .waves import cubic_through, delayed_at, detected_at, detunings_at, energy_to, inputs_of, lasers_at, observe
+from .waves import (
+    cubic_through,
+    delayed_at,
+    detected_at,
+    detunings_at,
+    energy_to,
+    following,
+    inputs_of,
+    lasers_at,
+    observe,
+)
 
 LOOKS, PAUSE = 10.0, 4000.0  # looks at the eigenvalues in a row, and the steps that earn one more, which costs hundreds
 ROW_LIMIT = 40_000_000  # numbers kept at the accepted steps (320 MB)
@@ -221,7 +231,7 @@ def integrate(
     other, other_new, missed = np.zeros(n), np.zeros(n), np.zeros(n)
     course = Course(np.zeros(3), np.zeros((3, n)), np.zeros(n), np.zeros(n))
     known: Any = np.int64(1)
-    past, cubics = np.empty((1024 if D > 0 else 1, 2)), np.zeros((1024 if D > 0 else 1, D, 4), np.complex128)
+    past, cubics = np.empty((1024 if D > 0 else 1, 3)), np.zeros((1024 if D > 0 else 1, D, 4), np.complex128)
     filled, row = np.int64(0), np.int64(0)  # no literals: what is called with one is compiled twice
     nodes, gathered = np.zeros((4, Q), np.complex128), np.zeros((Q if average else 0) + corner.size)
     partial = np.zeros(gathered.size)
@@ -277,6 +287,8 @@ def integrate(
                 ended = STOPPED if watch[0] > 0.0 else TOO_MANY_STEPS
                 return rows[:row], y, t, np.array([accepted, rejected, ended])
             watch[1] = t
+            if D > 0:
+                h = following(t, h, net.delay, past, filled)
             planned = h
             landing = t + 1.0001 * h >= stop
             if landing:
@@ -344,7 +356,7 @@ def integrate(
                     else:
                         past = np.concatenate((past, np.empty_like(past)))
                         cubics = np.concatenate((cubics, np.empty_like(cubics)))
-                past[filled, 0], past[filled, 1] = t, h
+                past[filled, 0], past[filled, 1], past[filled, 2] = t, h, max(h, planned)
                 for d in range(D):
                     c = cubic_through(nodes[0, d], nodes[1, d], nodes[2, d], nodes[3, d])
                     for j in range(4):

@@ -16,6 +16,8 @@ from ..kernels.compiling import inlined_lean, lean
 from ..kernels.equations import Array
 from .layout import Complex, LaserTable, LightNetwork
 
+FOLLOW = 2.0  # steps of the past that a step may read: in long runs they become longer again from echo to echo
+
 
 @inlined_lean
 def lasers_at(drive: LaserTable, piece: int, t: float, wave: Complex, slope: Complex) -> None:
@@ -45,6 +47,28 @@ def detunings_at(drive: LaserTable, piece: int, t: float, values: Array, slopes:
 
 
 @lean
+def following(t: float, h: float, delay: Array, past: Array, filled: int) -> float:
+    """Return how much of ``h`` a step from ``t`` may take to resolve what the delays bring.
+
+    The step is `FOLLOW` times as long as the past steps that it reads, at most, or ends where a shorter one begins.
+    """
+    for d in range(delay.size):
+        at = t - delay[d]
+        low, high = 0, filled - 1
+        while low < high:
+            middle = (low + high + 1) // 2
+            if past[middle, 0] <= at:
+                low = middle
+            else:
+                high = middle - 1
+        for k in range(low, filled):
+            if past[k, 0] >= at + h:
+                break
+            h = min(h, max(FOLLOW * past[k, 2], past[k, 0] - at))
+    return h
+
+
+@lean
 def delayed_at(
     t: float, aside: float, delay: Array, past: Array, cubics: Complex, filled: int, wave: Complex, slope: Complex
 ) -> None:
@@ -52,7 +76,8 @@ def delayed_at(
 
     The past step is the one at t + aside - delay: a front that comes back just at ``t`` has not come yet where
     ``aside`` is negative.
-    ``past``, shape (m, 2), holds start and length of every past step, ``cubics``, shape (m, D, 4), their waves.
+    ``past``, shape (m, 3), holds start and length of every past step, and the length that its error control had
+    planned; ``cubics``, shape (m, D, 4), their waves.
     """
     for d in range(delay.size):
         at = t - delay[d]

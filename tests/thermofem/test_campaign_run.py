@@ -128,7 +128,8 @@ def test_an_executor_that_breaks_is_one_line(tmp_path, monkeypatch):
 def start(folder: Path, *arguments: str) -> subprocess.Popen[str]:
     code = "from thermofem.cli import main; main()"
     command = [sys.executable, "-c", code, "campaign", "campaign.toml", "-o", "out", *arguments]
-    return subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    both = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    return subprocess.Popen(command, cwd=folder, text=True, start_new_session=True, **both)
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
@@ -149,7 +150,7 @@ def test_a_killed_parent_restarts_where_it_was(tmp_path):
     for name in before:
         assert th.load(out / "results" / name).delta_T.notnull().all()
     second = start(tmp_path)
-    _, printed = second.communicate()
+    printed, _ = second.communicate()
     assert second.returncode == 0, printed
     assert f"{10 - len(before)} finished" in printed
     assert f"{len(before)} were there already" in printed
@@ -271,7 +272,7 @@ def test_dask_cluster(tmp_path):
         n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None, protocol="tcp", host="127.0.0.1"
     ) as cluster:
         done = start(tmp_path, "--scheduler", cluster.scheduler_address)
-        _, printed = done.communicate()
+        printed, _ = done.communicate()
     assert done.returncode == 0, printed
     with ThreadPoolExecutor(1) as executor:
         th.Campaign.from_toml(tmp_path / "campaign.toml").run(tmp_path / "own", executor)
