@@ -46,17 +46,16 @@ def pursued(
     begun: Transient,
     points: Array,
     begin: str = "a cold ring",
-    longest: float = LONGEST,
 ) -> Settled:
     """Continue a transient from ``begin`` and return the cycle on which the ring settles, mostly a rough orbit.
 
-    ``points`` are its stable fixed points as of `spectrum.stable`; ``longest`` is as for `longest_of`.
+    ``points`` are its stable fixed points as of `spectrum.stable`.
 
     Raises InputError: it comes to rest, or does not repeat itself within the longest transient.
     """
     from ..kernels.orbit_start import proceed
 
-    longest, said, unstable = longest_of(p, longest), "no pulse", False
+    longest, said, unstable = longest_of(p), "no pulse", False
     while True:
         if not begun.turn > 0 and begun.rest < 0:
             if begun.passed >= longest:
@@ -84,9 +83,9 @@ def pursued(
         begun = begun._replace(turn=0.0)
 
 
-def longest_of(p: CycleProblem, longest: float) -> float:
-    """The longest transient in ns: longer than ``longest`` where heat is slow, up to `PATIENCE`."""
-    return max(longest, min(SLOWEST / p.at.thermal.slowest, PATIENCE))
+def longest_of(p: CycleProblem) -> float:
+    """The longest transient in ns: longer than `LONGEST` where heat is slow, up to `PATIENCE`."""
+    return max(LONGEST, min(SLOWEST / p.at.thermal.slowest, PATIENCE))
 
 
 def rest_words(p: CycleProblem, passed: float, point: Array, begin: str = "a cold ring") -> str:

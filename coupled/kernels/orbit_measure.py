@@ -104,12 +104,13 @@ def digest(rows: Array, duration: float) -> Array:
     """Return measures of the carriers late in a transient, from rows (t, Re a, Im a, N, dT).
 
     Lowest and highest in the second half, their range in the third and in the fourth quarter, how often they rise
-    through the middle after the first quarter, and the longest time between two rises.
+    through the middle after the first quarter, the longest time between two rises, and the relative range in the whole.
     """
-    low, high = np.inf, -np.inf
+    low, high, lowest, highest = np.inf, -np.inf, np.inf, -np.inf
     range_low, range_high = np.full(2, np.inf), np.full(2, -np.inf)
     for i in range(rows.shape[0]):
         t, N = rows[i, 0], rows[i, 3]
+        lowest, highest = min(lowest, N), max(highest, N)
         if t < duration / 2:
             continue
         low, high = min(low, N), max(high, N)
@@ -123,7 +124,8 @@ def digest(rows: Array, duration: float) -> Array:
                 ups += 1.0
                 longest = max(longest, found[i] - found[i - 1]) if i > 0 else longest
     third, fourth = max(range_high[0] - range_low[0], 0.0), max(range_high[1] - range_low[1], 0.0)
-    return np.array([low, high, third, fourth, ups, longest])
+    moved = (highest - lowest) / max(highest, 1e-300)
+    return np.array([low, high, third, fourth, ups, longest, moved])
 
 
 for module in (equations, kinds, levels):

@@ -15,7 +15,7 @@ from .orbit_return import integrated
 from .tableaus import Tableau
 
 FIRST, LONGEST_PART = 4e3, 1e5  # ns
-LONGEST_SEEN = 1e6  # ns, of a part after one with a pulse or two: a period may be that long
+LONGEST_SEEN = 1e6  # ns, of a part after one that moves without three pulses: a period may be a quarter of that
 REST = 5e-3  # relative distance from a stable fixed point, and range of the carriers, from which a ring goes to rest
 FALLING = 0.95  # of its amplitude, from one quarter of a part to the next, an oscillation that dies away
 FLAT = 1e-5  # relative range of the carriers below which an orbit is a fixed point
@@ -44,7 +44,7 @@ def proceed(
 ) -> Transient:  # fmt: skip
     """Go on with a transient until it pulses, rests or has taken ``longest`` ns.
 
-    Each part is up to twice as long as the last, and longer than `LONGEST_PART` where that shows a pulse or two.
+    Each part is up to twice as long as the last, and longer than `LONGEST_PART` where that moves without three pulses.
     ``points`` are the stable fixed points as of `spectrum.stable`: rows (U, N, dT), then rows of nan.
     """
     y, passed, duration, h = begun.y, begun.passed, begun.duration, begun.first
@@ -56,7 +56,7 @@ def proceed(
         ended = counts[2]
         if ended == DONE:
             passed += duration
-            low, high, third, fourth, ups, between = digest(rows, duration)
+            low, high, third, fourth, ups, between, moved = digest(rows, duration)
             falls = points[0, 0] > 0.0 and fourth < FALLING * third  # to rest, or to where it is soon
             if ups >= 3 and high - low > FLAT * high and not falls:
                 turn = between
@@ -68,6 +68,6 @@ def proceed(
                     off = max(abs(U - at[0]) / at[0], abs(last[3] - at[1]) / at[1], abs(last[4] - at[2]) / at[2])
                     if at[0] > 0.0 and off <= REST and rest < 0:
                         rest = k
-            most = max(LONGEST_PART, min(LONGEST_SEEN, longest / 2.0)) if 0.0 < ups < 3.0 else LONGEST_PART
+            most = max(LONGEST_PART, min(LONGEST_SEEN, longest)) if ups < 3.0 and moved > REST else LONGEST_PART
             duration = min(2.0 * duration, most)
     return Transient(y, passed, duration, h, low, high, turn, rest, reached, ended)

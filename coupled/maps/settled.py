@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from ..kernels.orbit_row import Beside
     from ..kernels.orbit_start import Transient
 
-LONGEST = 1e6  # ns, a transient from a cold ring
-
 Found = tuple[str, float, float, float, str]
 
 
@@ -98,7 +96,7 @@ class _Row(NamedTuple):
         """Return the points from ``first`` on, up to one where a transient does not end at rest."""
         from ..kernels import orbit_row
 
-        options = orbit_row.Options(TRACE_RTOL, *ROUGH, FEW_SHOTS, ROUGHLY, DUTY_LEVEL, longest_of(self.p, LONGEST))
+        options = orbit_row.Options(TRACE_RTOL, *ROUGH, FEW_SHOTS, ROUGHLY, DUTY_LEVEL, longest_of(self.p))
         rows, beside, transient = uninterrupted(
             orbit_row.along, self.shifts[first:], self.still[first:], self.points[first:], beside, self.p.at,
             self.p.floor, scheme(), tableau(Method.RODAS4), options, watch,
@@ -119,7 +117,7 @@ class _Row(NamedTuple):
 
         p = under_laser(self.p, self.p.power, self.detunings[k])
         try:
-            found = pursued(p, transient, self.points[k], longest=LONGEST)
+            found = pursued(p, transient, self.points[k])
         except RestError as rest:
             return _resting(str(rest)), None
         except checks.InputError as error:
