@@ -32,7 +32,10 @@ SPELLED = {
     "celsius": "degC", "watt": "W", "watts": "W",
 }  # fmt: skip
 DIVIDERS = ("\t", ";", ",", "|", ":", " ")
+MARKS = "%#/!'\" "  # of lines that are comments in some program
+UNIT_ROWS, FEW = 5, 50  # lines above the table that may be a row of units; cells from which on it is none
 _UNIT = re.compile(r"\s*[(\[]([^()\[\]]*)[)\]]")
+_SECONDS = re.compile(r"[(\[]?\s*(?:[munpµμ]?s|secs?|(?:milli|micro|nano)?seconds?)\s*[)\]]?", re.IGNORECASE)
 _ENDING = re.compile(r"(?<!_per)_(s|ms|us|ns|K|mK|degC|V|mV|W|mW|uW)$")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)  # 1,234: or a decimal comma before three digits
 HOTTEST = 1e5  # K; beyond any temperature: the code of an instrument whose input is overloaded, such as 9.9E+37
@@ -250,8 +253,9 @@ def _header(lines: list[str], divider: str, used: NDArray[np.bool_]) -> tuple[tu
         _check_units(units, stated if below is None else [*stated, (last, below)])
     if below:
         units = [unit or cell.strip("()[] ") for unit, cell in zip(units, below, strict=True)]
+    taken = sum(bool(unit) for unit, holds in zip(units, used, strict=True) if holds)
     for k, line in enumerate(lines):
-        if not any(units) and _measures(line):
+        if _in_brackets(line) > taken or (k >= len(lines) - UNIT_ROWS and _bare(line) > taken):
             what = f"line {k + 1} = {line.strip()[:40]!r} states units that no column takes"
             raise InputError(f"{what}; write a name and a unit for each of {columns} columns, divided as the rows are")
     return tuple(names), tuple(units)
@@ -273,10 +277,18 @@ def _stated(split: list[list[str]], used: NDArray[np.bool_]) -> int:
     return max(inside, len(split[last]) if fitting[0] < last and _are_units(split[last]) else 0)
 
 
-def _measures(line: str) -> bool:
-    """Whether a line has the unit of a time, a temperature or a voltage in brackets, and no number after it."""
+def _in_brackets(line: str) -> int:
+    """How many units of a time, a temperature or a voltage a line has in brackets, without a number after them."""
     found = ((m[1], line[m.end() :].lstrip(' :=,;|\t"')[:1]) for m in _UNIT.finditer(line))
-    return any(_is_unit(unit, ("s", "K", "V")) for unit, after in found if not after.isdigit())
+    return sum(_is_unit(unit, ("s", "K", "V")) for unit, after in found if not after.isdigit())
+
+
+def _bare(line: str) -> int:
+    """How many units a line has that is nothing but units, one of them of seconds, whatever divides and marks it."""
+    rows = ([cell.strip("\"' ") for cell in line.lstrip(MARKS).split(d)] for d in DIVIDERS)
+    full = ([cell for cell in cells if cell] for cells in rows)
+    of_units = (cells for cells in full if 1 < len(cells) < FEW and _are_units(cells))
+    return max((len(cells) for cells in of_units if any(map(_SECONDS.fullmatch, cells))), default=0)
 
 
 def _check_units(units: list[str], stated: list[tuple[int, list[str]]]) -> None:

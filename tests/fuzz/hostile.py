@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import itertools
 import json
 import random
 import re
@@ -274,6 +275,17 @@ def headers(rows: list[tuple[str, str]]) -> Iterator[tuple[str, str]]:
             for mark in ("", "# "):
                 table = "\n".join(divider.join(row) for row in rows)
                 yield f"{head!r} above {divider!r}", f"{head.format(mark)}\n{table}\n"
+
+
+def odd_headers(rows: list[tuple[str, str]]) -> Iterator[tuple[str, str]]:
+    """The same with comment marks of other programs, and below what instruments write, with a cell for each column."""
+    heads = [f"{{0}}time{d}T\n{{0}}us{d}mK" for d in (",", ";", "\t")] + ["{0}time (us);T (mK)", "{0}time[us]\tT [mK]"]
+    above = ("", "Time offset [us],0\n", "Segments,1,41\n", "Probe attenuation (V),10\n", "Model,MSO24\n")
+    for lines, head, mark in itertools.product(above, heads, ("", "# ", "//", "! ", "'")):
+        for divider in (",", ";", "\t", " ", ";;"):
+            end = divider[1:]  # an empty column
+            table = "\n".join(divider[0].join(row) + end for row in rows)
+            yield f"{lines!r} {head!r} {mark!r} above {divider!r}", f"{lines}{head.format(mark)}\n{table}\n"
 
 
 def mixed(rows: list[tuple[str, str]]) -> Iterator[tuple[str, str]]:

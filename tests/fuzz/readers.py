@@ -303,7 +303,7 @@ def replaced(name: str, texts: list[str]) -> Iterator[str]:
     for k, text in enumerate(texts):
         if name in ("table", "trace"):
             yield from hostile.scaled_columns(text)
-            for generator in (hostile.headers, hostile.mixed):
+            for generator in (hostile.headers, hostile.odd_headers, hostile.mixed):
                 yield from (table for _, table in generator([(f"{k}", f"{k % 7}") for k in range(20)]))
         elif name in ("mesh", "netcdf"):
             content = text.encode("latin-1")

@@ -99,6 +99,13 @@ def test_units_of_a_header_that_is_divided_in_another_way_count():
         assert found is None or found.values.shape == (40, 2)
 
 
+def test_units_are_taken_or_the_table_is_refused():
+    """Bare units below what instruments write, or with another comment mark, were passed by: mK counted as K."""
+    for what, text in hostile.odd_headers(ROWS):
+        found = says_one_line(lambda text=text: columns.parse(text))
+        assert found is None or found.units[:2] == ("us", "mK"), what
+
+
 def test_a_separator_that_changes_is_a_damaged_row():
     """The first 100 rows of 201 counted as text before the table: a thermal resistance of 549 instead of 15029."""
     for what, text in hostile.mixed(ROWS):

@@ -62,7 +62,7 @@ _UNITS = {
 
 def as_text(path: str, value: Any) -> Any:
     """A value as a geometry file writes it at a path: numbers in SI get their unit, anything else is unchanged."""
-    if isinstance(value, np.generic | np.ndarray) and value.ndim == 0:
+    if isinstance(value, np.generic) or (type(value) is np.ndarray and value.ndim == 0):  # no masked array
         value = value.item()
     if isinstance(value, bool) or not isinstance(value, int | float):
         return value
