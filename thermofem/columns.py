@@ -229,11 +229,9 @@ def _header(lines: list[str], divider: str, used: NDArray[np.bool_]) -> tuple[tu
     another separator makes a row; units that no column takes.
     """
     columns, bare = used.size, [line.lstrip("%# ") for line in lines]
-    own = split = [_names(line, divider, columns) for line in bare]
+    own = split = [_names(line, divider, used) for line in bare]
     if _stated(own, used) < used.sum():
-        split = max(
-            own, *([_names(line, d, columns) for line in bare] for d in DIVIDERS), key=lambda s: _stated(s, used)
-        )
+        split = max(own, *([_names(line, d, used) for line in bare] for d in DIVIDERS), key=lambda s: _stated(s, used))
     fitting, last = _fitting(split, used)
     place, below = last, None
     above = [k for k in fitting if k < last]
@@ -264,6 +262,8 @@ def _header(lines: list[str], divider: str, used: NDArray[np.bool_]) -> tuple[tu
 def _fitting(split: list[list[str]], used: NDArray[np.bool_]) -> tuple[list[int], int]:
     """Lines with a cell for each column, and the last of them that is full; else the last one, or -1."""
     fitting = [k for k, cells in enumerate(split) if len(cells) == used.size and not _is_number(cells[0])]
+    if used.size == 2:  # a setting of the instrument, such as "Time offset [us],0"
+        fitting = [k for k in fitting if not (_is_number(split[k][1]) and _bracket(split[k][0]))]
     full = [k for k in fitting if all(split[k][c] and not _is_number(split[k][c]) for c in np.flatnonzero(used))]
     return fitting, full[-1] if full else fitting[-1] if fitting else -1
 
@@ -306,9 +306,15 @@ def _check_units(units: list[str], stated: list[tuple[int, list[str]]]) -> None:
                 )
 
 
-def _names(line: str, divider: str, columns: int) -> list[str]:
-    """Split a header line into cells: at two spaces, else after closing brackets, else at every space."""
-    cells = _cells(line, divider)
+def _names(line: str, divider: str, used: NDArray[np.bool_]) -> list[str]:
+    """Split a header line into cells: at two spaces, else after closing brackets, else at every space.
+
+    One without the empty columns at the end of the rows gets their cells.
+    """
+    cells, columns = _cells(line, divider), used.size
+    filled = int(np.flatnonzero(used).max(initial=-1)) + 1
+    if divider != " " and len(cells) == filled < columns:
+        return cells + [""] * (columns - filled)
     if divider == " ":
         ways = (cells, re.split(r"(?<=[)\]])\s+", line.strip()), line.split())
         cells = next((way for way in ways if len(way) == columns), cells)

@@ -106,6 +106,20 @@ def test_units_are_taken_or_the_table_is_refused():
         assert found is None or found.units[:2] == ("us", "mK"), what
 
 
+@pytest.mark.parametrize(
+    ("head", "end", "units"),
+    [
+        ("Trigger delay (us),0", "", ("", "")),  # a setting: the times counted as us
+        ("Time offset [us],0\nt;T", "", ("", "")),
+        ("Time,T\nms,mK", ",", ("ms", "mK")),  # rows with an empty column at their end: the units were dropped
+        ("Time_ms,T_mK", ",", ("ms", "mK")),
+    ],
+)
+def test_settings_are_no_names_and_empty_columns_need_none(head, end, units):
+    rows = "\n".join(",".join(row) + end for row in ROWS)
+    assert columns.parse(f"{head}\n{rows}\n").units == units
+
+
 def test_a_separator_that_changes_is_a_damaged_row():
     """The first 100 rows of 201 counted as text before the table: a thermal resistance of 549 instead of 15029."""
     for what, text in hostile.mixed(ROWS):
