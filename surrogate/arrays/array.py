@@ -37,7 +37,7 @@ from .certificate import Pairs, reduce_pairs
 from .places import SAME, RingKinds, check_places, places_of, rings_of, with_copies
 
 ROUND_OFF = 1e-14  # of the largest R_th: an eigenvalue that is 0
-_SHARES = np.geomspace(1e-9, 10, 400)  # s, where step responses are looked at
+_SHARES = np.geomspace(1e-13, 10, 560)  # s, where step responses are looked at
 
 
 @shown
@@ -109,7 +109,7 @@ class ArrayReduction(HasModel):
                 if key not in found:
                     channel = self.channel(j, i)
                     rise = channel.step_response(_SHARES) / channel.thermal_resistance
-                    k = int(np.argmax(rise >= 0.5))
+                    k = max(int(np.argmax(rise >= 0.5)), 1)
                     ends = rise[k - 1 : k + 1], np.log(_SHARES[k - 1 : k + 1])
                     found[key] = float(np.exp(np.interp(0.5, *ends)))
                 times[i, j] = found[key]

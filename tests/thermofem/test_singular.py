@@ -10,6 +10,7 @@ import pytest
 from paths import ROOT
 from test_pinched import CHECKERS, checkerboard
 
+import surrogate
 import thermofem as th
 from thermofem.heat import adaptive
 from thermofem.heat.singular import strong
@@ -113,3 +114,21 @@ def test_a_random_corner_contact_is_covered(seed, needs_mesher, monkeypatch):
     exponent, true, estimated = corners.audit(corners.cross_section(seed), 1e-2)
     assert exponent < 0.5
     assert true < estimated
+
+
+def test_conductors_that_touch_in_a_corner_are_reduced():
+    """Their picometre triangles were refused: "E/-A is 4.5e-23 to 9e-08 s"."""
+    layers = (
+        th.Layer("substrate", "Si", 5e-6),
+        th.Layer("box", "SiO2", 1.5e-6, datum=True),
+        th.Layer("cladding", "SiO2", 1.2e-6),
+    )
+    core = th.Part("core", "Si", 3e-6, 3.5e-6, 0, 0.25e-6, heated=True)
+    wire = th.Part("wire", "TiN", 3.5e-6, 4e-6, 0.25e-6, 0.3e-6)
+    heat = th.assemble(th.CrossSection("touching", 12e-6, layers, (core, wire)), accuracy=1e-3)
+    tau = heat.system.E.diagonal() / -heat.system.A.diagonal()
+    assert tau.min() < 1e-20  # as it was refused
+    model = surrogate.reduce(heat.system, tolerance=1e-4).model
+    times, power = np.geomspace(1e-9, 1e-5, 20), 1e-3
+    rise = th.solve(heat, th.Constant(power), times, rtol=1e-6).delta_T.values
+    assert model.step_response(times) * power == pytest.approx(rise, abs=1e-4 * rise.max())  # the reduction's tolerance
