@@ -294,9 +294,9 @@ def save(data: xr.Dataset | Record, path: str | Path) -> Path:
     import h5netcdf
     from xarray.backends import H5NetCDFStore
 
-    attrs = netcdf.signed(data.variables, data.attrs)
-    if netcdf.packed(data):
-        attrs, _ = netcdf.unsigned(data.variables, attrs)
+    attrs = {key: value for key, value in data.attrs.items() if key != netcdf.HASH}
+    if not netcdf.packed(data):
+        attrs = netcdf.signed(data.variables, attrs)
     data = data.copy()
     data.attrs = attrs
     encoding = {name: {"zlib": True} for name, v in data.data_vars.items() if v.size > 1000}

@@ -101,11 +101,11 @@ def read_trace(
         t = _time(table, columns[0], (units or {}).get("time", in_time), said)
         y = _rise(table, columns[1], (units or {}).get("temperature", in_rise), sensitivity, said, warned)
         t0 = _start(t, y, wave, start, said)
-        kelvin = unit_of(warned)
-        level, rest = _baseline(t, y, wave, t0, baseline, said, kelvin)
+        unit = unit_of(warned)
+        level, rest = _baseline(t, y, wave, t0, baseline, said, unit)
         if baseline is None:
-            _check_rest(t, y, t0, warned, kelvin)
-        if clipped := clipping(y, kelvin):
+            _check_rest(t, y, t0, warned, unit)
+        if clipped := clipping(y, unit):
             warned.append(clipped)
         kept = t >= t0
         if kept.sum() < dataset.FEWEST:
@@ -285,7 +285,7 @@ def _within(t: Array, y: Array, wave: Waveform, start: float) -> float:
 
 
 def _baseline(
-    t: Array, y: Array, wave: Waveform, start: float, given: float | None, said: list[str], kelvin: str
+    t: Array, y: Array, wave: Waveform, start: float, given: float | None, said: list[str], unit: str
 ) -> tuple[float, float]:
     """The temperature at rest, and of how many rows it is the mean: infinite where it is known, 0 of the whole rise."""
     if given is not None:
@@ -294,7 +294,7 @@ def _baseline(
     before = y[t < start - step]  # the row at the edge may be half-way up
     if before.size >= FEWEST:
         level = float(before.mean())
-        said.append(f"baseline {level:.4g} {kelvin}, the mean of {before.size} rows before the heating, is subtracted")
+        said.append(f"baseline {level:.4g} {unit}, the mean of {before.size} rows before the heating, is subtracted")
         return level, float(before.size)
     thin = max(1, t.size // SCANNED)
     noise = float(np.median(np.abs(np.diff(y, 2)))) / (0.6745 * np.sqrt(6))  # of one row, from second differences
@@ -304,16 +304,16 @@ def _baseline(
     if start < t[0] and abs(level - y[first]) > np.ptp(y):
         raise InputError(
             f"the heating begins {_words(t[0] - start)} before the first row, and the rise until then, some "
-            f"{abs(level - y[first]):.2g} {kelvin}, is larger than the rows show; give --baseline, or another --start"
+            f"{abs(level - y[first]):.2g} {unit}, is larger than the rows show; give --baseline, or another --start"
         )
     if abs(level) < max(NOTHING * float(np.ptp(y)), 4 * noise):
         said.append("no rows before the heating and no offset: nothing is subtracted")
         return 0.0, np.inf
-    said.append(f"no rows before the heating: baseline {level:.4g} {kelvin}, from the rise itself, is subtracted")
+    said.append(f"no rows before the heating: baseline {level:.4g} {unit}, from the rise itself, is subtracted")
     return level, float(quiet)
 
 
-def _check_rest(t: Array, y: Array, start: float, warned: list[str], kelvin: str) -> None:
+def _check_rest(t: Array, y: Array, start: float, warned: list[str], unit: str) -> None:
     """Warn where the rows before the heating drift, as those of a settled square wave do, which is never at rest."""
     before = y[t < start - float(np.median(np.diff(t)))]
     quarter = before.size // 4
@@ -322,7 +322,7 @@ def _check_rest(t: Array, y: Array, start: float, warned: list[str], kelvin: str
     drift = float(before[-quarter:].mean() - before[:quarter].mean())
     if abs(drift) > DRIFT * np.ptp(y) and abs(drift) > 4 * float(np.abs(np.diff(before)).mean()) / np.sqrt(quarter):
         warned.append(
-            f"the rows before the heating drift by {drift:.3g} {kelvin}: they are not at rest; for a settled square "
+            f"the rows before the heating drift by {drift:.3g} {unit}: they are not at rest; for a settled square "
             "wave give --baseline and a --start that lies whole periods before the file, such as ten time constants"
         )
 

@@ -157,7 +157,10 @@ def internal_drive(
 
 
 def _beat(light: Light, turn: Array, lit: NDArray[np.bool_]) -> float:
-    """Fastest turn of lit lasers in any observed wave against the others and, beside rings or delays, the frame."""
+    """Fastest beat in an observed wave, rad/ns: of two lit lasers, or of one with light of rings or delays.
+
+    Light of rings and delays is held in the common frame.
+    """
     fastest = 0.0
     for q in range(len(light.terminals)):
         late, ringed = bool(light.seen_delay[q].any()), bool(light.seen_ring[q].any())

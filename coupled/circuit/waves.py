@@ -16,7 +16,7 @@ from ..kernels.compiling import inlined_lean, lean
 from ..kernels.equations import Array
 from .layout import Complex, LaserTable, LightNetwork
 
-FOLLOW = 2.0  # steps of the past that a step may read: in long runs they become longer again from echo to echo
+FOLLOW = 2.0  # lengths of the past steps that a step may span; at 1 the steps of a long run could never grow again
 
 
 @inlined_lean
@@ -46,6 +46,19 @@ def detunings_at(drive: LaserTable, piece: int, t: float, values: Array, slopes:
         slopes[i] = d[p, i, 1] + u * (2.0 * d[p, i, 2] + u * 3.0 * d[p, i, 3])
 
 
+@inlined_lean
+def step_at(time: float, past: Array, filled: int) -> int:
+    """Return the number of the past step that holds ``time``: the first one where it lies before all."""
+    low, high = 0, filled - 1
+    while low < high:
+        middle = (low + high + 1) // 2
+        if past[middle, 0] <= time:
+            low = middle
+        else:
+            high = middle - 1
+    return low
+
+
 @lean
 def following(t: float, h: float, delay: Array, past: Array, filled: int) -> float:
     """Return how much of ``h`` a step from ``t`` may take to resolve what the delays bring.
@@ -54,14 +67,7 @@ def following(t: float, h: float, delay: Array, past: Array, filled: int) -> flo
     """
     for d in range(delay.size):
         at = t - delay[d]
-        low, high = 0, filled - 1
-        while low < high:
-            middle = (low + high + 1) // 2
-            if past[middle, 0] <= at:
-                low = middle
-            else:
-                high = middle - 1
-        for k in range(low, filled):
+        for k in range(step_at(at, past, filled), filled):
             if past[k, 0] >= at + h:
                 break
             h = min(h, max(FOLLOW * past[k, 2], past[k, 0] - at))
@@ -84,13 +90,7 @@ def delayed_at(
         wave[d], slope[d] = 0.0, 0.0
         if filled == 0 or at + aside < past[0, 0]:
             continue
-        low, high = 0, filled - 1
-        while low < high:
-            middle = (low + high + 1) // 2
-            if past[middle, 0] <= at + aside:
-                low = middle
-            else:
-                high = middle - 1
+        low = step_at(at + aside, past, filled)
         x = (at - past[low, 0]) / past[low, 1]
         c = cubics[low, d]
         wave[d] = c[0] + x * (c[1] + x * (c[2] + x * c[3]))

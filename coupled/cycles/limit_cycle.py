@@ -65,13 +65,15 @@ def limit_cycle(
         (W), weight (s, of a sum that is the integral over the period), states over (time, state); over multiplier:
         multipliers (complex, by modulus; the one next to 1 belongs to the phase). Attributes: period (s), duty, swing
         (K), extinction (dB), settling_time (s, in which a deviation falls to 1/e; inf for an unstable cycle), stability
-        ("stable", "doubled" with a multiplier below -1, or "unstable"), pulses (in a period), reason (in words).
+        ("stable", "doubled" with a multiplier below -1, or "unstable"), pulses (in a period), reason (in words; also
+        where no mesh resolves a very steep pulse, so that the period is known to 1e-5 only).
 
     Raises
     ------
     InputError
-        power or detuning out of range, a model that is not small, or no cycle: the ring comes to rest, or Newton's
-        method finds none near the guess. The message says which.
+        power or detuning out of range, a model that is not small, a ring without two-photon absorption, whose carriers
+        are followed, or no cycle: the ring comes to rest, its pulses never repeat, or Newton's method finds none near
+        the guess. The message says which.
 
     Measured: periods to 1e-10 on the reference ring (two, five and fourteen poles) against runs of 400 us at
     rtol = 1e-9. On 1304 random rings (two published ones with other losses, one to three poles of 30 ns to 30 us)

@@ -86,9 +86,9 @@ def problem(ring: RingResonator, model: Compact, power: float, detuning: float, 
 
     Raises InputError: a ring without carriers.
     """
-    check_carriers(ring)
     from ..kernels import equations as eq
 
+    check_carriers(ring)
     rates, fcd = eq.internal_rates(ring)
     pump = eq.internal_pump(ring, power)
     thermal = eq.internal_thermal(model)

@@ -13,8 +13,8 @@ import numpy as np
 from thermofem import checks
 from thermofem.arrays import Array, NDArray
 
-from ..cycles.closing import Settled
-from ..cycles.orbit import FEW_SHOTS, ROUGH, ROUGHLY, TRACE_RTOL, CycleProblem, closer, problem, settle
+from ..cycles.closing import Settled, refined
+from ..cycles.orbit import FEW_SHOTS, ROUGH, ROUGHLY, TRACE_RTOL, CycleProblem, closer, problem
 from ..cycles.parameters import under_laser
 from ..cycles.scheme import scheme
 from ..cycles.start import RestError, longest_of, pursued, rest_words
@@ -122,12 +122,11 @@ class _Row(NamedTuple):
             return _resting(str(rest)), None
         except checks.InputError as error:
             return (str(Regime.SLOW_TRANSIENT), np.nan, np.nan, np.nan, str(error)), None
-        orbit = found.orbit
         if found.pulses > 1:  # long, and sensitive: the mesh of a trace leaves 1e-5 of the period
-            orbit = settle(p, orbit) or orbit
+            found = refined(p, found)
         elif found.size > orbit_row.SURE:
-            orbit = closer(p, orbit)
-        found = found._replace(orbit=orbit)
+            found = found._replace(orbit=closer(p, found.orbit))
+        orbit = found.orbit
         duty, swing, _, _ = orbit_measure.measured(orbit.start, orbit.Y, orbit.tau, p.at.thermal, scheme(), DUTY_LEVEL)
         return _pulsing(orbit.T, float(duty), float(swing), found.size, found.pulses), found
 

@@ -100,18 +100,17 @@ class ArrayReduction(HasModel):
 
     @cached_property
     def half_times(self) -> Array:
-        """Time in s after which a step of heat in one ring has half of its effect on another, shape (N, N)."""
+        """Time in s after which a step of heat in one ring has half of its effect on another, shape (N, N).
+
+        nan where that takes more than 10 s.
+        """
         found: dict[int, float] = {}
         times = np.empty((self.rings, self.rings))
         for i in range(self.rings):
             for j in range(self.rings):
                 key = round(float(np.linalg.norm(self.positions[i] - self.positions[j])) / SAME)
                 if key not in found:
-                    channel = self.channel(j, i)
-                    rise = channel.step_response(_SHARES) / channel.thermal_resistance
-                    k = max(int(np.argmax(rise >= 0.5)), 1)
-                    ends = rise[k - 1 : k + 1], np.log(_SHARES[k - 1 : k + 1])
-                    found[key] = float(np.exp(np.interp(0.5, *ends)))
+                    found[key] = _half_time(self.channel(j, i))
                 times[i, j] = found[key]
         return times
 
@@ -279,3 +278,12 @@ def _is_passive(model: StateSpace) -> bool:
         total = total + model.C[:, here] @ model.B[here, :n] / values[k]
         least = min(least, float(np.linalg.eigvalsh((total + total.T) / 2)[0]))
     return least >= -ROUND_OFF * float(model.gain.max())
+
+
+def _half_time(channel: Foster) -> float:
+    """Time in s after which a step response has half of its final value; nan where that takes more than 10 s."""
+    rise = channel.step_response(_SHARES) / channel.thermal_resistance
+    if not rise[-1] >= 0.5:
+        return float("nan")
+    k = max(int(np.argmax(rise >= 0.5)), 1)
+    return float(np.exp(np.interp(0.5, rise[k - 1 : k + 1], np.log(_SHARES[k - 1 : k + 1]))))

@@ -39,7 +39,7 @@ def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
         _, ax = plt.subplots(2, 1, figsize=(WIDTH, 4.2), **layout)
     upper, lower = ax
     factor, unit = time_unit(float(response.times[-1]))
-    kelvin = unit_of(data.attrs.get("assumed", ""))
+    rise_unit = unit_of(data.attrs.get("assumed", ""))
     t, missed = response.times * factor, rise - response.rise
     upper.plot(t, response.rise, color=INK, linewidth=2.6, alpha=0.4, label="data")
     upper.plot(t, rise, color=VERMILION, linewidth=1.2, label="model")
@@ -47,13 +47,15 @@ def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
     if not response.periodic and gaps.mean() > RATIOS * np.median(gaps):
         upper.set(xscale="log")
         lower.set(xscale="log")
-    rise_label = "temperature rise (K)" if kelvin == "K" else "rise of the voltage (V)"
+    rise_label = "temperature rise (K)" if rise_unit == "K" else "rise of the voltage (V)"
     upper.set(ylabel=rise_label, xlim=(t[t > 0][0] if upper.get_xscale() == "log" else t[0], t[-1]))
     upper.legend(frameon=False, fontsize="small")
     rms = float(np.sqrt(np.mean(missed**2)))
     of = response.name.replace(" us", " µs")
-    upper.set_title(f"{of}: residual {rms:.2g} {kelvin} rms, {rms / response.swing:.2%} of the swing", fontsize="small")
+    upper.set_title(
+        f"{of}: residual {rms:.2g} {rise_unit} rms, {rms / response.swing:.2%} of the swing", fontsize="small"
+    )
     lower.axhline(0, color=INK, linewidth=0.6)
     lower.plot(t, missed, color=VERMILION, linewidth=1)
-    lower.set(xlabel=f"time ({unit})", ylabel=f"residual ({kelvin})")
+    lower.set(xlabel=f"time ({unit})", ylabel=f"residual ({rise_unit})")
     return np.array([upper, lower])

@@ -87,4 +87,5 @@ def test_hopf_curves_have_the_lyapunov_coefficient_of_rings_with_few_carriers():
     for curve, other in zip(none, few, strict=True):
         assert np.isfinite(curve["lyapunov"].values).all()
         near = np.abs(np.log(other.energy.values[:, None] / curve.energy.values)).argmin(axis=0)
+        # beside a change of sign the nearest point of the other curve may lie on its other side
         assert np.mean(np.sign(curve.lyapunov.values) == np.sign(other.lyapunov.values[near])) > 0.95

@@ -101,9 +101,12 @@ def test_units_of_a_header_that_is_divided_in_another_way_count():
 
 def test_units_are_taken_or_the_table_is_refused():
     """Bare units below what instruments write, or with another comment mark, were passed by: mK counted as K."""
+    read = set()
     for what, text in hostile.odd_headers(ROWS):
         found = says_one_line(lambda text=text: columns.parse(text))
         assert found is None or found.units[:2] == ("us", "mK"), what
+        read |= {what} if found else set()
+    assert all(f"'' {head!r} '' above ','" in read for head in ("{0}time,T\n{0}us,mK", "{0}time (us);T (mK)"))
 
 
 @pytest.mark.parametrize(

@@ -17,8 +17,6 @@ from .accuracy import Estimate
 AIM = 0.8  # of the target
 LEFT = 0.15  # of the share of a triangle after it was divided in four: 1/16 where the field is smooth, 0.4 at a corner
 BULK = 0.8  # of the sum
-
-
 FINEST = 1e-8  # of the largest coordinate: ten times `mesh.motion.NEAR`, within which a vertex is at a corner
 ORDINARY = 2 / 3  # exponent of the field at the corner of a good conductor
 
@@ -49,8 +47,8 @@ def divided(mesh: Mesh, estimate: Estimate, target: float) -> Mesh | None:
 def marked(estimate: Estimate, target: float, stuck: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
     """Select the triangles to divide.
 
-    stuck [shape (triangles,)]: not to be divided. They may have half of the error; the rest is made as small as if they
-        had no more.
+    stuck [shape (triangles,)]: not to be divided. Half of the target is left to them, even where their error is larger;
+        the others are divided until their error is within the rest.
     """
     chosen = np.zeros(0, dtype=bool)
     for channel, errors in estimate.errors.items():

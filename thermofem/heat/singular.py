@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 # of a quadratic element of length 1: int phi' phi', int phi phi
 _SLOPES = np.array([[7.0, 1.0, -8.0], [1.0, 7.0, -8.0], [-8.0, -8.0, 16.0]]) / 3
 _VALUES = np.array([[4.0, -1.0, 2.0], [-1.0, 4.0, 2.0], [2.0, 2.0, 16.0]]) / 30
-
-
 STRONG = 0.5  # lambda below which a vertex is looked at
 
 
