@@ -6,7 +6,7 @@ rows; a unit of time, temperature or voltage that no column takes is refused. Li
 Any other line between the header and the table is a damaged row, and refused, as is one that another separator divides.
 With semicolons or tabs a comma is a decimal mark; a table in which it may divide thousands is refused, and so are two
 units for one column.
-A unit stands in the header, "Time (s)", "CH1 [mV]" or "time_us", or is given in ``units``. Where the header states the
+A unit stands in the header, "Time (s)", "CH1 [mV]", "time_us" or "t / us", or is given in ``units``. Where the header states the
 start and the increment of the times (Rigol), the first column counts them. Empty columns at the end and
 empty rows are left out.
 """
@@ -34,9 +34,12 @@ SPELLED = {
 DIVIDERS = ("\t", ";", ",", "|", ":", " ")
 MARKS = "%#/!'\" "  # of lines that are comments in some program
 UNIT_ROWS, FEW = 5, 50  # lines above the table that may be a row of units; cells from which on it is none
-_UNIT = re.compile(r"\s*[(\[]([^()\[\]]*)[)\]]")
+_UNIT = re.compile(r"\s*[(\[{<]([^()\[\]{}<>]*)[)\]}>]")
 _SECONDS = re.compile(r"[(\[]?\s*(?:[munpµμ]?s|secs?|(?:milli|micro|nano)?seconds?)\s*[)\]]?", re.IGNORECASE)
-_ENDING = re.compile(r"(?<!_per)_(s|ms|us|ns|K|mK|degC|V|mV|W|mW|uW)$")
+_ENDING = re.compile(  # T_mK, T/mK, T in mK and T mK, but for "type K" and T_per_V
+    r"(?<!per)(?:[_/]|,|\bin\b|\s(?=\S{2}))\s*(s|[munpµμ]s|K|[mu]K|degC|°C|V|[muµμ]V|W|[munµμ]W)\s*$"
+)
+_SCALED = re.compile(r"(?:[munpµμ]s|[munkµμ][KVW]|degC|°[CF])")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)  # 1,234: or a decimal comma before three digits
 HOTTEST = 1e5  # K; beyond any temperature: the code of an instrument whose input is overloaded, such as 9.9E+37
 
@@ -134,17 +137,21 @@ def _counted(lines: list[str]) -> tuple[list[str], float, float]:
     X,CH1,Start,Increment,
     Sequence,Volt,-3.0e-06,1.0e-08
     """
-    head = [[cell.strip() for cell in line.split(",")] for line in lines[:2]]
-    if len(head) < 2 or "Increment" not in head[0] or head[1][0] != "Sequence":
+    divider = next((d for d in (";", "\t") if lines and d in lines[0]), ",")
+    head = [[cell.strip(" \"'") for cell in line.split(divider)] for line in lines[:2]]
+    words = [cell.lower() for cell in head[0]] if head else []
+    if len(head) < 2 or not {"start", "increment"} <= set(words) or head[1][0].lower() != "sequence":
         return lines, 0.0, 1.0
-    k = head[0].index("Increment")
+    places = words.index("start"), words.index("increment")
     try:
-        first, step = (quantity.number(cell) for cell in head[1][k - 1 : k + 1])
-    except ValueError:
-        return lines, 0.0, 1.0
-    cells = lines[2].split(",") if len(lines) > 2 else []
-    titles = (row[: k - 1] + [""] * (len(cells) - k + 1) for row in (head[0], ["s", *head[1][1:]]))
-    return [*(",".join(row) for row in titles), *lines[2:]], first, step
+        first, step = (quantity.number(head[1][k].replace(",", ".")) for k in places)
+    except (ValueError, IndexError):
+        what = "has no numbers below Start and Increment, which the times are made of"
+        raise InputError(f"line 2 = {lines[1].strip()[:40]!r} {what}") from None
+    cells = lines[2].split(divider) if len(lines) > 2 else []
+    wide = min(places)
+    titles = (row[:wide] + [""] * (len(cells) - wide) for row in (head[0], ["s", *head[1][1:]]))
+    return [*(divider.join(row) for row in titles), *lines[2:]], first, step
 
 
 def text_of(content: bytes) -> str:
@@ -234,6 +241,7 @@ def _header(lines: list[str], divider: str, used: NDArray[np.bool_]) -> tuple[tu
         split = max(own, *([_names(line, d, used) for line in bare] for d in DIVIDERS), key=lambda s: _stated(s, used))
     fitting, last = _fitting(split, used)
     place, below = last, None
+    last = next((k for k in fitting if k > last >= 0 and any(split[k]) and _are_units(split[k])), last)  # not of each
     above = [k for k in fitting if k < last]
     if above and _are_units(split[last]):
         place, below = above[-1], split[last]
@@ -295,8 +303,8 @@ def _check_units(units: list[str], stated: list[tuple[int, list[str]]]) -> None:
     """InputError where header lines, (index, cells), state another unit for a column of that name, or one says two."""
     names = [_UNIT.split(cell)[0].strip() for cell in stated[0][1]]
     for k, cells in stated:
-        for name, unit, cell in zip(names, units, cells, strict=True):
-            bare = _is_unit(cell) and cell.strip("()[] ")
+        for name, unit, cell, own in zip(names, units, cells, stated[0][1], strict=True):
+            bare = cell != own and _is_unit(cell) and cell.strip("()[] ")
             same = name == _UNIT.split(cell)[0].strip()
             others = [bare] if bare else [text.strip() for text in _UNIT.findall(cell)] if same else []
             other = next((o for o in others if unit and header_unit(o) != header_unit(unit) and _is_unit(o)), None)
@@ -323,7 +331,13 @@ def _names(line: str, divider: str, used: NDArray[np.bool_]) -> list[str]:
 
 def _bracket(name: str) -> str:
     match = _UNIT.search(name) or _ENDING.search(name)
-    return match[1].strip() if match else ""
+    compound = match and _ENDING.search(f"_{name[: match.start()].split(' ')[-1]}")  # mV/K
+    return match[1].strip() if match and not compound else ""
+
+
+def hidden_unit(name: str) -> str:
+    """A word of a name without unit that looks like one which is not SI, such as mK in "T_mK_avg"; else ""."""
+    return next(filter(_SCALED.fullmatch, re.split(r"[^A-Za-zµμ°]+", name)), "")
 
 
 def _is_number(cell: str) -> bool:

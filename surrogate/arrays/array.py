@@ -119,7 +119,7 @@ class ArrayReduction(HasModel):
         """Provenance that `surrogate.save_model` writes with the model."""
         bound, places = self.error_bound, self.positions.tolist()
         made = {"method": "array reduction", "tolerance": self.tolerance, "error_bound": bound, "positions": places}
-        return {**(self.model.origin or {}), **made}
+        return {**(self.model.origin or {}), **made, "ports": list(self.model.inputs)}
 
 
 def reduce_array(

@@ -80,7 +80,8 @@ class Reduction(HasModel):
         """Provenance that `surrogate.save_model` writes with the model."""
         method = "rational Krylov reduction"
         bound, shifts = self.error_bound, self.shifts.tolist()
-        made = {"method": method, "tolerance": self.tolerance, "error_bound": bound, "shifts": shifts}
+        ports = sorted({*self.model.inputs, *self.model.outputs})  # of one the bound is proven, see `Reduction`
+        made = {"method": method, "tolerance": self.tolerance, "error_bound": bound, "shifts": shifts, "ports": ports}
         return {**(self.model.origin or {}), **made}
 
     def lift(self, states: ArrayLike) -> Array:

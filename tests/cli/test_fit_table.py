@@ -172,7 +172,14 @@ def test_a_bound_is_called_proven_for_one_port_alone(heated, read, proven, tmp_p
     assert ("sampled frequencies" in said) != proven
 
 
+def test_one_channel_of_several_ports_is_not_called_proven(tmp_path):
+    rom = surrogate.reduce(th.assemble(th.heated_ring(), accuracy=1e-2).channels(["core", "heater"], ["core"]), 1e-2)
+    surrogate.save_model(rom.model.channel("core", "core"), tmp_path / "m.json", provenance=rom.provenance)
+    assert "(proven at sampled frequencies" in json.loads(run("show", tmp_path / "m.json", "--json").stdout)["trusted"]
+
+
 RIGOL = "X,CH1,Start,Increment,\nSequence,Volt,{first},{step}\n"
+SWAPPED = '"x";"ch1";"increment";"start"\n"sequence";"volt";{step};{first}\n'
 
 
 @pytest.mark.parametrize(
@@ -182,6 +189,8 @@ RIGOL = "X,CH1,Start,Increment,\nSequence,Volt,{first},{step}\n"
         ("time_us,probe_mV\n", "{us},{mv}", ["--sensitivity", "10 mV/K"]),
         ("Time,CH1,\nus,mV,\n", "{us},{mv},", ["--sensitivity", "0.01 V/K"]),
         (RIGOL, "{k},{v},", ["--sensitivity", "10 mV/K"]),
+        (SWAPPED, "{k};{v};;", ["--sensitivity", "10 mV/K"]),
+        ("t / us,probe in mV\n", "{us},{mv}", ["--sensitivity", "10 mV/K"]),
         ("n,t,x\n", "{k},{us},{v}", ["--time", "t (us)", "--temperature", "x", "--sensitivity", "10 mV/K"]),
         ("time_s,zth_K_per_W\n", "{t},{kelvin}", []),
     ],
@@ -291,3 +300,10 @@ def test_a_path_is_no_markup(name, tmp_path, monkeypatch):
     assert str(target) in done.output
     quiet = run("export", "m.json", "--to", "spice", "-o", target, "-q")
     assert quiet.output == ""
+
+
+def test_a_unit_inside_a_name_is_asked_for(tmp_path):
+    """Temperatures in mK counted as K: a thermal resistance a thousand times too large."""
+    (tmp_path / "t.csv").write_text("t_us,T_mK_mean\n" + "".join(f"{k},{k * 7 % 31}\n" for k in range(40)))
+    with pytest.raises(th.InputError, match=r"may be in mK or not; .* --temperature 'T_mK_mean \(mK\)'"):
+        read_trace(tmp_path / "t.csv", 1e-3)

@@ -270,6 +270,8 @@ def headers(rows: list[tuple[str, str]]) -> Iterator[tuple[str, str]]:
     heads = [f"{{}}time (us){d}T (mK)" for d in (",", ", ", ";", "; ", "\t", "   ", " | ", "|", ": ")]
     heads += ["{}time(us) T(mK)", '{}"time (us)","T (mK)"', "{}time_us, T_mK", "{}time [us], T [mK], run"]
     heads += [f"{{0}}time{d}T\n{{0}}us{d}mK" for d in (",", ";", "\t", "|")]
+    heads += [f"{{}}time{w}us, T{w}mK" for w in ("/", " / ", " in ", " ", "_")]
+    heads += ["{}time {{us}}, T {{mK}}", "{}time <us>, T <mK>", "{}t (us), T_mK_mean"]
     for head in heads:
         for divider in (",", ", ", ";", "\t", " "):
             for mark in ("", "# "):

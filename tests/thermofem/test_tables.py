@@ -95,6 +95,9 @@ def test_units_of_a_header_that_is_divided_in_another_way_count():
     """`np.savetxt` writes a header with commas above rows with spaces; its temperatures in degF were taken for K."""
     for what, text in hostile.headers(ROWS):
         found = says_one_line(lambda text=text: columns.parse(text))
+        if "mean" in what:  # no unit is taken, and `calibrate` refuses the name
+            assert found is not None and found.units == ("us", "") and columns.hidden_unit(found.names[1]) == "mK"
+            continue
         assert ("run" in what) if found is None else (found.units == ("us", "mK")), what
         assert found is None or found.values.shape == (40, 2)
 
@@ -116,6 +119,9 @@ def test_units_are_taken_or_the_table_is_refused():
         ("Time offset [us],0\nt;T", "", ("", "")),
         ("Time,T\nms,mK", ",", ("ms", "mK")),  # rows with an empty column at their end: the units were dropped
         ("Time_ms,T_mK", ",", ("ms", "mK")),
+        ("Index,T\n,mK", "", ("", "mK")),  # a column without unit above a row of units
+        ("Time / s,Sensitivity V/K", "", ("s", "")),  # a unit of two, which counted as K
+        ("time, type K", "", ("", "")),
     ],
 )
 def test_settings_are_no_names_and_empty_columns_need_none(head, end, units):

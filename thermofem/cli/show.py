@@ -45,6 +45,7 @@ def _numbers(model: Any, provenance: dict[str, Any]) -> dict[str, Any]:
         "assumed": provenance.get("assumed"),
         "largest_rise": _number(getattr(model, "largest_rise", None)),
         "geometry": provenance.get("geometry"),
+        "ports": provenance.get("ports"),
     }
     return numbers | {"trusted": _trusted(numbers)}
 
@@ -79,7 +80,8 @@ def _number(value: Any) -> float | None:
 def _trusted(numbers: dict[str, Any]) -> str:
     """Where the model may be trusted, in words."""
     if numbers["error_bound"] is not None:
-        one = len({*numbers["heated"], *numbers["read"]}) == 1
+        ports = numbers["ports"]  # of the reduction, of which this model may be one channel
+        one = len({*numbers["heated"], *numbers["read"]}) == 1 and not (isinstance(ports, list) and len(ports) > 1)
         how = "proven" if one else "proven at sampled frequencies, with a margin between them"
         return f"at every frequency, within {numbers['error_bound']:.1e} of R_th ({how}; against its FEM)"
     words = []
