@@ -14,6 +14,7 @@ import surrogate
 import thermofem as th
 from surrogate.family.solving import Solver
 from thermofem import files
+from thermofem.campaign.store import ResultStore
 from thermofem.cli.reproduce import run
 
 MODEL = th.Foster(R=[2e3], tau=[5e-8])
@@ -149,6 +150,16 @@ def test_a_folder_of_somebody_else_writes_nowhere_else(name, kind, tmp_path):
     with pytest.raises(th.InputError, match=f"{name} is a"):
         Solver("key", folder=folder)
     assert victim.read_text() == "precious"
+
+
+def test_a_linked_folder_of_results_is_not_followed(tmp_path):
+    """Results were written, and half-written ones deleted, where the link leads."""
+    (tmp_path / "other").mkdir()
+    (tmp_path / "rings").mkdir()
+    (tmp_path / "rings" / "results").symlink_to(tmp_path / "other")
+    store = ResultStore(tmp_path / "rings")
+    with pytest.raises(th.InputError, match="results is a link"), store.opened():
+        pass
 
 
 @pytest.mark.parametrize("arguments", [["show", "model.json"], ["show", "model.json", "--json", "-q"], ["--help"]])

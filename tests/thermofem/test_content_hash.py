@@ -225,3 +225,17 @@ def test_large_and_small_pieces_have_one_hash(data, monkeypatch):
     whole = netcdf.signed(data.variables, data.attrs)
     monkeypatch.setattr(netcdf, "ROOM", 100)
     assert netcdf.signed(data.variables, data.attrs) == whole
+
+
+def test_a_changed_plan_is_refused(tmp_path):
+    """Without the index the swapped values of two geometries became the features of the training data."""
+    make(2).run(tmp_path, workers=1)
+    plan = json.loads((tmp_path / "plan.json").read_text())
+    first, second = plan["cases"]
+    plan["cases"] = [[first[0], *second[1:]], [second[0], *first[1:]]]
+    (tmp_path / "plan.json").write_text(json.dumps(plan))
+    (tmp_path / "index.nc").unlink()
+    with pytest.raises(th.InputError, match=f"{WORDS}; run the campaign again"):
+        th.open_campaign(tmp_path)
+    make(2).run(tmp_path, workers=1)
+    assert th.open_campaign(tmp_path)["oxide"].values.tolist() == [1.0, 1.4]

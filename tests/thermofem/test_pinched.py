@@ -83,3 +83,14 @@ def test_derivatives_on_a_parted_mesh_agree_with_a_difference(needs_mesher):
     low, high = (on_mesh(*pair, 1e-2).thermal_resistance() for pair in zip(ends, meshes, strict=True))
     # the square of 2 nm over the 450 nm of the core, times a few
     assert slope == pytest.approx((high - low) / (2 * step), rel=1e-4)
+
+
+def test_a_parted_mesh_is_read_again(tmp_path):
+    """Its two points at one place were taken for triangles that are not joined."""
+    mesh = parted(checkerboard(*CHECKERS[:2]))
+    mesh.save(tmp_path / "m.msh")
+    again = th.mesh.load(tmp_path / "m.msh")
+    assert np.array_equal(again.points, mesh.points) and np.array_equal(again.triangles, mesh.triangles)
+    split(checkerboard(*CHECKERS[:3]), {"low left": 1e-8}).save(tmp_path / "m.msh")  # a contact is no part of the file
+    with pytest.raises(th.InputError, match="two of its edges lie at the same place"):
+        th.mesh.load(tmp_path / "m.msh")

@@ -27,6 +27,7 @@ from .plan_file import check_plan
 if TYPE_CHECKING:
     from .plan import Campaign, Case
 
+HASH = "content_hash"  # of plan.json
 WRITTEN = ("plan.json", "index.nc", "training.nc", "results.sha256", ".lock")
 
 
@@ -79,6 +80,9 @@ class ResultStore:
         InputError
             it cannot be made or written, or another run is using it.
         """
+        for folder in (self.results, self.failures):
+            if folder.is_symlink():
+                raise InputError(f"{folder} is a link; a campaign writes into folders of its own: link {self.directory}")
         for folder in (self.directory, self.results, self.failures):
             make_folder(folder)
         with files.folder_locked(self.directory):
@@ -157,16 +161,20 @@ class ResultStore:
             ],
             "cases": [[case.key, *case.values] for case in cases],
         }
-        write_file(self.plan, json.dumps(plan).encode())
+        write_file(self.plan, json.dumps({**plan, HASH: files.digest_tree(plan)}).encode())
 
     def read_plan(self) -> dict[str, Any]:
-        """The plan as `write_plan` stored it; InputError where the folder holds no campaign."""
+        """The plan as `write_plan` stored it; InputError where the folder holds no campaign, or the plan was changed."""
         if not os.path.exists(self.plan):  # a name too long for the disk does not exist, either
             raise InputError(f"{self.directory} holds no campaign; thermofem campaign makes one")
         try:
-            return check_plan(files.read_json(self.plan, "plan"))
+            plan = check_plan(files.read_json(self.plan, "plan"))
+            if HASH in plan and plan.pop(HASH) != files.digest_tree(plan):  # version 0.1 wrote none
+                hint = "run the campaign again, which takes over its results"
+                raise InputError("it was changed after thermofem wrote it", hint)
+            return plan
         except InputError as error:
-            raise InputError(f"{self.plan} cannot be read: {error}") from None
+            raise InputError(f"{self.plan} cannot be read: {error.rule}", error.hint) from None
 
 
 def _of_others(content: bytes) -> bool:

@@ -196,8 +196,16 @@ def _check_plane(mesh: Mesh) -> None:
     import shapely
 
     hint = "gmsh's Coherence or BooleanFragments joins the parts"
-    if len(np.unique(mesh.points, axis=0)) < len(mesh.points):
-        raise InputError("two of its points lie at the same place, so that the triangles there are not joined", hint)
+    _, place = np.unique(mesh.points, axis=0, return_inverse=True)
+    joined = np.ravel(place)[mesh.triangles]
+    if len(_edges(joined)) < len(_edges(mesh.triangles)):  # points alone may be there twice: no heat flows through them
+        raise InputError("two of its edges lie at the same place, so that the triangles there are not joined", hint)
     corners = mesh.points[mesh.triangles]
     if not shapely.coverage_is_valid(shapely.polygons(np.concatenate([corners, corners[:, :1]], axis=1))):
         raise InputError("its triangles overlap, or meet without sharing their points", hint)
+
+
+def _edges(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The edges of triangles, each once."""
+    ends = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    return np.unique(np.sort(ends, axis=1), axis=0)
