@@ -6,8 +6,8 @@ rows; a unit of time, temperature or voltage that no column takes is refused. Li
 Any other line between the header and the table is a damaged row, and refused, as is one that another separator divides.
 With semicolons or tabs a comma is a decimal mark; a table in which it may divide thousands is refused, and so are two
 units for one column.
-A unit stands in the header, "Time (s)", "CH1 [mV]", "time_us" or "t / us", or is given in ``units``. Where the header states the
-start and the increment of the times (Rigol), the first column counts them. Empty columns at the end and
+A unit stands in the header, "Time (s)", "CH1 [mV]", "time_us" or "t / us", or is given in ``units``. Where the header
+states the start and the increment of the times (Rigol), the first column counts them. Empty columns at the end and
 empty rows are left out.
 """
 

@@ -90,7 +90,8 @@ def test_a_parted_mesh_is_read_again(tmp_path):
     mesh = parted(checkerboard(*CHECKERS[:2]))
     mesh.save(tmp_path / "m.msh")
     again = th.mesh.load(tmp_path / "m.msh")
-    assert np.array_equal(again.points, mesh.points) and np.array_equal(again.triangles, mesh.triangles)
+    assert np.array_equal(again.points, mesh.points)
+    assert np.array_equal(again.triangles, mesh.triangles)
     split(checkerboard(*CHECKERS[:3]), {"low left": 1e-8}).save(tmp_path / "m.msh")  # a contact is no part of the file
     with pytest.raises(th.InputError, match="two of its edges lie at the same place"):
         th.mesh.load(tmp_path / "m.msh")

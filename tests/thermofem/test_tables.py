@@ -96,7 +96,8 @@ def test_units_of_a_header_that_is_divided_in_another_way_count():
     for what, text in hostile.headers(ROWS):
         found = says_one_line(lambda text=text: columns.parse(text))
         if "mean" in what:  # no unit is taken, and `calibrate` refuses the name
-            assert found is not None and found.units == ("us", "") and columns.hidden_unit(found.names[1]) == "mK"
+            assert found is not None
+            assert (found.units, columns.hidden_unit(found.names[1])) == (("us", ""), "mK")
             continue
         assert ("run" in what) if found is None else (found.units == ("us", "mK")), what
         assert found is None or found.values.shape == (40, 2)

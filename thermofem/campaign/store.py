@@ -82,7 +82,7 @@ class ResultStore:
         """
         for folder in (self.results, self.failures):
             if folder.is_symlink():
-                raise InputError(f"{folder} is a link; a campaign writes into folders of its own: link {self.directory}")
+                raise InputError(f"{folder} is a link; a campaign writes into its own folders: link {self.directory}")
         for folder in (self.directory, self.results, self.failures):
             make_folder(folder)
         with files.folder_locked(self.directory):
@@ -164,7 +164,7 @@ class ResultStore:
         write_file(self.plan, json.dumps({**plan, HASH: files.digest_tree(plan)}).encode())
 
     def read_plan(self) -> dict[str, Any]:
-        """The plan as `write_plan` stored it; InputError where the folder holds no campaign, or the plan was changed."""
+        """The plan as `write_plan` stored it; InputError where the folder holds none, or one that was changed."""
         if not os.path.exists(self.plan):  # a name too long for the disk does not exist, either
             raise InputError(f"{self.directory} holds no campaign; thermofem campaign makes one")
         try:
