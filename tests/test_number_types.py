@@ -7,7 +7,9 @@ import inspect
 from decimal import Decimal
 
 import numpy as np
+import pint
 import pytest
+import xarray as xr
 
 import coupled
 import surrogate
@@ -39,6 +41,30 @@ VALUES = [  # the classes, by their names and fields that are valid in every typ
     coupled.Detector("out", "a.drop", 1e10),
     coupled.Splitter("half", 0.25),
 ]
+
+
+UNITS = pint.UnitRegistry()
+IN_US = [
+    [1.0, 2.0] * UNITS.us,
+    xr.DataArray([1.0, 2.0], attrs={"units": "us"}),
+    xr.DataArray([1.0, 2.0] * UNITS.us),
+    1.0 * UNITS.us,
+    xr.DataArray(1.0, attrs={"units": "us"}),
+]
+
+
+@pytest.mark.parametrize("times", IN_US, ids=lambda v: f"{type(v).__name__}-{np.ndim(v)}")
+def test_another_unit_is_no_plain_number(times):
+    """NumPy took the numbers: 2 us counted as 2 s, with a warning of pint at most."""
+    calls = [MODEL.step_response, th.Constant(1e-3), lambda t: th.Foster([1e3], t if np.ndim(t) else [t])]
+    for call in calls if np.ndim(times) else [lambda t: th.Pulse(1e-3, t, 1e-3), lambda t: MODEL.step_response(t)]:
+        with pytest.raises(th.InputError, match=r"is in mi|is in us|not an array of numbers"):
+            call(times)
+
+
+def test_units_in_si_and_words_that_are_none_are_taken():
+    for unit in ("s", "", "9**9**9 us", "samples"):
+        assert MODEL.step_response(xr.DataArray([1e-3], attrs={"units": unit}))[0] == pytest.approx(7800)
 
 
 @pytest.mark.parametrize("one", VALUES, ids=lambda one: type(one).__name__)

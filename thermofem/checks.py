@@ -11,6 +11,8 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from . import units
+
 if TYPE_CHECKING:  # NumPy is imported where it is used: --help and errors of usage do without it
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
@@ -75,12 +77,7 @@ MOST_POWER = 10.0  # W
 class InputError(ValueError):
     """An argument cannot be used; the message names the argument, the value, the rule and a hint.
 
-    The message is one line of at most `MESSAGE` characters, whatever the value holds.
-
-    Attributes
-    ----------
-    rule, hint : str
-        the two halves of the message.
+    The message is one line of at most `MESSAGE` characters, whatever the value holds; rule, hint: its two halves.
     """
 
     def __init__(self, rule: str, hint: str = "") -> None:
@@ -103,6 +100,7 @@ class MissingLibraryError(ImportError):
 
 def finite(name: str, value: Any, *, unit: str = "", hint: str = "") -> float:
     """Return ``value`` as a float, or raise InputError unless it is one finite number."""
+    units.without_unit(name, value)
     try:
         if type(value) is not float and isinstance(value, _no_numbers()):
             raise TypeError
@@ -125,7 +123,7 @@ def plain(one: Any) -> None:
     """
     annotated(one)
     for name, value in vars(one).items():
-        if (python := _plain(value)) is not value:
+        if (python := _plain(units.without_unit(name, value))) is not value:
             object.__setattr__(one, name, python)
 
 
@@ -249,7 +247,7 @@ def _floats(name: str, value: ArrayLike, hint: str, longest: int = MOST) -> NDAr
             raise InputError(f"{name} holds {len(value)} numbers; at most {longest:,} are taken at one go", hint)
         if np.ma.is_masked(value):
             raise InputError(f"{name} holds masked values; leave them out", hint)
-        found = np.asarray(value)
+        found = np.asarray(units.without_unit(name, value))
         if found.size > longest:  # a view may repeat one number without end
             raise InputError(f"{name} holds {found.size} numbers; at most {longest:,} are taken at one go", hint)
         if found.dtype.kind in "USmM":

@@ -265,6 +265,18 @@ _MORE = {"W": ("dBm", "nW"), "m": ("cm",), "s": ("ps", "fs"), "K": ("mK", "degC"
 
 
 @cache
+def is_si(unit: str) -> bool:
+    """Whether a unit has the factor 1, so that numbers in it are in SI; words that are no unit count as one."""
+    if unit in ("", "1", "s", "K", "W", "K/W", "m", "Hz", "J"):
+        return True
+    try:
+        units.names_of(unit)
+        return abs(float(_registry().Quantity(1, _registry().parse_units(unit)).to_base_units().magnitude) - 1) < 1e-9
+    except Exception:  # no unit of the grammar; and pint's parser raises whatever its tokeniser meets
+        return True
+
+
+@cache
 def _dimensions(unit: str) -> Any:
     """The unit in base units, angles kept: rad/s is not Hz."""
     registry = _registry()

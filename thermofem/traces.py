@@ -120,7 +120,7 @@ def read_trace(
         "source_columns": f"time: {table.names[columns[0]]}, temperature: {table.names[columns[1]]}",
         "assumed": "; ".join([*said, *warned]),
     }
-    if start is None and (t < t0).sum() >= FEWEST:
+    if start is None and (t < t0).any():  # else the file is taken to begin with the heating
         about[dataset.START] = _within(t, y, wave, t0)
     if np.isfinite(rest):
         about[dataset.REST] = rest

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from . import constants
 
@@ -171,3 +171,21 @@ def _factor(tokens: tuple[str, ...], depth: int) -> tuple[list[tuple[str, int]],
             raise UnitError(f"a power is a whole number up to {POWER}")
         return [(name, power * int(rest[1])) for name, power in names], rest[2:]
     return list(names), rest
+
+
+def without_unit(name: str, value: Any) -> Any:
+    """The value; InputError for one of pint, or of xarray in another unit than SI: NumPy would take its numbers."""
+    if not (hasattr(value, "magnitude") or hasattr(value, "attrs")):
+        return value
+    from . import checks, quantity
+
+    held: tuple[Any, Any] = (value, getattr(value, "data", None))
+    found = [str(each.units) for each in held if hasattr(each, "magnitude")]
+    stated = getattr(value, "attrs", None)
+    if not found and isinstance(stated, Mapping) and isinstance(unit := stated.get("units"), str):
+        found = [] if quantity.is_si(unit) else [unit]
+    if found:
+        raise checks.InputError(
+            f"{name} is in {found[0]}", "plain numbers in SI are needed, which pint's .m_as('s') gives"
+        )
+    return value

@@ -93,5 +93,5 @@ class ShockleyReadHall:
 
     def lifetime(self, density: ArrayLike) -> NDArray[np.float64]:
         """tau(N) in s at the excess density ``density`` in 1/m^3, shape of ``density``."""
-        N = np.asarray(density, dtype=float)
+        N = checks.numbers("density", density)
         return np.asarray(self.tau0 * (1 + self.a * N) / (1 + self.b * N))

@@ -104,13 +104,14 @@ class ArrayReduction(HasModel):
 
         nan where that takes more than 10 s.
         """
-        found: dict[int, float] = {}
+        found: dict[bytes, float] = {}
         times = np.empty((self.rings, self.rings))
         for i in range(self.rings):
             for j in range(self.rings):
-                key = round(float(np.linalg.norm(self.positions[i] - self.positions[j])) / SAME)
+                channel = self.channel(j, i)
+                key = np.append(channel.R, channel.tau).tobytes()  # of pairs of the same kinds and distance
                 if key not in found:
-                    found[key] = _half_time(self.channel(j, i))
+                    found[key] = _half_time(channel)
                 times[i, j] = found[key]
         return times
 

@@ -32,7 +32,7 @@ class Decay:
 
     def __call__(self, times: ArrayLike) -> Array:
         """Rise in K at ``times`` after the start of the cooling."""
-        return np.exp(-np.asarray(times, dtype=float)[..., None] / self.tau) @ self.amplitude
+        return np.exp(-checks.numbers("times", times)[..., None] / self.tau) @ self.amplitude
 
 
 def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:

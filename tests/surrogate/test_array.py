@@ -216,6 +216,20 @@ def test_pictures_hold_the_numbers(array):
     mpl.pyplot.close("all")
 
 
+def test_half_times_of_rings_of_two_kinds():
+    """Pairs at one distance counted as equal: a ring had the half time of another one, 707 ns for 1274 ns."""
+    kinds = [
+        th.assemble(th.strip_ring(radius=r, width=w, outer_radius=2e-4), accuracy=1e-2)
+        for r, w in ((5e-6, 4e-7), (1e-5, 2e-6))
+    ]
+    array = surrogate.reduce_array([kinds[0], *kinds], [(0, 0), (40e-6, 0), (80e-6, 0)], 1e-2)
+    for ring in range(3):
+        channel, half = array.channel(ring, ring), array.half_times[ring, ring]
+        # straight between samples 6 % apart
+        assert channel.step_response([half])[0] == pytest.approx(channel.thermal_resistance / 2, rel=2e-3)
+    assert array.half_times[2, 2] > 1.3 * array.half_times[0, 0]
+
+
 def test_half_times_below_a_nanosecond():
     """A disc of 0.2 um in silicon has half of its rise before 1 ns, where the search began: an empty array."""
     silicon = [th.Layer("substrate", "Si", 2e-6), th.Layer("box", "Si", 5e-7, datum=True), th.Layer("clad", "Si", 5e-7)]

@@ -6,6 +6,7 @@ from surrogate_systems import strip
 
 import surrogate
 import thermofem as th
+from surrogate.judging.swings import swing_over_period
 
 FAST, SLOW = th.Foster(R=[5000.0], tau=[1e-7]), th.Foster(R=[5000.0], tau=[2e-7])
 PERIODS = np.geomspace(1e-7, 1e-5, 25)
@@ -31,6 +32,16 @@ def test_a_model_twice_as_slow_needs_twice_the_period():
     assert curve.period_model.values == pytest.approx(2 * PERIODS[:10], rel=1e-9)
     assert curve.error.values == pytest.approx(-PERIODS[:10], rel=1e-8)
     assert curve.relative_error.values == pytest.approx(-1, rel=1e-8)
+
+
+def test_the_swing_of_a_model_that_overshoots_is_that_of_its_peak():
+    """301 samples of a period missed a peak after 1e-3 of it: 8 % of the swing. The periods that follow were wrong."""
+    for R, tau in (([9e3, -2e3], [1e-8, 1e-6]), ([-500.0, 6e3, -1e3], [3e-8, 2e-7, 4e-6])):
+        model = th.Foster(R, tau)
+        for period in (1e-7, 3e-6, 1e-4):
+            dense = np.ptp(model.periodic_response(th.SquareWave(1e-3, period, 0.3), 300_001))
+            # the peak lies between times 2 % apart: (0.01)^2/2 of what decays there, and the same of 300 000 samples
+            assert swing_over_period(model, PERIODS, 1e-3, 0.3)(period) == pytest.approx(dense, rel=3e-4)
 
 
 def test_a_model_has_no_error_against_itself_in_closed_form_or_by_samples(reference):

@@ -12,6 +12,24 @@ import thermofem as th
 POLE = th.Foster(R=[7800.0], tau=[1e-6])
 
 
+def test_equal_poles_have_a_step_response_and_an_impedance():
+    """A cascade of equal poles has no basis of eigenvectors: the numbers were those of a singular matrix."""
+    A = 1e6 * (np.diag([1.0, 1.0], -1) - np.eye(3))
+    model = th.Quadratic(A, np.zeros((3, 3, 3)), np.zeros((3, 3)), [1e10, 0.0, 0.0], [0.0, 0.0, 1.0])
+    t, f = np.geomspace(1e-7, 1e-2, 20), np.array([0.0, 1e5, 1e6])
+    x = 1e6 * t  # Erlang's distribution
+    assert model.step_response(t) == pytest.approx(1e4 * (1 - np.exp(-x) * (1 + x + x * x / 2)), rel=1e-8)
+    assert model.impedance(f) == pytest.approx(1e4 / (1 + 2j * np.pi * f / 1e6) ** 3, rel=1e-12)
+
+
+def test_powers_that_are_no_numbers_are_refused():
+    """nan and text came back as nan or ended in NumPy's words."""
+    for call in (th.OutputMap(POLE, -4e-4).steady_rise, logistic().steady_state, logistic().steady_rise):
+        for power in (np.nan, "1 mW"):
+            with pytest.raises(th.InputError, match="power"):
+                call(power)
+
+
 def logistic(k: float = 2e-3) -> th.Quadratic:
     """dx/dt = -l x + h x^2 + l R P: a Riccati equation, solved by tanh."""
     return th.Quadratic([[-1e6]], [[[k * 1e6]]], [[0.0]], [7.8e9], [1.0])

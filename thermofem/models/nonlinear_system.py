@@ -54,7 +54,7 @@ class NonlinearSystem(AtSmallPower, NonlinearEquations):
 
         Raises InputError: no steady state is found, as where the conductivity falls so fast that the heat cannot leave.
         """
-        heat = self.linear.B @ np.broadcast_to(np.atleast_1d(np.asarray(power, dtype=float)), len(self.inputs))
+        heat = self.linear.B @ np.broadcast_to(np.atleast_1d(checks.numbers("power", power)), len(self.inputs))
         x = np.zeros(self.order)
         last = np.inf
         for _ in range(NEWTON_STEPS):

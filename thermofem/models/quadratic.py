@@ -91,7 +91,7 @@ class Quadratic:
 
     @cached_property
     def linear(self) -> StateSpace:
-        """The system at small power."""
+        """The system at small power; InputError where A is not symmetric, as that of a SINDy network."""
         eye = np.eye(self.order)
         return StateSpace(eye, self.A, self.B[:, None], self.C[None], inputs=self.inputs, outputs=self.outputs)
 
@@ -105,23 +105,27 @@ class Quadratic:
         """-C A^-1 B in K/W, at small power."""
         return float(-self.C @ np.linalg.solve(self.A, self.B))
 
-    @cached_property
-    def _poles(self) -> tuple[Any, Any]:
-        """Eigenvalues of A and the residue of each."""
-        rate, modes = np.linalg.eig(self.A)
-        return rate, (self.C @ modes) * np.linalg.solve(modes, self.B)
-
     def step_response(self, times: ArrayLike) -> Array:
-        """Rise in K/W after a step of small power."""
+        """Rise in K/W after a step of small power, C A^-1 (e^(A t) - 1) B, for equal poles, too."""
+        from scipy.linalg import expm
+
         t = np.maximum(checks.numbers("times", times, longest=checks.LONGEST), 0)
-        rate, residue = self._poles
-        return in_pieces(lambda t: np.real(np.expm1(rate * t) @ (residue / rate)), t, rate.size)
+        n, read = self.order, np.linalg.solve(self.A.T, self.C)
+        settled = 1e3 / np.abs(np.linalg.eigvals(self.A).real).min()  # s; expm of a longer time would overflow
+
+        def rise(t: Array) -> Array:
+            moved = expm(np.minimum(t, settled)[..., None] * self.A) @ self.B - self.B
+            return np.asarray(moved @ read)
+
+        return in_pieces(rise, t, n * n)
 
     def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
-        """Z(f) at small power in K/W."""
+        """Z(f) = C (2 pi i f - A)^-1 B at small power in K/W."""
         f = checks.numbers("frequency", frequency, longest=checks.LONGEST)
-        rate, residue = self._poles
-        return in_pieces(lambda f: (residue / (2j * np.pi * f - rate)).sum(axis=-1), f, rate.size)
+        n, B = self.order, self.B[:, None]
+        return in_pieces(
+            lambda f: np.linalg.solve(2j * np.pi * f[..., None] * np.eye(n) - self.A, B)[..., 0] @ self.C, f, n * n
+        )
 
     def rate(self, x: Array, power: float) -> Array:
         """dx/dt."""
@@ -152,7 +156,7 @@ class Quadratic:
         InputError
             no steady state at this power: the quadratic terms have taken over.
         """
-        x = np.zeros(self.order)
+        power, x = checks.finite("power", power, unit="W"), np.zeros(self.order)
         for share in np.linspace(0.125, 1, 8):
             for _ in range(20):
                 change = np.linalg.solve(self.jacobian(x, share * power), self.rate(x, share * power))
