@@ -90,7 +90,8 @@ def build(
     delta_T [shape (n,) or (n, probes), K]
     read: names of the probes.
     attributes: provenance.
-    Raises InputError: times that do not increase, numbers that are not finite, a rise of another length, no waveform.
+    Raises InputError: times that do not increase, numbers that are not finite, a rise of another length, no waveform;
+        more than one period where ``periodic``.
     """
     checks.has("wave", wave, "breakpoints", hint="a waveform is needed; e.g. th.Pulse(power=2e-3, width=20e-6)")
     read = checks.instances("read", read, str)
@@ -101,6 +102,8 @@ def build(
             f"delta_T has shape {rise.shape}; a value for each of {times.size} times is needed, or for each of "
             f"{len(read)} probes at each time"
         )
+    if checks.flag("periodic", periodic):
+        _check_one_period("times", times, wave)
     several = rise.ndim == 2
     variables = {
         "delta_T": column(("time", "probe") if several else "time", rise, describe("delta_T")),
@@ -110,7 +113,7 @@ def build(
     if several:
         coordinates["probe"] = column("probe", list(read), {"long_name": "part whose mean is read"})
     attrs = {
-        **stamp("periodic" if checks.flag("periodic", periodic) else "transient"),
+        **stamp("periodic" if periodic else "transient"),
         "waveform": waveforms.to_json(waveforms.storable(wave, float(times[-1]))),
         "read": ", ".join(read),
         **attributes,
@@ -189,6 +192,8 @@ def response_of(data: xr.Dataset) -> Response:
         wave = waveforms.Sampled(times, data["power"].values)
     _check_times(wave, times, rise)
     periodic = checks.choice("data.attrs['kind']", data.attrs.get("kind", "transient"), KINDS) == "periodic"
+    if periodic:
+        _check_one_period("data.time", times, wave)
     doubts = static_gain.contradictions(data, wave, times, rise, periodic=periodic)
     words = f"{waveforms.words(wave)}, {'periodic state' if periodic else 'from rest'}"
     gain = static_gain.static_gain(data)
@@ -199,6 +204,13 @@ def response_of(data: xr.Dataset) -> Response:
     if 0 < rest < 1:
         raise checks.InputError(f"data.attrs[{REST!r}] = {rest:g} is no number of rows; 0, or 1 and more, is needed")
     return Response(wave, times, rise, periodic, words, gain, doubts, min(within, float(times[-1]) / FEWEST), rest)
+
+
+def _check_one_period(name: str, times: Array, wave: waveforms.Waveform) -> None:
+    """InputError where the times of a periodic state run on beyond one period, as closed forms and weights do not."""
+    if wave.period is not None and times[-1] > wave.period * (1 + 1e-9):
+        held = f"a periodic state is one period of {wave.period:g} s"
+        raise checks.InputError(f"{name} runs to {times[-1]:g} s; {held}", "leave the later periods out")
 
 
 def _estimated(data: xr.Dataset, name: str, known: float, most: float) -> float:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +12,11 @@ from thermofem import checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.display import shown
 
+GRID, BEST = 12, 3  # time constants on a grid, any of which are tried together; the best combinations begin a search
+RANKED = 200  # samples by which they are compared
+FASTER, SLOWER = 10.0, 100.0  # time constants between the closest samples over this, and the span times this
+STEEPEST = 100.0  # largest -t/tau of a sample before 0
+FALLEN = 0.99  # of the largest rise: what does not end below is no cooling curve
 LATEST = 10.0  # begin of the times over their length; exp(-t/tau) of the first guess is zero from 18 times on
 
 
@@ -48,7 +55,7 @@ def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
     Raises
     ------
     InputError
-        too few samples, times that do not increase or begin far from 0, numbers that are not
+        too few samples, times that do not increase or begin far from 0, a rise that does not fall, numbers that are not
         finite.
 
     Source of the form: Borghi et al., Opt. Express 29, 4363 (2021), Section 5, C_s exp(-t/tau_s) + C_f exp(-t/tau_f).
@@ -68,13 +75,23 @@ def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
             f"times begins at {t[0]:g} s and lasts {span:g} s; 0 is the end of the power: subtract that moment"
         )
     y = y / size  # SciPy's tolerance of the gradient is absolute
+    if np.abs(y[-1]) > FALLEN:
+        raise checks.InputError(f"rise ends at {size * y[-1]:.3g} K of at most {size:.3g} K; a cooling curve falls")
 
-    def misfit(log_tau: Array) -> Array:
-        columns = np.exp(-t[:, None] / np.exp(log_tau))
-        return y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
+    def misfit(log_tau: Array, few: slice = slice(None)) -> Array:
+        columns = np.exp(-t[few, None] / np.exp(log_tau))
+        return y[few] - columns @ np.linalg.lstsq(columns, y[few], rcond=None)[0]
 
-    start = np.log(np.geomspace(span / 40, span / 3, order) if order > 1 else [span / 5])
-    tau = np.exp(np.sort(least_squares(misfit, start, xtol=1e-12, ftol=1e-12, gtol=1e-12).x))
+    few = slice(None, None, max(1, t.size // RANKED))
+    low = np.log(max(float(np.diff(t).min()) / FASTER, -float(t[0]) / STEEPEST, np.finfo(float).tiny))
+    high = np.log(SLOWER * span)
+    grid = np.linspace(low, high, GRID + 2)[1:-1]
+    ways = sorted(combinations(grid, order), key=lambda way: float(np.sum(misfit(np.array(way), few) ** 2)))
+    spread = np.log(np.geomspace(span / 40, span / 3, order) if order > 1 else [span / 5])
+    starts = np.clip([spread, *ways[:BEST]], low, high)
+    exactly: dict[str, Any] = {"bounds": (low, high), "xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-12}
+    best = min((least_squares(misfit, start, **exactly) for start in starts), key=lambda end: float(end.cost))
+    tau = np.exp(np.sort(best.x))
     columns = np.exp(-t[:, None] / tau)
     amplitude = np.linalg.lstsq(columns, y, rcond=None)[0]
     return Decay(size * amplitude, tau, size * float(np.sqrt(np.mean((y - columns @ amplitude) ** 2))))

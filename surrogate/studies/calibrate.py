@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import CrossSection, Foster, OutputMap, checks, waveforms
+from thermofem import CrossSection, Foster, OutputMap, checks
+from thermofem.algebra.poles import pole_responses
 from thermofem.arrays import Array
 from thermofem.dataset import Response, at_probe, responses_of, warn_of
 from thermofem.display import shown
+from thermofem.models.contract import warn_beyond
 
 from ..family import Certified, Family
 from ..family.box import Box
@@ -135,7 +137,7 @@ def calibrate(
     def jacobian(x: Array) -> Array:
         row, model = span.at(x), family.at(values_of(x))
         modal = family.modal_derivative(row)
-        each = np.concatenate([modal.response(d.wave, _times(d), periodic=d.periodic) for d in responses], axis=1)
+        each = np.concatenate([modal.response(d.wave, d.times, periodic=d.periodic) for d in responses], axis=1)
         if isinstance(model, OutputMap) and family.bend is not None:  # dT = z + a z^2
             z = np.concatenate([_rise(model.linear, d) for d in responses])
             each = (1 + 2 * model.coefficient * z) * each + np.outer(family.bend.slopes(family.box, row), z**2)
@@ -176,14 +178,12 @@ def _slope(box: Box, x: Array) -> Array:
     return np.where(logarithmic, box.at(x) * decades, box.high - box.low)
 
 
-def _times(response: Response) -> Array:
-    return waveforms.period_times(response.wave, response.times.size) if response.periodic else response.times
-
-
 def _rise(model: Foster | OutputMap, response: Response) -> Array:
-    if response.periodic:
-        return model.periodic_response(response.wave, response.times.size)
-    return model.response(response.wave, response.times)
+    """Rise in K at the times of the data, which need not be spread over a period as `periodic_response` has them."""
+    if isinstance(model, OutputMap):
+        return warn_beyond(model.of(_rise(model.linear, response)), model.largest_rise)
+    rate = 1 / np.asarray(model.tau)
+    return pole_responses(rate, response.wave, response.times, periodic=response.periodic) @ model.gain
 
 
 def _check_channel(family: Family, data: Any) -> None:

@@ -128,6 +128,14 @@ def test_decay_recovers_two_exponentials():
     assert found.amplitude == pytest.approx([9, 6], rel=1e-6, abs=0)
 
 
+@pytest.mark.parametrize("tau", [(3e-8, 1e-6), (1e-8, 3e-6), (1e-8, 1e-7, 1e-6), (1.46e-8, 4.25e-8, 2.15e-6, 8.92e-6)])
+def test_decay_of_samples_spread_over_decades(tau):
+    """One start from the length of the record ended at 20 ps and 298 ns, or in an error of LAPACK."""
+    t = np.append(0, np.geomspace(1e-9, 1e-4, 200))
+    found = surrogate.fit_decay(t, np.exp(-t[:, None] / np.array(tau)).sum(axis=1), order=len(tau))
+    assert found.tau == pytest.approx(tau, rel=1e-5, abs=0)
+
+
 @pytest.mark.parametrize("scale", [1e-200, 1e-5, 1e200])
 def test_a_decay_has_the_same_time_constants_at_every_scale(scale):
     """Exact data again: at 10 uK the search stopped where it began, at 4 us for 1 us."""
@@ -152,6 +160,8 @@ def test_a_decay_has_the_same_time_constants_at_every_scale(scale):
         (lambda d: surrogate.newton(tau_th=-1e-9), "tau_th = -1e-09 must be positive"),
         (lambda d: surrogate.fit_decay([0, 1, 2], [3, 2, 1]), "more than 4"),
         (lambda d: surrogate.fit_decay(1 + 1e-6 * np.arange(9), np.exp(-np.arange(9))), "times begins at 1 s"),
+        (lambda d: surrogate.fit_decay(1e-6 * np.arange(9), np.ones(9)), "a cooling curve falls"),
+        (lambda d: surrogate.fit_decay(1e-6 * np.arange(9), -np.arange(9.0)), "a cooling curve falls"),
     ],
 )
 def test_bad_input(call, words):
@@ -169,3 +179,15 @@ def test_a_thermal_resistance_other_than_that_of_the_data_is_told():
     (note,) = [note for note in newton.notes if "R_th" in note]
     assert "where the data state 7.86 K/mW" in note
     assert not [note for note in foster.notes if "R_th" in note]
+
+
+def test_more_than_one_period_of_a_periodic_state_is_refused():
+    """The closed forms went on beyond the period: a linear answer had an output map of 0.015 /K."""
+    wave, model = th.SquareWave(1e-3, 1e-6, 0.5), th.Foster([2e3, 5e3], [5e-8, 1e-6])
+    one, rise = th.waveforms.period_times(wave, 101), model.periodic_response(wave, 101)
+    twice, rises = np.append(one[:-1], 1e-6 + one), np.append(rise[:-1], rise)
+    with pytest.raises(th.InputError, match="times runs to 2e-06 s; a periodic state is one period of 1e-06 s"):
+        th.dataset.build(twice, rises, wave, periodic=True)
+    data = th.dataset.build(twice, rises, wave).assign_attrs(kind="periodic")
+    with pytest.raises(th.InputError, match=r"data\.time runs to 2e-06 s"):
+        surrogate.fit_foster(data, 2)

@@ -7,6 +7,7 @@ from surrogate_systems import strip
 import surrogate
 import thermofem as th
 from surrogate.judging.swings import swing_over_period
+from surrogate.judging.validate import COMPARED
 
 FAST, SLOW = th.Foster(R=[5000.0], tau=[1e-7]), th.Foster(R=[5000.0], tau=[2e-7])
 PERIODS = np.geomspace(1e-7, 1e-5, 25)
@@ -143,6 +144,16 @@ def test_compare_states_the_range_of_every_model_at_the_power_of_the_drives(trai
     assert surrogate.compare(trained, reference).validity.values.tolist()[1].startswith("within 10 % from 0.5")
 
 
+@pytest.mark.parametrize("drive", [th.SquareWave(2e-3, 1e-5, 0.1), th.Pulse(2e-3, 2e-5)])
+def test_the_error_just_after_an_edge_counts(drive):
+    """301 samples of the period saw .057 K of .685 K, and 1204 of the pulse .15 K."""
+    fast, other = th.Foster([2e3, 3e3], [5e-9, 1e-7]), th.Foster([2e3, 3e3], [8e-9, 1e-7])
+    # 2 R P (e^-u/8 - e^-u/5) at its maximum, u = ln(8/5)/(1/5 - 1/8) ns, but for what is left of the period before
+    u = np.log(8 / 5) / (1 / 5 - 1 / 8)
+    exact = 2e3 * 2e-3 * (np.exp(-u / 8) - np.exp(-u / 5))
+    assert surrogate.compare({"": other}, fast, [drive], periods=[]).peak.values == pytest.approx(exact, rel=1e-2)
+
+
 def test_compare_measures_a_known_difference(reference):
     slower = th.Foster(R=1.01 * np.asarray(reference.R), tau=reference.tau)
     result = surrogate.compare({"one percent": slower, "itself": reference}, reference)
@@ -151,7 +162,7 @@ def test_compare_measures_a_known_difference(reference):
     assert exact.rms.max() == exact.peak.max() == 0
     off = result.sel(model="one percent")
     drive = th.SquareWave(2e-3, 1e-7, 0.1)
-    rise = reference.periodic_response(drive, 301)
+    rise = reference.periodic_response(drive, COMPARED)
     assert off.peak.values[0] == pytest.approx(0.01 * rise.max(), rel=1e-9)
     assert off.peak_relative.values[0] == pytest.approx(0.01 * rise.max() / np.ptp(rise), rel=1e-9)
     assert off.rms.values[0] == pytest.approx(0.01 * np.sqrt(np.mean(rise**2)), rel=1e-9)
