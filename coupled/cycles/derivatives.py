@@ -36,8 +36,8 @@ from .start import settled
 if TYPE_CHECKING:
     import xarray as xr
 
-BIT, SMALL = 2e-7, 1e-5  # steps along the period for first and second derivatives
-FINE = 1e-9  # error of the polynomials between the stages where duty and swing are differentiated
+BIT, SMALL = 5e-4, 1e-3  # of a mesh interval: steps for first and second derivatives along the period
+FINE = 1e-10  # error of the polynomials between the stages where duty and swing are differentiated
 
 
 @one_laser
@@ -78,7 +78,9 @@ def cycle_derivatives(
     InputError
         as `limit_cycle`, and an unknown name.
 
-    Measured against central differences of converged cycles: 1e-6 of the largest term.
+    Measured against central differences of converged cycles, per relative change of a parameter: 1e-6 of each measure.
+    Of short pulses the duty cycle loses digits, as it is the difference of two moments of the period: 1e-5 of a duty
+    cycle of 1e-3, and 4e-3 of one of 5e-6.
 
     >>> import coupled, thermofem as th
     >>> model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
@@ -165,18 +167,27 @@ def _values(p: CycleProblem, orbit: Orbit, at: Array) -> Array:
 
 def _slopes(p: CycleProblem, orbit: Orbit, at: Array) -> Array:
     """Their derivatives by the fraction, of the polynomials: the equations magnify an error of the field by 1e3."""
-    return np.asarray((_values(p, orbit, at + BIT) - _values(p, orbit, at - BIT)) / (2 * BIT))
+    step = BIT * _widths(orbit, at)
+    return np.asarray((_values(p, orbit, at + step) - _values(p, orbit, at - step)) / (2 * step[:, None]))
+
+
+def _widths(orbit: Orbit, at: Array) -> Array:
+    """Smallest of the mesh interval at each fraction of the period and its two neighbours: pulses are short."""
+    width = np.diff(orbit.tau)
+    at_least = np.minimum(width, np.minimum(np.roll(width, 1), np.roll(width, -1)))
+    return np.asarray(at_least[np.clip(np.searchsorted(orbit.tau, at, side="right") - 1, 0, width.size - 1)])
 
 
 def _turns(p: CycleProblem, orbit: Orbit, at: Array) -> Array:
     """The extremes of U (two) and dT (two) moved to those of the polynomials, by Newton's method."""
-    at = at.copy()
     column = np.array([ENERGY, ENERGY, HEAT, HEAT])
+    step = SMALL * _widths(orbit, at)
     for _ in range(2):
-        before, here, after = (_values(p, orbit, at + k * SMALL)[np.arange(4), column] for k in (-1, 0, 1))
+        at = np.clip(at, step, 1 - step)
+        before, here, after = (_values(p, orbit, at + k * step)[np.arange(4), column] for k in (-1, 0, 1))
         bend = after - 2 * here + before
-        at -= np.where(bend != 0, SMALL * (after - before) / (2 * np.where(bend != 0, bend, 1)), 0)
-    return np.asarray(np.clip(at, SMALL, 1 - SMALL))
+        at = at - np.where(bend != 0, step * (after - before) / (2 * np.where(bend != 0, bend, 1)), 0)
+    return np.asarray(np.clip(at, step, 1 - step))
 
 
 def _rise(p: CycleProblem, states: Array, moved: Array) -> Array:

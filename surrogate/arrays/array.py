@@ -91,8 +91,7 @@ class ArrayReduction(HasModel):
     def channel(self, heated: int, read: int) -> Foster:
         """One channel between two rings, counted from 0, as a Foster network; its R_i may be of either sign."""
         for name, ring in (("heated", heated), ("read", read)):
-            if not 0 <= ring < self.rings:
-                raise InputError(f"{name} = {ring!r} is no ring; they are counted from 0 to {self.rings - 1}")
+            checks.integer(name, ring, 0, self.rings - 1, hint="rings are counted from 0")
         rate = -np.asarray(self.model.A).diagonal()
         residue = self.model.C[read] * self.model.B[:, heated]
         used = residue != 0
