@@ -14,6 +14,8 @@ from .network import light_of
 if TYPE_CHECKING:
     import xarray as xr
 
+RESONANT = 1e12  # light in a loop over that which enters it, from which on no digits are left
+
 
 def spectrum(circuit: Circuit, detunings: ArrayLike, *, laser: str | None = None) -> xr.Dataset:
     """Transmission from one laser to every port at low power.
@@ -37,7 +39,7 @@ def spectrum(circuit: Circuit, detunings: ArrayLike, *, laser: str | None = None
     Raises
     ------
     InputError
-        detunings that do not increase, or a name that is no laser.
+        detunings that do not increase, a resonance of a loop of waveguides without loss, or a name that is no laser.
 
     >>> import coupled
     >>> at = coupled.spectrum(coupled.bus(coupled.borghi2021()), [0.0])
@@ -60,7 +62,11 @@ def spectrum(circuit: Circuit, detunings: ArrayLike, *, laser: str | None = None
         own = np.diag([ring.linear_rate for ring in rings] + 1j * turn)
         # waves at the starts of the delayed waveguides are unknowns, too: u = A a + B l + P u
         A, B, P = light.seen_ring[:D], light.seen_laser[:D, k], light.seen_delay[:D]
-        late = np.linalg.inv(np.eye(D) - P)
+        around = np.eye(D) - P
+        if D and np.linalg.cond(around) > RESONANT:
+            what = f"detunings[{m}] = {nu[m]:g} Hz is a resonance of a loop of waveguides without loss"
+            raise checks.InputError(what, "give one of them a loss, or leave that detuning out")
+        late = np.linalg.inv(around)
         matrix = own - light.between - 1j * light.from_delay @ late @ A
         a = np.linalg.solve(matrix, 1j * (light.from_laser[:, k] + light.from_delay @ late @ B))
         u = late @ (A @ a + B)

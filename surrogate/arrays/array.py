@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import Foster, HeatProblem, InputError, StateSpace, checks
+from thermofem import Foster, HeatProblem, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.display import shown
 from thermofem.models import HasModel
