@@ -26,6 +26,7 @@ CLOSED = 1e-7  # relative distance of the two ends of a cycle
 LAPS = (1, 2, 3, 4)  # pulses in one period, tried in turn
 ITERATIONS = 12
 SWING = 1e-3  # relative, below which a state counts as at rest
+TURNED = 0.01  # of the multiplier of a shift in time from 1: what differences of steep pulses make of it
 
 
 def circuit_limit_cycle(
@@ -88,8 +89,8 @@ def circuit_limit_cycle(
             break
     else:
         raise checks.InputError(
-            f"settle = {settle:g} s leads to no cycle that repeats within {LAPS[-1]} pulses; "
-            "lengthen it, or the pulses never repeat"
+            f"settle = {settle:g} s leads to no cycle that repeats within {LAPS[-1]} pulses",
+            "lengthen it, unless the pulses die away or never repeat",
         )
     y, period, multipliers = closed
     begin = xr.Dataset(attrs=run.attrs | {"final_state": y * units})
@@ -157,7 +158,9 @@ def _closed(system: System, y: Array, period: float) -> tuple[Array, float, Any]
             M[:, j] = (_flown(system, y + delta, period) - _flown(system, y - delta, period)) / (2 * CHANGE) / scale
         if np.linalg.norm(missed) < CLOSED * np.sqrt(y.size):
             values = np.linalg.eigvals(M)
-            return y, period, values[np.argsort(-np.abs(values))]
+            moves = np.linalg.norm(_flow(system, y) / scale) * period > SWING  # at a fixed point every period closes
+            along = np.abs(values - 1).min() < TURNED
+            return (y, period, values[np.argsort(-np.abs(values))]) if moves and along else None
         along, leaving = _flow(system, end) / scale, _flow(system, y) / scale
         matrix = np.block([[M - np.eye(y.size), along[:, None]], [leaving[None], np.zeros((1, 1))]])
         step = np.linalg.lstsq(matrix, np.append(-missed, 0.0), rcond=None)[0]

@@ -81,6 +81,7 @@ class Stepper:
         self.factors = Pencil(self.E, -self.A) if factors is None else factors
         self.steps = self.rejected = self.factorizations = self.solves = 0
         self._knots, self.smooth_peak = np.empty(0), 0.0
+        self.least = 0.0  # W: errors of smaller rises than this power makes in the steady state are measured against it
 
     def solve(self, shift: float, rhs: Array) -> Array:
         """(E - shift A)^-1 rhs; shifts equal to 9 digits share a factorization."""

@@ -51,8 +51,9 @@ def integrate(
     waves [Waveform, or one for each input]
     times [s]: increasing, not negative.
     rtol: accumulated error of every output, relative to the largest value it has had (under a smooth power, at least to
-        1e-6 of the static rise at its peak); of a probe that the heat has not reached yet, relative to a tenth of what
-        the field so far would mean there in the steady state.
+        1e-6 of the static rise at its peak; with laws of the temperature, at least to 1e-9 K/rtol, round-off at 300 K);
+        of a probe that the heat has not reached yet, relative to a tenth of what the field so far would mean there in
+        the steady state.
     initial [shape (states,), K]: rise at t = 0; default none.
     snapshots [s]: times whose whole state is kept.
     ledger: closes the energy balance, see `Trajectory.imbalance`.
@@ -224,7 +225,7 @@ class _Control:
 
     def __init__(self, stepper: Stepper, rtol: float, x: Array) -> None:
         self.stepper, self.rtol = stepper, rtol
-        floor = FLOOR * stepper.smooth_peak
+        floor = max(FLOOR * stepper.smooth_peak, stepper.least)
         self.outputs = np.maximum(np.abs(stepper.C @ x), floor * np.abs(stepper.C @ stepper.steady))
         self.field = max(stepper.norm(x), floor * stepper.norm(stepper.steady))
         self.first_step = np.inf

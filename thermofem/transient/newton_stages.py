@@ -28,6 +28,7 @@ SLIGHT_DRIFT = 0.03  # the same where the step has changed length, so that facto
 ITERATIONS = 10  # per stage, before the factors are renewed
 PATIENCE = 3  # iterations before their rate is judged: a good guess makes the first ratios large
 STALLED = 0.95  # ratio of successive corrections above which they are renewed at once
+ROUND_OFF = 1e-12  # K, of laws at 300 K and sums over nodes: corrections below do not shrink any further
 SHARE = 0.02  # of the step's error, left by the iteration; a larger share disturbs the error estimate (measured)
 
 # value at each stage of the polynomial through the stages before it
@@ -66,7 +67,9 @@ class NewtonStepper(Stepper):
         self.system = system
         self.tolerance = SHARE * tolerance * (0.5 if system.content.laws else 1.0)
         self._weight = self.E.diagonal()
-        self._scale = np.zeros(1 + self.C.shape[0])
+        steady = self._measure(self.steady)
+        self.least = ROUND_OFF / self.tolerance / max(float(steady[:-1].max()), np.finfo(float).tiny)
+        self._scale = self.least * steady
         self._rate = 0.0  # of convergence, per K of the largest rise: it grows with the rise
         self._at: Array | None = None  # where the renewed factors belong; None: the linear ones serve
         self._renewed: dict[float, Solve] = {}
