@@ -51,7 +51,7 @@ class State:
         checks.between("field energy", size * size, 0, 1e-9, unit="J", hint=FIELD_HINT)
         checks.between("carriers", self.carriers, 0, 1e28, unit="1/m^3", hint="1e17 cm^-3 is 1e23")
         object.__setattr__(self, "field", value)
-        object.__setattr__(self, "thermal", checks.array("thermal", self.thermal))
+        checks.keep(self, thermal=checks.array("thermal", self.thermal))
 
     @classmethod
     def cold(cls, order: int) -> State:

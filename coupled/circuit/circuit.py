@@ -183,4 +183,17 @@ def _named(rings: Any) -> dict[str, RingResonator]:
     for name, ring in named.items():
         check_name("ring", name)
         checks.instance(f"ring {name!r}", ring, RingResonator, hint="it must be a RingResonator")
-    return named
+    return _ByName(named)
+
+
+class _ByName(dict[str, RingResonator]):
+    """Rings by name, read-only: what is written later is not checked."""
+
+    def _refuse(self, *_: Any, **__: Any) -> Any:
+        raise TypeError("the rings of a Circuit cannot be changed; dataclasses.replace makes another Circuit")
+
+    __setitem__ = __delitem__ = __ior__ = update = pop = popitem = clear = setdefault = _refuse
+
+    def __reduce__(self) -> Any:
+        """Pickled as a plain dict, which unpickling may fill."""
+        return type(self), (dict(self),)

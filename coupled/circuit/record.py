@@ -26,7 +26,7 @@ NAMES = {
     "mean_output": ("W", "power that the detectors show, averaged since the time before"),
     "phase": ("rad", "phase of the light at the ports, against the first laser's"),
     "input": ("W", "power of the lasers"),
-    "lost": ("W", "power lost in waveguides"),
+    "lost": ("W", "power lost in waveguides and on the way from lasers"),
     "scattered": ("W", "power scattered by the rings"),
 }
 
@@ -66,12 +66,10 @@ def dataset_of(
     variables: dict[str, Any] = {name: (("ring", "time"), values, described(name)) for name, values in of_rings.items()}
     variables["output"] = (("port", "time"), shown, described("output"))
     variables["phase"] = (("port", "time"), np.arctan2(imaginary[seen], real[seen]), described("phase"))
-    variables["input"] = (
-        ("laser", "time"),
-        np.array([np.maximum(p(time), 0) for p in system.powers]),
-        described("input"),
-    )
-    variables["lost"] = (("time",), light.lost @ power, described("lost"))
+    given = np.array([np.maximum(p(time), 0) for p in system.powers])
+    variables["input"] = (("laser", "time"), given, described("input"))
+    on_the_way = np.array([1 - abs(laser.transmission) ** 2 for laser in circuit.lasers])
+    variables["lost"] = (("time",), light.lost @ power + on_the_way @ given, described("lost"))
     if corner.size:
         late = corner[D : D + ports] > 0
         shown = np.where(late[:, None], rows[:, -Q + D : rows.shape[1] - Q + D + ports].T * eq.UW, shown)

@@ -86,9 +86,9 @@ def simulate_circuit(
     -------
     xarray.Dataset
         over time (s): energy (J), carriers (1/m^3), delta_T (K), absorbed and scattered (W) by ring; output (W) and
-        phase (rad) by port; input (W) by laser; heater_power (W) by heater; lost (W) in waveguides. Where a detector
-        has a bandwidth, detected (W) by port, too: what the detectors show, dark at t = 0. A detuning that varies is
-        a variable (Hz), and a constant one an attribute. Light at a jump is that after it.
+        phase (rad) by port; input (W) by laser; heater_power (W) by heater; lost (W) in waveguides and on the way from
+        lasers. Where a detector has a bandwidth, detected (W) by port, too: what the detectors show, dark at t = 0. A
+        detuning that varies is a variable (Hz), and a constant one an attribute. Light at a jump is that after it.
 
     Raises
     ------

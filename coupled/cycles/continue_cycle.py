@@ -29,6 +29,7 @@ from .start import settled
 if TYPE_CHECKING:
     import xarray as xr
 
+MOST = 100_000  # cycles of a branch
 SAME_RISE = 1e-6  # of a rise by heaters: what one model makes of equal powers
 
 
@@ -97,6 +98,7 @@ def continue_cycle(
     4.598 GHz; ends in a Hopf point
     """
     check_ring(ring)
+    points = checks.integer("points", points, 1, MOST)
     warm = constant(model, heaters, heated, read)
     P, nu = _laser(guess, power, detuning, warm.turned(ring))
     if detuning is None and not is_hopf_point(guess):

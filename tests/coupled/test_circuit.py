@@ -1,5 +1,7 @@
 """Several rings: one ring alone, power balance, transfer matrices, delays, heat between rings, other solvers."""
 
+import copy
+import pickle
 from dataclasses import replace
 from itertools import pairwise
 
@@ -89,6 +91,7 @@ def test_power_is_conserved_at_every_time():
     """Input = output + absorbed + scattered + lost + d(energy)/dt, the last by differences over 0.1 ps."""
     rings = [replace(RING, scattering_rate=2e9), replace(RING, frequency=RING.frequency + 4e9), RING]
     circuit = coupled.scissor(rings, phase=0.7, loss=0.4)
+    circuit = replace(circuit, lasers=[replace(circuit.lasers[0], loss=1.0)])  # whose loss was nowhere: 21 %
     middle, step = np.linspace(1e-9, 0.8e-6, 60), 5e-14
     times = np.sort(np.concatenate([middle - step, middle, middle + step]))
     run = coupled.simulate_circuit(
@@ -482,3 +485,16 @@ def test_heat_goes_to_the_rings_that_the_model_names(caplog):
     parts = replace(model, inputs=("core", "heater"), outputs=("core", "heater"))
     coupled.simulate_circuit(both, parts, inputs={"a": 5e-3}, duration=1e-8)
     assert "thermal is of core, heater: they stand for the rings a, b, in this order" in caplog.text
+
+
+def test_a_circuit_cannot_be_changed_behind_its_checks():
+    circuit = coupled.bus([RING])
+    rings = circuit.rings
+    for change in (lambda: rings.update(b=RING), lambda: rings.__setitem__("b", 1), rings.clear):
+        with pytest.raises(TypeError, match="rings of a Circuit cannot be changed"):
+            change()
+    again = pickle.loads(pickle.dumps(circuit))
+    assert again == circuit == copy.deepcopy(circuit)
+    assert list(again.rings) == ["ring 1"]
+    with pytest.raises(ValueError, match="read-only"):
+        coupled.State.cold(2).thermal[0] = 1.0

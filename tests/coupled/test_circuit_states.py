@@ -75,6 +75,18 @@ def test_one_ring_has_the_cycle_of_limit_cycle():
     assert ours.delta_T.values[0, 0] == pytest.approx(ours.delta_T.values[0, -1], rel=1e-6, abs=0)
 
 
+@pytest.mark.parametrize(("power", "detuning"), [(0.002938037697727, 21.66839546736296e9), (3e-3, 22e9)])
+def test_a_circuit_that_comes_to_rest_slowly_has_no_cycle(power, detuning):
+    """At a fixed point every period closes: a "cycle" of 1.04 us with a swing of 5e-10 K."""
+    two, five = ([1998.1, 5786.2], [55.8e-9, 1.2e-6]), ([600, 1500, 2000, 2200, 1500], [2e-8, 1e-7, 4e-7, 2e-6, 1.2e-5])
+    model = th.Foster(*(two if power < 3e-3 else five))
+    circuit, inputs = coupled.bus(RING), {"in": power}
+    with pytest.raises(th.InputError, match="unless the pulses die away"):
+        coupled.circuit_limit_cycle(circuit, model, inputs=inputs, detuning=detuning)
+    at_rest = coupled.circuit_steady_states(circuit, model, inputs=inputs, detuning=detuning)
+    assert at_rest.growing.values.tolist() == [0]
+
+
 @pytest.mark.slow
 def test_a_faint_ring_beside_a_pulsing_one_follows_it():
     """The cycle of both is that of the ring that pulses, and the other one is heated by it."""

@@ -50,6 +50,18 @@ def test_kirchhoff_slab_in_closed_form(law):
     assert law.integral(T0, x) / law.factor(T0) == pytest.approx(g, rel=1e-9, abs=1e-9 * 60)
 
 
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6])
+def test_a_first_power_that_heats_by_less_than_round_off(rtol):
+    """1e-8 W in the first 10 ps heat by 1e-8 K: the steps shrank without end."""
+    heat = warm_fem()
+    times = np.append(0, np.geomspace(1e-11, 1e-6, 20))
+    rises = [
+        th.solve(heat, th.Sampled(t, 1e3 * np.asarray(t)), [1e-7, 1e-6], rtol=rtol).delta_T.values
+        for t in (times, [0, 1e-6])
+    ]  # one ramp, with and without knots
+    assert rises[0] == pytest.approx(rises[1], rel=2 * rtol)
+
+
 def test_static_strip_follows_kirchhoff_where_one_law_rules_all():
     """With k ~ 1/T in everything the Kirchhoff variable g solves the linear problem: T = T0 exp(g/T0)."""
     strip = th.strip_ring()
