@@ -178,7 +178,8 @@ def between(name: str, value: Any, low: float, high: float, *, unit: str = "", h
     """Return ``value`` as a float, or raise InputError unless low <= value <= high."""
     number = finite(name, value, unit=unit, hint=hint)
     if not low <= number <= high:
-        raise InputError(_rule(f"{name} = {number:g} must lie between {low:g} and {high:g}", unit), hint)
+        said = f"{number:g}" if not low <= float(f"{number:g}") <= high else repr(number)
+        raise InputError(_rule(f"{name} = {said} must lie between {low:g} and {high:g}", unit), hint)
     return number
 
 

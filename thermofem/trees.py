@@ -83,9 +83,27 @@ def check(tree: Any) -> Any:
             elif isinstance(node, list | tuple):
                 below.extend(node)
             else:
-                _check_leaf(node)
+                try:
+                    _check_leaf(node)
+                except InputError as error:
+                    raise InputError(f"{_place(tree, node)}{error.rule}", error.hint) from None
         level, depth = below, depth + 1
     return tree
+
+
+def _place(tree: Any, leaf: Any) -> str:
+    """Where a leaf stands, such as "ring[1].shift: "."""
+    left = [("", tree)]
+    while left:
+        name, node = left.pop()
+        if node is leaf:
+            whole = name.removeprefix(".").encode("utf-8", "backslashreplace").decode()
+            return f"{whole}: " if name else ""
+        if isinstance(node, dict):
+            left.extend((f"{name}.{key}", item) for key, item in reversed(node.items()))
+        elif isinstance(node, list | tuple):
+            left.extend((f"{name}[{k}]", item) for k, item in reversed([*enumerate(node)]))
+    return ""
 
 
 def _check_leaf(value: Any) -> None:
@@ -99,7 +117,7 @@ def _check_leaf(value: Any) -> None:
             raise InputError(f"{shown(value, most=30)} is an integer beyond 64 bits; write it as 1e20")
     elif isinstance(value, float):
         if not math.isfinite(value):
-            raise InputError(f"it holds {value}, which is no number")
+            raise InputError(f"{value} is no number")
     else:
         raise InputError(f"{shown(value)} is neither text, number, true nor false; dates have no place here")
 

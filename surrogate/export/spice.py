@@ -25,11 +25,14 @@ USAGE = (
     "set .options reltol=1e-6 trtol=1 to keep the simulator's own error below 1e-4",
 )
 
+# names of nodes and subcircuits that ngspice takes for the ground, the temperature or the kind of a source
+WORDS = ("ambient", "gnd", "null", "temper", "time", "hertz", "ac", "dc", "pulse", "sin", "exp", "pwl", "sffm", "am")
+
 
 def write(model: Any, path: Path, header: list[str]) -> Path:
     """Write the subcircuit named after the file; see `surrogate.export_model`."""
-    name = identifiers([path.stem])[0]
-    net = network(model, taken=("ambient", "gnd"))
+    name = identifiers([path.stem], taken=WORDS)[0]
+    net = network(model, taken=WORDS)
     pins = " ".join(net.pins) if len(net.pins) <= 8 else "PINS"
     lines = [*USAGE, f"in a netlist: X1 {pins} 0 {name}, where node 0 is the ambient", "", *header]
     if net.turns is not None:
@@ -93,6 +96,8 @@ def _pin(i: int, pin: str, net: PoleCircuit) -> list[str]:
         f"E{i + 1}_{k + 1} {nodes[n]} {nodes[n + 1]} x__{k + 1} ambient {float(shares[k])!r}"
         for n, k in enumerate(used)
     ]
+    if not used.size:
+        sums.append(f"V{nodes[0]} {nodes[0]} ambient 0")  # no pole reaches it: it stays at 0 K
     if net.coefficient:
         z = f"V({nodes[0]},ambient)"
         sums.append(f"Bmap{i + 1} p__{i + 1} ambient V={z}+({net.coefficient!r})*{z}*{z}")

@@ -82,7 +82,7 @@ def _coupled(net: PoleCircuit, turns: np.ndarray) -> list[str]:
             lines.append(f"  Temp(pin__{i}) <+ 0;")
         else:
             used = [(k, share) for k, share in enumerate(shares, start=1) if share]
-            rise = " + ".join(f"{float(share)!r} * Temp(pole__{k})" for k, share in used)
+            rise = " + ".join(f"{float(share)!r} * Temp(pole__{k})" for k, share in used) or "0"
             square = f" + ({net.coefficient!r}) * z__{i} * z__{i}" if net.coefficient else ""
             lines += [f"  z__{i} = {rise};", f"  Temp(pin__{i}) <+ z__{i}{square};"]
     return [*lines, "end"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -102,6 +103,40 @@ def test_ngspice_finds_the_rise_of_an_output_map(ngspice, tmp_path):
         ngspice, tmp_path, [f"Iheat 0 core {SOURCES['pulse'][1]}", "Xring core 0 ring"], ["core"], 40e-6
     )
     close(rise, BENT.response(PULSE, times), 1e-4)
+
+
+@pytest.mark.parametrize("word", ["null", "gnd", "temper", "ac"])
+def test_a_part_or_file_named_like_a_word_of_ngspice(ngspice, tmp_path, word):
+    """A part called "null" was the ground: 1 instead of 7800 K/W, without a word."""
+    named = th.OutputMap(th.Foster(ONE.R, ONE.tau, inputs=(word,), outputs=(word,)), 1e-9)
+    for model, path in ((ONE, tmp_path / f"{word}.cir"), (named, tmp_path / "ring.cir")):
+        surrogate.export_model(model, path, to="spice")
+        name = re.search(r"\.subckt (\w+)", path.read_text())[1]
+        path.rename(tmp_path / "ring.cir")
+        times, (rise,) = simulated(
+            ngspice, tmp_path, [f"Iheat 0 hot {SOURCES['pulse'][1]}", f"Xring hot 0 {name}"], ["hot"], 40e-6
+        )
+        close(rise, ONE.response(PULSE, times), 1e-4)
+        (tmp_path / "out.txt").unlink()
+
+
+def test_an_output_that_no_pole_reaches_stays_cold(ngspice, tmp_path):
+    """Its node floated in SPICE, and its sum was empty in Verilog-A."""
+    model = th.StateSpace(
+        np.eye(1),
+        -1e6 * np.eye(1),
+        np.array([[5e9]]),
+        np.array([[1.0], [0.0]]),
+        inputs=("core",),
+        outputs=("core", "far"),
+    )
+    surrogate.export_model(model, tmp_path / "ring.cir", to="spice")
+    wires = [f"Iheat 0 core {SOURCES['pulse'][1]}", "Xring core far 0 ring"]
+    times, (hot, cold) = simulated(ngspice, tmp_path, wires, ["core", "far"], 40e-6)
+    close(hot, th.Foster([5e3], [1e-6]).response(PULSE, times), 1e-4)
+    assert np.all(cold == 0)
+    surrogate.export_model(model, tmp_path / "ring.va", to="verilog-a")
+    assert "z__1 = 0;" in (tmp_path / "ring.va").read_text()
 
 
 def conductances(path, **potentials):

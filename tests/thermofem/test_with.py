@@ -61,6 +61,7 @@ def test_materials_boundaries_angles_and_words():
         ({"part.cor.radius": 5e-6}, "did you mean 'core'"),
         ({"part.core.radus": 5e-6}, "did you mean 'radius'"),
         ({"core.radius": 5e-6}, "leads nowhere"),
+        ({"part": "x", "part.core.width": 5e-7}, "path 'part' names a table, and no value in it"),
         ({"part.core.radius": 5.0}, "did you mean 5e-6"),
         ({3: 5.0}, "is no text"),
         ({"part.core.radius": 10**400}, "larger than any number"),

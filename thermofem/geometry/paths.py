@@ -51,6 +51,8 @@ def place(table: dict[str, Any], path: str, text: Any) -> None:
     Raises InputError: the path names a part, layer, interface or material that is not there.
     """
     kind, *middle = path.split(".")
+    if not middle and kind in (*_NAMED, *_TABLES):
+        raise InputError(f"path {path!r} names a table, and no value in it; {_HINT}")
     if not middle:
         table[kind] = text
         return
