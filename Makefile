@@ -75,6 +75,7 @@ audit: .venv/installed-dev
 	$(BIN)/python tests/audit/corners.py
 	$(BIN)/python tests/audit/reductions.py 1500
 	$(BIN)/python tests/audit/verdicts.py 4000
+	$(BIN)/python tests/audit/cycles.py 200
 	$(BIN)/python tests/audit/families.py
 	$(BIN)/python tests/audit/pulls.py 50
 

@@ -36,7 +36,7 @@ from .start import settled
 if TYPE_CHECKING:
     import xarray as xr
 
-BIT, SMALL = 5e-4, 1e-3  # of a mesh interval: steps for first and second derivatives along the period
+BIT, SMALL = 5e-4, 1e-4  # of a mesh interval: steps for first and second derivatives along the period
 FINE = 1e-10  # error of the polynomials between the stages where duty and swing are differentiated
 
 

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import re
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -70,3 +74,12 @@ def test_derivatives_of_pulses_much_shorter_than_the_period():
 def test_unknown_names_are_refused():
     with pytest.raises(th.InputError, match="R9"):
         coupled.cycle_derivatives(RING, FIVE, ["R9"], power=POWER)
+
+
+@pytest.mark.slow
+def test_derivatives_and_circuits_at_random_rings():
+    """Three rings of `make audit`."""
+    audit = Path(__file__).parents[1] / "audit" / "cycles.py"
+    done = subprocess.run([sys.executable, str(audit), "3"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert int(re.search(r"'derivatives right': (\d+)", done.stdout)[1]) > 10
