@@ -14,7 +14,7 @@ from .network import light_of
 if TYPE_CHECKING:
     import xarray as xr
 
-RESONANT = 1e12  # light in a loop over that which enters it, from which on no digits are left
+RESONANT = 1e9  # light in a loop over that which enters it, from which on fewer than seven digits are left
 
 
 def spectrum(circuit: Circuit, detunings: ArrayLike, *, laser: str | None = None) -> xr.Dataset:
@@ -63,7 +63,7 @@ def spectrum(circuit: Circuit, detunings: ArrayLike, *, laser: str | None = None
         # waves at the starts of the delayed waveguides are unknowns, too: u = A a + B l + P u
         A, B, P = light.seen_ring[:D], light.seen_laser[:D, k], light.seen_delay[:D]
         around = np.eye(D) - P
-        if D and np.linalg.cond(around) > RESONANT:
+        if D and np.linalg.norm(around, -2) * RESONANT < 1:
             what = f"detunings[{m}] = {nu[m]:g} Hz is a resonance of a loop of waveguides without loss"
             raise checks.InputError(what, "give one of them a loss, or leave that detuning out")
         late = np.linalg.inv(around)
