@@ -4,9 +4,11 @@ import { lifted, setting } from "./heater.mjs";
 import { DONE, integrate } from "./integrate.mjs";
 import { methodOf } from "./rosenbrock.mjs";
 import { FJ, NS, UW, absorbedPower, driveOf, turnOf } from "./ring.mjs";
-import { classify, columns, limitCycle, settling } from "./cycle.mjs";
+import { limitCycle, settling } from "./cycle.mjs";
 import { foldCurves, hopfCurves } from "./curves.mjs";
 import { follow, kindOf, reach, spectrumAt, steadyStates, survey, tilted } from "./equilibria.mjs";
+import { columns } from "./measure.mjs";
+import { classify, lasting } from "./pulsing.mjs";
 
 export function engineOf(tableaus) {
   const rodas4 = methodOf(tableaus.rodas4);
@@ -36,15 +38,21 @@ function trace(request, known, rodas4, rodas5p) {
     }
   }
   const run = integrate(system, drive, turn, start, duration / NS, { method: rodas4, rtol });
-  const all = columns(run.rows, 0, run.count);
-  const found = classify(all, rtol);
   const rows = lifted(run.rows.slice(0, 5 * run.count), rise);
+  const all = columns(rows, 0, run.count);
+  const found = verdict(all, rtol, () => steadyStates(drive, turn, system).map((p) => ({ ...p, dT: p.dT + rise })));
   const out = { ended: run.ended, steps: run.accepted, rows, pulsing: found, cycle: null };
   if (!settled) return out;
   const pulses = found.regime === "self-pulsing" && all.N.some((x) => x > 0); // settled cycles are told by carriers
   known.cycle = pulses ? settle(system, drive, turn, run.y, found, accuracyOf(request.quick, rodas4, rodas5p)) : null;
   if (known.cycle) out.cycle = { ...known.cycle, rows: lifted(known.cycle.rows.slice(), rise) };
   return out;
+}
+
+/** What a trace does; `points` gives the fixed points, which tell whether a trace that looks like rest is there. */
+function verdict(all, rtol, points) {
+  const found = classify(all, rtol);
+  return found.regime === "stable" ? lasting(found, all, points()) : found;
 }
 
 /** How accurately a settled cycle is computed. */
