@@ -10,8 +10,8 @@ import coupled
 import thermofem as th
 
 TRACE = """r => {
-    const { pulsing, cycle, steps } = globalThis.ringPage.engineOf(tables).trace({ ...r, rtol: 1e-6 });
-    return { ...pulsing, steps, duty: cycle ? cycle.duty : null, settled: !!cycle };
+    const { pulsing, cycle } = globalThis.ringPage.engineOf(tables).trace({ ...r, rtol: 1e-6 });
+    return { ...pulsing, settled: cycle && { period: cycle.period, duty: cycle.duty, pattern: cycle.pattern } };
 }"""
 STILL_MOVES = "slow heat still moves the ring"
 RING = coupled.borghi2021()
@@ -61,7 +61,16 @@ def test_the_duty_of_a_settled_cycle_of_short_pulses(js, seed):
     ring, model, power, detuning, duration = run_from_cold(seed)
     page = js(TRACE, argument(ring, model, power, detuning, duration=duration, settled=True))
     cycle = coupled.limit_cycle(ring, model, power=power, detuning=detuning)
-    assert page["duty"] == pytest.approx(cycle.attrs["duty"], rel=2e-4)
+    assert page["settled"]["duty"] == pytest.approx(cycle.attrs["duty"], rel=2e-4)
+
+
+def test_pulses_that_become_equal_are_one_period(js):
+    """They alternate by 1 % after 17 us, but not when settled: two of them counted as one period."""
+    ring, model, power, detuning, duration = run_from_cold(1433)
+    page = js(TRACE, argument(ring, model, power, detuning, duration=duration, settled=True))
+    cycle = coupled.limit_cycle(ring, model, power=power, detuning=detuning)
+    assert (page["pattern"], page["settled"]["pattern"]) == (2, 1)
+    assert page["settled"]["period"] * 1e-9 == pytest.approx(cycle.attrs["period"], rel=1e-6)
 
 
 @pytest.fixture(scope="module")

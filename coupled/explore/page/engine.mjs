@@ -10,6 +10,8 @@ import { follow, kindOf, reach, spectrumAt, steadyStates, survey, tilted } from 
 import { columns } from "./measure.mjs";
 import { classify, lasting } from "./pulsing.mjs";
 
+const EQUAL = 1e-4; // relative difference of periods that counts as none; a cycle of a slider is found within 1e-5
+
 export function engineOf(tableaus) {
   const rodas4 = methodOf(tableaus.rodas4);
   const rodas5p = methodOf(tableaus.rodas5p);
@@ -79,7 +81,7 @@ function settle(system, drive, turn, y, found, accuracy) {
     const cycle = limitCycle(system, drive, turn, near, found.level, { ...accuracy, period, pattern });
     if (cycle) {
       const slowest = settling(cycle.multipliers);
-      if (slowest < 1) return { ...cycle, slowest, pattern };
+      if (slowest < 1) return shortest(system, drive, turn, { ...cycle, slowest, pattern }, accuracy);
       const { re, im } = cycle.multipliers;
       if (!re.some((x, k) => x < -1 && im[k] === 0)) return null; // an unstable one is not where the ring settles
       [period, pattern] = [2 * period, 2 * pattern]; // pulses that alternate by less than classify sees
@@ -87,6 +89,18 @@ function settle(system, drive, turn, y, found, accuracy) {
     near = integrate(system, drive, turn, near, 20 * found.period, accuracy.rough).y;
   }
   return null;
+}
+
+/** A stable cycle, or the one of fewer pulses that it repeats: pulses that become equal may alternate while the ring settles. */
+function shortest(system, drive, turn, cycle, accuracy) {
+  for (let pattern = 1; pattern < cycle.pattern; pattern++) {
+    const period = (cycle.period * pattern) / cycle.pattern;
+    if (cycle.pattern % pattern) continue;
+    const part = limitCycle(system, drive, turn, cycle.y, cycle.level, { ...accuracy, period, pattern });
+    const slowest = part ? settling(part.multipliers) : Infinity;
+    if (slowest < 1 && Math.abs(part.period / period - 1) < EQUAL) return { ...part, slowest, pattern };
+  }
+  return cycle;
 }
 
 /** Every fixed point at one laser setting, SI. */
