@@ -306,7 +306,10 @@ def test_heaters(js):
 
 
 def test_a_cycle_is_followed_from_setting_to_setting(js):
-    """As while a slider moves: the cycle of a run from cold within 1e-5 (5.6e-7 found), until the ring rests."""
+    """As while a slider moves: the cycle of a run from cold within 1e-5 (5.6e-7 found), until the pulses end.
+
+    At -10 dBm slow heat still moves the ring after 20 us.
+    """
     ring = coupled.borghi2021()
     model = th.Foster(R=[600, 1500, 2000, 2200, 1500], tau=[20e-9, 100e-9, 400e-9, 2e-6, 12e-6])
     powers = 1e-3 * 10 ** (np.array([8, 8.05, 8.3, 8.25, -10]) / 10)
@@ -321,7 +324,7 @@ def test_a_cycle_is_followed_from_setting_to_setting(js):
         argument(ring, model, 0.0, 0.0, powers=powers.tolist()),
     )
     assert [quick[0] for quick, _ in found] == [False, True, True, True, False]
-    assert [quick[1] for quick, _ in found] == [*4 * ["self-pulsing"], "stable"]
+    assert [quick[1] for quick, _ in found] == [*4 * ["self-pulsing"], "slow transient"]
     for quick, full in found:
         assert quick[1:] == [full[1], pytest.approx(full[2], rel=1e-5)]
 
