@@ -14,11 +14,13 @@ import numpy as np
 from thermofem.checks import InputError
 from thermofem.models import ThermalModel
 
+from ..parameters.borghi2021 import NEWTON_MAPS, borghi2021
 from ..resonator import RingResonator
 from . import bundle
+from .contents import NEWTON_LAW, newton, place_of_law
+from .rings import OF_MAPS, Window, place_of
 
 STORED = "cycle_folds.json"
-PRESET = ("Borghi 2021, lumped FCD", "Newton's law, 275 ns (Borghi 2021)")  # ring and model
 POINTS = 80  # of a curve
 
 
@@ -26,17 +28,14 @@ def borders(
     rings: list[dict[str, Any]], models: list[dict[str, Any]], ring: RingResonator, model: ThermalModel | None
 ) -> list[dict[str, Any]]:
     """Return the curves with the places of ring and model among those of the page: points (W, Hz)."""
-    out = []
-    names = [r["name"] for r in rings], [m["name"] for m in models]
-    if PRESET[0] in names[0] and PRESET[1] in names[1]:
-        place = {"ring": names[0].index(PRESET[0]), "model": names[1].index(PRESET[1])}
-        out.append(place | {"curves": json.loads(bundle.text_of(STORED))})
+    place = {"ring": place_of(preset_ring(), rings), "model": place_of_law(NEWTON_LAW, models)}
+    out = [place | {"curves": json.loads(bundle.text_of(STORED))}]
     if model is not None:
         out.append({"ring": 0, "model": 0, "curves": curves_of(ring, model, rings[0]["window"])})
     return [entry for entry in out if entry["curves"]]
 
 
-def curves_of(ring: RingResonator, model: ThermalModel, window: dict[str, Any]) -> list[list[list[float]]]:
+def curves_of(ring: RingResonator, model: ThermalModel, window: Window) -> list[list[list[float]]]:
     """Return the folds of cycles in a window (dBm, GHz), where a Hopf curve in or near it is subcritical."""
     from ..equilibria.boundaries import subcritical
 
@@ -58,9 +57,11 @@ def _thinned(power: np.ndarray, detuning: np.ndarray) -> list[list[float]]:
     return [[float(f"{P:.7g}"), float(f"{nu:.7g}")] for P, nu in zip(power[k], detuning[k], strict=True)]
 
 
+def preset_ring() -> RingResonator:
+    """Return the ring of the stored curves."""
+    return borghi2021().with_lumped_fcd()
+
+
 def stored() -> str:
     """Return the text of the file of the preset's curves, computed anew."""
-    from ..parameters.borghi2021 import NEWTON_MAPS, borghi2021
-    from .contents import WINDOWS, newton
-
-    return json.dumps(curves_of(borghi2021().with_lumped_fcd(), newton(NEWTON_MAPS), WINDOWS[PRESET[0]])) + "\n"
+    return json.dumps(curves_of(preset_ring(), newton(NEWTON_MAPS), OF_MAPS)) + "\n"

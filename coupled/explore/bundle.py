@@ -11,9 +11,9 @@ from ..kernels.tableaus import Method, tableau
 
 # in the order in which they use one another
 MODULES = (
-    "ring", "eigen", "equations", "poles", "rosenbrock", "integrate", "equilibria", "curves", "cycle", "heat", "heater",
-    "engine", "channel", "plot", "state", "view", "script", "figures", "thermal", "save", "fields", "summary",
-    "section", "paint", "laser", "take", "main",
+    "ring", "eigen", "equations", "poles", "rosenbrock", "integrate", "equilibria", "curves", "measure", "repetition",
+    "pulsing", "cycle", "heat", "heater", "engine", "channel", "plot", "state", "view", "script", "figures", "thermal",
+    "save", "fields", "summary", "section", "paint", "laser", "take", "main",
 )  # fmt: skip
 LIBRARY = "vendor/d3-scale.min.js"
 _IMPORT = re.compile(r"^import\b[^;]*;\n", re.MULTILINE)

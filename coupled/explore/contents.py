@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,18 +12,19 @@ from thermofem import checks
 from thermofem.models import Foster, OutputMap, Quadratic, StateSpace, ThermalModel
 from thermofem.models.contract import bare
 
-from ..arguments import check_ring
 from ..heaters import LARGEST_POWER, Channels, channels
 from ..parameters import borghi2021 as borghi
 from ..parameters import vanvaerenbergh2012 as vanvaerenbergh
 from ..parameters.laws import NewtonParameters, SecondOrderParameters
 from ..resonator import RingResonator
+from .rings import place_of
 
 LARGEST = 60  # poles; a trace of 20 us with that many takes a browser some 30 ms
 HEATERS = 3
+TRAINED_LAW = "second order, experiment (Borghi 2021)"
+NEWTON_LAW = "Newton's law, 275 ns (Borghi 2021)"
+SMALL_LAW = "Newton's law, 65 ns (Van Vaerenbergh 2012)"
 SERIES = 6  # models that a figure can tell apart by colour
-DBM_10 = {"power": (3.0, 10.0), "detuning": (-30.0, 30.0)}  # dBm and GHz; the maps of Borghi et al.
-WINDOWS = {"Borghi 2021": DBM_10, "Borghi 2021, lumped FCD": DBM_10, "Van Vaerenbergh 2012": {"power": (-10.0, 6.0), "detuning": (-35.0, 10.0)}}  # fmt: skip  # noqa: E501
 
 
 class Parts(NamedTuple):
@@ -105,36 +105,20 @@ def heaters_of(models: list[dict[str, Any]], ring: dict[str, Any], shift: float)
     return [{"name": name, "span": float(f"{1e3 * min(P, LARGEST_POWER):.1g}")} for name, P in wanted.items()]
 
 
-def ring_of(ring: RingResonator) -> dict[str, Any]:
-    """Return a ring as the page takes it: its fields in SI, and the window of its plane in dBm and GHz."""
-    check_ring(ring)
-    return asdict(ring) | {"window": WINDOWS.get(ring.name) or window_of(ring)}
-
-
-def window_of(ring: RingResonator) -> dict[str, tuple[float, float]]:
-    """Return where the plane of an unknown ring is likely to be of interest, in dBm and GHz.
-
-    From the power P1 at which its heat, at 8 K/mW, moves the resonance by half a width, to twenty times that;
-    from two and a half widths below the cold resonance to one above.
-    """
-    width = ring.linear_rate / math.pi
-    share = 4 * ring.bus_rate * max(ring.loss_rate, 1e-3 * ring.linear_rate) / ring.linear_rate**2
-    moved = max(abs(ring.thermal_shift), 1.0) * 8e3 * share  # rad/s per W
-    first = 10 * math.log10(ring.linear_rate / moved / 1e-3)
-    first = min(max(round(first), -38), 8)
-    span = max(float(f"{width / 1e9:.2g}"), 0.1)
-    return {"power": (first, first + 13.0), "detuning": (-2.5 * span, span)}
-
-
 def paper_models() -> list[dict[str, Any]]:
     """Return the thermal laws of the papers, which belong to the presets."""
     laws = {
         "second order, FEM-trained (Borghi 2021)": _second_order(borghi.SECOND_ORDER_FEM),
-        "second order, experiment (Borghi 2021)": _second_order(borghi.SECOND_ORDER_EXPERIMENT),
-        "Newton's law, 275 ns (Borghi 2021)": newton(borghi.NEWTON_MAPS),
-        "Newton's law, 65 ns (Van Vaerenbergh 2012)": newton(vanvaerenbergh.NEWTON),
+        TRAINED_LAW: _second_order(borghi.SECOND_ORDER_EXPERIMENT),
+        NEWTON_LAW: newton(borghi.NEWTON_MAPS),
+        SMALL_LAW: newton(vanvaerenbergh.NEWTON),
     }
     return [model_of(name, law) | {"hidden": True} for name, law in laws.items()]
+
+
+def place_of_law(name: str, models: list[dict[str, Any]]) -> int:
+    """Return the place of a law of the papers among the models; a model that was given may have the same name."""
+    return next(k for k, model in enumerate(models) if model.get("hidden") and model["name"] == name)
 
 
 def newton(law: NewtonParameters) -> Foster:
@@ -153,16 +137,13 @@ def _second_order(law: SecondOrderParameters) -> Foster:
 def presets(rings: list[dict[str, Any]], models: list[dict[str, Any]], start: dict[str, Any]) -> list[dict[str, Any]]:
     """Return the points worth seeing first: of the given ring, and of two papers."""
 
-    def at(ring: str, model: str) -> dict[str, int]:
-        return {
-            "ring": next(k for k, r in enumerate(rings) if r["name"] == ring),
-            "model": next(k for k, m in enumerate(models) if m["name"].startswith(model)),
-        }
+    def at(ring: RingResonator, law: str) -> dict[str, int]:
+        return {"ring": place_of(ring, rings), "model": place_of_law(law, models)}
 
     own = {"ring": 0, "model": start["model"]}
-    paper = at("Borghi 2021", "second order, experiment")
-    lumped = at("Borghi 2021, lumped FCD", "Newton's law, 275 ns")
-    small = at("Van Vaerenbergh 2012", "Newton's law, 65 ns")
+    paper = at(borghi.borghi2021(), TRAINED_LAW)
+    lumped = at(borghi.borghi2021().with_lumped_fcd(), NEWTON_LAW)
+    small = at(vanvaerenbergh.vanvaerenbergh2012(), SMALL_LAW)
     cold = {"view": "cold"}
     rows: Iterable[tuple[str, dict[str, Any], str]] = [
         ("This ring, as the file was written", own | start, ""),

@@ -21,12 +21,11 @@ from thermofem.version import __version__
 
 from ..arguments import check_detuning, check_power, one_laser
 from ..heaters import heater_power
-from ..parameters.borghi2021 import borghi2021
-from ..parameters.vanvaerenbergh2012 import vanvaerenbergh2012
 from ..resonator import RingResonator
 from . import bundle, contents
 from .borders import borders
 from .geometries import family_of
+from .rings import rings_of
 from .section import section_of
 
 if TYPE_CHECKING:
@@ -151,13 +150,9 @@ def explore(
         "ring": 0, "model": 0, "power": round(10 * math.log10(power / 1e-3), 6), "detuning": round(detuning / 1e9, 9),
         "loadedQ": None, "intrinsicQ": None, "lifetime": None, "duration": 20, "view": "cycle",
     }  # fmt: skip
-    rings = [contents.ring_of(ring)]
+    rings = rings_of(ring)
     sliders = contents.heaters_of(own, rings[0], ring.thermal_shift)
     start |= _heater_powers(sliders, heaters)
-    known = [rings[0]["name"]]
-    for other in (borghi2021(), borghi2021().with_lumped_fcd(), vanvaerenbergh2012()):
-        if other.name not in known:
-            rings.append(contents.ring_of(other))
     grid = family_of(family) if family is not None else None
     if grid:
         middle = [(p["low"] + p["high"]) / 2 for p in grid["parameters"] if p["moved"]]
@@ -168,7 +163,7 @@ def explore(
     found = dict(zip(names, given.values(), strict=True)).get(reduction) if reduction else None
     first = contents.channels_of(next(iter(given.values())), parts).model if given and start["model"] == 0 else None
     data = {
-        "title": ring.name,
+        "title": rings[0]["name"],
         "rings": rings,
         "models": everything,
         "judge": names.index(judge) if judge else len(own) - 1 if grid else None,

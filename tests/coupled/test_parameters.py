@@ -9,6 +9,7 @@ from scipy.constants import c
 import coupled
 import thermofem as th
 from coupled.explore import contents
+from coupled.explore.rings import rings_of
 from coupled.parameters import vanvaerenbergh2012 as van_vaerenbergh
 
 RING = coupled.vanvaerenbergh2012()
@@ -56,9 +57,8 @@ def test_van_vaerenbergh_loses_and_heats_as_its_paper_counts_them():
 
 def test_the_preset_of_the_page_leads_to_the_figure():
     """A cold ring comes to rest at the laser of Fig. 3; the cycle of the preset leads to the figure's."""
-    rings, models = [contents.ring_of(RING)], contents.paper_models()
-    others = [contents.ring_of(ring) for ring in (coupled.borghi2021(), coupled.borghi2021().with_lumped_fcd())]
-    rows = contents.presets([*rings, *others], models, {"ring": 0, "model": 0})
+    rings, models = rings_of(RING), contents.paper_models()
+    rows = contents.presets(rings, models, {"ring": 0, "model": 0})
     state = next(row["state"] for row in rows if row["name"].startswith("Van Vaerenbergh"))
     assert rings[state["ring"]]["name"] == RING.name
     law = models[state["model"]]

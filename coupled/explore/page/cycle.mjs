@@ -1,203 +1,11 @@
-// Does a trace pulse, and how (coupled/pulsing.py); and the settled cycle as the root of the return map.
+// The settled cycle as the root of the return map.
 //
 //   phi_T(y) - y = 0 on the section N = level; Newton with the derivative of the flow along the steps taken.
 
 import { eigenvalues, solve } from "./eigen.mjs";
 import { flow } from "./equations.mjs";
 import { EVENT, integrate, replay } from "./integrate.mjs";
-
-const DUTY_LEVEL = 0.45;
-const SETTLED = 0.02;
-const GONE = 0.2;
-const LEFT = 0.8;
-
-/** Columns of rows (t, Re a, Im a, N, dT): { t, U, N, dT } from row `first` to `stop`. */
-export function columns(rows, first, stop) {
-  const n = stop - first;
-  const [t, U, N, dT] = [0, 1, 2, 3].map(() => new Float64Array(n));
-  for (let i = 0; i < n; i++) {
-    const at = 5 * (first + i);
-    t[i] = rows[at];
-    U[i] = rows[at + 1] ** 2 + rows[at + 2] ** 2;
-    N[i] = rows[at + 3];
-    dT[i] = rows[at + 4];
-  }
-  return { t, U, N, dT };
-}
-
-/** When sign x rises through sign level, on the cubic through the four samples around each (kernels/levels.py). */
-export function rises(t, x, level, sign = 1) {
-  const out = [];
-  for (let at = 0; at + 1 < t.length; at++) {
-    if (!(sign * x[at] < sign * level && sign * x[at + 1] >= sign * level)) continue;
-    const i = Math.min(Math.max(at - 1, 0), t.length - 4);
-    const [s0, s1, s2, s3] = [t[i], t[i + 1], t[i + 2], t[i + 3]];
-    const [v0, v1, v2, v3] = [x[i] - level, x[i + 1] - level, x[i + 2] - level, x[i + 3] - level];
-    const a = (v1 - v0) / (s1 - s0);
-    const b = (v2 - v1) / (s2 - s1);
-    const c = (v3 - v2) / (s3 - s2);
-    const ab = (b - a) / (s2 - s0);
-    const abc = ((c - b) / (s3 - s1) - ab) / (s3 - s0);
-    let [left, right] = [t[at], t[at + 1]];
-    for (let k = 0; k < 48; k++) {
-      const middle = 0.5 * (left + right);
-      const value = v0 + (middle - s0) * (a + (middle - s1) * (ab + (middle - s2) * abc));
-      if (sign * value < 0) left = middle;
-      else right = middle;
-    }
-    out.push(0.5 * (left + right));
-  }
-  return out;
-}
-
-function extent(x, first = 0, stop = x.length) {
-  let low = Infinity;
-  let high = -Infinity;
-  for (let i = first; i < stop; i++) {
-    if (x[i] < low) low = x[i];
-    if (x[i] > high) high = x[i];
-  }
-  return [low, high];
-}
-
-/** Largest minus smallest value of a smooth function within its samples, by the parabolas through the outermost three. */
-function swingOf(t, x) {
-  const outermost = (sign) => {
-    let k = 1;
-    for (let i = 2; i + 1 < x.length; i++) if (sign * x[i] > sign * x[k]) k = i;
-    const [h, g] = [t[k] - t[k - 1], t[k + 1] - t[k]];
-    const [a, b] = [(x[k] - x[k - 1]) / h, (x[k + 1] - x[k]) / g];
-    const slope = (a * g + b * h) / (h + g);
-    return b === a ? x[k] : x[k] - (slope * slope * (h + g)) / (4 * (b - a));
-  };
-  return outermost(1) - outermost(-1);
-}
-
-function firstAt(t, time) {
-  let low = 0;
-  let high = t.length;
-  while (low < high) {
-    const middle = (low + high) >> 1;
-    if (t[middle] < time) low = middle + 1;
-    else high = middle;
-  }
-  return low;
-}
-
-/** Fraction of [begin, end] with the drop power, or energy, above min + 0.45 (max - min). */
-export function dutyOf(t, U, begin, end) {
-  const first = firstAt(t, begin);
-  const last = firstAt(t, end);
-  const [low, high] = extent(U, first, last);
-  const level = low + DUTY_LEVEL * (high - low);
-  const from = Math.max(first - 3, 0);
-  const to = Math.min(last + 3, t.length);
-  const [tt, uu] = [t.subarray(from, to), U.subarray(from, to)];
-  const inside = [...rises(tt, uu, level), ...rises(tt, uu, level, -1)].filter((x) => x > begin && x < end);
-  const edges = [begin, ...inside.sort((a, b) => a - b), end];
-  let above = 0;
-  for (let k = 0; k + 1 < edges.length; k++) {
-    const middle = (edges[k] + edges[k + 1]) / 2;
-    const i = Math.min(Math.max(firstAt(tt, middle), 1), tt.length - 1);
-    const f = (middle - tt[i - 1]) / (tt[i] - tt[i - 1]);
-    if (uu[i - 1] + f * (uu[i] - uu[i - 1]) > level) above += edges[k + 1] - edges[k];
-  }
-  return above / (end - begin);
-}
-
-function amplitudeLimit(heights) {
-  const n = heights.length;
-  if (n < 3) return heights[n - 1] > (1 - SETTLED) * heights[0] ? heights[n - 1] : 0;
-  const length = Math.max(Math.floor((2 * n) / 9), 1);
-  const mean = (k) => heights.slice(n - 3 * length + k * length, n - 3 * length + (k + 1) * length).reduce((a, b) => a + b, 0) / length;
-  const [first, middle, last] = [mean(0), mean(1), mean(2)];
-  if (last > (1 - SETTLED) * first) return heights[n - 1];
-  const curvature = last - middle - (middle - first);
-  const limit = curvature > 0 ? last - (last - middle) ** 2 / curvature : -Infinity;
-  if (limit > -last) return Math.max(limit, 0);
-  return last > 0.9 * first ? heights[n - 1] : NaN;
-}
-
-/** How many cycles repeat together: the smallest number after which heights and lengths return, or 1. */
-export function patternOf(heights, waits) {
-  for (let m = 1; m <= 4; m++) {
-    const n = heights.length;
-    if (n < 3 * m) return 1;
-    const repeats = [heights, waits].every((x) => {
-      const size = x.length;
-      const allowed = SETTLED * Math.max(...x.slice(size - 3 * m));
-      for (let k = size - 2 * m; k < size; k++) if (Math.abs(x[k] - x[k - m]) > allowed) return false;
-      return true;
-    });
-    if (repeats) return m;
-  }
-  return 1;
-}
-
-/**
- * Classify a trace { t (ns), U, N, dT }: regime "self-pulsing", "stable" or "slow transient", and for a pulsing one
- * period (ns), duty, swing (K), begin and end of the last cycle (ns), level of N, pattern. Without carriers U takes the
- * place of N.
- */
-export function classify({ t, U, N: carriers, dT }, rtol = 1e-6) {
-  const N = carriers.some((x) => x > 0) ? carriers : U;
-  const n = t.length;
-  const span = t[n - 1] - t[0];
-  const [coldest, hottest] = extent(dT, firstAt(t, (t[0] + t[n - 1]) / 2), n);
-  const quiet = (regime) => ({ regime, period: NaN, duty: NaN, swing: hottest - coldest, cycles: 0 });
-  const noise = Math.min(Math.max(1e-4, 10 * rtol), SETTLED);
-  let up = [];
-  let waits = [];
-  let level = 0;
-  let found = false;
-  for (const share of [1 / 2, 1 / 4]) {
-    const [low, high] = extent(N, firstAt(t, t[n - 1] - share * span), n);
-    if (high - low <= noise * high) return quiet("stable");
-    level = (low + high) / 2;
-    up = rises(t, N, level);
-    waits = up.map((x, k) => (k + 1 < up.length ? up[k + 1] : t[n - 1]) - x);
-    const w = waits.length;
-    const enough = up.length >= 3;
-    if (enough && waits[w - 2] <= 1.5 * Math.max(...waits.slice(-6, -2)) && waits[w - 1] <= 1.5 * Math.max(...waits.slice(-6, -1))) {
-      found = true;
-      break;
-    }
-  }
-  if (!found) return quiet(underWay(t, N));
-  const edges = up.map((x) => firstAt(t, x));
-  const heights = [];
-  for (let k = 0; k + 1 < edges.length; k++) {
-    const [low, high] = extent(N, edges[k], edges[k + 1]);
-    heights.push(high - low);
-  }
-  const pattern = patternOf(heights, waits.slice(0, -1));
-  const tops = [];
-  for (let k = heights.length % pattern; k < heights.length; k += pattern) tops.push(Math.max(...heights.slice(k, k + pattern)));
-  const limit = amplitudeLimit(tops);
-  const top = tops[tops.length - 1];
-  if (limit < GONE * top) return quiet("stable");
-  if (!(limit >= LEFT * top)) return quiet("slow transient");
-  const begin = up[up.length - 1 - pattern];
-  const end = up[up.length - 1];
-  const [low, high] = extent(dT, firstAt(t, begin), firstAt(t, end));
-  return { regime: "self-pulsing", period: end - begin, duty: dutyOf(t, U, begin, end), swing: high - low, cycles: heights.length, begin, end, level, pattern };
-}
-
-/** A trace with fewer than two cycles: at rest or still moving. */
-function underWay(t, N) {
-  const n = t.length;
-  const span = t[n - 1] - t[0];
-  const at = (time) => {
-    const i = Math.min(Math.max(firstAt(t, time), 1), n - 1);
-    return N[i - 1] + ((time - t[i - 1]) / (t[i] - t[i - 1])) * (N[i] - N[i - 1]);
-  };
-  const [low, high] = extent(N, firstAt(t, t[n - 1] - span / 4), n);
-  const values = [at(t[n - 1] - span / 4), at(t[n - 1] - span / 8), N[n - 1]];
-  const before = values[1] - values[0];
-  const after = values[2] - values[1];
-  const ratio = before ? Math.min(Math.max(after / before, 0), 0.95) : 0;
-  return (high - low + (Math.abs(after) * ratio) / (1 - ratio)) / high <= SETTLED ? "stable" : "slow transient";
-}
+import { columns, dutyOf, tipsOf } from "./measure.mjs";
 
 /** From a state on the section N = level, through `pattern` returns to it: { y, t, steps }, or null. */
 function around(system, drive, detuning, start, level, pattern, longest, options) {
@@ -316,6 +124,7 @@ export function limitCycle(system, drive, detuning, near, level, options) {
   }
   const run = integrate(system, drive, detuning, y, at.t, { ...fine, first: 0.1 / system.loss });
   const c = columns(run.rows, 0, run.count);
+  const [coldest, hottest] = tipsOf(c.t, c.dT);
   return {
     period: at.t,
     y,
@@ -323,8 +132,8 @@ export function limitCycle(system, drive, detuning, near, level, options) {
     rows: run.rows.slice(0, 5 * run.count),
     count: run.count,
     multipliers: eigenvalues(jet.M, y.length),
-    duty: dutyOf(c.t, c.U, 0, at.t),
-    swing: swingOf(c.t, c.dT),
+    duty: dutyOf(c.t, c.U, 0, at.t, tipsOf(c.t, c.U)),
+    swing: hottest - coldest,
     residual: size,
   };
 }

@@ -4,9 +4,13 @@ import { lifted, setting } from "./heater.mjs";
 import { DONE, integrate } from "./integrate.mjs";
 import { methodOf } from "./rosenbrock.mjs";
 import { FJ, NS, UW, absorbedPower, driveOf, turnOf } from "./ring.mjs";
-import { classify, columns, limitCycle, settling } from "./cycle.mjs";
+import { limitCycle, settling } from "./cycle.mjs";
 import { foldCurves, hopfCurves } from "./curves.mjs";
 import { follow, kindOf, reach, spectrumAt, steadyStates, survey, tilted } from "./equilibria.mjs";
+import { columns } from "./measure.mjs";
+import { classify, lasting } from "./pulsing.mjs";
+
+const EQUAL = 1e-4; // relative difference of periods that counts as none; a cycle of a slider is found within 1e-5
 
 export function engineOf(tableaus) {
   const rodas4 = methodOf(tableaus.rodas4);
@@ -36,15 +40,21 @@ function trace(request, known, rodas4, rodas5p) {
     }
   }
   const run = integrate(system, drive, turn, start, duration / NS, { method: rodas4, rtol });
-  const all = columns(run.rows, 0, run.count);
-  const found = classify(all, rtol);
   const rows = lifted(run.rows.slice(0, 5 * run.count), rise);
+  const all = columns(rows, 0, run.count);
+  const found = verdict(all, rtol, () => steadyStates(drive, turn, system).map((p) => ({ ...p, dT: p.dT + rise })));
   const out = { ended: run.ended, steps: run.accepted, rows, pulsing: found, cycle: null };
   if (!settled) return out;
   const pulses = found.regime === "self-pulsing" && all.N.some((x) => x > 0); // settled cycles are told by carriers
   known.cycle = pulses ? settle(system, drive, turn, run.y, found, accuracyOf(request.quick, rodas4, rodas5p)) : null;
   if (known.cycle) out.cycle = { ...known.cycle, rows: lifted(known.cycle.rows.slice(), rise) };
   return out;
+}
+
+/** What a trace does; `points` gives the fixed points, which tell whether a trace that looks like rest is there. */
+function verdict(all, rtol, points) {
+  const found = classify(all, rtol);
+  return found.regime === "stable" ? lasting(found, all, points()) : found;
 }
 
 /** How accurately a settled cycle is computed. */
@@ -71,7 +81,7 @@ function settle(system, drive, turn, y, found, accuracy) {
     const cycle = limitCycle(system, drive, turn, near, found.level, { ...accuracy, period, pattern });
     if (cycle) {
       const slowest = settling(cycle.multipliers);
-      if (slowest < 1) return { ...cycle, slowest, pattern };
+      if (slowest < 1) return shortest(system, drive, turn, { ...cycle, slowest, pattern }, accuracy);
       const { re, im } = cycle.multipliers;
       if (!re.some((x, k) => x < -1 && im[k] === 0)) return null; // an unstable one is not where the ring settles
       [period, pattern] = [2 * period, 2 * pattern]; // pulses that alternate by less than classify sees
@@ -79,6 +89,18 @@ function settle(system, drive, turn, y, found, accuracy) {
     near = integrate(system, drive, turn, near, 20 * found.period, accuracy.rough).y;
   }
   return null;
+}
+
+/** A stable cycle, or the one of fewer pulses that it repeats: pulses that become equal may alternate while the ring settles. */
+function shortest(system, drive, turn, cycle, accuracy) {
+  for (let pattern = 1; pattern < cycle.pattern; pattern++) {
+    const period = (cycle.period * pattern) / cycle.pattern;
+    if (cycle.pattern % pattern) continue;
+    const part = limitCycle(system, drive, turn, cycle.y, cycle.level, { ...accuracy, period, pattern });
+    const slowest = part ? settling(part.multipliers) : Infinity;
+    if (slowest < 1 && Math.abs(part.period / period - 1) < EQUAL) return { ...part, slowest, pattern };
+  }
+  return cycle;
 }
 
 /** Every fixed point at one laser setting, SI. */

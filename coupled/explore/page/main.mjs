@@ -1,7 +1,7 @@
 // The page: its parts put together, requests sent out and answers shown.
 
 import { channel, serve } from "./channel.mjs";
-import { classify, columns, limitCycle } from "./cycle.mjs";
+import { limitCycle } from "./cycle.mjs";
 import { foldCurves, hopfCurves, hopfPoints } from "./curves.mjs";
 import { engineOf } from "./engine.mjs";
 import { cold } from "./equations.mjs";
@@ -10,6 +10,8 @@ import { build, fill } from "./fields.mjs";
 import { heatedBy, setting } from "./heater.mjs";
 import { periodError, stepResponse } from "./heat.mjs";
 import { integrate } from "./integrate.mjs";
+import { columns } from "./measure.mjs";
+import { classify } from "./pulsing.mjs";
 import { watchPlane } from "./laser.mjs";
 import { draw, recolour } from "./paint.mjs";
 import { theme } from "./plot.mjs";

@@ -1,7 +1,7 @@
 // From what is known to the figures, once a frame.
 
-import { columns } from "./cycle.mjs";
 import { mapImage, phaseFigure, planeFigure, tracesFigure, transmissionFigure } from "./figures.mjs";
+import { columns } from "./measure.mjs";
 import { theme } from "./plot.mjs";
 import { NS, dropRate } from "./ring.mjs";
 import { drawSection } from "./section.mjs";

@@ -1,6 +1,6 @@
 // The cross-section with the temperature field at one phase of the cycle, and its player.
 
-import { columns } from "./cycle.mjs";
+import { columns } from "./measure.mjs";
 import { fieldOf, periodicStates } from "./heat.mjs";
 import { theme } from "./plot.mjs";
 import { NS, UW, absorbedPower, systemOf } from "./ring.mjs";

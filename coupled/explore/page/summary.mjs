@@ -33,7 +33,16 @@ export function summary() {
   }
   const rest = states.find((p) => p.regime === "stable");
   const at = (rise) => ` at ΔT = ${rise.toPrecision(4)} K`;
-  if (found.regime === "stable") return `The ring comes to rest${rest ? at(trace.rows.at(-1)) : ""}. ${points}.`;
+  if (found.regime === "stable") return `The ring comes to rest${at(found.rest)}. ${points}.`;
+  if (found.heat) return `${warmingUp(found)} ${points}.`;
+  if (found.leaves !== undefined) return `After ${page.state.duration} µs the nearest fixed point,${at(found.leaves)}, is not stable: run longer to see where the ring goes. ${points}.`;
   const where = stable === 1 ? at(rest.delta_T) : "";
   return `Still moving after ${page.state.duration} µs: run longer to see whether it ${rest ? "comes to rest" : "pulses"}. ${points}${where}.`;
+}
+
+/** How far slow heat still has to go, and how long that takes. */
+function warmingUp({ heat, wanted }) {
+  const [now, end, missing] = [heat.now, heat.end, Math.abs(heat.end - heat.now)].map((rise) => `${rise.toPrecision(3)} K`);
+  const microseconds = Number((wanted * 1e-3).toPrecision(2));
+  return `After ${page.state.duration} µs slow heat still moves the ring: ΔT = ${now}, ${missing} from the fixed point at ΔT = ${end}. It rests there after some ${microseconds} µs.`;
 }

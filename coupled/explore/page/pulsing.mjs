@@ -1,0 +1,146 @@
+// Does a trace pulse, rest, or still move (coupled/runs/pulsing.py)? Every sample is an accepted step.
+
+import { dutyOf, extent, firstAt, rises } from "./measure.mjs";
+import { SETTLED, alternate, amplitudeLimit, doubled, longestChange, patternOf } from "./repetition.mjs";
+
+const QUIET_RANGE = 1e-4; // relative range of the carriers that is no oscillation
+const GONE = 0.2; // share of the last amplitude: an oscillation whose limit is smaller decays to rest
+const GROWS = 1e-3; // relative movement in the last eighth that counts where it was smaller before
+const LONGER = 10; // times as long, where a trace does not tell how much of it is missing
+const LEAVES = 20; // e-foldings in which what is left of a transient becomes large
+const PLACES = 64; // of an eighth of a trace, where it is read
+
+/**
+ * Classify a trace { t (ns), U, N, dT }: regime "self-pulsing", "stable" or "slow transient", swing (K) and cycles. A pulsing
+ * one has period (ns), duty, begin and end of the last cycle (ns), level of N and pattern; a slow transient has
+ * `wanted`, how long a run should be (ns). Without carriers U takes the place of N.
+ */
+export function classify({ t, U, N: carriers, dT }, rtol = 1e-6) {
+  const N = carriers.some((x) => x > 0) ? carriers : U;
+  const n = t.length;
+  const passed = t[n - 1] - t[0];
+  const [coldest, hottest] = extent(dT, firstAt(t, (t[0] + t[n - 1]) / 2), n);
+  const quiet = { regime: "stable", period: NaN, duty: NaN, swing: hottest - coldest, cycles: 0 };
+  const noise = Math.min(Math.max(QUIET_RANGE, 10 * rtol), SETTLED);
+  const { rests, up, waits, level, repeats } = risesOf(t, N, noise);
+  if (rests) return quiet;
+  if (!repeats) return underWay(t, N, { ...quiet, cycles: Math.max(up.length - 1, 0) });
+  const heights = heightsOf(t, N, up);
+  quiet.cycles = heights.length;
+  let pattern = patternOf(heights, waits);
+  const tops = topsOf(heights, pattern);
+  const limit = amplitudeLimit(tops);
+  const top = tops.at(-1);
+  if (limit < GONE * top) return quiet;
+  const slow = { ...quiet, regime: "slow transient", wanted: untilSettled(tops, passed) };
+  if (!(Math.abs(limit / top - 1) <= SETTLED) || top < (1 - SETTLED) * Math.max(...tops.slice(-2))) return slow;
+  if (pattern === 1 && alternate(heights)) return slow;
+  if (pattern === 1 && doubled(heights, 10 * noise)) pattern = 2;
+  const [earlier, drift] = driftOf(up, pattern);
+  if (Math.abs(drift) > longestChange(earlier, drift, heights.length > 2 * pattern)) return slow;
+  const [begin, end] = [up.at(-1 - pattern), up.at(-1)];
+  const [low, high] = extent(dT, firstAt(t, begin), firstAt(t, end));
+  return { regime: "self-pulsing", period: end - begin, duty: dutyOf(t, U, begin, end), swing: high - low, cycles: heights.length, begin, end, level, pattern };
+}
+
+/** Where N rises through the middle of its late range, and how long each cycle takes; a slow drift may hide a small oscillation. */
+function risesOf(t, N, noise) {
+  const n = t.length;
+  let up = [];
+  for (const share of [1 / 2, 1 / 4]) {
+    const [low, high] = extent(N, firstAt(t, t[n - 1] - share * (t[n - 1] - t[0])), n);
+    if (high - low <= noise * high) return { rests: true };
+    const level = (low + high) / 2;
+    up = rises(t, N, level);
+    const waits = up.map((x, k) => (k + 1 < up.length ? up[k + 1] : t[n - 1]) - x); // the last one is still running
+    const usual = (stop) => 1.5 * Math.max(...waits.slice(-6, stop));
+    if (up.length >= 3 && waits.at(-2) <= usual(-2) && waits.at(-1) <= usual(-1)) return { up, waits: waits.slice(0, -1), level, repeats: true };
+  }
+  return { up };
+}
+
+/** Range of N in every cycle. */
+function heightsOf(t, N, up) {
+  const edges = up.map((x) => firstAt(t, x));
+  return edges.slice(1).map((stop, k) => {
+    const [low, high] = extent(N, edges[k], stop);
+    return high - low;
+  });
+}
+
+/** The largest height of every pattern, the last one at the end. */
+function topsOf(heights, pattern) {
+  const tops = [];
+  for (let k = heights.length % pattern; k < heights.length; k += pattern) tops.push(Math.max(...heights.slice(k, k + pattern)));
+  return tops;
+}
+
+/** The last two relative changes of the length of a pattern from one to the next; 0 where there are fewer. */
+function driftOf(up, pattern) {
+  const lengths = [];
+  for (let k = up.length - 1; k >= pattern; k -= pattern) lengths.push(up[k] - up[k - pattern]);
+  const change = (k) => (k + 1 < lengths.length ? lengths[k] / lengths[k + 1] - 1 : 0);
+  return [change(1), change(0)];
+}
+
+/** How long a run should be where amplitudes change by a constant factor: 2 to 50 times that of the run. */
+function untilSettled(tops, passed) {
+  const steps = tops.slice(-3).map((top, k, last) => (k ? Math.abs(top - last[k - 1]) : 0)).slice(1);
+  const ratio = steps.length === 2 && steps[0] > 0 ? steps[1] / steps[0] : 1;
+  if (!(ratio > 0 && ratio < 1)) return LONGER * passed;
+  const cycles = Math.log((0.1 * SETTLED * tops.at(-1)) / Math.max(steps[1], 1e-300)) / Math.log(ratio);
+  return passed * Math.min(Math.max(1 + cycles / tops.length, 2), 50);
+}
+
+/** Values of x at a time, linear between samples. */
+function valueAt(t, x, time) {
+  const i = Math.min(Math.max(firstAt(t, time), 1), t.length - 1);
+  return x[i - 1] + ((time - t[i - 1]) / (t[i] - t[i - 1])) * (x[i] - x[i - 1]);
+}
+
+/** Values of x at equal distances from one share of the trace before its end to another. */
+function valuesIn(t, x, from, to) {
+  const end = t[t.length - 1];
+  const passed = end - t[0];
+  return Float64Array.from({ length: PLACES }, (_, k) => valueAt(t, x, end - passed * (from + ((to - from) * k) / (PLACES - 1))));
+}
+
+/** A trace with fewer than two cycles, or whose oscillation has ended: at rest or still moving. */
+function underWay(t, N, quiet) {
+  const n = t.length;
+  const passed = t[n - 1] - t[0];
+  const [low, high] = extent(N, firstAt(t, t[n - 1] - passed / 4), n);
+  const [first, middle, last] = [1 / 4, 1 / 8, 0].map((share) => valueAt(t, N, t[n - 1] - share * passed));
+  const [before, after] = [middle - first, last - middle];
+  const ratio = before ? Math.min(Math.max(after / before, 0), 0.95) : 0;
+  const left = (Math.abs(after) * ratio) / (1 - ratio); // of an exponential
+  const range = (from, to) => {
+    const [least, most] = extent(valuesIn(t, N, from, to));
+    return most - least;
+  };
+  const grows = range(1 / 8, 0) > Math.max(range(1 / 4, 1 / 8), GROWS * high);
+  if ((high - low + left) / high <= SETTLED && !grows) return quiet;
+  return { ...quiet, regime: "slow transient", wanted: LONGER * passed };
+}
+
+/**
+ * A stable trace { t, U, dT }, unless the fixed point at its end is unstable or still far. `points` are all fixed points
+ * { U, dT, growth (1/ns) }, of which there is at least one.
+ *
+ * `rest` is the rise (K) of the fixed point at which the ring comes to rest. Of a slow transient `heat` holds the rise at
+ * the end of the trace and at that fixed point, { now, end }, or `leaves` the rise of the nearest one if it is not stable.
+ */
+export function lasting(found, { t, U, dT }, points) {
+  const mean = (x) => valuesIn(t, x, 1 / 8, 0).reduce((sum, value) => sum + value, 0) / PLACES;
+  const [energy, now] = [mean(U), mean(dT)];
+  const apart = (a, b) => Math.abs(a - b) / Math.max(Math.abs(a), Math.abs(b) + 1e-99);
+  const offs = points.map((p) => Math.max(apart(p.U, energy), apart(p.dT, now)));
+  const k = offs.indexOf(Math.min(...offs));
+  const { growth, dT: end } = points[k];
+  const passed = t[t.length - 1] - t[0];
+  const slow = { ...found, regime: "slow transient" };
+  if (!(growth < 0)) return { ...slow, leaves: end, wanted: Math.max(LONGER * passed, passed + LEAVES / Math.max(growth, 1e-300)) };
+  if (offs[k] <= SETTLED) return { ...found, rest: end };
+  const missing = Math.log(Math.max(offs[k], SETTLED) / (0.1 * SETTLED)) / -growth;
+  return { ...slow, heat: { now, end }, wanted: passed + Math.max(passed, missing) };
+}

@@ -1,0 +1,85 @@
+"""The page knows a published ring by its numbers: names promise nothing."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, replace
+
+import pytest
+
+import coupled
+import thermofem as th
+from coupled.explore import contents
+from coupled.explore.borders import STORED
+from coupled.explore.bundle import text_of
+from coupled.explore.rings import published, same_numbers, window_of
+
+MODEL = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
+LUMPED = coupled.borghi2021().with_lumped_fcd()
+LOSSY = replace(coupled.borghi2021(), loss_rate=9e9).with_lumped_fcd()  # bears the name of the published ring
+NAMES = ["Borghi 2021", "Borghi 2021, lumped FCD", "Van Vaerenbergh 2012"]
+
+
+def data_of(ring, models):
+    """What the page of a ring holds."""
+    text = coupled.explore(ring, models).html
+    return json.loads(text.split('id="data">')[1].split("</script>")[0])
+
+
+def ring_at(place, data):
+    """The name of the published ring that stands at a place of the page, or None."""
+    found = data["rings"][place["ring"]]
+    return next((ring.name for ring, _ in published() if same_numbers(asdict(ring), found)), None)
+
+
+def test_a_changed_ring_under_a_published_name_is_a_ring_of_its_own():
+    data = data_of(LOSSY, {"m": MODEL})
+    first = data["rings"][0]
+    assert first["loss_rate"] == 9e9
+    assert first["name"] == data["title"] == "Borghi 2021, lumped FCD (changed)"
+    assert first["window"] == {name: list(ends) for name, ends in window_of(LOSSY).items()}
+    assert [ring["name"] for ring in data["rings"][1:]] == NAMES
+
+
+def test_presets_and_stored_curves_are_those_of_the_published_ring():
+    data = data_of(LOSSY, {"m": MODEL})
+    for preset in data["presets"][1:]:
+        name = ring_at(preset["state"], data)
+        assert name is not None
+        assert preset["name"].startswith(name.split(",")[0])
+    newton = next(preset for preset in data["presets"] if "Newton's law at 7 dBm" in preset["name"])
+    assert ring_at(newton["state"], data) == LUMPED.name
+    (stored,) = [entry for entry in data["borders"] if entry["curves"] == json.loads(text_of(STORED))]
+    assert ring_at(stored, data) == LUMPED.name
+
+
+@pytest.mark.parametrize("ring", [ring for ring, _ in published()], ids=lambda ring: ring.name)
+def test_a_published_ring_under_another_name_is_that_ring(ring):
+    data = data_of(replace(ring, name="mine"), {"m": MODEL})
+    others = [name for name in NAMES if name != ring.name]
+    assert [one["name"] for one in data["rings"]] == ["mine", *others]
+    window = {one.name: window for one, window in published()}[ring.name]
+    assert data["rings"][0]["window"] == {name: list(ends) for name, ends in window.items()}
+    assert {ring_at(preset["state"], data) for preset in data["presets"][1:]} == set(NAMES)
+
+
+def test_a_published_ring_that_bears_the_name_of_another():
+    data = data_of(replace(LUMPED, name="Borghi 2021"), {"m": MODEL})
+    assert [ring["name"] for ring in data["rings"]] == ["Borghi 2021 (changed)", NAMES[0], NAMES[2]]
+
+
+def test_the_last_digit_of_a_ring_file_is_no_other_ring():
+    """The page writes a temperature for kT; read back, kT may differ in its last digit."""
+    ring = coupled.borghi2021()
+    carriers = replace(ring.carriers, thermal_energy=ring.carriers.thermal_energy * (1 + 3e-16))
+    assert carriers != ring.carriers
+    assert [one["name"] for one in data_of(replace(ring, carriers=carriers), {"m": MODEL})["rings"]] == NAMES
+
+
+def test_a_given_model_under_the_name_of_a_law_is_not_that_law():
+    other = th.Foster(R=[5e3], tau=[1e-6])
+    data = data_of(LUMPED, {contents.NEWTON_LAW: other})
+    newton = next(preset for preset in data["presets"] if "Newton's law at 7 dBm" in preset["name"])
+    assert data["models"][newton["state"]["model"]]["tau"] == [275e-9]
+    (stored,) = [entry for entry in data["borders"] if entry["curves"] == json.loads(text_of(STORED))]
+    assert data["models"][stored["model"]]["tau"] == [275e-9]
