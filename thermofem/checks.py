@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import units
+from .errors import Hint, InputError, MissingLibraryError, one_line, shown  # noqa: F401 - known here, too
 
 if TYPE_CHECKING:  # NumPy is imported where it is used: --help and errors of usage do without it
     import numpy as np
@@ -19,88 +19,15 @@ if TYPE_CHECKING:  # NumPy is imported where it is used: --help and errors of us
 
 SMALLEST = 1e-150  # of a positive number: its square and the inverse of it are floats
 LARGEST = 1e100  # of any number: products of three are floats
-MESSAGE = 1200  # characters of an error message
-VALUE = 80  # characters of a value in an error message
-_LONG = re.compile(r"\S{300,}")  # no word, name or path of a person
 MOST = 100_000_000  # numbers of an array of any shape: 0.8 GB, a full matrix of 10,000 rows
 LONGEST = 20_000_000  # numbers of a list such as times: what is worked out for each takes several times its room
-
-
-def one_line(text: str, *, most: int = MESSAGE) -> str:
-    """Text as one line that every terminal and file can hold: breaks and control characters become escapes.
-
-    >>> one_line("a\\nb\\x1b[31m")
-    'a\\\\nb\\\\x1b[31m'
-    """
-    line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text[: most + 1])
-    return line if len(line) <= most else f"{line[: most - 3]}..."
-
-
-def shown(value: Any, *, most: int = VALUE) -> str:
-    """``repr`` of any value, in one line and not longer than ``most`` characters.
-
-    >>> shown(10**5000)
-    'an int that is too long to print'
-    """
-    try:
-        text = repr(value)
-    except (ValueError, RecursionError, MemoryError):  # an integer of more digits than Python prints, deep nesting
-        name = type(value).__name__
-        return f"a{'n' if name[0] in 'aeio' else ''} {name} that is too long to print"
-    return one_line(text, most=most)
-
-
-def _shortened(match: re.Match[str]) -> str:
-    return f"{match[0][:VALUE]}..."
-
-
-class Hint(str):
-    """A hint for callers who write numbers in SI; ``text`` is the one for readers of quantities with units.
-
-    >>> Hint("lengths are in metres (did you mean 450e-9?)", text='did you mean "450 nm"?').text
-    'did you mean "450 nm"?'
-    """
-
-    text: str
-
-    def __new__(cls, si: str, *, text: str = "") -> Hint:
-        """The hint in SI, with the other one beside it."""
-        hint = super().__new__(cls, si)
-        hint.text = text
-        return hint
-
-
 POWER_HINT = Hint("powers are in W (did you mean 2e-3 for 2 mW?)")
 MOST_POWER = 10.0  # W
 
 
-class InputError(ValueError):
-    """An argument cannot be used; the message names the argument, the value, the rule and a hint.
-
-    The message is one line of at most `MESSAGE` characters, whatever the value holds; rule, hint: its two halves.
-    """
-
-    def __init__(self, rule: str, hint: str = "") -> None:
-        self.rule, self.hint = _LONG.sub(_shortened, one_line(str(rule))), one_line(str(hint))
-        self._text = hint.text if isinstance(hint, Hint) else self.hint
-        super().__init__(f"{self.rule}; {self.hint}" if hint else self.rule)
-
-    def for_text(self) -> str:
-        """The message for someone who wrote quantities with units: a file of TOML, an option of the command line."""
-        return f"{self.rule}; {self._text}" if self._text else self.rule
-
-    def __reduce__(self) -> tuple[type, tuple[str, str]]:
-        """Made again in another process from both halves."""
-        return type(self), (self.rule, self.hint)
-
-
-class MissingLibraryError(ImportError):
-    """A library that this call needs cannot be loaded; the message names it and how to install it."""
-
-
 def finite(name: str, value: Any, *, unit: str = "", hint: str = "") -> float:
     """Return ``value`` as a float, or raise InputError unless it is one finite number."""
-    units.without_unit(name, value)
+    bare(name, value)
     try:
         if type(value) is not float and isinstance(value, _no_numbers()):
             raise TypeError
@@ -123,7 +50,7 @@ def plain(one: Any) -> None:
     """
     annotated(one)
     for name, value in vars(one).items():
-        if (python := _plain(units.without_unit(name, value))) is not value:
+        if (python := _plain(bare(name, value))) is not value:
             object.__setattr__(one, name, python)
 
 
@@ -236,6 +163,13 @@ def numbers(
     return result
 
 
+def bare(name: str, value: Any) -> Any:
+    """The value; InputError for one of pint, or of xarray in another unit than SI: NumPy would take its numbers."""
+    if unit := units.foreign(value):
+        raise InputError(f"{name} is in {unit}", "plain numbers in SI are needed, which pint's .m_as('s') gives")
+    return value
+
+
 def _floats(name: str, value: ArrayLike, hint: str, longest: int = MOST) -> NDArray[np.float64]:
     """A copy as a float array, so that no object changes with the caller's array.
 
@@ -248,7 +182,7 @@ def _floats(name: str, value: ArrayLike, hint: str, longest: int = MOST) -> NDAr
             raise InputError(f"{name} holds {len(value)} numbers; at most {longest:,} are taken at one go", hint)
         if np.ma.is_masked(value):
             raise InputError(f"{name} holds masked values; leave them out", hint)
-        found = np.asarray(units.without_unit(name, value))
+        found = np.asarray(bare(name, value))
         if found.size > longest:  # a view may repeat one number without end
             raise InputError(f"{name} holds {found.size} numbers; at most {longest:,} are taken at one go", hint)
         if found.dtype.kind in "USmM":

@@ -239,7 +239,7 @@ def _by_pint(number: float, given: str, unit: str, what: str) -> float:
     import numpy as np
     import pint
 
-    registry = _registry()
+    registry = units.registry()
     try:
         quantity = registry.Quantity(number, registry.parse_units(given))
         fits = _dimensions(given) == _dimensions(unit)
@@ -265,29 +265,10 @@ _MORE = {"W": ("dBm", "nW"), "m": ("cm",), "s": ("ps", "fs"), "K": ("mK", "degC"
 
 
 @cache
-def is_si(unit: str) -> bool:
-    """Whether a unit has the factor 1, so that numbers in it are in SI; words that are no unit count as one."""
-    if unit in ("", "1", "s", "K", "W", "K/W", "m", "Hz", "J"):
-        return True
-    try:
-        units.names_of(unit)
-        return abs(float(_registry().Quantity(1, _registry().parse_units(unit)).to_base_units().magnitude) - 1) < 1e-9
-    except Exception:  # no unit of the grammar; and pint's parser raises whatever its tokeniser meets
-        return True
-
-
-@cache
 def _dimensions(unit: str) -> Any:
     """The unit in base units, angles kept: rad/s is not Hz."""
-    registry = _registry()
+    registry = units.registry()
     return registry.Quantity(1, registry.parse_units(unit)).to_root_units().units
-
-
-@cache
-def _registry() -> Any:
-    import pint
-
-    return pint.UnitRegistry(autoconvert_offset_to_baseunit=True, cache_folder=None)
 
 
 def _wanted(unit: str) -> str:

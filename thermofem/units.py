@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
 from . import constants
@@ -173,19 +173,34 @@ def _factor(tokens: tuple[str, ...], depth: int) -> tuple[list[tuple[str, int]],
     return list(names), rest
 
 
-def without_unit(name: str, value: Any) -> Any:
-    """The value; InputError for one of pint, or of xarray in another unit than SI: NumPy would take its numbers."""
+def foreign(value: Any) -> str:
+    """The unit of a value of pint, or that one of xarray states, where it is not SI; else ""."""
     if not (hasattr(value, "magnitude") or hasattr(value, "attrs")):
-        return value
-    from . import checks, quantity
-
+        return ""
     held: tuple[Any, Any] = (value, getattr(value, "data", None))
-    found = [str(each.units) for each in held if hasattr(each, "magnitude")]
+    for each in held:
+        if hasattr(each, "magnitude"):
+            return str(each.units)
     stated = getattr(value, "attrs", None)
-    if not found and isinstance(stated, Mapping) and isinstance(unit := stated.get("units"), str):
-        found = [] if quantity.is_si(unit) else [unit]
-    if found:
-        raise checks.InputError(
-            f"{name} is in {found[0]}", "plain numbers in SI are needed, which pint's .m_as('s') gives"
-        )
-    return value
+    unit = stated.get("units") if isinstance(stated, Mapping) else None
+    return unit if isinstance(unit, str) and not _is_si(unit) else ""
+
+
+@cache
+def _is_si(unit: str) -> bool:
+    """Whether a unit has the factor 1, so that numbers in it are in SI; words that are no unit count as one."""
+    if unit in ("", "1", "s", "K", "W", "K/W", "m", "Hz", "J"):
+        return True
+    try:
+        names_of(unit)
+        return abs(float(registry().Quantity(1, registry().parse_units(unit)).to_base_units().magnitude) - 1) < 1e-9
+    except Exception:  # no unit of the grammar; and pint's parser raises whatever its tokeniser meets
+        return True
+
+
+@cache
+def registry() -> Any:
+    """The units that pint knows."""
+    import pint
+
+    return pint.UnitRegistry(autoconvert_offset_to_baseunit=True, cache_folder=None)

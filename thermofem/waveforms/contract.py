@@ -10,7 +10,6 @@ import numpy as np
 
 from .. import checks
 from ..arrays import Array, ArrayLike
-from ..units import without_unit
 
 TIME_HINT = checks.Hint("times are in s (did you mean 1e-6 for 1 us?)")
 MOST_CYCLES = 1e6  # that a call may span
@@ -110,7 +109,7 @@ def known(what: str, t: Array, first: float, last: float, hint: str = "") -> Arr
 def seconds(t: ArrayLike) -> Array:
     """The times that a waveform is asked for, as floats; InputError where they are none."""
     try:
-        found = np.asarray(without_unit("t", t))
+        found = np.asarray(checks.bare("t", t))
     except checks.InputError:
         raise
     except (TypeError, ValueError, MemoryError):  # a list of lists, a Dataset, an endless range

@@ -1,0 +1,78 @@
+"""Errors that a caller reads: what is wrong, with what value, and what to do; and values as their text shows them."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+MESSAGE = 1200  # characters of an error message
+VALUE = 80  # characters of a value in an error message
+_LONG = re.compile(r"\S{300,}")  # no word, name or path of a person
+
+
+def one_line(text: str, *, most: int = MESSAGE) -> str:
+    """Text as one line that every terminal and file can hold: breaks and control characters become escapes.
+
+    >>> one_line("a\\nb\\x1b[31m")
+    'a\\\\nb\\\\x1b[31m'
+    """
+    line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text[: most + 1])
+    return line if len(line) <= most else f"{line[: most - 3]}..."
+
+
+def shown(value: Any, *, most: int = VALUE) -> str:
+    """``repr`` of any value, in one line and not longer than ``most`` characters.
+
+    >>> shown(10**5000)
+    'an int that is too long to print'
+    """
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError, MemoryError):  # an integer of more digits than Python prints, deep nesting
+        name = type(value).__name__
+        return f"a{'n' if name[0] in 'aeio' else ''} {name} that is too long to print"
+    return one_line(text, most=most)
+
+
+def _shortened(match: re.Match[str]) -> str:
+    return f"{match[0][:VALUE]}..."
+
+
+class Hint(str):
+    """A hint for callers who write numbers in SI; ``text`` is the one for readers of quantities with units.
+
+    >>> Hint("lengths are in metres (did you mean 450e-9?)", text='did you mean "450 nm"?').text
+    'did you mean "450 nm"?'
+    """
+
+    text: str
+
+    def __new__(cls, si: str, *, text: str = "") -> Hint:
+        """The hint in SI, with the other one beside it."""
+        hint = super().__new__(cls, si)
+        hint.text = text
+        return hint
+
+
+class InputError(ValueError):
+    """An argument cannot be used; the message names the argument, the value, the rule and a hint.
+
+    The message is one line of at most `MESSAGE` characters, whatever the value holds; rule, hint: its two halves.
+    """
+
+    def __init__(self, rule: str, hint: str = "") -> None:
+        self.rule, self.hint = _LONG.sub(_shortened, one_line(str(rule))), one_line(str(hint))
+        self._text = hint.text if isinstance(hint, Hint) else self.hint
+        super().__init__(f"{self.rule}; {self.hint}" if hint else self.rule)
+
+    def for_text(self) -> str:
+        """The message for someone who wrote quantities with units: a file of TOML, an option of the command line."""
+        return f"{self.rule}; {self._text}" if self._text else self.rule
+
+    def __reduce__(self) -> tuple[type, tuple[str, str]]:
+        """Made again in another process from both halves."""
+        return type(self), (self.rule, self.hint)
+
+
+class MissingLibraryError(ImportError):
+    """A library that this call needs cannot be loaded; the message names it and how to install it."""
