@@ -18,6 +18,7 @@ import re
 from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -261,7 +262,8 @@ def _header(lines: list[str], divider: str, used: NDArray[np.bool_]) -> tuple[tu
         units = [unit or cell.strip("()[] ") for unit, cell in zip(units, below, strict=True)]
     taken = sum(bool(unit) for unit, holds in zip(units, used, strict=True) if holds)
     for k, line in enumerate(lines):
-        if _in_brackets(line) > taken or (k >= len(lines) - UNIT_ROWS and _bare(line) > taken):
+        near = k >= len(lines) - UNIT_ROWS
+        if _in_brackets(line) > taken or (near and (_bare(line) > taken or (last < 0 and _loose(line)))):
             what = f"line {k + 1} = {line.strip()[:40]!r} states units that no column takes"
             raise InputError(f"{what}; write a name and a unit for each of {columns} columns, divided as the rows are")
     return tuple(names), tuple(units)
@@ -297,6 +299,12 @@ def _bare(line: str) -> int:
     full = ([cell for cell in cells if cell] for cells in rows)
     of_units = (cells for cells in full if 1 < len(cells) < FEW and _are_units(cells))
     return max((len(cells) for cells in of_units if any(map(_SECONDS.fullmatch, cells))), default=0)
+
+
+def _loose(line: str) -> bool:
+    """Whether a line without columns holds a word that looks like a unit which is not SI, and no number before it."""
+    words = _UNIT.sub(" ", line.lstrip(MARKS)).split()
+    return any(hidden_unit(b) and not _is_number(a) and not _is_number(b[:1]) for a, b in pairwise(["", *words]))
 
 
 def _check_units(units: list[str], stated: list[tuple[int, list[str]]]) -> None:

@@ -282,6 +282,7 @@ def headers(rows: list[tuple[str, str]]) -> Iterator[tuple[str, str]]:
 def odd_headers(rows: list[tuple[str, str]]) -> Iterator[tuple[str, str]]:
     """The same with comment marks of other programs, and below what instruments write, with a cell for each column."""
     heads = [f"{{0}}time{d}T\n{{0}}us{d}mK" for d in (",", ";", "\t")] + ["{0}time (us);T (mK)", "{0}time[us]\tT [mK]"]
+    heads += ["{0}t / us T / mK", "{0}t in us T in mK", "{0}t us T mK"]
     above = ("", "Time offset [us],0\n", "Segments,1,41\n", "Probe attenuation (V),10\n", "Model,MSO24\n")
     for lines, head, mark in itertools.product(above, heads, ("", "# ", "//", "! ", "'")):
         for divider in (",", ";", "\t", " ", ";;"):
