@@ -26,21 +26,11 @@ from . import checks, quantity
 from .arrays import Array, NDArray
 from .checks import InputError
 from .dataset import POSSIBLE
+from .header_units import IN_BRACKETS, SECONDS, are_units, header_unit, hidden_unit, is_unit, stated_unit
 
-SPELLED = {
-    "volt": "V", "volts": "V", "second": "s", "seconds": "s", "sec": "s", "kelvin": "K", "millivolt": "mV",
-    "microsecond": "us", "microseconds": "us", "nanosecond": "ns", "nanoseconds": "ns", "millisecond": "ms",
-    "celsius": "degC", "watt": "W", "watts": "W",
-}  # fmt: skip
 DIVIDERS = ("\t", ";", ",", "|", ":", " ")
 MARKS = "%#/!'\" "  # of lines that are comments in some program
 UNIT_ROWS, FEW = 5, 50  # lines above the table that may be a row of units; cells from which on it is none
-_UNIT = re.compile(r"\s*[(\[{<]([^()\[\]{}<>]*)[)\]}>]")
-_SECONDS = re.compile(r"[(\[]?\s*(?:[munpµμ]?s|secs?|(?:milli|micro|nano)?seconds?)\s*[)\]]?", re.IGNORECASE)
-_ENDING = re.compile(  # T_mK, T/mK, T in mK and T mK, but for "type K" and T_per_V
-    r"(?<!per)(?:[_/]|,|\bin\b|\s(?=\S{2}))\s*(s|[munpµμ]s|K|[mu]K|degC|°C|V|[muµμ]V|W|[munµμ]W)\s*$"
-)
-_SCALED = re.compile(r"(?:[munpµμ]s|[munkµμ][KVW]|degC|°[CF])")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)  # 1,234: or a decimal comma before three digits
 HOTTEST = 1e5  # K; beyond any temperature: the code of an instrument whose input is overloaded, such as 9.9E+37
 
@@ -62,7 +52,7 @@ class Columns:
     def column(self, argument: str, name: str) -> int:
         """Index of a column by its header, with or without what follows the unit."""
         checks.text(argument, name)
-        short = [_UNIT.split(known)[0].strip() for known in self.names]
+        short = [IN_BRACKETS.split(known)[0].strip() for known in self.names]
         if name in self.names:
             return self.names.index(name)
         if short.count(name) == 1:
@@ -242,9 +232,9 @@ def _header(lines: list[str], divider: str, used: NDArray[np.bool_]) -> tuple[tu
         split = max(own, *([_names(line, d, used) for line in bare] for d in DIVIDERS), key=lambda s: _stated(s, used))
     fitting, last = _fitting(split, used)
     place, below = last, None
-    last = next((k for k in fitting if k > last >= 0 and any(split[k]) and _are_units(split[k])), last)  # not of each
+    last = next((k for k in fitting if k > last >= 0 and any(split[k]) and are_units(split[k])), last)  # not of each
     above = [k for k in fitting if k < last]
-    if above and _are_units(split[last]):
+    if above and are_units(split[last]):
         place, below = above[-1], split[last]
     for k, line in enumerate(lines):
         words = line.split() if divider == " " else own[k]
@@ -255,7 +245,7 @@ def _header(lines: list[str], divider: str, used: NDArray[np.bool_]) -> tuple[tu
     if last < 0:
         names, units = [str(k + 1) for k in range(columns)], [""] * columns
     else:
-        names, units = split[place], [_bracket(name) for name in split[place]]
+        names, units = split[place], [stated_unit(name) for name in split[place]]
         stated = [(place, split[place]), *((k, split[k]) for k in above if k != place)]
         _check_units(units, stated if below is None else [*stated, (last, below)])
     if below:
@@ -263,7 +253,7 @@ def _header(lines: list[str], divider: str, used: NDArray[np.bool_]) -> tuple[tu
     taken = sum(bool(unit) for unit, holds in zip(units, used, strict=True) if holds)
     for k, line in enumerate(lines):
         near = k >= len(lines) - UNIT_ROWS
-        if _in_brackets(line) > taken or (near and (_bare(line) > taken or (last < 0 and _loose(line)))):
+        if _in_brackets(line) > taken or (near and (_bare(line) > taken or (k > last and _loose(line)))):
             what = f"line {k + 1} = {line.strip()[:40]!r} states units that no column takes"
             raise InputError(f"{what}; write a name and a unit for each of {columns} columns, divided as the rows are")
     return tuple(names), tuple(units)
@@ -272,8 +262,8 @@ def _header(lines: list[str], divider: str, used: NDArray[np.bool_]) -> tuple[tu
 def _fitting(split: list[list[str]], used: NDArray[np.bool_]) -> tuple[list[int], int]:
     """Lines with a cell for each column, and the last of them that is full; else the last one, or -1."""
     fitting = [k for k, cells in enumerate(split) if len(cells) == used.size and not _is_number(cells[0])]
-    if used.size == 2:  # a setting of the instrument, such as "Time offset [us],0"
-        fitting = [k for k in fitting if not (_is_number(split[k][1]) and _bracket(split[k][0]))]
+    if used.sum() == 2:  # a setting of the instrument, such as "Time offset [us],0"
+        fitting = [k for k in fitting if not (_is_number(split[k][1]) and stated_unit(split[k][0]))]
     full = [k for k in fitting if all(split[k][c] and not _is_number(split[k][c]) for c in np.flatnonzero(used))]
     return fitting, full[-1] if full else fitting[-1] if fitting else -1
 
@@ -283,39 +273,39 @@ def _stated(split: list[list[str]], used: NDArray[np.bool_]) -> int:
     fitting, last = _fitting(split, used)
     if last < 0:
         return 0
-    inside = sum(_is_unit(_bracket(cell)) for cell in split[last])
-    return max(inside, len(split[last]) if fitting[0] < last and _are_units(split[last]) else 0)
+    inside = sum(is_unit(stated_unit(cell)) for cell in split[last])
+    return max(inside, len(split[last]) if fitting[0] < last and are_units(split[last]) else 0)
 
 
 def _in_brackets(line: str) -> int:
     """How many units of a time, a temperature or a voltage a line has in brackets, without a number after them."""
-    found = ((m[1], line[m.end() :].lstrip(' :=,;|\t"')[:1]) for m in _UNIT.finditer(line))
-    return sum(_is_unit(unit, ("s", "K", "V")) for unit, after in found if not after.isdigit())
+    found = ((m[1], line[m.end() :].lstrip(' :=,;|\t"')[:1]) for m in IN_BRACKETS.finditer(line))
+    return sum(is_unit(unit, ("s", "K", "V")) for unit, after in found if not after.isdigit())
 
 
 def _bare(line: str) -> int:
     """How many units a line has that is nothing but units, one of them of seconds, whatever divides and marks it."""
     rows = ([cell.strip("\"' ") for cell in line.lstrip(MARKS).split(d)] for d in DIVIDERS)
     full = ([cell for cell in cells if cell] for cells in rows)
-    of_units = (cells for cells in full if 1 < len(cells) < FEW and _are_units(cells))
-    return max((len(cells) for cells in of_units if any(map(_SECONDS.fullmatch, cells))), default=0)
+    of_units = (cells for cells in full if 1 < len(cells) < FEW and are_units(cells))
+    return max((len(cells) for cells in of_units if any(map(SECONDS.fullmatch, cells))), default=0)
 
 
 def _loose(line: str) -> bool:
     """Whether a line without columns holds a word that looks like a unit which is not SI, and no number before it."""
-    words = _UNIT.sub(" ", line.lstrip(MARKS)).split()
+    words = IN_BRACKETS.sub(" ", line.lstrip(MARKS)).split()
     return any(hidden_unit(b) and not _is_number(a) and not _is_number(b[:1]) for a, b in pairwise(["", *words]))
 
 
 def _check_units(units: list[str], stated: list[tuple[int, list[str]]]) -> None:
     """InputError where header lines, (index, cells), state another unit for a column of that name, or one says two."""
-    names = [_UNIT.split(cell)[0].strip() for cell in stated[0][1]]
+    names = [IN_BRACKETS.split(cell)[0].strip() for cell in stated[0][1]]
     for k, cells in stated:
         for name, unit, cell, own in zip(names, units, cells, stated[0][1], strict=True):
-            bare = cell != own and _is_unit(cell) and cell.strip("()[] ")
-            same = name == _UNIT.split(cell)[0].strip()
-            others = [bare] if bare else [text.strip() for text in _UNIT.findall(cell)] if same else []
-            other = next((o for o in others if unit and header_unit(o) != header_unit(unit) and _is_unit(o)), None)
+            bare = cell != own and is_unit(cell) and cell.strip("()[] ")
+            same = name == IN_BRACKETS.split(cell)[0].strip()
+            others = [bare] if bare else [text.strip() for text in IN_BRACKETS.findall(cell)] if same else []
+            other = next((o for o in others if unit and header_unit(o) != header_unit(unit) and is_unit(o)), None)
             if other is not None:
                 raise InputError(
                     f"line {k + 1} gives {name!r} in {other}, the header in {unit}; take the wrong one out"
@@ -337,17 +327,6 @@ def _names(line: str, divider: str, used: NDArray[np.bool_]) -> list[str]:
     return cells
 
 
-def _bracket(name: str) -> str:
-    match = _UNIT.search(name) or _ENDING.search(name)
-    compound = match and _ENDING.search(f"_{name[: match.start()].split(' ')[-1]}")  # mV/K
-    return match[1].strip() if match and not compound else ""
-
-
-def hidden_unit(name: str) -> str:
-    """A word of a name without unit that looks like one which is not SI, such as mK in "T_mK_avg"; else ""."""
-    return next(filter(_SCALED.fullmatch, re.split(r"[^A-Za-zµμ°]+", name)), "")
-
-
 def _is_number(cell: str) -> bool:
     """Whether a cell of a header is a number."""
     try:
@@ -355,26 +334,6 @@ def _is_number(cell: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _is_unit(cell: str, of: tuple[str, ...] = ()) -> bool:
-    """Whether a cell is a bare unit such as "(us)", "mV" or "Volt"; of one of these dimensions where any is given."""
-    bare = cell.strip("()[] ")
-    if not bare:
-        return False
-    for text in (header_unit(bare), bare.lower()):  # scopes write "Volt"
-        for unit in of or ("s",):
-            try:
-                quantity.parse(f"1 {text}", unit)
-            except InputError as error:
-                if of or "wrong dimension" not in str(error):
-                    continue
-            return True
-    return False
-
-
-def _are_units(cells: list[str]) -> bool:
-    return all(_is_unit(cell) for cell in cells if cell)
 
 
 def measured(table: Columns, place: int, temperatures: Array) -> Array:
@@ -386,9 +345,3 @@ def measured(table: Columns, place: int, temperatures: Array) -> Array:
             f"{HOTTEST:g} K, such as an overload of the instrument; take such rows out"
         )
     return temperatures
-
-
-def header_unit(text: str) -> str:
-    """A unit as instruments write it in a header, as the unit layer reads it: "Volt" becomes "V"."""
-    unit = text.strip().replace("°C", "degC").replace("µ", "u").replace("μ", "u")
-    return SPELLED.get(unit.lower(), unit)

@@ -18,7 +18,7 @@ def takes(name: str, value: Any, *needed: str, what: str) -> Any:
 
     >>> takes("data", 3, "data_vars", what="a Dataset of th.solve")
     Traceback (most recent call last):
-    thermofem.checks.InputError: data is an int; this function takes a Dataset of th.solve
+    thermofem.errors.InputError: data is an int; this function takes a Dataset of th.solve
     """
     variables = getattr(value, "variables", None)
     inside: Any = variables if hasattr(variables, "keys") else {}

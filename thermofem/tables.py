@@ -17,7 +17,8 @@ import numpy as np
 from . import checks, dataset, files, quantity
 from .arrays import Array
 from .checks import InputError
-from .columns import Columns, header_unit, in_si, measured, parse, text_of, times_in_si
+from .columns import Columns, in_si, measured, parse, text_of, times_in_si
+from .header_units import check_scale, header_unit
 from .waveforms import Constant, Sampled, Waveform
 
 if TYPE_CHECKING:
@@ -119,6 +120,8 @@ def _numbers(table: Columns, role: str, name: str, given: Mapping[str, str]) -> 
     """A column in SI."""
     k = table.column(role, name)
     values = table.numbers(k, name)
+    if role not in given:
+        check_scale(table.names[k], table.units[k])
     offset, factor = _line(role, name, given.get(role, table.units[k]))
     if role == "time":
         return times_in_si(name, values, offset, factor)

@@ -27,7 +27,8 @@ from .algebra.poles import pole_responses
 from .arrays import Array
 from .checks import InputError
 from .clipping import clipping
-from .columns import Columns, header_unit, hidden_unit, in_si, measured, parse, text_of, times_in_si
+from .columns import Columns, in_si, measured, parse, text_of, times_in_si
+from .header_units import OF_TEMPERATURES, OF_TIMES, check_scale, header_unit
 from .tables import LARGEST
 
 if TYPE_CHECKING:
@@ -162,22 +163,17 @@ def _split(table: Columns, name: str | None) -> tuple[str | None, str]:
     return name, ""
 
 
-def _check_hidden(name: str, option: str) -> None:
-    """InputError where a name without unit has a word that looks like one."""
-    if unit := hidden_unit(name):
-        raise InputError(f"column {name!r} may be in {unit} or not; give its unit, such as {option} '{name} ({unit})'")
-
-
 def _time(table: Columns, place: int, given: str | None, said: list[str]) -> Array:
     """Times in s, increasing."""
     values, unit = table.numbers(place), header_unit(given or table.units[place])
     name = table.names[place]
+    if not given:
+        check_scale(name, unit, OF_TIMES, "--time")
     if not unit:
         if np.ptp(values) > LONGEST:
             raise InputError(
                 f"column {name!r} states no unit and spans {np.ptp(values):g}; give it, such as --time '{name} (us)'"
             )
-        _check_hidden(name, "--time")
         said.append(f"column {name!r} states no unit: seconds")
     offset, factor = quantity.line(unit, "s", name=f"unit of {name!r}") if unit else (0.0, 1.0)
     t = times_in_si(name, values, offset, factor)
@@ -194,8 +190,9 @@ def _rise(
     """Temperatures in K; a voltage is divided by the sensitivity in V/K, and without one 1 V counts as 1 K."""
     values, unit = table.numbers(place), header_unit(given or table.units[place])
     name = table.names[place]
+    if not given:
+        check_scale(name, unit, OF_TEMPERATURES, "--temperature")
     if not unit:
-        _check_hidden(name, "--temperature")
         said.append(f"column {name!r} states no unit: {'kelvin' if sensitivity is None else 'volts'}")
         unit = "K" if sensitivity is None else "V"
     try:

@@ -197,6 +197,7 @@ def fit_second_order(
         ]
     )
     model = poles if training.transfer else second_order(**parameters, heat_capacity=heat_capacity)
+    model = replace(model, **training.parts)
     return training.fit(model, parameters, jacobian, found, swarm)
 
 
@@ -292,9 +293,10 @@ class Training:
         known = bool(heated and read)
         apart = known and heated != read
         transfer = apart if transfer is None else checks.flag("transfer", transfer)
-        parts = {"inputs": (heated if apart else "heater",), "outputs": (read if apart else "core",)}
+        names = (heated, read) if known else ("heater", "core")
+        parts = {"inputs": (names[0],), "outputs": (names[1],)}
         problem = FitProblem(responses, thermal_resistance, impose and not transfer)
-        return cls(problem, tuple(d.name for d in responses), geometry, transfer, parts if transfer else {})
+        return cls(problem, tuple(d.name for d in responses), geometry, transfer, parts if transfer or known else {})
 
     @property
     def doubts(self) -> tuple[str, ...]:

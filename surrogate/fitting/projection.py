@@ -119,6 +119,7 @@ class FitProblem:
         from scipy.optimize import nnls
 
         norm = np.linalg.norm(phi, axis=0)
+        norm = np.where(norm > 0, norm, 1.0)  # a pole too fast for any sample
         if self.positive:
             return np.asarray(nnls(phi / norm, self.target, maxiter=30 * norm.size)[0] / norm)
         return np.asarray(np.linalg.lstsq(phi / norm, self.target, rcond=None)[0] / norm)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from thermofem import Foster, Quadratic, SquareWave, ThermalModel, checks
+from thermofem import Foster, OutputMap, Quadratic, SquareWave, StateSpace, ThermalModel, checks
 from thermofem.arrays import Array
 from thermofem.models import Cauer, Network, NonlinearSystem, bare
 from thermofem.transient.integration import integrate_periodic
@@ -14,6 +14,7 @@ from thermofem.transient.integration import integrate_periodic
 from ..reduction.quadratic import QuadraticReduction, reduce_quadratic
 
 SAMPLES = 301  # of one period
+SMALL = 200  # states of a model whose poles are computed for their swing; those of a FEM heat or arrive late
 MOST_PERIODS = 100_000  # they take 5 s with poles
 FARTHEST = 1e4  # a period this many times longer or shorter than the reference's counts as never reached
 CHECKED = 5  # periods at which the full order with k(T) corrects its quadratic reduction
@@ -93,7 +94,7 @@ def _swing(model: ThermalModel, period: float, power: float, duty: float) -> flo
     swing = P sum_i R_i (1 - e^-a)(1 - e^-b)/(1 - e^-(a+b)),   a = duty T/tau_i,  b = (1 - duty) T/tau_i
     """
     poles = bare(model)
-    if isinstance(poles, Foster | Network | Cauer):
+    if isinstance(poles, Foster | Network | Cauer) or (isinstance(poles, StateSpace) and poles.order <= SMALL):
         poles = poles.dynamics
     if isinstance(poles, Foster) and poles.passive:
         on, off = -duty * period / np.asarray(poles.tau), -(1 - duty) * period / np.asarray(poles.tau)
@@ -101,6 +102,8 @@ def _swing(model: ThermalModel, period: float, power: float, duty: float) -> flo
     wave = SquareWave(power, period, duty)
     if isinstance(poles, Foster):
         return float(np.ptp(_overshooting(poles, wave)))
+    if isinstance(poles, OutputMap) and not poles.dynamics.linear.passive:
+        return float(np.ptp(poles.of(_overshooting(poles.dynamics.linear, wave))))
     if isinstance(poles, Quadratic) and not np.array_equal(poles.A, poles.A.T):  # no reduction of a FEM
         start, tau = poles.periodic_states(wave, SAMPLES)[0], -1 / np.linalg.eigvals(poles.A).real
         return float(np.ptp(poles.states(wave, _after_edges(wave, tau), initial=start) @ poles.C))

@@ -245,7 +245,7 @@ def compare(
     variables["states"] = ("model", states, {"units": "1", "long_name": "number of states"})
     periods = checks.array("periods", periods, increasing=True, empty=True)
     if periods.size:
-        power, duty = max(float(np.max(getattr(d, "power", 2e-3))) for d in drives), 1 / 3
+        power, duty = max(map(_largest, drives)), 1 / 3
         swing = swings(reference, periods, power, duty)
         words = [error_curve(m, swing, periods, power, duty).attrs["validity"] for m in models.values()]
         variables["validity"] = ("model", words, {"long_name": "range of validity on the period"})
@@ -312,6 +312,12 @@ def _answer(model: ThermalModel, drive: Waveform) -> Array:
     edges = drive.breakpoints(0.0, 1.5 * length)
     times = np.unique(np.concatenate([np.linspace(0, 1.5 * length, 4 * COMPARED), edges]))
     return model.response(drive, times)
+
+
+def _largest(drive: Waveform) -> float:
+    """Largest power of a drive, W."""
+    stop = drive.period if drive.period is not None else _length(drive)
+    return waveforms.bounds(waveforms.heating_pieces(drive, 0.0, stop))[1]
 
 
 def _length(drive: Waveform) -> float:

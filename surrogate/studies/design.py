@@ -91,7 +91,7 @@ def design(
         ``lambda model: coupled.limit_cycle(ring, model, power=..., detuning=...).attrs["period"]``. A function that
         raises InputError, for a ring that does not pulse, or returns nan has no such property there.
     fixed : dict from parameter to float
-        of the parameters that are not free; default the middle of their range.
+        of the parameters that are not free; default the middle of their range, the geometric mean of a positive one.
     optics : Optics
         how the optics follow the geometry; functions then take a second argument, the dict of changes.
     tolerance : float
@@ -168,5 +168,5 @@ def _message(reached: bool, got: Mapping[str, float], wanted: Mapping[str, float
     values = ", ".join(f"{name} = {value:.6g} (wanted {wanted[name]:.6g})" for name, value in got.items())
     edge = f"; at the end of its range: {', '.join(active)}" if active else ""
     return (
-        f"reached: {values}" if reached else f"no member of this family does that; the nearest gives {values}"
+        f"reached: {values}" if reached else f"no member that was looked at does that; the nearest gives {values}"
     ) + edge

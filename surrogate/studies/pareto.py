@@ -12,7 +12,7 @@ from thermofem.arrays import Array
 
 from ..family import Family
 from .quantities import Optics, Quantity
-from .search import PENALTY, Ranges, Search, family_over, search_of, wanted_of
+from .search import Ranges, Search, family_over, search_of, wanted_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -109,5 +109,5 @@ def _objectives(search: Search, got: Mapping[str, float]) -> Array:
         if isinstance(wanted, str):
             found.append(value if wanted == "smallest" else -value)
         else:
-            found.append(min(abs(value / wanted - 1), PENALTY))
+            found.append(abs(value / wanted - 1))
     return np.array(found)

@@ -33,7 +33,7 @@ class Optics:
         d(number)/d(parameter) in SI, ``{"bus_rate": {"width": -1e17}}``; or a table of a mode solver, two arrays with
         increasing parameters and the number there, between which it is linear.
     at : dict from parameter to float
-        p_0, where the numbers of the ring hold; default the middle of the ranges.
+        p_0, where the numbers of the ring hold; default the middle of the ranges, the geometric mean of a positive one.
     """
 
     slopes: Mapping[str, Mapping[str, Slope]]

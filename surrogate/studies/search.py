@@ -19,7 +19,7 @@ from .quantities import Optics, Property, Quantity, word
 Ranges = Mapping[str, tuple[float, float]]
 
 SMALLEST = 1e-50  # of a target
-PENALTY = 10.0  # relative misfit of a member that has no such property, such as a ring that does not pulse
+PENALTY = 1e6  # relative misfit of a member that has no such property, such as a ring that does not pulse
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +81,10 @@ def search_of(
         family, None if free is None else checks.mapping("free", free), checks.mapping("fixed", fixed)
     )
     properties = {word(quantity): Property(family, quantity, optics) for quantity in target}
+    if both := [name for name in properties if name in family.names]:
+        raise checks.InputError(
+            f"target {both[0]!r} is the name of a parameter of the family; give the function another"
+        )
     return Search(family, low, high, held, properties, wanted)
 
 

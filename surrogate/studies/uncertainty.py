@@ -52,7 +52,7 @@ def uncertainty(
     samples : int
         base samples n, a power of two; the property is worked out n (p + 2) times for p parameters.
     fixed : dict from parameter to float
-        of the parameters that are not varied; default the middle of their range.
+        of the parameters that are not varied; default the middle of their range, the geometric mean of a positive one.
     optics : Optics
         how the optics follow the geometry; functions then take a second argument, the dict of changes.
     interpolate : int

@@ -62,6 +62,10 @@ def test_uncertainty(folder):
     index, low, high, *_ = map(float, said.groups())
     assert low <= 1 <= high  # one parameter explains everything
     assert abs(index - 1) < 0.1
+    asked = ("uncertainty", str(folder / "family.json"), "--spread", "box=2 um,20 nm", "--samples", "64")
+    numbers = json.loads(run(*asked, "--json", "--quiet"))
+    kinds = ["first_order", "first_order_low", "first_order_high", "total_order", "total_order_low", "total_order_high"]
+    assert [f"{numbers[kind]['box']:.3f}" for kind in kinds] == list(said.groups())
 
 
 def test_the_map_of_probabilities_and_the_settled_period(folder):
@@ -81,11 +85,13 @@ def test_the_map_of_probabilities_and_the_settled_period(folder):
 
 def test_targets_that_exclude_each_other(folder):
     text = run("design", str(folder / "family.json"), "--resistance", "8000 K/W", "--rise-time", "1 us")
-    assert "no member of this family does that" in text
+    assert "no member that was looked at does that" in text
     assert "that no other beats" in text
 
 
 def test_the_range_of_self_pulsing(folder):
+    numbers = json.loads(run("design", str(folder / "family.json"), "--rise-time", "1 us", "--json", "--quiet"))
+    assert numbers["thermal_resistance"] > 1e3  # of its own mesh, which the text says
     text = run("design", str(folder / "family.json"), "--range", "10 GHz", "--power", "3 dBm")
     assert "range_of_pulsing" in text
 

@@ -325,8 +325,34 @@ def test_a_path_is_no_markup(name, tmp_path, monkeypatch):
     assert quiet.output == ""
 
 
-def test_a_unit_inside_a_name_is_asked_for(tmp_path):
-    """Temperatures in mK counted as K: a thermal resistance a thousand times too large."""
-    (tmp_path / "t.csv").write_text("t_us,T_mK_mean\n" + "".join(f"{k},{k * 7 % 31}\n" for k in range(40)))
-    with pytest.raises(th.InputError, match=r"may be in mK or not; .* --temperature 'T_mK_mean \(mK\)'"):
-        read_trace(tmp_path / "t.csv", 1e-3)
+ODD_NAMES = """T_mK_mean|T x10^-3 (K)|10^3 T (K)|T*1000 [K]|T (K) *1000|T (K) (x0.001)|T [K] in mK|T millikelvin|T mk
+T fahrenheit|T_F|T mVolts|TmK|T (K) E-3""".replace("\n", "|").split("|")
+
+
+@pytest.mark.parametrize("name", ODD_NAMES)
+def test_a_scale_that_is_no_unit_in_brackets_is_asked_for(name, tmp_path):
+    """Temperatures in mK, or in 1e-3 K, counted as K: a thermal resistance a thousand times too large."""
+    (tmp_path / "t.csv").write_text(f"t_us,{name}\n" + "".join(f"{k},{k * 7 % 31}\n" for k in range(40)))
+    with pytest.raises(
+        th.InputError, match=rf"column '{re.escape(name)}' (may be in .* or not; give|states .* beside)"
+    ):
+        read_trace(tmp_path / "t.csv", th.Constant(1e-3))
+    units = {"temperature": "mK", "time": "us"}
+    th.read_csv(tmp_path / "t.csv", time="t_us", temperature=name, power=1e-3, units=units)
+    with pytest.raises(th.InputError, match=r"beside|states no unit|or not"):
+        th.read_csv(tmp_path / "t.csv", time="t_us", temperature=name, power=1e-3)
+
+
+@pytest.mark.parametrize("name", ["t msec", "Millisekunden", "t_min", "h", "US", "t (s) E-6", "10^6 t (s)"])
+def test_a_scale_of_times_is_asked_for(name, tmp_path):
+    (tmp_path / "t.csv").write_text(f"{name},T (K)\n" + "".join(f"{k},{k * 7 % 31}\n" for k in range(40)))
+    with pytest.raises(
+        th.InputError, match=rf"column '{re.escape(name)}' (may be in .* or not; give|states .* beside)"
+    ):
+        read_trace(tmp_path / "t.csv", th.Constant(1e-3))
+
+
+@pytest.mark.parametrize("name", ["microring temperature (K)", "Nanowire (K)", "Temperature 2 (K)", "T_min (K)", "T"])
+def test_other_words_are_no_units(name, tmp_path):
+    (tmp_path / "t.csv").write_text(f"time (us),{name}\n" + "".join(f"{k},{1 - 0.9**k}\n" for k in range(40)))
+    assert read_trace(tmp_path / "t.csv", th.Constant(1e-3)).data["delta_T"].values[-1] > 0.5

@@ -34,7 +34,7 @@ def test_a_wanted_resistance_is_found_and_certified(family):
 def test_a_target_out_of_reach_gives_the_nearest_member(family):
     found = surrogate.design(family, target={"thermal_resistance": 1e6})
     assert not found.reached
-    assert "no member of this family does that" in found.message
+    assert "no member that was looked at does that" in found.message
     # the hottest ring is the smallest one on the thickest oxide
     assert {"radius", "box"} <= set(found.active)
     assert found.values["radius"] == pytest.approx(5e-6, rel=1e-3)
@@ -365,3 +365,32 @@ def test_a_family_and_a_held_one_are_what_identify_takes(family):
     assert model.thermal_resistance == pytest.approx(held.at(there).thermal_resistance, rel=1e-9)
     with pytest.raises(th.InputError, match="radius = 1e-05 must lie between 5e-06 and 9e-06"):
         family.held(radius=1e-5)
+
+
+def test_a_front_holds_what_is_far_from_its_target(family):
+    """Misfits above 10 counted as equal: one member was left of the front."""
+    target = {"thermal_resistance": 300.0, "rise_time": "largest"}
+    near = surrogate.pareto_front(family, target=target, generations=8)
+    small = surrogate.pareto_front(family, target=target | {"thermal_resistance": "smallest"}, generations=8)
+    assert near.sizes["member"] > 20
+    assert float(near.thermal_resistance.min()) == pytest.approx(float(small.thermal_resistance.min()), rel=0.02)
+
+
+def test_a_property_far_from_its_target_is_nearer_than_none(family):
+    """A missing property counted as a misfit of 10, less than that of the members that had it."""
+    edge = float(np.median([family.model(width=w, radius=6e-6, box=2e-6).thermal_resistance for w in (4e-7, 6e-7)]))
+
+    def part(model):
+        return model.thermal_resistance if model.thermal_resistance > edge else np.nan
+
+    found = surrogate.design(family, target={part: edge / 20})
+    assert not found.reached
+    assert found.achieved["part"] == pytest.approx(edge, rel=0.2)
+
+
+def test_a_quantity_with_the_name_of_a_parameter_is_refused(family):
+    def box(model):
+        return model.thermal_resistance
+
+    with pytest.raises(th.InputError, match="target 'box' is the name of a parameter"):
+        surrogate.design(family, target={box: 8e3})

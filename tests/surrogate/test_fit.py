@@ -12,7 +12,8 @@ from surrogate_systems import autoregressive, strip
 import surrogate
 import thermofem as th
 from surrogate.fitting.fit import Training
-from surrogate.fitting.projection import polish
+from surrogate.fitting.projection import FitProblem, polish
+from thermofem.dataset import responses_of
 from thermofem.models.lumped import BORGHI2021_HEAT_CAPACITY, second_order_parameters
 
 
@@ -395,3 +396,26 @@ def test_two_tables_whose_columns_have_other_names_are_fitted_and_noted(tmp_path
     fit = surrogate.fit_newton(data)
     assert fit.model.tau == pytest.approx([1e-6], rel=1e-6)
     assert any("read in 'CH1' and 'CH2'" in note for note in fit.notes)
+
+
+@pytest.mark.parametrize("positive", [True, False])
+def test_a_pole_that_no_sample_shows_has_no_gain(positive):
+    """A pulse between two rows leaves nothing of a fast pole: its norm divided by zero, exit code 70."""
+    times = np.linspace(0, 1e-5, 50)
+    data = th.dataset.build(times, np.exp(-times / 2e-6), th.Pulse(1e-3, 1e-9))
+    problem = FitProblem(responses_of(data), positive=positive)
+    phi = problem.columns(np.log([1e15, 5e5]))
+    phi[:, 0] = 0.0
+    gains = problem.gains(phi)
+    assert gains[0] == 0
+    assert gains[1] > 0
+
+
+@pytest.mark.parametrize("part", ["core", "heater"])
+def test_a_fit_bears_the_names_of_its_parts(part):
+    """A heater that was heated and read was called "core"."""
+    times = np.linspace(0, 1e-5, 50)
+    rise = th.Foster([5e3, 1e3], [1e-6, 1e-7]).response(th.Constant(1e-3), times)
+    data = th.dataset.build(times, rise, th.Constant(1e-3), attributes={"heated": part, "read": part})
+    for fit in (surrogate.fit_foster(data, 2), surrogate.fit_spectrum(data), surrogate.fit_second_order(data)):
+        assert (fit.model.inputs, fit.model.outputs) == ((part,), (part,))

@@ -14,7 +14,7 @@ from paths import MEASURED
 
 import surrogate
 import thermofem as th
-from thermofem import columns
+from thermofem import columns, header_units
 from thermofem.tables import _edges, _with_jumps
 from thermofem.waveforms import from_json
 
@@ -97,7 +97,7 @@ def test_units_of_a_header_that_is_divided_in_another_way_count():
         found = says_one_line(lambda text=text: columns.parse(text))
         if "mean" in what:  # no unit is taken, and `calibrate` refuses the name
             assert found is not None
-            assert (found.units, columns.hidden_unit(found.names[1])) == (("us", ""), "mK")
+            assert (found.units, header_units.hidden_unit(found.names[1])) == (("us", ""), "mK")
             continue
         assert ("run" in what) if found is None else (found.units == ("us", "mK")), what
         assert found is None or found.values.shape == (40, 2)

@@ -254,3 +254,18 @@ def test_jumps_that_are_not_named_cost_no_accuracy():
         times = np.array([start, start + width, start + 1.5 * width, stop])
         want = model.response(th.Pulse(1e-3, width, start=start), times)
         assert model.response(inside, times) == pytest.approx(want, rel=1e-7, abs=1e-9 * want.max())
+
+
+def test_bounds_of_cubics_that_begin_level():
+    """With a slope of exactly zero the second turning point was 0/0: a power of -0.5 mW cooled without a word."""
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        a, b, c, d = rng.normal(size=4) * (rng.random(4) < 0.6)
+        cubic = th.PiecewiseCubic([0.0, 1.5], [[a, b, c, d]])
+        dense = np.polyval([d, c, b, a], np.linspace(0, 1.5, 20_001))
+        # between 20 000 points: (1.5/2e4)^2/8 of the second derivative
+        low, high = th.waveforms.bounds(cubic.cubics(0.0, 1.5))
+        assert (low, high) == pytest.approx((dense.min(), dense.max()), rel=0, abs=1e-7)
+    cold = th.PiecewiseCubic([0, 1.5e-6], [[5e-4, 0, -3e9, 2e15]])
+    with pytest.raises(th.InputError, match=r"falls to -0\.0005 W"):
+        th.Foster([2e3], [1e-6]).response(cold, [1e-6])

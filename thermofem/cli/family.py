@@ -123,7 +123,7 @@ def design(
         name: unit for name, (_, text, unit, _) in zip(result.achieved, (a for a in asked if a[1]), strict=True)
     }
     units = {**dict(zip(found.names, found.box.units, strict=True)), **of_target}
-    say("reached" if result.reached else "no member of this family does that; the nearest one:")
+    say("reached" if result.reached else "no member that was looked at does that; the nearest one:")
     for name, wanted in zip(result.achieved, target.values(), strict=True):
         say(f"{name} = {written(result.achieved[name], units[name])}, wanted {written(wanted, units[name])}")
     for name in found.names:
@@ -144,6 +144,7 @@ def design(
         "active": list(result.active),
         "sensitivity": result.sensitivity,
         "error": result.certified.error,
+        "thermal_resistance": result.certified.thermal_resistance,
         "front": front,
     }
 
@@ -231,8 +232,10 @@ def uncertainty(
     if interpolate:
         error = data.attrs["interpolation_error"]
         say(f"interpolated between {interpolate} members; rms error {error:.1e} over held-out ones")
-    indices = {str(n): float(v) for n, v in zip(data.parameter.values, data.first_order.values, strict=True)}
-    return {**data.attrs, "first_order": indices}
+    names = ("first_order", "total_order")
+    kinds = [*names, *(f"{kind}_{end}" for kind in names for end in ("low", "high"))]  # of the 95 % intervals
+    parameters = list(map(str, data.parameter.values))
+    return {**data.attrs, **{kind: dict(zip(parameters, data[kind].values.tolist(), strict=True)) for kind in kinds}}
 
 
 def _interval(row: Any, kind: str) -> str:

@@ -162,7 +162,7 @@ class HeatProblem:
         InputError
             a name that is no heated part.
         """
-        if heated not in self._modal:
+        if checks.choice("heated", heated, self.heated) not in self._modal:
             known, contents = self._mesh_error.known(heated), self._mesh_error.contents
             others = np.column_stack(contents) if contents else None
             self._modal[heated] = Modal(self.channels(heated), self.discretization.factors, known, others)
@@ -186,6 +186,7 @@ class HeatProblem:
 
     def audit(self, heated: str) -> Ledger | NonlinearLedger:
         """The ledger with ``heated`` carrying the power, part of which a held boundary may take at once."""
+        checks.choice("heated", heated, self.heated)
         return replace(self.ledger, direct=float(self.discretization.means[heated][self.discretization.held].sum()))
 
     @cached_property

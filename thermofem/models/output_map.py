@@ -80,7 +80,7 @@ class OutputMap(AtSmallPower):
 
     def of(self, z: ArrayLike) -> Array:
         """dT in K of a linear rise z in K."""
-        z = np.asarray(z, dtype=float)
+        z = checks.numbers("z", z)
         if np.any(1 + 2 * self.coefficient * z <= 0):
             top = -0.5 / self.coefficient
             raise checks.InputError(

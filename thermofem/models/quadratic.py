@@ -174,7 +174,9 @@ class Quadratic:
             raise checks.InputError(f"times = {t.min():g} s lies before the start at t = 0")
         stop = max(float(t.max()), _TINY)
         pieces = waveforms.heating_pieces(wave, 0.0, stop)
-        x = np.zeros(self.order) if initial is None else np.array(initial, dtype=float)
+        x = np.zeros(self.order) if initial is None else checks.array("initial", initial)
+        if x.size != self.order:
+            raise checks.InputError(f"initial has {x.size} states; the model has {self.order}")
         peak = max(float(np.abs(pieces.coefficients[:, 0]).max()), float(np.abs(pieces.ends).max()))
         scale = self._size(peak) + np.abs(x)
         result = np.empty((t.size, self.order))

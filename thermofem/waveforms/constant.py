@@ -17,7 +17,7 @@ from .contract import Array, seconds, stored
 @shown
 @dataclass(frozen=True)
 class Constant:
-    """Heating step: P(t) = power for t >= 0, zero before.
+    """Heating step: P(t) = power; a run begins at t = 0.
 
     Parameters
     ----------

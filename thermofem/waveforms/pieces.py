@@ -83,8 +83,8 @@ def bounds(function: Pieces) -> tuple[float, float]:
     """Lowest and highest value of a piecewise cubic."""
     length, (_, b, c, d) = np.diff(function.edges), function.coefficients.T
     with np.errstate(divide="ignore", invalid="ignore"):
-        root = np.sqrt(np.maximum(c * c - 3 * b * d, 0))
-        turns = [-b / (c + root), -b / (c - root)]  # of b + 2 c u + 3 d u^2, in the form that d = 0 leaves valid
+        far = -(c + np.copysign(np.sqrt(np.maximum(c * c - 3 * b * d, 0)), c))  # no difference of equal numbers
+        turns = [far / (3 * d), b / far]  # of b + 2 c u + 3 d u^2, also where b or d is 0
     inside = [np.where((u > 0) & (u < length), u, 0.0) for u in turns]
     values = [cubic(function.coefficients, u) for u in (0 * length, length, *inside)]
     return float(np.min(values)), float(np.max(values))

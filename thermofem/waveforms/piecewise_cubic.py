@@ -100,7 +100,7 @@ class PiecewiseCubic:
         return self._at(t, before=True)
 
     def breakpoints(self, start: float, stop: float) -> Array:
-        """Times inside where value or slope jump by more than 1e-6 of the largest; the other edges are smooth."""
+        """Times inside where the value jumps by more than 1e-6 of the largest; between them `knots` bound steps."""
         pieces = Pieces(np.asarray(self.edges), np.asarray(self.coefficients))
         before, after = pieces.ends, pieces.coefficients[:, 0]
         jumps = np.abs(np.roll(after, -1) - before) > 1e-6 * self.peak

@@ -105,6 +105,7 @@ class Symbols(Steps):
 
     def samples(self, per_node: int = 1) -> Array:
         """Times in s at the ends of equal parts of every node: where a readout samples, shape (n nodes per_node,)."""
+        per_node = checks.integer("per_node", per_node, 1, 1_000_000)
         return self.start + np.arange(1, (self.edges.size - 1) * per_node + 1) / (
             self.rate * np.size(self.mask) * per_node
         )
