@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -174,12 +174,15 @@ def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFi
 
 def _density(t: Array, N0: float, tau0: float, a: float, b: float) -> Array:
     """N(t), by Newton's method in u = ln(N/N0), whose iterates are monotone."""
-    k = a / b - 1
-    u = -t / (tau0 * max(a / b, 1))  # the decay at the longest lifetime
+
+    def slower(N: Any) -> Any:  # (a - b)/b ln(1 + b N), whose limit for b = 0 is a N
+        return (a - b) / b * np.log1p(b * N) if b else a * N
+
+    u = -t / (tau0 * max((1 + a * N0) / (1 + b * N0), 1))  # the decay at the longest lifetime
     for _ in range(100):
         N = N0 * np.exp(u)
-        f = u + k * (np.log1p(b * N) - np.log1p(b * N0)) + t / tau0
-        step = f / (1 + k * b * N / (1 + b * N))
+        f = u + slower(N) - slower(N0) + t / tau0
+        step = f / (1 + (a - b) * N / (1 + b * N))
         u = u - step
         if np.max(np.abs(step)) < 1e-14 * (1 + np.max(np.abs(u))):
             break

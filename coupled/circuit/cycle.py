@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -58,8 +59,9 @@ def circuit_limit_cycle(
     Returns
     -------
     xarray.Dataset
-        one period, as of `simulate_circuit`; attrs["period"] in s; variable multipliers, the largest first. One of them
-        is 1, and the cycle attracts where all others are inside the unit circle.
+        one period, as of `simulate_circuit`, without dark lasers before the one that is lit; attrs["period"] in s;
+        variable multipliers, the largest first. One of them is 1, and the cycle attracts where all others are inside
+        the unit circle.
 
     Raises
     ------
@@ -78,6 +80,10 @@ def circuit_limit_cycle(
     settle = checks.between("settle", settle, 1e-9, 1, unit="s", hint="times are in s")
     samples = checks.integer("samples", samples, 3, 10_000_000)
     system = autonomous(circuit, thermal, inputs, heaters, detuning)
+    lit = [laser for laser in circuit.lasers if inputs.get(laser.name, 0.0) > 0]
+    if lit and lit[0] != circuit.lasers[0]:  # states turn with the first laser, which is dark
+        circuit, inputs = replace(circuit, lasers=lit), {laser.name: inputs[laser.name] for laser in lit}
+        system = autonomous(circuit, thermal, inputs, heaters, detuning)
     drive = {"inputs": inputs, "heaters": heaters, "detuning": detuning}
     run = simulate_circuit(circuit, thermal, duration=settle, rtol=1e-6, **drive)  # type: ignore[arg-type]
     guess = _period(run, settle)

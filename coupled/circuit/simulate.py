@@ -143,15 +143,18 @@ def simulate_circuit(
             rtol=rtol, method=chosen, times=wanted, progress=progress,
         )  # fmt: skip
     else:
+        at_start = bool(wanted.size) and not wanted.any()  # no times mean every step, so that one is taken and left out
+        later = np.array([duration]) if at_start else wanted[wanted > 0]
         call = partial(watched, progress=(lambda t: progress(t * eq.NS)) if progress else None)
         rows, y, reached, counts = (call if duration > LONG or len(circuit.names) > 4 else uninterrupted)(
             integrate, begin, drive, rings, system.states, system.net, tableau(chosen), series(tableau(chosen)), rtol,
-            wanted[wanted > 0] / eq.NS, average, corner, MAX_STEPS, new_watch(),
+            later / eq.NS, average, corner, MAX_STEPS, new_watch(),
         )  # fmt: skip
         check_end(counts, reached, duration, rtol)
         gathered = rows.shape[1] - 1 - 4 * len(offsets) - 2 * len(light.terminals)
         first = first_row(light, drive, begin, heat, gathered=gathered)
         rows = np.vstack([np.repeat(first[None], int(np.sum(wanted <= 0)) if wanted.size else 1, axis=0), rows])
+        rows = rows[: wanted.size] if at_start else rows
         rows[:, 4 : 4 + 4 * len(offsets) : 4] += np.array([offset(rows[:, 0] * eq.NS) for offset in offsets]).T
     if progress:
         progress(duration)

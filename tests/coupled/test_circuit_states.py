@@ -123,3 +123,27 @@ BEATING = coupled.Circuit(
 
 def states(circuit, inputs):
     return coupled.circuit_steady_states(circuit, SECOND_ORDER, inputs=inputs)
+
+
+def test_a_dark_laser_of_another_frequency_changes_no_cycle():
+    """States turned with the dark laser, and Newton's method never closed them."""
+    lit = coupled.LaserPort("in", "ring 1.in", offset=3e9)
+    alone, dark = (
+        coupled.Circuit([RING], lasers=lasers) for lasers in ([lit], [coupled.LaserPort("a", "ring 1.add"), lit])
+    )
+    periods = [
+        coupled.circuit_limit_cycle(circuit, SECOND_ORDER, inputs={"in": 6.31e-3}).attrs["period"]
+        for circuit in (alone, dark)
+    ]
+    assert periods[0] == periods[1]
+
+
+@pytest.mark.parametrize("average", [True, False])
+def test_the_start_alone_is_one_row(average):
+    """All accepted steps came back."""
+    circuit = coupled.bus([RING, RING])
+    run = coupled.simulate_circuit(
+        circuit, SECOND_ORDER, inputs={"in": 1e-3}, duration=1e-9, times=[0.0], average=average
+    )
+    assert run.sizes["time"] == 1
+    assert not run.energy.values.any()

@@ -110,3 +110,10 @@ def test_slips_are_named_in_one_line(call, message):
     with pytest.raises(th.InputError, match=message) as error:
         call()
     assert "\n" not in str(error.value)
+
+
+def test_a_constant_lifetime_decays_exponentially():
+    """It divided by zero."""
+    times = np.array([0.0, 1e-8, 1e-6])
+    found = coupled.carrier_decay(coupled.ConstantLifetime(10e-9), 1e23, times)
+    assert found.carriers.values == pytest.approx(1e23 * np.exp(-times / 10e-9), rel=1e-12)
