@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 import pytest
 from commands import says_one_line
-from fuzz import hostile
+from fuzz import hostile, hostile_tables
 
 import surrogate
 import thermofem as th
@@ -107,7 +107,7 @@ def test_columns_at_the_ends_of_what_floats_hold_are_one_line(tmp_path):
         "Time (us),T (K)\n" + "".join(f"{t * 1e6:.5f},{1e6 * t:.5f}\n" for t in TIMES),
         head + "".join(f"{k},{k % 9},\n" for k in range(50)),
     ):
-        for other in hostile.scaled_columns(text):
+        for other in hostile_tables.scaled_columns(text):
             table.write_text(other)
             with warnings.catch_warnings(action="error"):
                 says_one_line(lambda: read_trace(table, STEP))

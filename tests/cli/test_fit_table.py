@@ -7,6 +7,7 @@ import re
 
 import numpy as np
 import pytest
+from fuzz import hostile_tables
 from typer.main import get_command
 from typer.testing import CliRunner
 
@@ -325,11 +326,7 @@ def test_a_path_is_no_markup(name, tmp_path, monkeypatch):
     assert quiet.output == ""
 
 
-ODD_NAMES = """T_mK_mean|T x10^-3 (K)|10^3 T (K)|T*1000 [K]|T (K) *1000|T (K) (x0.001)|T [K] in mK|T millikelvin|T mk
-T fahrenheit|T_F|T mVolts|TmK|T (K) E-3""".replace("\n", "|").split("|")
-
-
-@pytest.mark.parametrize("name", ODD_NAMES)
+@pytest.mark.parametrize("name", hostile_tables.SCALED)
 def test_a_scale_that_is_no_unit_in_brackets_is_asked_for(name, tmp_path):
     """Temperatures in mK, or in 1e-3 K, counted as K: a thermal resistance a thousand times too large."""
     (tmp_path / "t.csv").write_text(f"t_us,{name}\n" + "".join(f"{k},{k * 7 % 31}\n" for k in range(40)))
@@ -343,7 +340,7 @@ def test_a_scale_that_is_no_unit_in_brackets_is_asked_for(name, tmp_path):
         th.read_csv(tmp_path / "t.csv", time="t_us", temperature=name, power=1e-3)
 
 
-@pytest.mark.parametrize("name", ["t msec", "Millisekunden", "t_min", "h", "US", "t (s) E-6", "10^6 t (s)"])
+@pytest.mark.parametrize("name", hostile_tables.SCALED_TIMES)
 def test_a_scale_of_times_is_asked_for(name, tmp_path):
     (tmp_path / "t.csv").write_text(f"{name},T (K)\n" + "".join(f"{k},{k * 7 % 31}\n" for k in range(40)))
     with pytest.raises(

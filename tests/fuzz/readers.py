@@ -50,6 +50,7 @@ outer_radius|bottom|height|[|]|{|}|[[part]]|[[layer]]|[boundary]|[material.Si]|=
 to|count|"part.core.radius"|"layer.box.thickness"|"µm"|R|tau|poles|A|B|C|E|G|H|kind|"Foster"|"Quadratic"|time"""
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import hostile  # noqa: E402 - beside this file, which tests load by its path
+import hostile_tables  # noqa: E402
 
 WORDS = [word for line in TEXT.split("\n") for word in line.split("|")] + ["\n", *hostile.BREAKS, *hostile.ODD]
 WORDS += [f'"{unit}"' for unit in hostile.units() if len(unit) < 200] + hostile.numbers()
@@ -302,8 +303,13 @@ def replaced(name: str, texts: list[str]) -> Iterator[str]:
     """Every valid file with one line of TOML or one node of JSON replaced, left out or there twice, in random order."""
     for k, text in enumerate(texts):
         if name in ("table", "trace"):
-            yield from hostile.scaled_columns(text)
-            for generator in (hostile.headers, hostile.odd_headers, hostile.mixed):
+            yield from hostile_tables.scaled_columns(text)
+            for generator in (
+                hostile_tables.headers,
+                hostile_tables.odd_headers,
+                hostile_tables.mixed,
+                hostile_tables.scaled_names,
+            ):
                 yield from (table for _, table in generator([(f"{k}", f"{k % 7}") for k in range(20)]))
         elif name in ("mesh", "netcdf"):
             content = text.encode("latin-1")

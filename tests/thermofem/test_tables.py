@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import says_one_line
-from fuzz import hostile
+from fuzz import hostile_tables
 from paths import MEASURED
 
 import surrogate
@@ -93,7 +93,7 @@ ROWS = [(f"{k / 5:.1f}", f"{1e3 * k + 1.5:.1f}") for k in range(40)]
 
 def test_units_of_a_header_that_is_divided_in_another_way_count():
     """`np.savetxt` writes a header with commas above rows with spaces; its temperatures in degF were taken for K."""
-    for what, text in hostile.headers(ROWS):
+    for what, text in hostile_tables.headers(ROWS):
         found = says_one_line(lambda text=text: columns.parse(text))
         if "mean" in what:  # no unit is taken, and `calibrate` refuses the name
             assert found is not None
@@ -106,7 +106,7 @@ def test_units_of_a_header_that_is_divided_in_another_way_count():
 def test_units_are_taken_or_the_table_is_refused():
     """Bare units below what instruments write, or with another comment mark, were passed by: mK counted as K."""
     read = set()
-    for what, text in hostile.odd_headers(ROWS):
+    for what, text in hostile_tables.odd_headers(ROWS):
         found = says_one_line(lambda text=text: columns.parse(text))
         assert found is None or found.units[:2] == ("us", "mK"), what
         read |= {what} if found else set()
@@ -132,7 +132,7 @@ def test_settings_are_no_names_and_empty_columns_need_none(head, end, units):
 
 def test_a_separator_that_changes_is_a_damaged_row():
     """The first 100 rows of 201 counted as text before the table: a thermal resistance of 549 instead of 15029."""
-    for what, text in hostile.mixed(ROWS):
+    for what, text in hostile_tables.mixed(ROWS):
         found = says_one_line(lambda text=text: columns.parse(text))
         assert found is None or len(found.values) == 40, what  # spaces and tabs are both white space
 
