@@ -18,12 +18,12 @@ SECONDS = re.compile(r"[(\[]?\s*(?:[munpµμ]?s|secs?|(?:milli|micro|nano)?secon
 _ENDING = re.compile(  # T_mK, T/mK, T in mK and T mK, but for "type K" and T_per_V
     r"(?<!per)(?:[_/]|,|\bin\b|\s(?=\S{2}))\s*(s|[munpµμ]s|K|[mu]K|degC|°C|V|[muµμ]V|W|[munµμ]W)\s*$"
 )
-# words that look like units which are not SI; in any case, after "T" or "t", and those of times and temperatures alone
-_SCALED = re.compile(
-    r"t?(?:[munpµμ]s(?:ecs?)?|[munkµμ](?:[kvw]|volts?|watts?)|deg[cf]|°[cf]|celsius|fahrenheit|[mu]sek|[pnuµμ]m|[kmg]hz|dbm?|counts?"
+_SCALED = re.compile(  # words that look like units which are not SI, in any case, also after a "T" or "t"
+    r"t?(?:[munpµμ]s(?:ecs?)?|[munkµμ](?:[kvw]|volts?|watts?)|deg[cf]|°[cf]|celsius|fahrenheit|[mu]sek"
     r"|(?:milli|mi[ck]ro|nano|pico)(?:s|secs?|seconds?|sekunden?|kelvin|volts?|watts?))",
     re.IGNORECASE,
 )
+_NO_TEMPERATURE = re.compile(r"[pnuµμ]m|[kmg]hz|dbm?|counts?", re.IGNORECASE)  # nor a time
 OF_TIMES, OF_TEMPERATURES = ("min", "h", "hr", "hrs", "hours", "minutes"), ("C", "F")
 _FACTOR = re.compile(r"\b10\s*(?:\^|\*\*)\s*[-+]?\d+|[x×*·]\s*\d[\d.eE+-]*|\b[eE][-+]\d+\b")
 
@@ -50,7 +50,11 @@ def check_scale(name: str, unit: str, words: Sequence[str] = (), option: str = "
         match = IN_BRACKETS.search(name) or _ENDING.search(name)
         beside = f"{name[: match.start()]} {name[match.end() :]}" if match else name
     factor = _FACTOR.search(beside)
-    other = hidden_unit(beside) or ("" if unit else next((w for w in _words(name) if w in words), ""))
+    if unit:  # a number before a unit makes a remark of both: "mean of 5 ms (K)"
+        other = hidden_unit(re.sub(r"\d\s*[A-Za-zµμ°]+", " ", beside))
+    else:
+        suspects = (w for w in _words(name) if w in words or _NO_TEMPERATURE.fullmatch(w))
+        other = hidden_unit(name) or next(suspects, "")
     said = factor[0] if factor else other
     if said and unit:
         raise InputError(f"column {name!r} states {said!r} beside its unit {unit}; leave one unit in its header")

@@ -349,7 +349,17 @@ def test_a_scale_of_times_is_asked_for(name, tmp_path):
         read_trace(tmp_path / "t.csv", th.Constant(1e-3))
 
 
-@pytest.mark.parametrize("name", ["microring temperature (K)", "Nanowire (K)", "Temperature 2 (K)", "T_min (K)", "T"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "microring temperature (K)",
+        "Nanowire (K)",
+        "at 1550 nm mean of 5 ms (K)",
+        "Temperature 2 (K)",
+        "T_min (K)",
+        "T",
+    ],
+)
 def test_other_words_are_no_units(name, tmp_path):
     (tmp_path / "t.csv").write_text(f"time (us),{name}\n" + "".join(f"{k},{1 - 0.9**k}\n" for k in range(40)))
     assert read_trace(tmp_path / "t.csv", th.Constant(1e-3)).data["delta_T"].values[-1] > 0.5
