@@ -30,7 +30,9 @@ _FACTOR = re.compile(r"\b10\s*(?:\^|\*\*)\s*[-+]?\d+|[x×*·]\s*\d[\d.eE+-]*|\b[
 
 def stated_unit(name: str) -> str:
     """The unit in the name of a column, in brackets or at its end; else ""."""
-    match = IN_BRACKETS.search(name) or _ENDING.search(name)
+    if match := IN_BRACKETS.search(name):
+        return match[1].strip()
+    match = _ENDING.search(name)
     compound = match and _ENDING.search(f"_{name[: match.start()].split(' ')[-1]}")  # mV/K
     return match[1].strip() if match and not compound else ""
 
