@@ -95,4 +95,6 @@ def _inline(value: Any) -> str:
 
 
 def _key(key: str) -> str:
+    if not isinstance(key, str):
+        raise InputError(f"the key {checks.shown(key)} is no text")
     return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key, ensure_ascii=False)
