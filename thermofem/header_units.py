@@ -23,7 +23,7 @@ _SCALED = re.compile(  # words that look like units which are not SI, in any cas
     r"|(?:milli|mi[ck]ro|nano|pico)(?:s|secs?|seconds?|sekunden?|kelvin|volts?|watts?))",
     re.IGNORECASE,
 )
-_NO_TEMPERATURE = re.compile(r"[pnuµμ]m|[kmg]hz|dbm?|counts?", re.IGNORECASE)  # nor a time
+_NO_TEMPERATURE = re.compile(r"[pnuµμ]m|[kmg]hz|dbm?|counts?", re.IGNORECASE)  # of other quantities
 OF_TIMES, OF_TEMPERATURES = ("min", "h", "hr", "hrs", "hours", "minutes"), ("C", "F")
 _FACTOR = re.compile(r"\b10\s*(?:\^|\*\*)\s*[-+]?\d+|[x×*·]\s*\d[\d.eE+-]*|\b[eE][-+]\d+\b")
 

@@ -27,7 +27,9 @@ CLOSED = 1e-7  # relative distance of the two ends of a cycle
 LAPS = (1, 2, 3, 4)  # pulses in one period, tried in turn
 ITERATIONS = 12
 SWING = 1e-3  # relative, below which a state counts as at rest
-TURNED = 0.01  # of the multiplier of a shift in time from 1: what differences of steep pulses make of it
+TURNED = (
+    0.01  # difference from 1 of the multiplier of a shift in time; differences of steep pulses leave 5e-6 (measured)
+)
 
 
 def circuit_limit_cycle(
@@ -165,8 +167,9 @@ def _closed(system: System, y: Array, period: float) -> tuple[Array, float, Any]
         if np.linalg.norm(missed) < CLOSED * np.sqrt(y.size):
             values = np.linalg.eigvals(M)
             moves = np.linalg.norm(_flow(system, y) / scale) * period > SWING  # at a fixed point every period closes
-            along = np.abs(values - 1).min() < TURNED
-            return (y, period, values[np.argsort(-np.abs(values))]) if moves and along else None
+            if not moves or np.abs(values - 1).min() > TURNED:
+                return None
+            return y, period, values[np.argsort(-np.abs(values))]
         along, leaving = _flow(system, end) / scale, _flow(system, y) / scale
         matrix = np.block([[M - np.eye(y.size), along[:, None]], [leaving[None], np.zeros((1, 1))]])
         step = np.linalg.lstsq(matrix, np.append(-missed, 0.0), rcond=None)[0]

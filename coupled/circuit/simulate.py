@@ -143,7 +143,8 @@ def simulate_circuit(
             rtol=rtol, method=chosen, times=wanted, progress=progress,
         )  # fmt: skip
     else:
-        at_start = bool(wanted.size) and not wanted.any()  # no times mean every step, so that one is taken and left out
+        # without a time `integrate` keeps every step; where only t = 0 is wanted, it gets the end, which is dropped
+        at_start = bool(wanted.size) and not wanted.any()
         later = np.array([duration]) if at_start else wanted[wanted > 0]
         call = partial(watched, progress=(lambda t: progress(t * eq.NS)) if progress else None)
         rows, y, reached, counts = (call if duration > LONG or len(circuit.names) > 4 else uninterrupted)(

@@ -196,8 +196,8 @@ def fit_second_order(
             [0, 0, heat_capacity, heat_capacity],
         ]
     )
-    model = poles if training.transfer else second_order(**parameters, heat_capacity=heat_capacity)
-    model = replace(model, **training.parts)
+    equation = second_order(**parameters, heat_capacity=heat_capacity) if not training.transfer else poles
+    model = replace(equation, **training.parts)
     return training.fit(model, parameters, jacobian, found, swarm)
 
 
@@ -293,8 +293,7 @@ class Training:
         known = bool(heated and read)
         apart = known and heated != read
         transfer = apart if transfer is None else checks.flag("transfer", transfer)
-        names = (heated, read) if known else ("heater", "core")
-        parts = {"inputs": (names[0],), "outputs": (names[1],)}
+        parts = {"inputs": (heated if known else "heater",), "outputs": (read if known else "core",)}
         problem = FitProblem(responses, thermal_resistance, impose and not transfer)
         return cls(problem, tuple(d.name for d in responses), geometry, transfer, parts if transfer or known else {})
 

@@ -326,14 +326,18 @@ def test_a_path_is_no_markup(name, tmp_path, monkeypatch):
     assert quiet.output == ""
 
 
+def asks(path, header, name):
+    """Write a table with this header; its reader must ask about the column."""
+    path.write_text(f"{header}\n" + "".join(f"{k},{k * 7 % 31}\n" for k in range(40)))
+    words = rf"column '{re.escape(name)}' (may be in .* or not; give|states .* beside)"
+    with pytest.raises(th.InputError, match=words):
+        read_trace(path, th.Constant(1e-3))
+
+
 @pytest.mark.parametrize("name", hostile_tables.SCALED)
 def test_a_scale_that_is_no_unit_in_brackets_is_asked_for(name, tmp_path):
     """Temperatures in mK, or in 1e-3 K, counted as K: a thermal resistance a thousand times too large."""
-    (tmp_path / "t.csv").write_text(f"t_us,{name}\n" + "".join(f"{k},{k * 7 % 31}\n" for k in range(40)))
-    with pytest.raises(
-        th.InputError, match=rf"column '{re.escape(name)}' (may be in .* or not; give|states .* beside)"
-    ):
-        read_trace(tmp_path / "t.csv", th.Constant(1e-3))
+    asks(tmp_path / "t.csv", f"t_us,{name}", name)
     units = {"temperature": "mK", "time": "us"}
     th.read_csv(tmp_path / "t.csv", time="t_us", temperature=name, power=1e-3, units=units)
     with pytest.raises(th.InputError, match=r"beside|states no unit|or not"):
@@ -342,11 +346,7 @@ def test_a_scale_that_is_no_unit_in_brackets_is_asked_for(name, tmp_path):
 
 @pytest.mark.parametrize("name", hostile_tables.SCALED_TIMES)
 def test_a_scale_of_times_is_asked_for(name, tmp_path):
-    (tmp_path / "t.csv").write_text(f"{name},T (K)\n" + "".join(f"{k},{k * 7 % 31}\n" for k in range(40)))
-    with pytest.raises(
-        th.InputError, match=rf"column '{re.escape(name)}' (may be in .* or not; give|states .* beside)"
-    ):
-        read_trace(tmp_path / "t.csv", th.Constant(1e-3))
+    asks(tmp_path / "t.csv", f"{name},T (K)", name)
 
 
 @pytest.mark.parametrize(

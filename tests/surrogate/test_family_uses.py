@@ -385,7 +385,7 @@ def test_a_property_far_from_its_target_is_nearer_than_none(family):
 
     found = surrogate.design(family, target={part: edge / 20})
     assert not found.reached
-    assert found.achieved["part"] == pytest.approx(edge, rel=0.2)
+    assert edge < found.achieved["part"] < 1.2 * edge  # a member that has it, near the edge where it ends
 
 
 def test_a_quantity_with_the_name_of_a_parameter_is_refused(family):

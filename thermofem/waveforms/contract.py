@@ -108,10 +108,9 @@ def known(what: str, t: Array, first: float, last: float, hint: str = "") -> Arr
 
 def seconds(t: ArrayLike) -> Array:
     """The times that a waveform is asked for, as floats; InputError where they are none."""
+    checks.bare("t", t)
     try:
-        found = np.asarray(checks.bare("t", t))
-    except checks.InputError:
-        raise
+        found = np.asarray(t)
     except (TypeError, ValueError, MemoryError):  # a list of lists, a Dataset, an endless range
         found = np.array(None)
     if found.dtype.kind not in "fiub":
