@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 SAME = 1e-6  # relative difference of time constants that were computed twice
 FIELD_HINT = "fields are in sqrt(J); 20 fJ is 1.4e-7"
 
+MOST_ORDER = 1_000_000  # states of a thermal model
+
 
 @shown
 @dataclass(frozen=True, eq=False)
@@ -56,7 +58,7 @@ class State:
     @classmethod
     def cold(cls, order: int) -> State:
         """No light, no carriers and no heat, for a thermal model of ``order`` states."""
-        return cls(0.0, 0.0, np.zeros(order))
+        return cls(0.0, 0.0, np.zeros(checks.integer("order", order, 1, MOST_ORDER)))
 
     @classmethod
     def end_of(cls, run: xr.Dataset) -> State:

@@ -44,4 +44,4 @@ class ConstantLifetime:
 
     def lifetime(self, density: ArrayLike) -> NDArray[np.float64]:
         """Tau in s, shape of ``density``."""
-        return np.full(np.shape(density), float(self.tau))
+        return np.full(checks.numbers("density", density).shape, float(self.tau))

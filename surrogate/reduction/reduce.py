@@ -89,13 +89,26 @@ class Reduction(HasModel):
 
         ``heat.field(rom.lift(states))`` is the temperature field on the mesh.
         """
-        return np.asarray(np.asarray(states) @ self.basis.T)
+        return lifted(states, self.basis)
 
     def full_states(self, wave: Waveform, times: ArrayLike) -> Array:
         """States of the full system under a piecewise-linear waveform from rest, in closed form, shape (times, n)."""
         if not isinstance(self.model, Foster):
             raise checks.InputError("full_states needs one input and one output; reduce system.channel(heated, read)")
         return self.lift(pole_responses(1 / np.asarray(self.model.tau), wave, times) * self.model.gain)
+
+
+def lifted(states: ArrayLike, basis: Array) -> Array:
+    """States of the full system from those of a model, in a basis of shape (n, order); InputError for another shape.
+
+    An array of complex amplitudes at a frequency counts, too.
+    """
+    if isinstance(states, np.ndarray) and np.iscomplexobj(states):
+        return np.asarray(lifted(np.real(states), basis) + 1j * lifted(np.imag(states), basis))
+    states = checks.numbers("states", states)
+    if states.shape[-1:] != basis.shape[1:]:
+        raise checks.InputError(f"states has shape {states.shape}; the last dimension has {basis.shape[1]} states")
+    return np.asarray(states @ basis.T)
 
 
 def reduce(system: StateSpace, tolerance: float = 1e-4) -> Reduction:

@@ -30,7 +30,7 @@ from thermofem.arrays import Array, ArrayLike
 from thermofem.display import shown
 from thermofem.models import HasModel, check_single
 
-from .reduce import check_matrices, project
+from .reduce import check_matrices, lifted, project
 
 
 @shown
@@ -68,7 +68,7 @@ class Truncation(HasModel):
 
     def lift(self, states: ArrayLike) -> Array:
         """States of the full system, shape (..., n), from states of the model, shape (..., order)."""
-        return np.asarray(np.asarray(states) @ self.basis.T)
+        return lifted(states, self.basis)
 
 
 def balanced_truncation(system: StateSpace, order: int, *, tolerance: float = 1e-6) -> Truncation:

@@ -18,6 +18,7 @@ from thermofem.campaign.vary import Variation
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # the lists of the other tests
 
+import methods
 from models import coarse, coarse_fem, coarse_warm_fem, identified_network, quadratic
 
 Call = tuple[Callable[..., Any], dict[str, Any]]
@@ -56,14 +57,16 @@ def data() -> Any:
 
 
 def missing(table: dict[str, Call]) -> list[str]:
-    """Public names that neither the table nor `LEFT` has."""
+    """Public names and methods that neither the table nor `LEFT` has."""
     known = {name.partition(".")[0] for name in table} | set(" ".join(LEFT.values()).split())
-    return sorted({name for package in (th, surrogate, coupled) for name in package.__all__} - known)
+    names = {name for package in (th, surrogate, coupled) for name in package.__all__}
+    return [*sorted(names - known), *methods.missing(set(table))]
 
 
 def calls() -> dict[str, Call]:
     """Name -> function, arguments by name."""
-    return {**_heat(), **_waves(), **_models(), **_training(), **_light(), **_circuits(), **_studies(), **_files()}
+    own = {**_heat(), **_waves(), **_models(), **_training(), **_light(), **_circuits(), **_studies(), **_files()}
+    return {**own, **methods.calls(heat(), small_family(), RING)}
 
 
 def long_calls() -> dict[str, Call]:

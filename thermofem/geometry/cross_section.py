@@ -23,6 +23,8 @@ from .neighbours import check_copies
 from .parts import INSULATED, ISOTHERMAL, OPEN, Boundary, Interface, Layer, Part, Probe, length
 from .regions import Subdivision, check_held, check_places, subdivide
 
+MOST_PLACE = 1e6  # m, of a point
+
 _LISTS = {"layers": Layer, "parts": Part, "interfaces": Interface, "materials": Material, "probes": Probe}
 MOST = 300  # layers, parts, ... each: 300 parts take seconds to cut and mesh, and the square of their number counts
 
@@ -171,7 +173,10 @@ class CrossSection:
 
     def on_boundary(self, side: str, r: ArrayLike, z: ArrayLike) -> NDArray[np.bool_]:
         """Which of the points (r, z) in m lie on ``side``: "bottom", "top", "outer", "axis" or "wall" (of a void)."""
-        return self.subdivision.on_side(side, np.asarray(r, dtype=float), np.asarray(z, dtype=float))
+        r, z = (checks.numbers(name, value, most=MOST_PLACE) for name, value in (("r", r), ("z", z)))
+        if r.shape != z.shape and r.ndim and z.ndim:
+            raise checks.InputError(f"r has shape {r.shape}, z {z.shape}; give one z for every r")
+        return self.subdivision.on_side(side, r, z)
 
     def opened(self) -> CrossSection:
         """The stack continued beyond its bottom and outer side (`parts.Boundary`, "open").

@@ -70,8 +70,16 @@ class Discretization:
         return Pencil(self.E, self.K)
 
     def state_space(self, heated: tuple[str, ...], read: tuple[str, ...]) -> StateSpace:
-        """E = M, A = -K on the free unknowns; B and C from the volume means."""
+        """E = M, A = -K on the free unknowns; B and C from the volume means.
+
+        InputError: no names, or one that the mesh does not have.
+        """
         free = self.free
+        for what, names in (("heated", heated), ("read", read)):
+            if not checks.instances(what, names, str):
+                raise checks.InputError(f"{what} is empty; name one region or more, such as {next(iter(self.means))!r}")
+            for name in names:
+                checks.choice(what, name, self.means)
         return StateSpace(
             E=self.E,
             A=-self.K,

@@ -251,7 +251,14 @@ class HeatProblem:
         return {}
 
     def estimate(self, *channels: tuple[str, str]) -> Estimate:
-        """Estimated mesh errors of channels (heated, read) at every shift and in every triangle; default `judged`."""
+        """Estimated mesh errors of channels (heated, read) at every shift and in every triangle; default `judged`.
+
+        InputError: a channel that is no pair of a heated part and a readable one.
+        """
+        for channel in channels:
+            if not isinstance(channel, tuple) or len(channel) != 2:
+                raise checks.InputError(f"channel {checks.shown(channel)} is no pair such as ('core', 'core')")
+            self._channel(*channel)
         found = self._mesh_error.estimate(channels or self.judged)
         self._estimated.update({("mesh", *channel): float(e.max()) for channel, e in found.errors.items()})
         return found

@@ -18,6 +18,7 @@ from ..arrays import Array, ArrayLike
 from ..display import shown
 
 COLDEST, HOTTEST = 1.0, 1e4  # K; no law is asked beyond
+QUIET = np.errstate(over="ignore", invalid="ignore")  # an iteration that diverges ends itself
 STEEPEST = 10.0  # 1/K, 1/K^2, ...: of a coefficient; T^3 about 1 K has 3, and far more keeps steps from converging
 
 
@@ -50,11 +51,12 @@ class PowerLaw:
 
     def factor(self, T: ArrayLike) -> Array:
         """f(T)."""
-        return (np.maximum(np.asarray(T, dtype=float), COLDEST) / self.reference) ** self.exponent
+        return np.asarray((np.maximum(_kelvins("T", T), COLDEST) / self.reference) ** self.exponent)
 
     def integral(self, start: float, rise: ArrayLike) -> Array:
         """start f(start) ((1 + rise/start)^(n + 1) - 1)/(n + 1), without cancellation at a small rise."""
-        log = np.log1p(np.maximum(np.asarray(rise, dtype=float) / start, COLDEST / start - 1))
+        start = _start(start)
+        log = np.log1p(np.maximum(_kelvins("rise", rise) / start, COLDEST / start - 1))
         n, scale = self.exponent + 1, (start / self.reference) ** self.exponent * start
         return np.asarray(scale / n * np.expm1(n * log) if n else scale * log)
 
@@ -84,11 +86,11 @@ class Polynomial:
 
     def factor(self, T: ArrayLike) -> Array:
         """f(T)."""
-        return _horner((1.0, *self.coefficients), np.asarray(T, dtype=float) - self.reference)
+        return _horner((1.0, *self.coefficients), _kelvins("T", T) - self.reference)
 
     def integral(self, start: float, rise: ArrayLike) -> Array:
         """Closed form, expanded about ``start`` so that nothing cancels at a small rise."""
-        return _horner(_primitive(self, start), np.asarray(rise, dtype=float))
+        return _horner(_primitive(self, _start(start)), _kelvins("rise", rise))
 
 
 @lru_cache(maxsize=64)
@@ -99,6 +101,7 @@ def _primitive(law: Polynomial, start: float) -> tuple[float, ...]:
     return (0.0, *about)
 
 
+@QUIET
 def _horner(coefficients: tuple[float, ...], x: Array) -> Array:
     """Sum of c_k x^k."""
     total = coefficients[-1] + 0 * x
@@ -148,15 +151,15 @@ class Table:
 
     def value(self, T: ArrayLike) -> Array:
         """v(T)."""
-        return np.asarray(self._curve(np.clip(T, self.temperatures[0], self.temperatures[-1])))
+        return np.asarray(self._curve(np.clip(_kelvins("T", T), self.temperatures[0], self.temperatures[-1])))
 
     def factor(self, T: ArrayLike) -> Array:
         """f(T)."""
-        return _evaluated(_pieces(self, 0.0, integrated=False), T)
+        return _evaluated(_pieces(self, 0.0, integrated=False), _kelvins("T", T))
 
     def integral(self, start: float, rise: ArrayLike) -> Array:
         """From the cubics' antiderivative, with straight continuations."""
-        return _evaluated(_pieces(self, start, integrated=True), rise)
+        return _evaluated(_pieces(self, _start(start), integrated=True), _kelvins("rise", rise))
 
 
 @lru_cache(maxsize=64)
@@ -179,15 +182,30 @@ def _pieces(table: Table, start: float, *, integrated: bool) -> tuple[Array, Arr
     return curve.x, np.ascontiguousarray(curve.c) / float(table.value(table.reference))
 
 
-def _evaluated(pieces: tuple[Array, Array], at: ArrayLike) -> Array:
+@QUIET
+def _evaluated(pieces: tuple[Array, Array], x: Array) -> Array:
     """Piecewise polynomials; the first and the last hold beyond their ends."""
     knots, coefficients = pieces
-    x = np.asarray(at, dtype=float)
     k = knots[1:-1].searchsorted(x, side="right")
     u, total = x - knots[k], coefficients[0].take(k)
     for row in coefficients[1:]:
         total = total * u + row.take(k)
     return np.asarray(total)
+
+
+def _start(value: float) -> float:
+    """Where an integral begins, K."""
+    return checks.between("start", value, COLDEST, HOTTEST, unit="K")
+
+
+def _kelvins(name: str, value: ArrayLike) -> Array:
+    """Temperatures or rises as floats, or InputError; an array of floats is taken as it is, and its nan gives nan.
+
+    An integration asks at every stage, and an iteration that diverges asks for anything.
+    """
+    if type(value) is np.ndarray and value.dtype == float and value.size <= checks.LONGEST:
+        return value
+    return checks.numbers(name, value, longest=checks.LONGEST)
 
 
 CONSTANT = PowerLaw()

@@ -23,6 +23,8 @@ from .state_space import StateSpace
 RTOL = 1e-8  # of LSODA per step; 1e-6 of the largest rise accumulates over 50 us at most (measured)
 PASSES = 40  # of the period map
 MOST_MARKS = 100_000  # changes of the power in one run, each a start of the integrator: about a minute
+MOST_POWERS = 100_000  # of one call for steady rises: about a minute
+MOST_STATE = 1e30  # K, of a state; its square, times H, is a float
 _TINY = np.finfo(float).tiny
 
 
@@ -127,13 +129,26 @@ class Quadratic:
             lambda f: np.linalg.solve(2j * np.pi * f[..., None] * np.eye(n) - self.A, B)[..., 0] @ self.C, f, n * n
         )
 
-    def rate(self, x: Array, power: float) -> Array:
-        """dx/dt."""
+    def rate(self, x: ArrayLike, power: float) -> Array:
+        """dx/dt for states x, shape (n,), in K/s, at a power in W."""
+        return self._rate(self._checked("x", x), checks.finite("power", power, unit="W"))
+
+    def jacobian(self, x: ArrayLike, power: float) -> Array:
+        """Derivative of dx/dt by x, shape (n, n), in 1/s."""
+        return self._jacobian(self._checked("x", x), checks.finite("power", power, unit="W"))
+
+    def _rate(self, x: Array, power: float) -> Array:
         return self.A @ x + (self.H @ x) @ x + power * (self.G @ x + self.B)
 
-    def jacobian(self, x: Array, power: float) -> Array:
-        """Derivative of dx/dt by x."""
+    def _jacobian(self, x: Array, power: float) -> Array:
         return self.A + 2 * (self.H @ x) + power * self.G
+
+    def _checked(self, name: str, x: ArrayLike) -> Array:
+        """States as floats, or InputError."""
+        states = checks.array(name, x, most=MOST_STATE)
+        if states.size != self.order:
+            raise checks.InputError(f"{name} has {states.size} states; the model has {self.order}")
+        return states
 
     def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
         """Rise in K from rest: LSODA from one breakpoint to the next."""
@@ -145,7 +160,7 @@ class Quadratic:
 
     def steady_rise(self, power: ArrayLike) -> Array:
         """Static rise in K at constant power in W, shape of ``power``."""
-        power = checks.numbers("power", power)
+        power = checks.numbers("power", power, longest=MOST_POWERS)
         return np.array([self.C @ self.steady_state(p) for p in power.ravel()]).reshape(power.shape)
 
     def steady_state(self, power: float) -> Array:
@@ -159,7 +174,7 @@ class Quadratic:
         power, x = checks.finite("power", power, unit="W"), np.zeros(self.order)
         for share in np.linspace(0.125, 1, 8):
             for _ in range(20):
-                change = np.linalg.solve(self.jacobian(x, share * power), self.rate(x, share * power))
+                change = np.linalg.solve(self._jacobian(x, share * power), self._rate(x, share * power))
                 x = x - change
                 if np.abs(change).max() <= 1e-12 * np.abs(x).max() + _TINY:
                     break
@@ -174,9 +189,7 @@ class Quadratic:
             raise checks.InputError(f"times = {t.min():g} s lies before the start at t = 0")
         stop = max(float(t.max()), _TINY)
         pieces = waveforms.heating_pieces(wave, 0.0, stop)
-        x = np.zeros(self.order) if initial is None else checks.array("initial", initial)
-        if x.size != self.order:
-            raise checks.InputError(f"initial has {x.size} states; the model has {self.order}")
+        x = np.zeros(self.order) if initial is None else self._checked("initial", initial)
         peak = max(float(np.abs(pieces.coefficients[:, 0]).max()), float(np.abs(pieces.ends).max()))
         scale = self._size(peak) + np.abs(x)
         result = np.empty((t.size, self.order))
@@ -207,7 +220,7 @@ class Quadratic:
         for _ in range(PASSES):
             track = self.states(wave, times, initial=x)
             mean = np.trapezoid(track, times, axis=0) / period
-            monodromy = expm(self.jacobian(mean, mean_power) * period)
+            monodromy = expm(self._jacobian(mean, mean_power) * period)
             change = np.linalg.solve(np.eye(self.order) - monodromy, track[-1] - x)
             x = x + change
             if np.abs(change * self.C).sum() <= 1e-6 * scale:
@@ -247,11 +260,11 @@ class Quadratic:
             warnings.simplefilter("ignore", RuntimeWarning)  # overflow of a run-away, which ends in the next line
             try:
                 track = odeint(
-                    lambda t, x: self.rate(x, power(t)),
+                    lambda t, x: self._rate(x, power(t)),
                     x,
                     grid,
                     tfirst=True,
-                    Dfun=lambda t, x: self.jacobian(x, power(t)),
+                    Dfun=lambda t, x: self._jacobian(x, power(t)),
                     rtol=RTOL,
                     atol=np.maximum(atol, _TINY),
                     tcrit=ends,  # each of them is in the grid, as odeint needs it

@@ -26,9 +26,10 @@ def stored(kind: Kind) -> Kind:
 
 
 def spans(kind: Kind) -> Kind:
-    """Class decorator: ``start`` and ``stop`` of `breakpoints` and `mean` are checked to be times in s."""
-    for name, longer in (("breakpoints", False), ("mean", True)):
-        setattr(kind, name, _checked(getattr(kind, name), longer))
+    """Class decorator: ``start`` and ``stop`` of every method that takes them are checked to be times in s."""
+    for name, longer in (("breakpoints", False), ("mean", True), ("pieces", True), ("cubics", True)):
+        if hasattr(kind, name):
+            setattr(kind, name, _checked(getattr(kind, name), longer))
     return kind
 
 
