@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import logging
+import sys
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +68,19 @@ class StoredCode(FunctionCache):
         """Return the compiled function for a signature, or None where none is stored."""
         rtsys.initialize(target_context)
         with self._guard_against_spurious_io_errors():
-            return self._load_overload(sig, target_context)
+            found = self._load_overload(sig, target_context)
+            if found is None:
+                say_that_it_compiles()
+            return found
+
+
+@cache
+def say_that_it_compiles() -> None:
+    """Tell a person at a terminal, once, why the first run of an installation takes longer."""
+    said = "compiling the equations of light and carriers for this machine: once, for up to a minute"
+    _log.info(said)
+    if sys.stderr is not None and sys.stderr.isatty():
+        print(said, file=sys.stderr)
 
 
 def compiled(function: Callable[..., Any]) -> Any:

@@ -135,3 +135,21 @@ def test_a_kernel_runs_where_no_folder_can_keep_its_machine_code(monkeypatch, ca
 def compiled_caller_of(kernel):
     """A compiled function that calls a kernel."""
     return njit(lambda x: kernel(x))
+
+
+def test_a_person_at_a_terminal_is_told_once_that_kernels_are_compiled(tmp_path, monkeypatch, capsys):
+    """What waits for a minute without a word looks as if it hung."""
+
+    @njit
+    def doubled(x: float) -> float:
+        return 2 * x
+
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    compiling.say_that_it_compiles.cache_clear()
+    doubled._cache = StoredCode(halve.py_func)
+    monkeypatch.setattr(doubled._cache, "_load_overload", lambda *_: None)
+    assert doubled(3.0) == 6.0
+    assert doubled(3) == 6
+    assert capsys.readouterr().err.splitlines() == [
+        "compiling the equations of light and carriers for this machine: once, for up to a minute"
+    ]
