@@ -117,13 +117,16 @@ def unknowns(
         low[k], high[k] = ranges.get(name, (low[k], high[k]))
     for name, pair in checks.mapping("bounds", bounds, hint='such as {"kappa": (1e5, 1e7)}').items():
         checks.choice("a name in bounds", name, names)
-        ends = np.asarray(pair)
-        if not (ends.shape == (2,) and ends.dtype.kind in "iuf" and 0 < pair[0] < pair[1] < np.inf):
-            raise checks.InputError(f"bounds[{name!r}] = {pair!r} must be (low, high) with 0 < low < high")
+        try:
+            a, b = checks.array(f"bounds[{name!r}]", pair)
+        except (checks.InputError, ValueError):
+            a, b = 0.0, 0.0
+        if not 0 < a < b:
+            raise checks.InputError(f"bounds[{name!r}] = {checks.shown(pair)} must be (low, high) with 0 < low < high")
         k = names.index(name)
-        if name in ranges and not ranges[name][0] <= pair[0] < pair[1] <= ranges[name][1]:
-            raise checks.InputError(f"bounds[{name!r}] = {pair!r} must lie inside the family's {ranges[name]!r}")
-        low[k], high[k] = pair
+        if name in ranges and not ranges[name][0] <= a < b <= ranges[name][1]:
+            raise checks.InputError(f"bounds[{name!r}] = ({a:g}, {b:g}) must lie inside the family's {ranges[name]!r}")
+        low[k], high[k] = a, b
         values[k] = min(max(values[k], low[k]), high[k])
     return Unknowns(ring, thermal, poles, names, np.log(values), np.log(low), np.log(high), family)
 

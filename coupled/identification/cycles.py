@@ -34,6 +34,8 @@ LAST = 3  # cycles of a simulated trace, which has no noise to average
 SAMPLES = 2048  # of a simulated cycle
 BETWEEN, MANY = 8, 100_000  # points of the autocorrelation in a sample, of traces with at most so many samples
 PERIOD_ERROR, SHAPE_ERROR = 0.01, 0.03  # of the period, of the swing: misfits that count alike
+PARTS, MOVES = 32, 0.05  # pieces of a trace at rest, and the share of the mean by which their means may differ
+LEVEL = 0.05  # of the mean: a smaller swing counts as that
 NO_CYCLE = 3.0  # ln(T_model/T) where only one of the two pulses
 
 
@@ -62,6 +64,11 @@ class Cycle:
     def swing(self) -> float:
         """Largest minus smallest value."""
         return float(np.ptp(self.curve(np.linspace(0, 1, 256, endpoint=False))))
+
+    @property
+    def scale(self) -> float:
+        """The swing, or a twentieth of the mean where that is more; what differences of shape are relative to."""
+        return max(self.swing, LEVEL * float(abs(self.harmonics[0])))
 
     def shifted(self, by: float) -> Cycle:
         """The cycle shifted to earlier times by the fraction ``by`` of a period."""
@@ -114,6 +121,7 @@ def observe(trace: xr.Dataset, name: str = "trace") -> Observed:
     t, drop = _second_half(t, drop)
     clock = _repetition(t, drop)
     if not np.isfinite(clock):
+        _check_rest(name, drop)
         pieces = np.zeros((8, HARMONICS + 1), dtype=complex)
         pieces[:, 0] = [part.mean() for part in np.array_split(drop, 8)]
         return Observed(clock, pieces, absolute)
@@ -122,6 +130,19 @@ def observe(trace: xr.Dataset, name: str = "trace") -> Observed:
         seen = Observed(clock, _pieces(t, drop, t[0] + clock * np.arange((t[-1] - t[0]) / clock), step), absolute)
         clock = seen.mean().period
     return seen
+
+
+def _check_rest(name: str, drop: Array) -> None:
+    """InputError where a trace that does not repeat moves by more than its noise: it shows too few cycles."""
+    parts = np.array_split(drop, PARTS)
+    means = np.array([part.mean() for part in parts])
+    noise = np.std(np.diff(drop)) / np.sqrt(2 * len(parts[0]))  # of such a mean, where it is white
+    if np.ptp(means) > MOVES * abs(drop.mean()) and np.std(means) > 5 * noise:
+        raise checks.InputError(
+            f"{name} neither rests nor repeats in its second half, which is compared: its drop power moves by "
+            f"{np.ptp(means) / abs(drop.mean()):.0%} of the mean",
+            "take a trace of eight pulses or more, or one that has come to rest",
+        )
 
 
 def _second_half(t: Array, drop: Array) -> tuple[Array, Array]:
@@ -180,7 +201,7 @@ def misfit(model: Cycle, measured: Cycle, absolute: bool = True) -> tuple[Array,
         factor = np.vdot(both[0], both[1]).real / np.vdot(both[0], both[0]).real
         aligned = Cycle(aligned.period, factor * aligned.harmonics)
     off = aligned.harmonics - measured.harmonics
-    size = SHAPE_ERROR * max(measured.swing, 0.05 * abs(measured.harmonics[0]))
+    size = SHAPE_ERROR * measured.scale
     waves = off[1:] / np.sqrt(2)  # the mean square of Re c exp(i phi) is |c|^2 / 2
     shape = np.concatenate([[off[0].real], waves.real, waves.imag]) / size
     return np.concatenate([[drift / PERIOD_ERROR], shape]), aligned

@@ -20,7 +20,7 @@ from ..resonator import RingResonator
 from ..thermal import Compact
 from ..unknowns import ThermalFamily, Unknowns, unknowns
 from .cycles import Cycle, misfit
-from .matching import Target, coarse, deviations, polished, residuals, simulated, targets_of
+from .matching import Target, at_bound, coarse, deviations, polished, residuals, simulated, targets_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -45,13 +45,14 @@ class Identification(HasModel):
         with those parameters.
     residuals : xarray.Dataset
         over trace: power (W), detuning (Hz), period and period_model (s), and shape_error, the root mean square
-        difference of the cycles over the measured swing.
+        difference of the cycles over the measured swing (or a twentieth of the mean, where that is more).
     cycles : xarray.Dataset
         over trace and phase: drop, the measured mean cycle, and drop_model; each the mean over 1/33 of the cycle.
     samples : xarray.Dataset
         over run: each free parameter, and misfit, the root of the mean over the traces of the sum of squares.
     notes : tuple of str
-        traces whose period and that of the model are a multiple of each other: one of them may be misread. Logged, too.
+        what makes numbers of the result doubtful: parameters that the traces do not determine, or that ended on a bound
+        of the search; traces whose period and that of the model are a multiple of each other. Logged, too.
     front : array, shape (n, traces)
         sums of squares, with six harmonics, of the Pareto front at which the evolution of the first run ended.
     """
@@ -96,6 +97,9 @@ def identify(
     traces : xarray.Dataset or sequence of them
         from `simulate` or measured: drop (W; any other unit in its attribute "units" frees the scale) over time (s),
         with "input_power" or "power" (W) and "detuning" (Hz) among the attributes. The second half of each is used.
+        At time 0 the light was switched on, on a cold ring: a trace may begin later. Where that time is unknown, set
+        the attribute "settled" to True: the trace is compared with the cycle on which the model settles, as is one of
+        `simulate` with ``initial``.
     free : sequence of str
         fields of the ring ("bus_rate", "loss_rate", "fca_cross_section", ...) or of its carriers ("tau_n", "tau_p", or
         "tau0" for both at one ratio), and the parameters of one thermal law: "kappa" (1/s), "tau_f", "tau_s" (s), "eta"
@@ -125,7 +129,9 @@ def identify(
 
     The standard deviations are those of the noise: every cycle of a trace is left out once, and the change of the
     residuals moves the parameters by their linearisation (jackknife). They do not hold what the law itself cannot do,
-    which ``residuals`` shows, and are nan where a trace has fewer than four cycles in its second half. Measured on 50
+    which ``residuals`` shows. They are nan where a trace has fewer than four cycles in its second half and for a
+    parameter that ended on a bound, and inf for one that the traces do not determine, such as two of which only the
+    ratio counts; ``notes`` names these. Measured on 50
     synthetic cases of four parameters, two traces and 2 % noise (tests/audit/pulls.py): the deviations of (found -
     true)/deviation are 0.99 to 1.00. Of seven nearly exchangeable parameters (those four, bus_rate, loss_rate and
     fca_cross_section) on four traces, whose deviations reach 3 %, they are 0.82 to 1.04 over
@@ -192,7 +198,7 @@ def _result(
         aim = target.observed.mean()
         _, aligned = misfit(simulated(ring, model, target), aim, target.observed.absolute)
         curves.append([cycle.curve(phase, smooth=True) for cycle in (aim, aligned)])
-        shape = float(np.sqrt(np.mean((aligned.curve(phase) - aim.curve(phase)) ** 2)) / max(aim.swing, 1e-300))
+        shape = float(np.sqrt(np.mean((aligned.curve(phase) - aim.curve(phase)) ** 2)) / aim.scale)
         rows.append([target.power, target.detuning, aim.period, aligned.period, shape])
     columns = np.array(rows).T
     errors = xr.Dataset(
@@ -208,7 +214,7 @@ def _result(
             ),
         }
     )
-    notes = multiples(columns[2], columns[3])
+    notes = _doubts(what, spread, values[best]) + multiples(columns[2], columns[3])
     drawn = np.array(curves)
     cycles = xr.Dataset(
         {
@@ -226,6 +232,24 @@ def _result(
         dict(zip(what.names, spread.tolist(), strict=True)),
         ring, model, errors, cycles, samples, front, notes,
     )  # fmt: skip
+
+
+def _doubts(what: Unknowns, spread: Array, values: Array) -> tuple[str, ...]:
+    """Sentences on parameters whose deviations are inf or that stand on a bound; logged as warnings."""
+    notes = []
+    if loose := [name for name, one in zip(what.names, spread, strict=True) if np.isinf(one)]:
+        notes.append(
+            f"the traces do not determine {', '.join(loose)}: other values fit as well; give traces of other powers "
+            "and detunings, or free fewer"
+        )
+    for k in np.flatnonzero(at_bound(what, np.log(values))):
+        notes.append(
+            f"{what.names[k]} = {values[k]:.4g} ended on a bound of its search, {np.exp(what.low[k]):.4g} to "
+            f"{np.exp(what.high[k]):.4g}: the other parameters hold for this value only; widen bounds"
+        )
+    for note in notes:
+        log.warning("%s", note)
+    return tuple(notes)
 
 
 def multiples(periods: Array, models: Array) -> tuple[str, ...]:

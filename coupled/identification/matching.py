@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from thermofem import checks
-from thermofem.arrays import Array
+from thermofem import OutputMap, Quadratic, checks
+from thermofem.arrays import Array, NDArray
 from thermofem.contents import in_si
 
 from ..arguments import check_detuning, check_power
@@ -23,13 +24,17 @@ if TYPE_CHECKING:
 
 STEP = 1e-3  # of a logarithm, for derivatives: far above what the step control of the integration leaves
 RTOL = 1e-5
-LONGEST = 40e-6  # s simulated for a trace that is longer
+LONGEST = 40e-6  # s simulated for a trace that is longer, or
+SETTLED = 8.0  # time constants of the slowest pole, where these are more: e^-8 is 3e-4
 MOST = 50_000  # samples of a simulated trace
 STEPS = 5e-9  # s at most between two samples of the carriers, so that their spikes are seen
 IMPOSSIBLE = 1e3  # residual where the parameters make no model
 STAGES = (2, 6, HARMONICS)  # harmonics that count, one after the other
 EVALUATIONS = 15  # steps of least squares in each
 FEWEST = 4  # cycles of a trace from which a scatter is estimated
+WEAKEST = 0.1  # change of all residuals by a factor of e that determines something: a thousandth of the period
+MIXED = 0.01  # share of a parameter in a direction that is open, from which on it is open itself
+AT_BOUND = 1e-3  # of the logarithm: a parameter this near a bound has not ended before it
 
 
 class Target(NamedTuple):
@@ -38,13 +43,24 @@ class Target(NamedTuple):
     observed: Observed
     power: float
     detuning: float
-    duration: float
     times: Array
-    """At which the trace was sampled, until ``duration``; s from its start."""
-    simulated: Array
-    """At which a simulated trace is sampled: at those times and at `STEPS` between them."""
-    whole: bool = True
-    """Whether ``duration`` is that of the trace, so that the same cycles are compared."""
+    """At which the trace was sampled; s from when the light was switched on."""
+    settled: bool = False
+    """Whether nothing is known of its beginning, and it is compared with the settled cycle."""
+
+    def sampling(self, model: Compact) -> tuple[Array, bool]:
+        """When the trace of a model is sampled, s, and whether these are the times of the measured trace.
+
+        Of a settled trace, and of one that is longer than the model needs to settle, the last cycles of a trace that
+        is just so long are compared.
+        """
+        enough = max(LONGEST, SETTLED / slowest(model))
+        if not self.settled and self.times[-1] <= enough and self.times.size <= MOST:
+            return self.times, True
+        step = float(np.median(np.diff(self.times)))
+        whole = not self.settled and self.times[-1] <= enough
+        begin, end = (self.times[0], self.times[-1]) if whole else (0.0, enough)
+        return np.linspace(begin, end, min(MOST, 1 + math.ceil((end - begin) / step))), whole
 
 
 def targets_of(traces: xr.Dataset | Sequence[xr.Dataset]) -> list[Target]:
@@ -55,40 +71,52 @@ def targets_of(traces: xr.Dataset | Sequence[xr.Dataset]) -> list[Target]:
     targets = []
     for k, trace in enumerate(several):
         name = f"traces[{k}]"
-        observed = observe(trace, name)
         _check_alone(name, trace)
+        observed = observe(trace, name)
         power = trace.attrs.get("input_power", trace.attrs.get("power"))
         if power is None or "detuning" not in trace.attrs:
             raise checks.InputError(f"{name} does not say its drive; set its attrs 'power' (W) and 'detuning' (Hz)")
         power = check_power(power, f"the power of {name}")
         detuning = check_detuning(trace.attrs["detuning"], f"the detuning of {name}")
         times = np.asarray(in_si(name, trace[["time"]])["time"].values, dtype=float)
-        times = times - times[0]
-        length = float(times[-1])
-        kept = times[times <= LONGEST]
-        if kept.size > MOST:
-            kept = np.linspace(0.0, kept[-1], MOST)
-        end = float(kept[-1])
-        dense = np.unique(np.concatenate([kept, np.linspace(0.0, end, int(end / STEPS) + 1)]))
-        targets.append(Target(observed, power, detuning, end, kept, dense, length <= LONGEST))
+        settled = "initial" in trace.attrs or bool(checks.integer(f"{name}.attrs['settled']", _mark(trace), 0, 1))
+        targets.append(Target(observed, power, detuning, times - min(times[0], 0.0), settled))
     return targets
+
+
+def _mark(trace: Any) -> Any:
+    """The attribute "settled" of a trace as a number; a file keeps True as 1."""
+    mark = trace.attrs.get("settled", 0)
+    return int(mark) if isinstance(mark, bool | np.bool_) else mark
+
+
+def slowest(model: Compact) -> float:
+    """Rate of the slowest decay of a thermal model, 1/s."""
+    if isinstance(model, Quadratic):
+        return float(-np.linalg.eigvals(model.A).real.max())
+    poles = model.linear if isinstance(model, OutputMap) else model
+    heard = np.asarray(poles.R) > 1e-6 * poles.thermal_resistance
+    return 1 / float(np.max(np.asarray(poles.tau)[heard]))
 
 
 def _check_alone(name: str, trace: Any) -> None:
     """InputError for a run with a second laser or with heaters, whose light and heat no fit here counts."""
-    lasers = int(checks.integer(f"{name}.attrs['lasers']", trace.attrs.get("lasers", 1), 1, 1e6))
-    others = "a second laser" if lasers > 1 else "heaters" if "heater_power" in trace.variables else ""
+    lasers = int(checks.integer(f"{name}.attrs['lasers']", getattr(trace, "attrs", {}).get("lasers", 1), 1, 1e6))
+    heated = "heater_power" in getattr(trace, "variables", {})
+    others = "a second laser" if lasers > 1 else "heaters" if heated else ""
     if others:
         raise checks.InputError(f"{name} is of a ring with {others}; one laser alone can be fitted")
 
 
 def simulated(ring: RingResonator, model: Compact, target: Target) -> Cycle:
     """The cycle of the model under the drive of a trace, sampled as the trace is."""
+    at, whole = target.sampling(model)
+    end = float(at[-1])
     run = simulate.record(
-        ring, model, power=target.power, detuning=target.detuning, duration=target.duration, rtol=RTOL,
-        times=target.simulated,
+        ring, model, power=target.power, detuning=target.detuning, duration=end, rtol=RTOL,
+        times=np.unique(np.concatenate([at, np.linspace(0.0, end, int(end / STEPS) + 1)])),
     )  # fmt: skip
-    return cycle_of(run, at=target.times, whole=target.whole)
+    return cycle_of(run, at=at, whole=whole)
 
 
 def residuals(what: Unknowns, targets: list[Target], wanted: list[Cycle], x: Array) -> Array:
@@ -146,8 +174,16 @@ def polished(
     return x, cost
 
 
+def at_bound(what: Unknowns, x: Array) -> NDArray[np.bool_]:
+    """Which of the logarithms ``x`` ended on a bound of the search."""
+    return (x < what.low + AT_BOUND) | (x > what.high - AT_BOUND)
+
+
 def deviations(what: Unknowns, targets: list[Target], x: Array) -> Array:
     """Standard deviations of the fitted logarithms ``x``, from the scatter between the cycles of each trace.
+
+    inf where the traces do not determine a parameter, nan where it ended on a bound; the others then hold for that
+    value. nan, too, where a trace has fewer than `FEWEST` cycles.
 
     Jackknife: leave out one cycle i of the n cycles of a trace. With the residuals r, without that cycle r_(i), and
     their derivative J,
@@ -155,20 +191,31 @@ def deviations(what: Unknowns, targets: list[Target], x: Array) -> Array:
         x_(i) = x - (J^T J)^-1 J^T (r_(i) - r),      variance = sum over the traces of (n - 1)/n sum_i (x_(i) - mean)^2
     """
     wanted = [target.observed.mean() for target in targets]
-    if min(len(target.observed.pieces) for target in targets) < FEWEST:
-        return np.full(x.size, np.nan)
+    found = np.full(x.size, np.nan)
+    free = np.flatnonzero(~at_bound(what, x))
+    if free.size == 0:
+        return found
     slopes = []
-    for step in STEP * np.eye(x.size):
+    for step in STEP * np.eye(x.size)[free]:
         above, below = (residuals(what, targets, wanted, x + sign * step) for sign in (1, -1))
         slopes.append((above - below).ravel() / (2 * STEP))
     U, size, Vt = np.linalg.svd(np.array(slopes).T, full_matrices=False)
-    solve = (Vt.T / np.maximum(size, np.finfo(float).tiny)) @ U.T
-    solve = solve.reshape(x.size, len(targets), -1)
+    strong = size > WEAKEST
+    loose = np.any(np.abs(Vt[~strong]) > MIXED, axis=0)
+    if min(len(target.observed.pieces) for target in targets) >= FEWEST:
+        solve = ((Vt[strong].T / size[strong]) @ U[:, strong].T).reshape(free.size, len(targets), -1)
+        found[free] = np.sqrt(_variance(what, targets, solve, x))
+    found[free[loose]] = np.inf
+    return found
+
+
+def _variance(what: Unknowns, targets: list[Target], solve: Array, x: Array) -> Array:
+    """The sum of `deviations`, from (J^T J)^-1 J^T of shape (parameters, traces, residuals)."""
     ring, model = what.build(x)
-    variance = np.zeros(x.size)
+    variance = np.zeros(len(solve))
     for k, target in enumerate(targets):
         cycle, n = simulated(ring, model, target), len(target.observed.pieces)
         rest = [target.observed.mean(np.delete(np.arange(n), i)) for i in range(n)]
         moved = np.array([solve[:, k] @ misfit(cycle, aim, target.observed.absolute)[0] for aim in rest])
         variance += (n - 1) * moved.var(axis=0)
-    return np.asarray(np.sqrt(variance))
+    return variance

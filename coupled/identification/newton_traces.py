@@ -15,7 +15,7 @@ from ..bar import bar
 from ..resonator import RingResonator
 from ..unknowns import unknowns
 from .cycles import HARMONICS
-from .matching import coarse, polished, residuals, simulated, targets_of
+from .matching import at_bound, coarse, polished, residuals, simulated, targets_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -82,17 +82,19 @@ def fit_newton_per_trace(
     check_ring(ring)
     what = unknowns(ring, ["tau_th", "heat_capacity"], bounds=bounds)
     targets = targets_of(traces)
-    checks.between("harmonics", harmonics, 1, HARMONICS)
+    harmonics = checks.integer("harmonics", harmonics, 1, HARMONICS)
     stages = (harmonics,) if harmonics <= START else (START, harmonics)
     axes = [np.linspace(a, b, GRID + 2)[1:-1] for a, b in zip(what.low, what.high, strict=True)]
     grid = np.array(np.meshgrid(*axes)).reshape(2, -1).T
     rows: list[list[float]] = []
+    bounded: list[bool] = []
     with bar("Newton's law", len(targets), show_bar) as advance:
         for target in targets:
             one, wanted = [target], [target.observed.mean()]
 
             costs = [np.sum(coarse(residuals(what, one, wanted, x), stages[0]) ** 2) for x in grid]
             best, cost = polished(what, one, wanted, grid[int(np.argmin(costs))], stages)
+            bounded.append(bool(np.any(at_bound(what, best))))
             tau, capacity = np.exp(best)
             model_period = simulated(*what.build(best), target).period
             rows.append([target.power, target.detuning, tau, capacity, wanted[0].period, model_period, np.sqrt(cost)])
@@ -111,6 +113,8 @@ def fit_newton_per_trace(
     if rests.any():
         which = ", ".join(str(k) for k in np.flatnonzero(rests))
         log.warning("traces that do not pulse show tau_th/(m c_p) = R_th alone; both are nan for trace %s", which)
+    if which := ", ".join(str(k) for k in np.flatnonzero(np.array(bounded) & ~rests)):
+        log.warning("tau_th or heat_capacity ended on the bound of its search for trace %s; widen bounds", which)
     pulses = np.isfinite(columns[4]) & np.isfinite(columns[5])
     line = {"correlation": np.nan, "slope": np.nan, "intercept": np.nan}
     if pulses.sum() >= 3:

@@ -143,7 +143,8 @@ def cosimulate(
         parts.append(loop.advance())
         if progress:
             progress(loop.time)
-    return _dataset(ring, light, loop, parts, duration)
+    data = _dataset(ring, light, loop, parts, duration)
+    return data if initial is None else data.assign_attrs(initial="given")
 
 
 def _read(model: Compact, state: State) -> float:

@@ -165,6 +165,7 @@ def simulate(
         {
             **provenance(ring, light, duration),
             **attributes(small),
+            **({} if initial is None else {"initial": "given"}),
             **({} if others else _resting(ring, small, light, heat.static(run.reached), run)),
             "rtol": float(rtol),
             "method": "dopri5, adiabatic" if adiabatic else chosen.value,
