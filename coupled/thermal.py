@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from thermofem import Foster, OutputMap, Quadratic, checks
-from thermofem.arrays import ArrayLike
+from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.models import ThermalModel
 from thermofem.models.contract import OutsideTrainingWarning, bare, warn_beyond
 
@@ -21,6 +21,7 @@ NEEDED = (
 )
 SETTLING = 10  # times the time in which the step response reaches 95 %
 HIGHEST = 1e9  # K/W; rings have 1e3 to 1e7. Of a hotter one the light turns faster than any step follows
+WATCHED = 4001  # times of a run at which its rise is compared with what the model describes
 NEAR_TOP = 0.99  # of the highest rise of an output map; no physical model comes so far
 LARGEST = 500  # poles; a certified reduction needs 10 to 40, and the time of a step grows with their number
 
@@ -107,6 +108,21 @@ def trusted(model: Any, rise: ArrayLike, linear: ArrayLike = 0.0) -> None:
         if inner.coefficient < 0 and np.max(rise, initial=0.0) > NEAR_TOP * -0.25 / inner.coefficient:
             warn_at_top(inner, "the ring reaches it")
     warn_beyond(np.asarray(np.max(rise, initial=0.0)), getattr(inner, "largest_rise", None))
+
+
+def dense_times(model: Any, times: Array, duration: float) -> tuple[Array, NDArray[np.bool_]]:
+    """Times at which a run is computed, and which of them are the wanted ``times``, s.
+
+    Those of a model whose rise is watched are dense enough that its heat does not pass between them.
+    """
+    inner = bare(model)
+    falls = isinstance(inner, OutputMap) and inner.coefficient < 0
+    extra = np.linspace(0.0, duration, WATCHED)
+    if not times.size or not (falls or getattr(inner, "largest_rise", None) is not None):
+        extra = extra[:0]
+    every = np.concatenate([times, extra])
+    order = np.argsort(every, kind="stable")
+    return every[order], order < times.size
 
 
 def warn_at_top(model: OutputMap, said: str) -> None:

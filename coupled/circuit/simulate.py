@@ -17,7 +17,7 @@ from ..kernels.tableaus import Method, tableau
 from ..runs.simulate import check_method
 from ..runs.window import LONG, MAX_STEPS, check_end
 from ..states import check_same_heat
-from ..thermal import trusted
+from ..thermal import dense_times, trusted
 from .alone import is_alone, run_alone
 from .circuit import Circuit
 from .drive import corners, warn_of_fast_streams
@@ -26,6 +26,7 @@ from .network import check_delays
 from .record import dataset_of, first_row
 from .separate import joined, parts_of, run_parts
 from .system import system_of, units_of
+from .varying import varies
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -124,6 +125,7 @@ def simulate_circuit(
     warn_of_fast_streams(circuit, inputs)
     corner = corners(circuit, light)
     wanted = np.empty(0) if times is None else check_times(times, duration)
+    asked, kept = dense_times(thermal, wanted, duration)
     average = checks.flag("average", average)
     alone = is_alone(circuit) and not average and not corner.size and not heat.heaters
     chosen = check_method(method) or (Method.RODAS4 if rtol >= 1e-6 and alone else Method.RODAS5P)
@@ -135,17 +137,17 @@ def simulate_circuit(
             average=average, method=method,
         )  # fmt: skip
         runs = run_parts(parts, inputs, each, progress, duration)
-        return joined(circuit, runs)
+        return joined(circuit, runs).assign_attrs(varies(circuit, system, duration))
     if alone:
         power = inputs.get(circuit.lasers[0].name, 0.0)
         rows, y, counts = run_alone(
             circuit, light, thermal, begin, power=power, detuning=detuning, offset=offsets[0], duration=duration,
-            rtol=rtol, method=chosen, times=wanted, progress=progress,
+            rtol=rtol, method=chosen, times=asked, progress=progress,
         )  # fmt: skip
     else:
         # without a time `integrate` keeps every step; where only t = 0 is wanted, it gets the end, which is dropped
-        at_start = bool(wanted.size) and not wanted.any()
-        later = np.array([duration]) if at_start else wanted[wanted > 0]
+        at_start = bool(asked.size) and not asked.any()
+        later = np.array([duration]) if at_start else asked[asked > 0]
         call = partial(watched, progress=(lambda t: progress(t * eq.NS)) if progress else None)
         rows, y, reached, counts = (call if duration > LONG or len(circuit.names) > 4 else uninterrupted)(
             integrate, begin, drive, rings, system.states, system.net, tableau(chosen), series(tableau(chosen)), rtol,
@@ -154,19 +156,20 @@ def simulate_circuit(
         check_end(counts, reached, duration, rtol)
         gathered = rows.shape[1] - 1 - 4 * len(offsets) - 2 * len(light.terminals)
         first = first_row(light, drive, begin, heat, gathered=gathered)
-        rows = np.vstack([np.repeat(first[None], int(np.sum(wanted <= 0)) if wanted.size else 1, axis=0), rows])
-        rows = rows[: wanted.size] if at_start else rows
+        rows = np.vstack([np.repeat(first[None], int(np.sum(asked <= 0)) if asked.size else 1, axis=0), rows])
+        rows = rows[: asked.size] if at_start else rows
         rows[:, 4 : 4 + 4 * len(offsets) : 4] += np.array([offset(rows[:, 0] * eq.NS) for offset in offsets]).T
     if progress:
         progress(duration)
     attributes = {
         "duration": duration, "rtol": float(rtol), "method": chosen.value, "steps": int(counts[0]),
         "rejected_steps": int(counts[1]), "final_state": y * units_of(*heat.gain.shape),
-        "model_tau": np.ravel(1 / heat.rate),
+        "model_tau": np.ravel(1 / heat.rate), **varies(circuit, system, duration),
     }  # fmt: skip
     if heat.heaters:
         attributes["heater_states"] = system.heater_states
     trusted(thermal, rows[:, 4 : 4 + 4 * len(offsets) : 4])
+    rows = rows[kept] if wanted.size else rows
     return dataset_of(circuit, system, rows, attributes, corner=corner, average=average)
 
 

@@ -16,6 +16,7 @@ from ..equilibria.steady import provenance
 from ..heaters import constant
 from ..resonator import RingResonator
 from ..states import State
+from ..thermal import trusted
 from . import branch
 from .guess import from_guess
 from .hopf_start import born, is_hopf_point, laser_of
@@ -75,8 +76,9 @@ def continue_cycle(
     -------
     xarray.Dataset
         over point, in the order of the branch: the parameter (SI), period (s), duty, swing (K), extinction (dB),
-        drop_low and drop_high (W), stability ("stable", "doubled" or "unstable") and special ("", "fold",
-        "period doubling", "torus" or "Hopf" at a point that lies exactly there); multipliers over (point, multiplier).
+        highest_rise (K), drop_low and drop_high (W), stability ("stable", "doubled" or "unstable") and special ("",
+        "fold", "period doubling", "torus" or "Hopf" at a point that lies exactly there); multipliers over (point,
+        multiplier).
         attrs["reason"] says why the branch ends. Special points are located to 1e-8 of the range. Two folds in a row
         that are within 1e-5 of it, or of the parameter, are left out: the branch turns vertical there, as at the end of
         a canard explosion, and ends.
@@ -118,7 +120,9 @@ def continue_cycle(
         if first is None:
             raise checks.InputError(f"the cycle at {parameter} = {here:g} is too close to a fold to start from")
         found, why = branch.follow(family, first, ends[0] - here or 1.0, ends.min(), ends.max(), points)
-    return _dataset(family, found, why).assign_attrs(warm.attributes)
+    path = _dataset(family, found, why).assign_attrs(warm.attributes)
+    trusted(model, path["highest_rise"].values - warm.rise)
+    return path
 
 
 def _ends(values: Any) -> Array:
@@ -169,6 +173,7 @@ def _dataset(family: FreeParameters, found: list[branch.Found], why: str) -> xr.
         "period": (np.array([f.place.orbit.T for f in found]) * eq.NS, "s", "period"),
         "duty": (np.array([s.duty for s in seen]), "1", "duty cycle"),
         "swing": (np.array([s.swing for s in seen]), "K", "temperature swing"),
+        "highest_rise": (np.array([s.hottest for s in seen]) + p.rise, "K", "highest temperature rise"),
         "extinction": (np.array([s.extinction for s in seen]), "dB", "extinction"),
         "drop_low": (np.array([s.lowest for s in seen]) * dropped, "W", "lowest drop power"),
         "drop_high": (np.array([s.highest for s in seen]) * dropped, "W", "highest drop power"),

@@ -26,6 +26,7 @@ from ..equilibria.steady import provenance
 from ..heaters import constant
 from ..resonator import RingResonator
 from ..runs.pulsing import DUTY_LEVEL
+from ..thermal import trusted
 from .guess import from_guess
 from .measures import ENERGY, HEAT, measure
 from .orbit import CycleProblem, Orbit, problem, settle
@@ -111,6 +112,7 @@ def cycle_derivatives(
     variables["value"] = ("parameter", values, {"long_name": "value of the parameter"})
     variables["unit"] = ("parameter", [unit_of(p, name) for name in names], {"long_name": "SI unit of the parameter"})
     seen = measure(p, orbit)
+    trusted(model, seen.hottest)
     attrs = provenance("cycle derivatives", ring, small) | {"input_power": p.power, "detuning": p.detuning}
     attrs |= {"period": orbit.T * 1e-9, "duty": seen.duty, "swing": seen.swing, "extinction": float(seen.extinction)}
     attrs |= warm.attributes

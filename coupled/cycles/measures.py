@@ -35,6 +35,7 @@ class Measures(NamedTuple):
     crossings: Array  # of the level of the duty cycle
     rising: NDArray[np.bool_]
     extremes: Array  # where U is lowest and highest, where dT is
+    hottest: float  # K
 
 
 def measure(p: CycleProblem, orbit: Orbit) -> Measures:
@@ -54,7 +55,7 @@ def measure(p: CycleProblem, orbit: Orbit) -> Measures:
         duty = float(np.sum(np.where(rising, -crossings, crossings)) + above[0])
     return Measures(
         duty, hot - cold, 10 * np.log10(high / low) if low > 0 else np.inf, low, high, crossings, rising,
-        np.array([low_at, high_at, cold_at, hot_at]),
+        np.array([low_at, high_at, cold_at, hot_at]), hot,
     )  # fmt: skip
 
 

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import checks
+from thermofem import Foster, checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.models import ThermalModel
 
 from ..arguments import MOST_POINTS, check_detuning, check_power, check_ring, one_laser
 from ..resonator import RingResonator
+from ..thermal import trusted
 from .steady import Internal, absorbable, internal, observables, provenance
 
 if TYPE_CHECKING:
@@ -95,6 +96,7 @@ def transmission(
     else:
         raise checks.InputError("one of power and detuning must be a pair (first, last), the other one number")
     found = _dataset(ring, at, U, D, powers, detunings)
+    _trust(model, at, found)
     found.attrs |= provenance("transmission", ring, at.model)
     return found
 
@@ -146,7 +148,10 @@ def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike,
     U = wanted.ravel() / (2 * ring.drop_bus_rate) / eq.FJ
     rates, fcd = eq.internal_rates(ring)
     N = balance.balances(U, rates, fcd, Static(0.0))[0]
-    at = internal(ring, model, float(eq.absorbed_power(U, N, rates).max()) * eq.UW)
+    largest = float(eq.absorbed_power(U, N, rates).max()) * eq.UW
+    at = internal(ring, model, largest)
+    linear = at.model.thermal_resistance * largest
+    trusted(model, linear if isinstance(at.model, Foster) else at.model.steady_rise(largest), linear)
     shift, gamma = balance.balances(U, at.rates, at.fcd, at.static)[[3, 5]]
     D = shift - 2 * np.pi * eq.NS * nu.ravel()
     return np.asarray(U * (gamma**2 + D**2) / eq.internal_pump(ring, 1.0) ** 2).reshape(wanted.shape)
@@ -220,9 +225,16 @@ def sweep(
         points, here, jumped[k] = _followed(points_at, max(k - 1, 0), k, before, at, HALVINGS)
         path[:, k], before = points[:, here], (points[0], here)
     found = _dataset(ring, at, path[0], path[1], P, nu, "step")
+    _trust(model, at, found)
     found["jumped"] = ("step", jumped, {"units": "1", "long_name": "left its branch"})
     found.attrs |= provenance("slow sweep", ring, at.model)
     return found
+
+
+def _trust(model: ThermalModel, at: Internal, found: xr.Dataset) -> None:
+    """Compare the rises along a curve with what the model describes."""
+    linear = at.model.thermal_resistance * found["absorbed"].values
+    trusted(model, found["delta_T"].values, linear)
 
 
 def _window(along: Any, low: float, high: float, inside: Any) -> tuple[Array, Array, Array, Array]:

@@ -14,6 +14,7 @@ from thermofem.waveforms import Constant, Function, Waveform, storable
 
 from ..arguments import check_run, detuning_in_time, one_laser, power_in_time
 from ..resonator import RingResonator
+from ..runs.driven import varying
 from ..runs.record import heater_powers, provenance, traces
 from ..runs.window import Window
 from ..states import State
@@ -195,6 +196,11 @@ def _dataset(
         },
         attrs={
             **provenance(ring, light, duration),
+            **varying(
+                {"the power": light["input_power"], "the detuning": light["detuning"]}
+                | {f"the power of {name}": wave for name, wave in getattr(loop.corrector, "heaters", {}).items()},
+                float(duration),
+            ),
             "rtol": loop.rtol,
             "max_discrepancy": loop.max_discrepancy,
             "predictor": _named(loop.model),

@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 from thermofem import Quadratic, checks, dataset, renamed
 from thermofem.contents import in_si
 from thermofem.models import ThermalModel
-from thermofem.models.contract import bare, warn_beyond
 from thermofem.names import Words
 from thermofem.record import Record, as_dataset, recorded
 
@@ -33,6 +32,7 @@ from ..thermal import Compact, long_enough
 from .grid import Grid, Point, grid_of
 from .journal import Journal
 from .quick import pulse
+from .trust import trusted_map
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -178,15 +178,14 @@ def pulsing_map(
     slow = any(cell.regime == Regime.SLOW_TRANSIENT for row in rows for cell in row)
     if slow and not settled and long_enough(small) > duration:
         attrs["suggested_duration"] = long_enough(small)
-    warn_beyond(
-        np.nan_to_num([[cell.swing for cell in row] for row in rows]), getattr(bare(model), "largest_rise", None)
-    )
     columns = {name: [[getattr(cell, name) for cell in row] for row in rows] for name in _Cell._fields}
     variables: dict[str, Any] = {
         name: (grid.names, np.array(columns[name]), dataset.describe(name))
         for name in ("regime", "period", "duty", "swing")
     }
     variables["reason"] = (grid.names, np.array(columns["reason"]), {"units": "1", "long_name": "why, in words"})
+    pulses = np.array(columns["regime"]) == str(Regime.SELF_PULSING)
+    trusted_map(model, small, grid, np.where(pulses, columns["swing"], np.nan))
     return recorded(variables, grid.coordinates(), attrs)
 
 

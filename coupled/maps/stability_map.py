@@ -21,6 +21,7 @@ from ..heaters import constant
 from ..resonator import RingResonator
 from ..thermal import warn_at_top
 from .grid import Grid, Point, grid_of
+from .trust import trusted_map
 
 Array = NDArray[np.float64]
 
@@ -88,6 +89,7 @@ def stability_map(
         "growth_rate": (over, growth, dataset.describe("growth_rate")),
         "frequency": (over, omega, dataset.describe("frequency")),
     }
+    trusted_map(model, at.model, grid)
     attrs = provenance("stability map", ring, at.model) | grid.fixed | warm.attributes
     return recorded(variables, grid.coordinates(), attrs)
 

@@ -157,6 +157,26 @@ def run_several(
     return found, resonances
 
 
+def inputs_of(lasers: Sequence[Laser], duration: float) -> dict[str, Any]:
+    """Power and detuning of further lasers by name."""
+    found: dict[str, Any] = {}
+    for k, one in enumerate(lasers):
+        found[f"the power of laser {k + 2}"] = power_in_time(one.power, duration)
+        found[f"the detuning of laser {k + 2}"] = detuning_in_time(one.detuning, duration)
+    return found
+
+
+def beats(ring: RingResonator, lasers: Sequence[Laser]) -> list[str]:
+    """Where lasers of several constant frequencies meet on one resonance: its power then varies all the time."""
+    at: dict[RingResonator, set[float]] = {ring: set()}
+    for one in lasers:
+        here = at.setdefault(one.resonance or ring, set())
+        if isinstance(one.detuning, int | float) and not (isinstance(one.power, int | float) and one.power == 0):
+            here.add(float(one.detuning))
+    names = ["the power", *(f"the power on resonance {k + 2}" for k in range(len(at) - 1))]
+    return [name for name, seen in zip(names, at.values(), strict=True) if len(seen) > 1]
+
+
 def _mode(one: RingResonator, ring: RingResonator) -> list[float]:
     """The rates of one resonance, in the order of `kernels.several`."""
     from ..kernels import equations as eq

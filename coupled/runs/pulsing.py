@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thermofem import checks, quantity
-from thermofem.arrays import Array
+from thermofem.arrays import Array, NDArray
 from thermofem.contents import in_si
 from thermofem.display import shown
 from thermofem.names import Words
 from thermofem.record import Record
 
 from ..arguments import LONGEST
+from .driven import varies_in
 from .repetition import FAR, SETTLED, alternate, amplitude_limit, blur, doubled, longest_change, miss, pattern
 from .resting import Rest, resistance_of_run, rest_of_run
 
@@ -151,7 +152,9 @@ def pulsing(run: xr.Dataset | Record) -> Pulsing:
     if LAGS * lag > TOLD * found.period:
         note = f"light that follows at once: its period is up to {LAGS * lag / found.period:.1%} too short"
         found = replace(found, reason=f"{found.reason}, {note}")
-    moving = _varying(run, t)
+    middle = float(t[0] + t[-1]) / 2
+    told = varies_in(run, middle, float(t[-1]))
+    moving = _varying(run, t >= middle) if told is None else told
     if not moving:
         if found.regime == Regime.SELF_PULSING:
             return warming(found, run, t, dT)
@@ -289,9 +292,8 @@ def _until_settled(tops: Array, passed: float) -> float:
     return float(f"{passed * min(max(1 + cycles / tops.size, 2.0), 50.0):.1e}")
 
 
-def _varying(run: xr.Dataset | Record, t: Array) -> str:
-    """Names of the inputs that vary in the second half of a run; empty if none does."""
-    late = t >= (t[0] + t[-1]) / 2
+def _varying(run: xr.Dataset | Record, late: NDArray[np.bool_]) -> str:
+    """Names of the inputs that vary in the ``late`` samples of a run; empty if none does."""
     names = {"input_power": "the power", "detuning": "the detuning"}
     names |= {
         str(name): f"the power of {str(name)[12:]}" for name in run.variables if str(name).startswith("input_power_")

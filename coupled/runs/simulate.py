@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermofem import Quadratic, checks, dataset
-from thermofem.arrays import ArrayLike
+from thermofem.arrays import ArrayLike, NDArray
 from thermofem.models import ThermalModel
 from thermofem.record import Record, as_dataset, column
 
@@ -19,14 +19,17 @@ from ..inputs import Input
 from ..kernels.tableaus import Method
 from ..resonator import RingResonator
 from ..states import State, starting_point
-from ..thermal import Compact, attributes, trusted
-from .lasers import Laser, check_lasers, further_fields, run_several, variables_of
+from ..thermal import Compact, attributes, dense_times, trusted
+from .driven import varying
+from .lasers import Laser, beats, check_lasers, further_fields, inputs_of, run_several, variables_of
 from .record import heater_powers, provenance, traces
 from .resting import rest_near
 from .window import NO_TIMES, Event, Window, advance
 
 if TYPE_CHECKING:
     import xarray as xr
+
+ROWS = ("time", "field", "fields", "carriers", "delta_T", "absorbed", "absorbed_slope", "incoming")  # over time
 
 
 @as_dataset
@@ -138,6 +141,10 @@ def simulate(
         raise checks.InputError("event watches delta_T without the heaters; with heaters watch 'energy' or 'carriers'")
     begin = starting_point(initial, small.order, attributes(small).get("model_tau"))
     others = check_lasers(lasers)
+    given = {"the power": light["input_power"], "the detuning": light["detuning"]}
+    given |= {f"the power of {name}": wave for name, wave in heat.powers.items()}
+    beating: list[str] = []
+    asked, kept = dense_times(model, wanted, float(duration))
     run: Any
     if others:
         if adiabatic or event is not None:
@@ -145,17 +152,19 @@ def simulate(
         first = Laser(power, detuning)
         run, resonances = run_several(
             ring, small, begin, further_fields(initial), [first, *others], float(duration), offset=heat.rise, rtol=rtol,
-            method=chosen, times=wanted, progress=progress,
+            method=chosen, times=asked, progress=progress,
         )  # fmt: skip
+        run = _trusted(model, run, kept)
         seen = {name: column(*parts) for name, parts in variables_of(run, resonances, light).items()}
+        given, beating = given | inputs_of(others, duration), beats(ring, [first, *others])
     else:
         run = advance(
             ring, small, begin, 0.0, float(duration), power=light["input_power"], detuning=light["detuning"],
-            offset=heat.rise, rtol=rtol, method=chosen, times=wanted, event=event, adiabatic=adiabatic,
+            offset=heat.rise, rtol=rtol, method=chosen, times=asked, event=event, adiabatic=adiabatic,
             progress=progress,
         )  # fmt: skip
+        run = _trusted(model, run, kept)
         seen = {name: column("time", v, dataset.describe(name)) for name, v in traces(ring, run, light).items()}
-    trusted(model, run.delta_T)
     end = replace(run.final, thermal=np.asarray(run.final.thermal) + heat.states(run.reached))
     heater = {name: column(*parts) for name, parts in heater_powers(heat.powers, run.time).items()}
     return Record(
@@ -164,6 +173,7 @@ def simulate(
         | {name: one for name, one in heater.items() if name == "heater"},
         {
             **provenance(ring, light, duration),
+            **varying(given, float(duration), beating),
             **attributes(small),
             **({} if initial is None else {"initial": "given"}),
             **({} if others else _resting(ring, small, light, heat.static(run.reached), run)),
@@ -177,6 +187,14 @@ def simulate(
             **({"final_fields": run.final_fields, "lasers": 1 + len(others)} if others else {}),
         },
     )
+
+
+def _trusted(model: ThermalModel, run: Any, kept: NDArray[np.bool_]) -> Any:
+    """The wanted rows of a run, whose rise was compared at all of them with what the model describes."""
+    trusted(model, run.delta_T)
+    kept = kept[: run.time.size]
+    rows = [name for name in ROWS if name in run._fields]
+    return run if kept.all() else run._replace(**{name: getattr(run, name)[..., kept] for name in rows})
 
 
 def _resting(ring: RingResonator, model: Compact, light: dict[str, Any], rise: float, run: Window) -> dict[str, Any]:
