@@ -10,9 +10,10 @@ import numpy as np
 from thermofem import Foster, HeatProblem, OutputMap, Quadratic, StateSpace, checks, renamed
 from thermofem.arrays import Array, ArrayLike
 from thermofem.models import NonlinearSystem, ThermalModel
-from thermofem.waveforms import Constant, Function, Waveform, storable
+from thermofem.waveforms import Function, PiecewiseCubic, Waveform
 
 from ..arguments import check_run, detuning_in_time, one_laser, power_in_time
+from ..heaters import power_of
 from ..resonator import RingResonator
 from ..runs.driven import varying
 from ..runs.record import heater_powers, provenance, traces
@@ -116,9 +117,8 @@ def cosimulate(
     if kept.size and not 0 <= kept[0] <= kept[-1] <= duration:
         raise checks.InputError(f"field_times must lie between 0 and the duration of {duration:g} s")
     if isinstance(heat, HeatProblem | StateSpace | NonlinearSystem):
-        known = (
-            {name: _over(wave, duration) for name, wave in heaters.items()} if isinstance(heaters, Mapping) else heaters
-        )
+        known = checks.mapping("heaters", heaters, hint="e.g. {'heater': 5e-3}")
+        known = {name: _over(name, power, duration) for name, power in known.items()}
         corrector: Any = FEM(heat, heaters=known, max_discrepancy=max_discrepancy, field_times=field_times)
     elif heaters or np.size(field_times):
         raise checks.InputError("heaters and field_times go with a HeatProblem; a corrector takes care of its own")
@@ -156,11 +156,12 @@ def _read(model: Compact, state: State) -> float:
     return float(model.of(x.sum())) if isinstance(model, OutputMap) else float(x.sum())
 
 
-def _over(wave: Any, duration: float) -> Any:
-    """A function of time as its piecewise cubic over the whole run, found once; a number as a constant power."""
-    if isinstance(wave, int | float):
-        return Constant(wave)
-    return storable(wave, float(duration)) if isinstance(wave, Function) else wave
+def _over(name: str, value: Any, duration: float) -> Any:
+    """The power of a heater, checked: a waveform, or a number, a function or a list as piecewise cubic."""
+    power = power_of(name, value, duration)
+    if hasattr(value, "breakpoints") and not isinstance(value, Function):
+        return value
+    return PiecewiseCubic(power.edges, power.coefficients)
 
 
 def _background(corrector: Any, predictor: ThermalModel | None) -> Callable[[Array], Array] | None:

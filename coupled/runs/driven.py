@@ -56,7 +56,7 @@ def varies_in(run: xr.Dataset | Record, begin: float, end: float) -> str | None:
     try:
         found = json.loads(run.attrs[ATTRIBUTE])
         moving = [str(name) for name, when in found.items() if any(a < end and b > begin for a, b in when)]
-    except (KeyError, ValueError, TypeError, AttributeError, RecursionError):
+    except (KeyError, ValueError, TypeError, AttributeError, OverflowError, RecursionError):
         return None  # a measured trace, or attributes that another program wrote
     own = LIGHT + str(run["ring"].values) if "ring" in getattr(run, "coords", {}) else ""
     return " and ".join(name for name in moving if not name.startswith(LIGHT) or name == own)

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 NEWTON_STEPS, CLOSE = 30, 1e-10  # steps, and the last one relative to the state
 TINY = 1e-99  # J and K, of a dark ring
 FAR = 2.0  # times the energy: Newton's method has left what the run is near
+UNREADABLE = (ValueError, TypeError, KeyError, OverflowError)  # attributes that another program wrote
 
 
 class Rest(NamedTuple):
@@ -117,7 +118,7 @@ def rest_of_run(run: xr.Dataset | Record) -> Rest | None:
         if power == 0:
             return Rest(np.zeros(1), np.array([rise]), np.array([-np.inf]))
         return rest_of(ring, compact(model), power, detuning, rise=rise)
-    except (InputError, ValueError, TypeError, KeyError, RecursionError):  # attributes that another program wrote
+    except (InputError, *UNREADABLE, RecursionError):
         return None
 
 
@@ -127,7 +128,7 @@ def resistance_of_run(run: xr.Dataset | Record) -> float | None:
         return None
     try:
         return float(np.sum(np.asarray(run.attrs["model_R"], dtype=float)))
-    except (KeyError, ValueError, TypeError):  # attributes that another program wrote
+    except UNREADABLE:
         return None
 
 

@@ -222,6 +222,20 @@ def test_a_heater_beside_the_light():
     assert float(run.field.max()) > 2 * alone.max()  # the heater is hotter than the ring
 
 
+def test_heaters_are_what_they_are_for_simulate():
+    """NumPy's numbers and lists were "no waveform"."""
+    two = th.StateSpace(
+        np.eye(2) * 1e-9, -np.eye(2) * 1e-3, np.eye(2), np.eye(2), ("core", "heater"), ("core", "heater")
+    )
+    drive = {"power": 1e-3, "duration": 1e-7}
+    runs = [
+        coupled.cosimulate(RING, two, **drive, heaters={"heater": value})
+        for value in (th.Constant(2**-9), np.float32(2**-9), [2**-10, np.float64(2**-10)])
+    ]
+    for run in runs[1:]:
+        np.testing.assert_allclose(run["delta_T"], runs[0]["delta_T"], rtol=1e-12)
+
+
 def test_a_predictor_may_know_the_heater():
     heat = th.assemble(th.heated_ring())
     several = surrogate.reduce(heat.channels(("core", "heater"), "core"), tolerance=1e-4).model
@@ -300,6 +314,7 @@ def test_progress_reaches_the_end():
         ({"predictor": coarse_fem()}, "cosimulate|reduce it first"),
         ({"heaters": {"heater": th.Constant(1e-3)}}, "heater"),
         ({"heaters": {"core": th.Constant(1e-3)}}, "which the light heats"),
+        ({"heaters": {"heater": np.float32(-1e-3)}}, r"heaters\['heater'\] = -0.001 must lie between 0 and 10"),
         ({"heaters": ["heater"]}, "a mapping is needed"),
         ({"heaters": "heater"}, "a mapping is needed"),
         ({"field_times": ["1 ns"]}, "not an array of numbers"),

@@ -89,3 +89,9 @@ def test_when_an_input_changes():
 def test_an_attribute_of_another_program_is_passed_over(text):
     run = coupled.simulate(RING, HEAT, power=6.31e-3, duration=10e-6)
     assert coupled.pulsing(run.assign_attrs({ATTRIBUTE: text})).regime == "self-pulsing"
+
+
+def test_numbers_of_another_program_that_no_float_holds_are_passed_over():
+    run = coupled.simulate(RING, HEAT, power=6.31e-3, duration=10e-6)
+    assert coupled.pulsing(run.assign_attrs(model_R=10**400)).regime == "self-pulsing"
+    assert coupled.pulsing(run.assign_attrs({ATTRIBUTE: f'{{"x": [[0, {10**400}]]}}'})).regime == "driven"
