@@ -419,3 +419,11 @@ def test_a_fit_bears_the_names_of_its_parts(part):
     data = th.dataset.build(times, rise, th.Constant(1e-3), attributes={"heated": part, "read": part})
     for fit in (surrogate.fit_foster(data, 2), surrogate.fit_spectrum(data), surrogate.fit_second_order(data)):
         assert (fit.model.inputs, fit.model.outputs) == ((part,), (part,))
+
+
+def test_a_pulse_between_two_rows_heats():
+    """Its power is zero at every row."""
+    times, model = np.arange(0, 10e-6, 1e-7), th.Foster([2e3, 5e3], [3e-7, 2e-6])
+    pulse = th.Pulse(5e-3, width=4e-8, start=3e-8)
+    found = surrogate.fit_foster(th.dataset.build(times, model.response(pulse, times), pulse), order=2)
+    np.testing.assert_allclose([found.model.R, found.model.tau], [model.R, model.tau], rtol=1e-5)
