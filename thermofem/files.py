@@ -29,6 +29,8 @@ from .checks import InputError
 WRITTEN = (".nc", ".json", ".npz", ".sha256", ".lock")  # endings of files in the project's stores
 IMAGES = (".png", ".pdf", ".svg", ".jpg")
 _TEMPORARY = re.compile(r"\..*-[0-9a-f]{16}(\.\w+)?")  # names that `write_whole` gives
+_STREAMS = re.compile(r"/dev/fd|/proc/\d+(/task/\d+)?/fd")  # folders of a process's open files
+LINKS = 40  # in a row; Linux follows no more
 FRESH = 60.0  # s; a temporary file that was touched within is left alone, locked or not
 LARGEST_TEXT = 400_000_000  # bytes
 
@@ -169,13 +171,19 @@ def check_entries(folder: Path) -> None:
 
 
 def check_target(path: str | Path) -> Path:
-    """Where a file will be written, links followed; InputError without a folder, or where no file could be."""
+    """Where a file will be written, links followed; InputError without a folder, or where no file could be.
+
+    A name of an open stream is refused, such as /dev/stdout: the file behind it would be replaced.
+    """
     path = named(path)
     try:
+        if _is_stream(path):
+            raise InputError(f"{path} leads to an open file of a process; give the name of a file")
         if path.is_symlink():
             path = Path(os.path.realpath(path))
         if not path.parent.is_dir():
             raise InputError(f"{path.parent} is not a folder; make it first to write {path.name}")
+        _check_folder(path.parent)
         if path.exists() and not path.is_file():
             raise InputError(f"{path} is a folder or a device; give the name of a file")
         if path.exists() and not os.access(path, os.W_OK):
@@ -183,6 +191,24 @@ def check_target(path: str | Path) -> Path:
     except OSError as error:  # a name that is too long, a loop of links
         raise InputError(f"{str(path)[:60]}... cannot be written: {error.strerror}") from None
     return path
+
+
+def _check_folder(folder: Path) -> None:
+    """InputError unless files can be made in a folder: its mode, or a file system that is read-only, forbids that."""
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise InputError(f"folder {folder} cannot be written; make it writable, or take another folder")
+
+
+def _is_stream(path: Path) -> bool:
+    """Whether a path leads to an open file of a process, such as /proc/1/fd/1, itself or by links."""
+    for _ in range(LINKS):
+        folder = Path(os.path.realpath(path.parent))
+        if _STREAMS.fullmatch(str(folder)):
+            return True
+        if not path.is_symlink():
+            break
+        path = folder / path.readlink()
+    return False
 
 
 def check_image(path: str | Path) -> None:
@@ -214,7 +240,8 @@ def write_whole(path: str | Path, write: Callable[[Path], Any]) -> Path:
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
     finally:
-        temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # a file system that is read-only has an error of its own for this
+            temporary.unlink(missing_ok=True)
     return path
 
 
@@ -278,6 +305,5 @@ def make_folder(path: str | Path) -> Path:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"folder {path} cannot be made: {error.strerror}") from None
-    if not os.access(path, os.W_OK):
-        raise InputError(f"folder {path} cannot be written")
+    _check_folder(path)
     return path
