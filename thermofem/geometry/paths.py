@@ -7,6 +7,7 @@ from typing import Any
 
 from .. import checks, quantity
 from ..checks import InputError
+from ..materials.property_toml import with_value
 from . import toml_schema
 
 _NAMED = {"part": "name", "layer": "name", "probe": "name", "interface": "part"}  # lists of tables, and what names one
@@ -65,14 +66,15 @@ def place(table: dict[str, Any], path: str, text: Any) -> None:
         table.setdefault(kind, {})[key] = text
     elif kind == "material" and middle[1:] and middle[-1] in _LAWS:
         material = table.setdefault(kind, {}).setdefault(".".join(middle[:-1]), {})
-        law = material.get(middle[-1], {})
-        material[middle[-1]] = {**(law if isinstance(law, dict) else {"value": law}), key: text}
+        given = material.get(middle[-1], {})
+        law = given if isinstance(given, dict) else {"value": given}
+        material[middle[-1]] = with_value(middle[-1], law, text) if key == "value" else {**law, key: text}
     elif kind in _TABLES and name:
         values = table.setdefault(kind, {})
         if kind == "boundary":
             values[name] = {key: text}
         elif isinstance(values.setdefault(name, {}).get(key), dict):
-            values[name][key]["value"] = text  # a law keeps its exponent
+            values[name][key] = with_value(key, values[name][key], text)
         else:
             values[name][key] = text
     else:
