@@ -220,6 +220,9 @@ conductivity = { value = "130 W/m/K", exponent = -1.3, reference = "300 K" }
     }.items():
         with pytest.raises(th.InputError, match=words):
             th.Campaign(base, (Variation(path, (path,), "m", (1e-6,)),), (STEP,))
+    twice = [Variation(name, ("outer_radius",), "m", (5e-5,)) for name in "ab"]
+    with pytest.raises(th.InputError, match="list of paths holds 'outer_radius' twice"):  # the last one won
+        th.Campaign(base, tuple(twice), (STEP,))
 
 
 def test_names_that_are_not_there_stop_before_the_first_geometry(tmp_path, threads):

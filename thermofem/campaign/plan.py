@@ -19,7 +19,7 @@ import numpy as np
 from .. import checks, renamed, toml_file, waveforms
 from ..checks import InputError
 from ..display import shown
-from ..geometry.paths import place
+from ..geometry.paths import check_once, place
 from ..sizes import sizes
 from ..toml_file import write_table
 from ..version import __version__
@@ -97,6 +97,7 @@ class Campaign:
             check_number(what, len(names))
             checks.unique(f"list of {what} names", [item.name for item in names])
         check_taken(self.variations, self.drives)
+        check_once(path for variation in self.variations for path in variation.paths)
         drawn = [v.name for v in self.variations if not v.values]
         if bool(drawn) != bool(self.samples):
             raise InputError(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from .. import checks, quantity
@@ -14,21 +14,33 @@ _NAMED = {"part": "name", "layer": "name", "probe": "name", "interface": "part"}
 _TABLES = ("material", "boundary")
 _LAWS = ("conductivity", "specific_heat")  # properties that may be tables themselves: "material.Si.conductivity.z"
 _CENTRE, _EDGES = ("radius", "width"), ("inner_radius", "outer_radius")
+_FORMS = f"{' and '.join(_CENTRE)}, or {' and '.join(_EDGES)}"
 _HINT = 'write it as "part.core.width", "layer.box.thickness", "material.SiO2.conductivity" or "outer_radius"'
 
 
 def change_values(table: dict[str, Any], values: Mapping[str, Any]) -> None:
     """Set the values of some paths in a geometry file's table in place; numbers in SI, or text with units."""
-    for path, value in values.items():
+    for path in values:
         if not isinstance(path, str):
             raise InputError(f"path {path!r} is no text; {_HINT}")
+    check_once(values)
+    sizes: dict[str, str] = {}
+    for path, value in values.items():
         key = path.split(".")[-1]
         if path.startswith("part.") and key in (*_CENTRE, *_EDGES):
             name = path.removeprefix("part.").removesuffix(f".{key}")
+            first = sizes.setdefault(name, key)
+            if (first in _CENTRE) != (key in _CENTRE):
+                raise InputError(f"part {name!r}: {first} and {key} are of two forms; give two of one: {_FORMS}")
             for item in table["part"]:
                 if item["name"] == name:
                     _measure(item, key)
         place(table, path, toml_schema.as_text(path, value))
+
+
+def check_once(paths: Iterable[str]) -> None:
+    """InputError where two paths lead to one value: the last one would count."""
+    checks.unique("list of paths", [path.removesuffix(".value") for path in paths], hint="both set one value")
 
 
 def _measure(item: dict[str, Any], key: str) -> None:
