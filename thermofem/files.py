@@ -20,6 +20,7 @@ import threading
 import time
 import unicodedata
 from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,8 @@ from .checks import InputError
 
 WRITTEN = (".nc", ".json", ".npz", ".sha256", ".lock")  # endings of files in the project's stores
 IMAGES = (".png", ".pdf", ".svg", ".jpg")
+DATED = (".pdf", ".svg")  # images that hold a date
+DATE = "SOURCE_DATE_EPOCH"  # where Matplotlib takes it from
 _TEMPORARY = re.compile(r"\..*-[0-9a-f]{16}(\.\w+)?")  # names that `write_whole` gives
 _STREAMS = re.compile(r"/dev/fd|/proc/\d+(/task/\d+)?/fd")  # folders of a process's open files
 LINKS = 40  # in a row; Linux follows no more
@@ -212,9 +215,16 @@ def _is_stream(path: Path) -> bool:
 
 
 def check_image(path: str | Path) -> None:
-    """InputError unless the name ends as one of `IMAGES`."""
-    if checks.path("path", path).suffix.lower() not in IMAGES:
+    """InputError unless the name ends as one of `IMAGES`, or where the environment sets no date to put into it."""
+    ending = checks.path("path", path).suffix.lower()
+    if ending not in IMAGES:
         raise InputError(f"{path} does not say what kind of image it is; end it with {', '.join(IMAGES)}")
+    if ending in DATED and (given := os.environ.get(DATE)):
+        try:
+            datetime.fromtimestamp(int(given), UTC)
+        except (ValueError, OverflowError, OSError):
+            rule = "must be a whole number of seconds since 1970, before the year 10000; mend it, or unset it"
+            raise InputError(f"{DATE} = {checks.shown(given)} of the environment {rule}") from None
 
 
 def write_whole(path: str | Path, write: Callable[[Path], Any]) -> Path:
