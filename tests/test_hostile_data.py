@@ -183,6 +183,6 @@ def test_a_start_or_rest_that_no_trace_has_is_refused(attribute, right, wrong):
 def test_a_dimension_that_is_no_probe_is_named():
     """The file of two cases was said to have several probes, also where one was picked."""
     both = xr.concat([DATA, DATA], dim="case")
-    with pytest.raises(th.InputError, match=r"delta_T has a dimension 'case'; pick one with data\.isel\(case=0\)"):
+    with pytest.raises(th.InputError, match=r"a dimension 'case' beside time; pick one with data\.isel\(case=0\)"):
         th.dataset.response_of(both)
     assert th.dataset.response_of(both.isel(case=0)).times.size == TIMES.size

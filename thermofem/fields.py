@@ -62,9 +62,15 @@ def write_fields(data: xr.Dataset, path: str | Path) -> tuple[Path, ...]:
         return (write_whole(path, lambda p: _write_xdmf(data, p)),)
     if path.suffix == ".vtu":
         return (write_whole(path, lambda p: _mesh(data, 0).write(p, file_format="vtu")),)
-    for k, step in enumerate(steps):
-        write_whole(step, partial(_mesh(data, k).write, file_format="vtu"))
-    return (*steps, write_whole(path, lambda p: p.write_text(_list_of_steps(times, steps), encoding="utf-8")))
+    new = [step for step in steps if not step.exists()]
+    try:
+        for k, step in enumerate(steps):
+            write_whole(step, partial(_mesh(data, k).write, file_format="vtu"))
+        return (*steps, write_whole(path, lambda p: p.write_text(_list_of_steps(times, steps), encoding="utf-8")))
+    except BaseException:
+        for step in new:  # no list names them
+            step.unlink(missing_ok=True)
+        raise
 
 
 def files_of(path: str | Path, count: int) -> tuple[Path, ...]:

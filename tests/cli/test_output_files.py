@@ -80,6 +80,16 @@ def test_a_series_for_paraview_replaces_its_own_files_alone(data, tmp_path):
         files_of(tmp_path / "t.pvd", 1)
 
 
+def test_a_series_that_cannot_be_listed_leaves_nothing(data, tmp_path, monkeypatch):
+    def full(times, steps):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("thermofem.fields._list_of_steps", full)
+    with pytest.raises(th.InputError, match=r"t\.pvd cannot be written: No space left"):
+        th.write_fields(data, tmp_path / "t.pvd")
+    assert not list(tmp_path.iterdir())
+
+
 def test_the_ending_for_paraview_is_refused_before_the_work(tmp_path):
     told = refused("solve", "--paraview", "t.vtk", cwd=tmp_path)
     assert "'.vtk' is unknown" in told
