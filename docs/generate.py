@@ -102,8 +102,9 @@ LAWS = """
 ```
 
 Take one of these lines. `exponent`: value × (T/reference)^exponent. `polynomial`: value × (1 + c₁ (T − reference) +
-c₂ (T − reference)² + …). `temperature` and `values`: a monotone cubic through the points,
-constant beyond them. `r` and `z`: conductivity along and across the layers.
+c₂ (T − reference)² + …), at most 20 coefficients. `temperature` and `values`: a monotone cubic through the points,
+constant beyond them, 2 to 10,000 of both; a `value` beside them must be that of the curve at the reference.
+`r` and `z`, given together: conductivity along and across the layers; beside `temperature` and `values`, `z` alone.
 
 ## Built-in materials
 

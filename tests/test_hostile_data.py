@@ -11,6 +11,7 @@ import warnings
 import h5py
 import numpy as np
 import pytest
+import xarray as xr
 from commands import says_one_line
 from fuzz import hostile, hostile_tables
 
@@ -177,3 +178,11 @@ def test_a_start_or_rest_that_no_trace_has_is_refused(attribute, right, wrong):
     for value in wrong:
         with pytest.raises(th.InputError, match=attribute):
             th.dataset.response_of(DATA.assign_attrs({attribute: value}))
+
+
+def test_a_dimension_that_is_no_probe_is_named():
+    """The file of two cases was said to have several probes, also where one was picked."""
+    both = xr.concat([DATA, DATA], dim="case")
+    with pytest.raises(th.InputError, match=r"a dimension 'case' beside time; pick one with data\.isel\(case=0\)"):
+        th.dataset.response_of(both)
+    assert th.dataset.response_of(both.isel(case=0)).times.size == TIMES.size

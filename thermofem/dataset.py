@@ -171,6 +171,9 @@ def response_of(data: xr.Dataset) -> Response:
     check_texts(data)
     data = at_probe(data)
     times = checks.array("data.time", data["time"].values, increasing=True)
+    if odd := [str(dim) for dim in data["delta_T"].dims if dim not in ("time", "probe")]:
+        pick = f"pick one with data.isel({odd[0]}=0), and give that"
+        raise checks.InputError(f"data.delta_T has a dimension {odd[0]!r} beside time; {pick}")
     if data["delta_T"].ndim != 1:
         raise checks.InputError("data.delta_T has several probes; pick one with data.sel(probe='core'), or --read core")
     rise = checks.array("data.delta_T", data["delta_T"].values)

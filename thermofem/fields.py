@@ -5,7 +5,10 @@ The plane of the mesh is (x, y) = (r, z) in m; ParaView's Rotational Extrusion m
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
 from functools import partial
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +17,8 @@ import numpy as np
 from . import checks
 from .checks import InputError
 from .contents import contents
-from .files import write_whole
+from .files import check_target, read_bytes, write_whole
+from .names import of_file
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -42,7 +46,8 @@ def write_fields(data: xr.Dataset, path: str | Path) -> tuple[Path, ...]:
     Raises
     ------
     InputError
-        no field in the data, another ending, several times for one .vtu, or a folder that cannot be written.
+        no field in the data, another ending, several times for one .vtu, a folder that cannot be written, or a .vtu
+        file of a step's name that an earlier .pvd of this name does not list.
 
     >>> data = solve(assemble(strip_ring()), Pulse(2e-3, 1e-6), [1e-6], field_times=[0.5e-6, 1e-6])
     >>> import tempfile
@@ -50,20 +55,54 @@ def write_fields(data: xr.Dataset, path: str | Path) -> tuple[Path, ...]:
     ...     [path.name for path in write_fields(data, f"{folder}/heat.pvd")]
     ['heat_0000.vtu', 'heat_0001.vtu', 'heat.pvd']
     """
-    path = checks.path("path", path)
     data = check_field(data)
-    kind = checks.choice("fields: ending", path.suffix, _KINDS, hint="ParaView opens these three")
     times = data["field_time"].values
-    if kind == ".vtu" and times.size > 1:
-        raise InputError(f"{path.name} holds one time and the data {times.size}; take .xdmf or .pvd, or select one")
-    if kind == ".xdmf":
+    *steps, path = files_of(path, times.size)
+    if path.suffix == ".xdmf":
         return (write_whole(path, lambda p: _write_xdmf(data, p)),)
-    if kind == ".vtu":
+    if path.suffix == ".vtu":
         return (write_whole(path, lambda p: _mesh(data, 0).write(p, file_format="vtu")),)
-    steps = [path.with_name(f"{path.stem}_{k:04d}.vtu") for k in range(times.size)]
-    for k, step in enumerate(steps):
-        write_whole(step, partial(_mesh(data, k).write, file_format="vtu"))
-    return (*steps, write_whole(path, lambda p: p.write_text(_list_of_steps(times, steps))))
+    new = [step for step in steps if not step.exists()]
+    try:
+        for k, step in enumerate(steps):
+            write_whole(step, partial(_mesh(data, k).write, file_format="vtu"))
+        return (*steps, write_whole(path, lambda p: p.write_text(_list_of_steps(times, steps), encoding="utf-8")))
+    except BaseException:
+        for step in new:  # no list names them
+            step.unlink(missing_ok=True)
+        raise
+
+
+def files_of(path: str | Path, count: int) -> tuple[Path, ...]:
+    """The files that `write_fields` writes for ``count`` times, the one to open last.
+
+    Raises InputError: what `write_fields` refuses for the names alone.
+    """
+    path = checks.path("path", path)
+    kind = checks.choice("fields: ending", path.suffix, _KINDS, hint="ParaView opens these three")
+    if kind == ".vtu" and count > 1:
+        raise InputError(f"{path.name} holds one time and the data {count}; take .xdmf or .pvd, or select one")
+    if kind == ".pvd" and os.fsencode(path.name).decode(errors="ignore").encode() != os.fsencode(path.name):
+        raise InputError(f"{of_file(path.name)} is not UTF-8, as the names in a .pvd are; give another name, or .xdmf")
+    steps = [path.with_name(f"{path.stem}_{k:04d}.vtu") for k in range(count)] if kind == ".pvd" else []
+    for file in (*steps, path):
+        check_target(file)
+    there = [step for step in steps if step.exists()]
+    listed = _listed(path) if there else set()
+    for step in there:
+        if of_file(step.name) not in listed:
+            raise InputError(f"{step} exists and is no part of an earlier {path.name}; move it, or give another name")
+    return (*steps, path)
+
+
+def _listed(path: Path) -> set[str]:
+    """Files that a .pvd lists; none where it does not exist or is damaged."""
+    from xml.etree.ElementTree import ParseError, fromstring
+
+    try:
+        return {entry.get("file", "") for entry in fromstring(read_bytes(path, "ParaView")).iter("DataSet")}
+    except (InputError, ParseError):
+        return set()
 
 
 def check_field(data: xr.Dataset) -> xr.Dataset:
@@ -105,13 +144,13 @@ def _write_xdmf(data: xr.Dataset, path: Path) -> None:
             writer.write_data(float(time), point_data={NAME: field})
 
 
-def _list_of_steps(times: np.ndarray, steps: list[Path]) -> str:
+def _list_of_steps(times: np.ndarray, steps: Sequence[Path]) -> str:
     """A ParaView data file: which file belongs to which time."""
     rows = "".join(
-        f'    <DataSet timestep="{time!r}" file="{step.name}"/>\n'
+        f'    <DataSet timestep="{time!r}" file="{escape(of_file(step.name))}"/>\n'
         for time, step in zip(times.tolist(), steps, strict=True)
     )
     return (
-        '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n'
+        '<?xml version="1.0" encoding="UTF-8"?>\n<VTKFile type="Collection" version="0.1">\n'
         f"  <Collection>\n{rows}  </Collection>\n</VTKFile>\n"
     )

@@ -20,6 +20,7 @@ import threading
 import time
 import unicodedata
 from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,11 @@ from .checks import InputError
 
 WRITTEN = (".nc", ".json", ".npz", ".sha256", ".lock")  # endings of files in the project's stores
 IMAGES = (".png", ".pdf", ".svg", ".jpg")
+DATED = (".pdf", ".svg")  # images that hold a date
+DATE = "SOURCE_DATE_EPOCH"  # where Matplotlib takes it from
 _TEMPORARY = re.compile(r"\..*-[0-9a-f]{16}(\.\w+)?")  # names that `write_whole` gives
+_STREAMS = re.compile(r"/dev/fd|/proc/\d+(/task/\d+)?/fd")  # folders of a process's open files
+LINKS = 40  # in a row; Linux follows no more
 FRESH = 60.0  # s; a temporary file that was touched within is left alone, locked or not
 LARGEST_TEXT = 400_000_000  # bytes
 
@@ -169,13 +174,19 @@ def check_entries(folder: Path) -> None:
 
 
 def check_target(path: str | Path) -> Path:
-    """Where a file will be written, links followed; InputError without a folder, or where no file could be."""
+    """Where a file will be written, links followed; InputError without a folder, or where no file could be.
+
+    A name of an open stream is refused, such as /dev/stdout: the file behind it would be replaced.
+    """
     path = named(path)
     try:
+        if _is_stream(path):
+            raise InputError(f"{path} leads to an open file of a process; give the name of a file")
         if path.is_symlink():
             path = Path(os.path.realpath(path))
         if not path.parent.is_dir():
             raise InputError(f"{path.parent} is not a folder; make it first to write {path.name}")
+        _check_folder(path.parent)
         if path.exists() and not path.is_file():
             raise InputError(f"{path} is a folder or a device; give the name of a file")
         if path.exists() and not os.access(path, os.W_OK):
@@ -185,10 +196,35 @@ def check_target(path: str | Path) -> Path:
     return path
 
 
+def _check_folder(folder: Path) -> None:
+    """InputError unless files can be made in a folder: its mode, or a file system that is read-only, forbids that."""
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise InputError(f"folder {folder} cannot be written; make it writable, or take another folder")
+
+
+def _is_stream(path: Path) -> bool:
+    """Whether a path leads to an open file of a process, such as /proc/1/fd/1, itself or by links."""
+    for _ in range(LINKS):
+        folder = Path(os.path.realpath(path.parent))
+        if _STREAMS.fullmatch(str(folder)):
+            return True
+        if not path.is_symlink():
+            break
+        path = folder / path.readlink()
+    return False
+
+
 def check_image(path: str | Path) -> None:
-    """InputError unless the name ends as one of `IMAGES`."""
-    if checks.path("path", path).suffix.lower() not in IMAGES:
+    """InputError unless the name ends as one of `IMAGES`, or where the environment sets no date to put into it."""
+    ending = checks.path("path", path).suffix.lower()
+    if ending not in IMAGES:
         raise InputError(f"{path} does not say what kind of image it is; end it with {', '.join(IMAGES)}")
+    if ending in DATED and (given := os.environ.get(DATE)):
+        try:
+            datetime.fromtimestamp(int(given), UTC)
+        except (ValueError, OverflowError, OSError):
+            rule = "must be a whole number of seconds since 1970, before the year 10000; mend it, or unset it"
+            raise InputError(f"{DATE} = {checks.shown(given)} of the environment {rule}") from None
 
 
 def write_whole(path: str | Path, write: Callable[[Path], Any]) -> Path:
@@ -214,7 +250,8 @@ def write_whole(path: str | Path, write: Callable[[Path], Any]) -> Path:
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
     finally:
-        temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # a file system that is read-only has an error of its own for this
+            temporary.unlink(missing_ok=True)
     return path
 
 
@@ -278,6 +315,5 @@ def make_folder(path: str | Path) -> Path:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"folder {path} cannot be made: {error.strerror}") from None
-    if not os.access(path, os.W_OK):
-        raise InputError(f"folder {path} cannot be written")
+    _check_folder(path)
     return path

@@ -6,6 +6,7 @@ holds for every name, whichever file or call it comes from; `one_line` is what e
 
 from __future__ import annotations
 
+import os
 import re
 from enum import EnumType, StrEnum
 from typing import Any
@@ -17,7 +18,18 @@ MOST = 10_000  # names in one list
 _NAME = re.compile(r"\w[\w .+-]*")
 RULE = f"take letters, digits, spaces and _ . + -, at most {LONGEST}"
 
-__all__ = ["LONGEST", "RULE", "Words", "ascii_lines", "check_name", "check_names", "check_one", "lines_of", "one_line"]
+__all__ = [
+    "LONGEST",
+    "RULE",
+    "Words",
+    "ascii_lines",
+    "check_name",
+    "check_names",
+    "check_one",
+    "lines_of",
+    "of_file",
+    "one_line",
+]
 
 
 def check_name(what: str, name: Any) -> str:
@@ -48,6 +60,11 @@ def check_one(what: str, names: Any) -> tuple[str, ...]:
     if len(found) != 1:
         raise InputError(f"{what} = {shown(names)}; this kind of model has one of each, a StateSpace takes several")
     return found
+
+
+def of_file(name: str) -> str:
+    """The name of a file as text that every other file can hold: bytes that are not UTF-8 become escapes."""
+    return os.fsencode(name).decode(errors="backslashreplace")
 
 
 def lines_of(text: str, *, most: int = 4000) -> list[str]:

@@ -19,7 +19,7 @@ from . import checks, renamed
 from .checks import InputError, choice, positive
 from .contents import contents
 from .fields import check_field
-from .files import check_image, write_whole
+from .files import check_image, check_target, write_whole
 from .plot_models import plot_model as plot_model
 from .plot_models import plot_step as plot_step
 from .plot_style import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, VERMILION, WIDTH, takes
@@ -115,6 +115,7 @@ def animate_field(
     path = checks.path("path", path)
     data = check_field(takes("data", data, "data_vars", what=FIELDS))
     kind = check_film(path)
+    check_target(path)
     positive("frames_per_second", frames_per_second, at_most=50, hint="a GIF cannot be faster")
     writer = (animation.PillowWriter if kind == ".gif" else animation.FFMpegWriter)(fps=frames_per_second)
     hottest = int(np.argmax(data["field"].values.max(axis=1)))

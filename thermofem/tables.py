@@ -19,6 +19,7 @@ from .arrays import Array
 from .checks import InputError
 from .columns import Columns, in_si, measured, parse, text_of, times_in_si
 from .header_units import check_scale, header_unit
+from .names import of_file
 from .waveforms import Constant, Sampled, Waveform
 
 if TYPE_CHECKING:
@@ -92,7 +93,7 @@ def read_csv(
         rise = _numbers(table, "temperature", temperature, given) - (_scalar("ambient", ambient, "K") or 0.0)
         watts = _numbers(table, "power", power, given) if isinstance(power, str) else None
         t, first = _clock(table, t, _scalar("start", start, "s"))
-        wave = _wave(power) if watts is None else _sampled(t, watts[first:], edges, path.name)
+        wave = _wave(power) if watts is None else _sampled(t, watts[first:], edges, of_file(path.name))
         if abs(rise[first]) > _ABSOLUTE:
             above = "" if ambient is None else f" above ambient = {ambient!r}"
             raise InputError(
@@ -102,7 +103,11 @@ def read_csv(
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     columns = f"time: {time}, temperature: {temperature}" + (f", power: {power}" if isinstance(power, str) else "")
-    origin = {"source": path.name, "source_sha256": hashlib.sha256(content).hexdigest(), "source_columns": columns}
+    origin = {
+        "source": of_file(path.name),
+        "source_sha256": hashlib.sha256(content).hexdigest(),
+        "source_columns": columns,
+    }
     return dataset.build(t, rise[first:], wave, read=(temperature,), attributes=origin)
 
 

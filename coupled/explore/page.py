@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermofem import checks
-from thermofem.dataset import write_whole
+from thermofem.files import check_target, write_whole
 from thermofem.models import ThermalModel
 from thermofem.together import other_geometry
 from thermofem.version import __version__
@@ -128,6 +128,8 @@ def explore(
     """
     power = check_power(power)
     detuning = check_detuning(detuning)
+    if path is not None:
+        check_target(path)
     if models is None and family is None:
         raise checks.InputError("models is missing; give a thermal model, several by name, or a family")
     if heat is not None:

@@ -140,7 +140,9 @@ def write(model: Any, path: Path, header: list[str], *, fmi: int = 2) -> Path:
             raise checks.InputError(f"{path.name} cannot be built in {folder}: {error.strerror}") from None
         # in a process of its own: the builder imports the script and changes sys.path
         command = [sys.executable, "-m", library, "build", "-f", str(script), "-d", folder]
-        done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder)
+        utf8 = {**os.environ, "PYTHONUTF8": "1"}  # the script is UTF-8, which the builder reads as the locale has it
+        reading: dict[str, Any] = {"encoding": "utf-8", "errors": "backslashreplace"}
+        done = subprocess.run(command, capture_output=True, check=False, cwd=folder, env=utf8, **reading)
         built = Path(folder) / f"{name}.fmu"
         if done.returncode or not built.is_file():
             full = [text for text in map(os.strerror, FULL) if text in done.stderr]

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+import zipfile
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,12 +14,15 @@ import thermofem
 from thermofem import ThermalModel
 from thermofem.names import ascii_lines, lines_of
 
+MARK = "Thermal model of thermofem"  # how the header of every export begins
+MOST = 4000  # bytes of a file within which it stands
+
 
 def header(model: ThermalModel, provenance: Mapping[str, Any]) -> list[str]:
     """Printable lines: kind of model and size, heated and read parts, error, units, geometry."""
     name, order = type(model).__name__, getattr(model, "order", None)
     lines = [
-        f"Thermal model of thermofem {thermofem.__version__}: {name}" + (f" with {order} poles" if order else ""),
+        f"{MARK} {thermofem.__version__}: {name}" + (f" with {order} poles" if order else ""),
         f"heated: {', '.join(model.inputs)}; read: {', '.join(model.outputs)}; thermal resistance {_gain(model)} K/W",
         f"error: {_error(provenance)}",
         "units: power in W, temperature rise above ambient in K, time in s",
@@ -28,6 +33,23 @@ def header(model: ThermalModel, provenance: Mapping[str, Any]) -> list[str]:
     else:
         lines += ["geometry:", *(f"    {line}" for line in str(geometry).splitlines() if line.strip())]
     return [piece for line in lines for piece in lines_of(line)]
+
+
+def is_export(path: Path) -> bool:
+    """Whether a file is one that `export_model` wrote: its header says so."""
+    mark = MARK.encode()
+    try:
+        if zipfile.is_zipfile(path):
+            with zipfile.ZipFile(path) as unit, unit.open("modelDescription.xml") as file:
+                return mark in file.read(MOST)
+        if path.suffix == ".mat":
+            from scipy.io import loadmat
+
+            return mark in str(loadmat(path, variable_names=["header"]).get("header")).encode()
+        with path.open("rb") as file:
+            return mark in file.read(MOST)
+    except Exception:  # a file of any other program
+        return False
 
 
 def _gain(model: Any) -> str:

@@ -115,6 +115,7 @@ def test_the_ring_is_named_where_there_is_no_error(folder, monkeypatch, capsys):
     ("texts", "words"),
     [
         (["box=1 um", "box = 2 um"], "--fix 'box' is given twice"),
+        (["rate/box=1", "rate / box = 2"], "--fix 'rate/box' is given twice"),
         (["box"], "not of the form NAME=VALUE, such as 'a=1'"),
         (["=1 um"], "not of the form"),
         (["box="], "not of the form"),

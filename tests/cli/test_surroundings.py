@@ -161,3 +161,25 @@ def test_an_address_of_no_cluster_is_one_line(address, tmp_path):
     assert done.stderr.count("\n") == 1
     assert done.stderr.startswith(f"thermofem: error: --scheduler = '{address}' does not answer")
     assert time.monotonic() - begun < 15
+
+
+@pytest.mark.parametrize("given", ["abc", "1e9", "99999999999999"])
+def test_a_date_for_figures_that_is_none_is_named(given, tmp_path, monkeypatch):
+    """Matplotlib raised when it wrote the figure, after the work, with exit code 70."""
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", given)
+    for ending in ("pdf", "svg"):
+        done = thermofem("solve", "--figure", f"heat.{ending}", cwd=tmp_path)
+        assert (done.returncode, done.stderr.count("\n"), os.listdir(tmp_path)) == (2, 1, [])
+        assert done.stderr.startswith(f"thermofem: error: SOURCE_DATE_EPOCH = {given!r} of the environment must be")
+    th.files.check_image("heat.png")  # which holds no date
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    th.files.check_image("heat.pdf")
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_a_unit_is_built_in_a_locale_without_utf8(fmi, tmp_path, monkeypatch):
+    """The builder read the script, which names the parts, in the encoding of the locale."""
+    for name, value in {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}.items():
+        monkeypatch.setenv(name, value)
+    model = th.Foster(R=[2e3], tau=[5e-8], inputs=("kern µ",), outputs=("kern µ",))
+    surrogate.export_model(model, tmp_path / "m.fmu", to="fmu", fmi=fmi)

@@ -53,6 +53,7 @@ BASE = {
     "export": ["model.json", "--to", "csv"],
     "cite": [],
 }
+ODD = "q\udcff.json"  # a name that is not UTF-8
 VALUES = [
     "", " ", "x", "-", "--", "0", "1", "2", "-1", "1.5", "nan", "inf", "1e400", "-1e400", "9" * 400, "1_0", "١",
     "1e-300",
@@ -61,8 +62,9 @@ VALUES = [
     "a=b", "core", "core=1 mW", "box=1.95 um", "layer.box.thickness", "\n", "a\nb", "\x1b[31m", "[red]", "é", "\u202e",
     "1 mW*9**9**9**9", "1099511627776", "4611686018427387904", ".", "/dev/null", "/dev/full", "/nowhere/x.nc",
     "model.json", "ring.toml", "strip.toml", "plan.toml", "data.nc", "table.csv", "ring.family", "out.nc", "out.json",
-    "out.png", "out.html", "out.toml", "x" * 300,
+    "out.png", "out.html", "out.toml", "x" * 300, "/dev/stdout", "/dev/fd/2", "out.pvd", "a&b.pvd", ODD, "a/b=1",
 ]  # fmt: skip
+DEFAULTS = {str(p.default) for command in COMMANDS.values() for p in command.params if p.default is not None}
 
 
 def files(folder: Path) -> None:
@@ -79,6 +81,9 @@ def files(folder: Path) -> None:
     rise = family.at({"box": 1.95e-6}).response(th.Constant(1e-3), t)
     th.save(th.dataset.build(t, rise, th.Constant(1e-3)), folder / "data.nc")
     (folder / "table.csv").write_text("Time (us),T (K)\n" + "".join(f"{k},{k % 7}\n" for k in range(40)))
+    surrogate.save_model(MODEL, folder / ODD)
+    for name in ("model.csv", "model.cir", "model.va", "model.mat", "model.fmu", "out_0000.vtu"):
+        (folder / name).write_text("of the user\n")
 
 
 def jobs(seed: int) -> Iterator[list[str]]:
@@ -137,6 +142,8 @@ def main(minutes: float, seed: int = 0) -> int:
             for path, content in given.items():  # an output may have any of their names
                 if path.read_bytes() != content:
                     path.write_bytes(content)
+                    if not any(path.name in one for one in arguments) and path.name not in DEFAULTS:
+                        wrong = wrong or f"replaces {path.name}, which nobody named"
             if wrong and wrong not in found:
                 found[wrong] = arguments
                 print(f"{arguments!r:.300}: {wrong}".encode("ascii", "backslashreplace").decode(), flush=True)

@@ -180,6 +180,12 @@ TARGETS: dict[str, Callable[[str], None]] = {
 }
 
 
+LAWS = """[material.Si]
+conductivity = { r = "60 W/m/K", z = "30 W/m/K", polynomial = [1e-4, -1e-7], reference = "300 K" }
+specific_heat = { value = "712 J/kg/K", temperature = ["300 K", "400 K"], values = ["712 J/kg/K", "790 J/kg/K"] }
+"""
+
+
 def seeds() -> dict[str, list[str]]:
     """Valid files of each kind."""
     strip = th.strip_ring()
@@ -218,7 +224,7 @@ def seeds() -> dict[str, list[str]]:
     return {
         "circuit": [(circuits.file.__doc__ or "").split("```toml\n")[1].split("```")[0]],
         "journal": [rows_of_map.read_text()],
-        "geometry": [strip.to_toml(), rich, th.rib_ring().to_toml(), th.disc().to_toml()],
+        "geometry": [strip.to_toml(), f"{strip.to_toml()}\n{LAWS}", rich, th.rib_ring().to_toml(), th.disc().to_toml()],
         "campaign": [f"[geometry]\n{geometry_table}\n{counted}", f"samples = 5\n[geometry]\n{geometry_table}\n{plan}"],
         "ring": [full_ring, 'base = "borghi2021"\nloaded_q = 12000\nintrinsic_q = 1.1e5\nbuses = 1'],
         "model": [path.read_text() for path in paths],

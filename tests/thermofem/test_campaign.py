@@ -220,6 +220,22 @@ conductivity = { value = "130 W/m/K", exponent = -1.3, reference = "300 K" }
     }.items():
         with pytest.raises(th.InputError, match=words):
             th.Campaign(base, (Variation(path, (path,), "m", (1e-6,)),), (STEP,))
+    twice = [Variation(name, ("outer_radius",), "m", (5e-5,)) for name in "ab"]
+    with pytest.raises(th.InputError, match="list of paths holds 'outer_radius' twice"):  # the last one won
+        th.Campaign(base, tuple(twice), (STEP,))
+
+
+def test_the_hash_covers_the_base_geometry():
+    """Its mesh is moved to fit the geometries: of two bases the numbers of one geometry differ by 6e-5."""
+    vary = (Variation("radius", ("part.core.radius",), "m", (7e-6,)),)
+    base = th.strip_ring().to_toml()
+    one, other, same = (
+        th.Campaign(text, vary, (STEP,))
+        for text in (base, th.strip_ring().with_({"part.core.radius": 6e-6}).to_toml(), f"# as it was\n{base}")
+    )
+    assert one.geometry_of((7e-6,)) == other.geometry_of((7e-6,))
+    assert one.cases()[0].key != other.cases()[0].key
+    assert one.cases() == same.cases()
 
 
 def test_names_that_are_not_there_stop_before_the_first_geometry(tmp_path, threads):

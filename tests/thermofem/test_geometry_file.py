@@ -11,8 +11,8 @@ from sections import HEATER, STRIP, says
 from thermofem.checks import InputError
 from thermofem.geometry import CrossSection, strip_ring
 from thermofem.geometry.parts import INSULATED, ISOTHERMAL, OPEN, Boundary, Probe
-from thermofem.materials import Polynomial, PowerLaw
-from thermofem.materials.library import LIBRARY
+from thermofem.materials import Polynomial, PowerLaw, Table
+from thermofem.materials.library import LIBRARY, Material
 
 
 def test_the_reference_strip_in_toml_is_strip_ring():
@@ -168,6 +168,9 @@ def test_laws_in_toml():
     assert CrossSection.from_toml_text(geometry.to_toml()) == geometry
 
 
+TABLE = 'temperature = ["200 K", "400 K"], values = ["1 W/m/K", "2 W/m/K"]'
+
+
 @pytest.mark.parametrize(
     ("law", "words"),
     [
@@ -177,8 +180,48 @@ def test_laws_in_toml():
         ('{ temperature = ["300 K"], values = ["1 W/m/K"] }', "conductivity: table of 1 temperatures and 1 values"),
         ('{ temperature = ["300 K", "200 K"], values = ["1 W/m/K", "2 W/m/K"] }', "increasing temperatures"),
         ('{ value = "1 W/m/K", r = "1 W/m/K" }', "value and r are the same"),
+        ('{ r = "0.5 W/m/K" }', "conductivity: z is missing; r is along the layers alone"),
+        ('{ z = "0.5 W/m/K" }', "conductivity: r is missing; add r"),
+        (f"{{ {TABLE}, value = '5 W/m/K' }}", "conductivity: value = 5 W/m/K, but the table has 1.5 W/m/K at 300 K"),
+        (f"{{ {TABLE}, r = '2 W/m/K', z = '1 W/m/K' }}", "conductivity: r = 2 W/m/K, but the table has 1.5 W/m/K"),
+        (
+            f'{{ value = "1 W/m/K", polynomial = {[1e-30] * 171} }}',
+            "polynomial holds 171 numbers; at most",
+        ),
+        (
+            f"{{ temperature = {[f'{k} K' for k in range(1, 10_003)]}, values = {['1 W/m/K'] * 10_002} }}",
+            "conductivity: temperature holds 10002 numbers",
+        ),
     ],
 )
 def test_bad_laws(law, words):
     with pytest.raises(InputError, match=words):
         CrossSection.from_toml_text(STRIP + f"[material.Si]\nconductivity = {law}\n")
+
+
+@pytest.mark.parametrize("more", ["", ", value = '1.5 W/m/K'", ", r = '1.5 W/m/K', z = '1 W/m/K'", ", z = '1 W/m/K'"])
+def test_a_value_beside_a_table_is_that_of_the_table(more):
+    """Any value was taken, and scaled the table; a path still scales it, and every form is written and read back."""
+    text = STRIP + f"[material.Si]\nconductivity = {{ {TABLE}{more} }}\n"
+    geometry = CrossSection.from_toml_text(text)
+    silicon = geometry.material_of("core")
+    assert (silicon.conductivity, silicon.conductivity_z) == (1.5, 1.0 if "z" in more else None)
+    assert CrossSection.from_toml_text(geometry.to_toml()) == geometry
+    for path in ("material.Si.conductivity", "material.Si.conductivity.value"):
+        scaled = geometry.with_({path: 3.0})
+        changed = scaled.material_of("core")
+        assert (changed.conductivity, changed.conductivity_z) == (3.0, silicon.conductivity_z)
+        assert changed.conductivity_law.factor(350) == pytest.approx(silicon.conductivity_law.factor(350), rel=1e-15)
+        assert CrossSection.from_toml_text(scaled.to_toml()) == scaled
+
+
+def test_a_relative_table_is_written_in_the_unit_of_its_property():
+    law = Table((250.0, 350.0), (1.0, 1.2))
+    alloy = Material("Si", 20.0, 8000.0, 500.0, conductivity_law=law)
+    given = replace(CrossSection.from_toml_text(STRIP), materials=(alloy,))
+    found = CrossSection.from_toml_text(given.to_toml())
+    silicon = found.material_of("core")
+    assert silicon.conductivity == 20
+    assert float(silicon.conductivity_law.value(300)) == pytest.approx(20, rel=1e-12)
+    assert silicon.conductivity_law.factor(330) == pytest.approx(law.factor(330), rel=1e-12)
+    assert CrossSection.from_toml_text(found.to_toml()) == found

@@ -61,6 +61,8 @@ def test_materials_boundaries_angles_and_words():
         ({"part.cor.radius": 5e-6}, "did you mean 'core'"),
         ({"part.core.radus": 5e-6}, "did you mean 'radius'"),
         ({"core.radius": 5e-6}, "leads nowhere"),
+        ({f"material.SiO2.conductivity{end}": 1.0 for end in ("", ".value")}, "'material.SiO2.conductivity' twice"),
+        ({"part.core.width": 4e-7, "part.core.inner_radius": 6e-6}, "'core': width and inner_radius are of two forms"),
         ({"part": "x", "part.core.width": 5e-7}, "path 'part' names a table, and no value in it"),
         ({"part.core.radius": 5.0}, "did you mean 5e-6"),
         ({3: 5.0}, "is no text"),

@@ -19,7 +19,7 @@ import numpy as np
 from .. import checks, renamed, toml_file, waveforms
 from ..checks import InputError
 from ..display import shown
-from ..geometry.paths import place
+from ..geometry.paths import check_once, place
 from ..sizes import sizes
 from ..toml_file import write_table
 from ..version import __version__
@@ -97,6 +97,7 @@ class Campaign:
             check_number(what, len(names))
             checks.unique(f"list of {what} names", [item.name for item in names])
         check_taken(self.variations, self.drives)
+        check_once(path for variation in self.variations for path in variation.paths)
         drawn = [v.name for v in self.variations if not v.values]
         if bool(drawn) != bool(self.samples):
             raise InputError(
@@ -191,7 +192,8 @@ class Campaign:
 
     def _key(self, geometry: str) -> str:
         drives = [(d.name, waveforms.to_json(d.wave), d.times or d.samples) for d in self.drives]
-        content = (FORMAT, __version__, geometry, drives, self.heated, self.read, self.accuracy, self.rtol)
+        base = write_table(self._table) if self.variations else ""  # whose mesh is moved to fit each geometry
+        content = (FORMAT, __version__, geometry, base, drives, self.heated, self.read, self.accuracy, self.rtol)
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
     def task(self, case: Case) -> Task:

@@ -13,21 +13,30 @@ from ..checks import InputError
 from .values import each
 
 OUTPUTS = frozenset({"output", "figure", "preview", "paraview", "animation", "map_", "resume", "folder"})
+_taken: list[Path] = []  # files that the command of this moment reads
 
 
 def check_apart(options: Mapping[str, Any]) -> None:
     """InputError where a command would write over a file that another of its options names, or that such a file names.
 
-    Every option but those in `OUTPUTS` counts as an input, so that no command has to list its own.
+    Every option but those in `OUTPUTS` counts as an input, so that no command has to list its own. Names that the
+    command makes itself, such as that of an export, are checked by `check_unread`.
     """
-    outputs = [path for name in OUTPUTS & options.keys() for path in filter(None, each(options[name]))]
-    if not outputs:
+    _taken.clear()
+    if not OUTPUTS & options.keys():
         return
     given = [item for name, value in options.items() if name not in OUTPUTS for item in each(value)]
-    taken = [path for item in given if isinstance(item, str | Path) for path in _read_with(item)]
-    for path in outputs:
-        if any(writes(path, other) for other in taken):
-            raise InputError(f"{path} would be read and written at once; give it another name")
+    _taken.extend(path for item in given if isinstance(item, str | Path) for path in _read_with(item))
+    for name in OUTPUTS & options.keys():
+        for path in filter(None, each(options[name])):
+            check_unread(path)
+
+
+def check_unread(path: Path) -> None:
+    """InputError where the command would write over a file that it reads."""
+    for other in _taken:
+        if written := both(path, other):
+            raise InputError(f"{written} would be read and written at once; give it another name")
 
 
 def _read_with(path: str | Path) -> list[Path]:
@@ -58,8 +67,13 @@ def _words(path: Path) -> list[str]:
     return words
 
 
-def writes(output: str | Path, other: str | Path) -> bool:
-    """Whether a command that writes one file writes the other: the .vtu files beside a .pvd are written with it."""
+def both(output: Path, other: Path) -> Path | None:
+    """What is written at two names, of which the second may be read; None where they are apart.
+
+    The .vtu files beside a .pvd are written with it.
+    """
     first, second = Path(os.path.realpath(output)), Path(os.path.realpath(other))
+    if first == second:
+        return output
     step = re.fullmatch(rf"{re.escape(first.stem)}_\d{{4,}}\.vtu", second.name)
-    return first == second or (first.suffix == ".pvd" and first.parent == second.parent and step is not None)
+    return other if first.suffix == ".pvd" and first.parent == second.parent and step else None

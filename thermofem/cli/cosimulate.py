@@ -44,7 +44,7 @@ def cosimulate(
     import coupled
 
     from .. import dataset, quantity
-    from ..fields import write_fields
+    from ..fields import files_of, write_fields
     from ..heat import assemble
 
     model_file = Path(predictor) if predictor and predictor != "none" else None
@@ -63,6 +63,8 @@ def cosimulate(
     }
     if paraview and not settings["field_times"]:
         raise InputError("--paraview writes the fields that are kept; say which with --field-times '1 us, 5 us'")
+    if paraview:
+        files_of(paraview, len(settings["field_times"]))
     with working("meshing and assembling"):
         heat = assemble(section_of(geometry), accuracy)
     say_ring(resonator, ring)

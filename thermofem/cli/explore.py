@@ -9,6 +9,7 @@ import typer
 
 from .. import checks, files
 from ..checks import InputError
+from ..names import of_file
 from . import drives, options
 from .detuning import HELP as DETUNING
 from .detuning import detuning_of
@@ -94,7 +95,7 @@ def _models(
     from ..models import load_model
 
     if given and all(kind_of(path) != "geometry" for path in given):
-        names = [path.stem for path in given]
+        names = [of_file(path.stem) for path in given]
         checks.unique("MODELS", names, hint="models are named after the files")
         return {name: load_model(path) for name, path in zip(names, given, strict=True)}, None
     if len(given) > 1:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from .. import checks, files, quantity
 from ..checks import InputError
-from .apart import writes
+from .apart import both, check_unread
 from .kinds import expect
 from .output import hold
 from .output import working as working
@@ -26,12 +26,14 @@ DEFAULT_RING = "borghi2021"
 
 
 def check_outputs(outputs: Iterable[Path | None], *, images: Iterable[Path | None] = ()) -> None:
-    """InputError unless every output has a folder, is no device and no other output, and images have an ending."""
+    """InputError unless every output can be written, is no input and no other output, and images have an ending."""
     taken: list[Path] = []
     for path in filter(None, outputs):
         files.check_target(path)
-        if any(writes(path, other) or writes(other, path) for other in taken):
-            raise InputError(f"{path} would be written twice; give it another name")
+        check_unread(path)
+        for other in taken:
+            if twice := both(path, other) or both(other, path):
+                raise InputError(f"{twice} would be written twice; give it another name")
         taken.append(path)
     for path in filter(None, images):
         files.check_image(path)

@@ -10,6 +10,7 @@ import typer
 
 from .. import checks, files, quantity, trees
 from ..checks import InputError
+from ..names import of_file
 from . import options
 from .files import about, check_outputs, in_volts
 from .kinds import expect, kind_of
@@ -191,7 +192,7 @@ def _training(paths: list[Path], columns: dict[str, str | None], drive: dict[str
             note(f"{path.name}: {line}")
         for line in trace.warnings:
             note(f"{path.name}: warning: {line}")
-        assumed += [f"{path.name}: {line}" for line in (*trace.notes, *trace.warnings)]
+        assumed += [f"{of_file(path.name)}: {line}" for line in (*trace.notes, *trace.warnings)]
         training.append(trace.data)
     return training, assumed
 

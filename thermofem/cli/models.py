@@ -10,6 +10,7 @@ import typer
 
 from .. import checks
 from ..files import IMAGES
+from ..names import of_file
 from . import drives, options
 from .bar import Bar
 from .files import DEFAULT_RING, check_outputs, model_of, one_channel, ring_of, say_ring, section_of
@@ -66,7 +67,9 @@ def reduce(
         "unknowns": heat.unknowns,
         "poles": rom.order,
         "error_bound": rom.error_bound,
-        "thermal_resistance": float(static[0][0]),
+        "heated": names,
+        "read": outputs,
+        "thermal_resistance": float(static[0][0]) if single else np.asarray(static).tolist(),
         "model": output,
     }
 
@@ -134,11 +137,12 @@ def _validate_models(
         raise checks.InputError(f"--output = {output} takes the curves (.nc); --figure {output} draws them")
     for path in (*models, reference):
         expect(path, "model")
-    checks.unique("MODELS", [path.stem for path in models], hint="curves are named after the files")
+    names = [of_file(path.stem) for path in models]
+    checks.unique("MODELS", names, hint="curves are named after the files")
     judge, curves = load(reference), {}
-    for path in models:
-        curves[path.stem] = surrogate.period_error(load(path), judge, periods, power=watts, duty=duty)
-        say(f"{path.stem}: {curves[path.stem].attrs['validity']}")
+    for name, path in zip(names, models, strict=True):
+        curves[name] = surrogate.period_error(load(path), judge, periods, power=watts, duty=duty)
+        say(f"{name}: {curves[name].attrs['validity']}")
     _save_curves(curves, output)
     if figure:
         _draw_curves(curves, figure)

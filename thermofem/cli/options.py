@@ -29,7 +29,8 @@ Duty = Annotated[float | None, typer.Option(help="Duty cycle of the square wave;
 Points = Annotated[str, typer.Option(help="Number of powers and of detunings.")]
 
 FieldTimes = Annotated[list[str] | None, typer.Option(help="Keep the field at '1 us, 5 us, ...'.")]
-Paraview = Annotated[Path | None, typer.Option(help="Write the fields for ParaView (.xdmf, .pvd, .vtu).")]
+PARAVIEW = "Write the fields for ParaView: .xdmf; .vtu of one time; or .pvd, with NAME_0000.vtu and so on beside it."
+Paraview = Annotated[Path | None, typer.Option(help=PARAVIEW)]
 Figure = Annotated[Path | None, typer.Option(help="Also draw into this image.")]
 Output = Annotated[Path, typer.Option("--output", "-o", help="File to write.")]
 NetCDF = Annotated[Path, typer.Option("--output", "-o", help="File (netCDF) to write.")]

@@ -79,7 +79,7 @@ def optics_of(family: Family, given: Sequence[str] | None, ring: str) -> Optics 
     slopes: dict[str, dict[str, float]] = {}
     known = {*optical_names(ring_of(ring)), "detuning"} if given else set()
     for left, value in assigned("--optics", given or [], "bus_rate/width=-1e17").items():
-        number, stroke, parameter = (part.strip() for part in left.partition("/"))
+        number, stroke, parameter = left.partition("/")
         if not stroke:
             raise InputError(f"--optics '{left}={value}' is not of the form NUMBER/PARAMETER=SLOPE")
         slope = quantity.parse(value, "", name=f"--optics {left}")

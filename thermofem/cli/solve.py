@@ -66,6 +66,10 @@ def solve(
     if not periodic:
         note_unseen_end(pulse, square, wave, length)
     kept = _field_times(field_times or [], length, wanted=bool(paraview or animation), periodic=periodic)
+    if paraview:
+        from ..fields import files_of
+
+        files_of(paraview, len(kept))
     import numpy as np
 
     from .. import dataset

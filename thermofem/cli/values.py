@@ -15,10 +15,14 @@ def each(value: Any) -> Iterable[Any]:
 
 
 def assigned(option: str, texts: Iterable[str], example: str) -> dict[str, str]:
-    """Names and values of a repeatable option 'NAME=VALUE'; InputError for another form, or a name given twice."""
+    """Names and values of a repeatable option 'NAME=VALUE'; InputError for another form, or a name given twice.
+
+    Spaces around a name, and around a stroke in it, are no part of it: names are compared without them.
+    """
     found: dict[str, str] = {}
     for text in texts:
         name, equals, value = (part.strip() for part in text.partition("="))
+        name = "/".join(part.strip() for part in name.split("/"))
         if not (name and equals and value):
             raise InputError(f"{option} {text!r} is not of the form NAME=VALUE, such as {example!r}")
         if name in found:

@@ -2,32 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from .. import checks, quantity
 from ..checks import InputError
+from ..materials.property_toml import with_value
 from . import toml_schema
 
 _NAMED = {"part": "name", "layer": "name", "probe": "name", "interface": "part"}  # lists of tables, and what names one
 _TABLES = ("material", "boundary")
 _LAWS = ("conductivity", "specific_heat")  # properties that may be tables themselves: "material.Si.conductivity.z"
 _CENTRE, _EDGES = ("radius", "width"), ("inner_radius", "outer_radius")
+_FORMS = f"{' and '.join(_CENTRE)}, or {' and '.join(_EDGES)}"
 _HINT = 'write it as "part.core.width", "layer.box.thickness", "material.SiO2.conductivity" or "outer_radius"'
 
 
 def change_values(table: dict[str, Any], values: Mapping[str, Any]) -> None:
     """Set the values of some paths in a geometry file's table in place; numbers in SI, or text with units."""
-    for path, value in values.items():
+    for path in values:
         if not isinstance(path, str):
             raise InputError(f"path {path!r} is no text; {_HINT}")
+    check_once(values)
+    sizes: dict[str, str] = {}
+    for path, value in values.items():
         key = path.split(".")[-1]
         if path.startswith("part.") and key in (*_CENTRE, *_EDGES):
             name = path.removeprefix("part.").removesuffix(f".{key}")
+            first = sizes.setdefault(name, key)
+            if (first in _CENTRE) != (key in _CENTRE):
+                raise InputError(f"part {name!r}: {first} and {key} are of two forms; give two of one: {_FORMS}")
             for item in table["part"]:
                 if item["name"] == name:
                     _measure(item, key)
         place(table, path, toml_schema.as_text(path, value))
+
+
+def check_once(paths: Iterable[str]) -> None:
+    """InputError where two paths lead to one value: the last one would count."""
+    checks.unique("list of paths", [path.removesuffix(".value") for path in paths], hint="both set one value")
 
 
 def _measure(item: dict[str, Any], key: str) -> None:
@@ -65,14 +78,15 @@ def place(table: dict[str, Any], path: str, text: Any) -> None:
         table.setdefault(kind, {})[key] = text
     elif kind == "material" and middle[1:] and middle[-1] in _LAWS:
         material = table.setdefault(kind, {}).setdefault(".".join(middle[:-1]), {})
-        law = material.get(middle[-1], {})
-        material[middle[-1]] = {**(law if isinstance(law, dict) else {"value": law}), key: text}
+        given = material.get(middle[-1], {})
+        law = given if isinstance(given, dict) else {"value": given}
+        material[middle[-1]] = with_value(middle[-1], law, text) if key == "value" else {**law, key: text}
     elif kind in _TABLES and name:
         values = table.setdefault(kind, {})
         if kind == "boundary":
             values[name] = {key: text}
         elif isinstance(values.setdefault(name, {}).get(key), dict):
-            values[name][key]["value"] = text  # a law keeps its exponent
+            values[name][key] = with_value(key, values[name][key], text)
         else:
             values[name][key] = text
     else:

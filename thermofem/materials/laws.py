@@ -19,6 +19,8 @@ from ..display import shown
 
 COLDEST, HOTTEST = 1.0, 1e4  # K; no law is asked beyond
 QUIET = np.errstate(over="ignore", invalid="ignore")  # an iteration that diverges ends itself
+MOST = 20  # coefficients of a polynomial
+LONGEST = 10_000  # points of a table
 STEEPEST = 10.0  # 1/K, 1/K^2, ...: of a coefficient; T^3 about 1 K has 3, and far more keeps steps from converging
 
 
@@ -69,6 +71,7 @@ class Polynomial:
     Parameters
     ----------
     coefficients : tuple of float; 1/K, 1/K^2, ...
+        at most 20.
     reference : float, K
     """
 
@@ -77,7 +80,8 @@ class Polynomial:
 
     def __post_init__(self) -> None:
         checks.plain(self)
-        coefficients = checks.array("polynomial", self.coefficients)
+        hint = "a table of temperature and values takes more"
+        coefficients = checks.array("polynomial", self.coefficients, longest=MOST, hint=hint)
         checks.between(
             "polynomial: largest coefficient", np.abs(coefficients).max(), 0, STEEPEST, unit="1/K, 1/K^2, ..."
         )
@@ -118,7 +122,7 @@ class Table:
     Parameters
     ----------
     temperatures : tuple of float, K
-        increasing, at least two.
+        increasing, 2 to 10,000.
     values : tuple of float
         positive; in the unit of the property.
     reference : float, K
@@ -132,7 +136,8 @@ class Table:
 
     def __post_init__(self) -> None:
         checks.plain(self)
-        T, values = checks.array("temperature", self.temperatures), checks.array("values", self.values)
+        T = checks.array("temperature", self.temperatures, longest=LONGEST)
+        values = checks.array("values", self.values, longest=LONGEST)
         if T.size != values.size or T.size < 2:
             raise checks.InputError(
                 f"table of {T.size} temperatures and {values.size} values; give two or more of both"
