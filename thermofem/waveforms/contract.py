@@ -27,17 +27,17 @@ def stored(kind: Kind) -> Kind:
 
 def spans(kind: Kind) -> Kind:
     """Class decorator: ``start`` and ``stop`` of every method that takes them are checked to be times in s."""
-    for name, longer in (("breakpoints", False), ("mean", True), ("pieces", True), ("cubics", True)):
+    for name, shortest in (("breakpoints", -2 * LONGEST), ("mean", SHORTEST), ("pieces", 0.0), ("cubics", 0.0)):
         if hasattr(kind, name):
-            setattr(kind, name, _checked(getattr(kind, name), longer))
+            setattr(kind, name, _checked(getattr(kind, name), shortest))
     return kind
 
 
-def _checked(method: Callable[[Any, float, float], Any], longer: bool) -> Callable[[Any, float, float], Any]:
+def _checked(method: Callable[[Any, float, float], Any], shortest: float) -> Callable[[Any, float, float], Any]:
     @wraps(method)
     def checked(self: Any, start: float, stop: float) -> Any:
         a, b = (checks.between(name, t, -LONGEST, LONGEST, unit="s") for name, t in (("start", start), ("stop", stop)))
-        if longer and b - a < SHORTEST:
+        if b - a < shortest:
             raise checks.InputError(f"start = {a:g} s must be before stop = {b:g} s")
         return method(self, a, b)
 
