@@ -101,7 +101,7 @@ def test_a_mesh_that_stays_above_the_accuracy_says_so(fresh_log, monkeypatch):
 
 @pytest.fixture
 def fresh_log(caplog, monkeypatch):
-    monkeypatch.setattr(domain, "_told", set())
+    monkeypatch.setattr(domain, "_told", {})
     with caplog.at_level(logging.INFO, "thermofem"):
         yield caplog
 
@@ -125,6 +125,14 @@ def test_a_domain_that_cuts_the_heat_off_is_worth_a_warning(fresh_log, needs_mes
     fresh_log.clear()
     assert th.assemble(th.strip_ring().opened()).errors()[1] == 0  # the remedy that it names
     assert not fresh_log.records
+
+
+def test_a_domain_that_cuts_more_off_is_told_after_one_of_the_same_size(fresh_log):
+    """The first ring of 60 um by 32 um silenced every other one of this size."""
+    strip = th.strip_ring()
+    for conductivity in (130.0, 120.0, 3.0):  # the oxide is a better path than silicon at 3 W/m/K
+        th.assemble(strip.with_({"material.Si.conductivity": conductivity}), 3e-3).errors()
+    assert [record.levelname for record in fresh_log.records] == ["INFO", "WARNING"]
 
 
 def test_open_sides_and_a_large_domain_agree(needs_mesher, fresh_log):

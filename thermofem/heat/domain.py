@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 log = logging.getLogger("thermofem")
 
 NOTABLE = 1e-2  # of R_th: a domain that moves it by more is worth a warning, by less a line of information
-_told: set[tuple[float, float]] = set()
+AGAIN = 2.0  # times the largest error that the log told of a domain: one as much larger is told, too
+_told: dict[tuple[str, float, float], float] = {}
 
 
 def domain_error(heat: HeatProblem, heated: str, read: str) -> float:
@@ -51,14 +52,16 @@ def domain_error(heat: HeatProblem, heated: str, read: str) -> float:
 
 
 def warn_of_domain(geometry: CrossSection, domain: float, accuracy: float) -> None:
-    """Log, once for each size of domain, that its end changes R_th by more than the accuracy, and the remedy.
+    """Log that the end of the domain changes R_th by more than the accuracy, and the remedy.
 
-    A warning above `NOTABLE`, information below: a ring on a finite chip or on a mount is no mistake.
+    A warning above `NOTABLE`, information below: a ring on a finite chip or on a mount is no mistake. Of geometries of
+    one name and size the first is told, and what errs `AGAIN` times as much or is the first above `NOTABLE`.
     """
-    size = geometry.outer_radius, geometry.bottom_z
-    if size in _told:
+    size = geometry.name, geometry.outer_radius, geometry.bottom_z
+    told = _told.get(size, 0.0)
+    if domain <= min(AGAIN * told, NOTABLE if told <= NOTABLE else np.inf):
         return
-    _told.add(size)
+    _told[size] = domain
     log.log(
         logging.WARNING if domain > NOTABLE else logging.INFO,
         "%s: the domain ends %.3g um below and %.3g um beside the axis, which moves R_th by %.1e (accuracy = %g); if "

@@ -273,7 +273,8 @@ class HeatProblem:
     def errors(self, heated: str | None = None, read: str | None = None) -> tuple[float, float]:
         """`mesh_error`, and the relative error of R_th by the finite domain, see `thermofem.heat.domain`.
 
-        Where the end of the domain moves R_th by more than ``accuracy`` the log says so, once for each size of domain.
+        Where the end of the domain moves R_th by more than ``accuracy`` the log says so, once for geometries of one
+        name and size that err alike.
         """
         key = "domain", *self._channel(heated, read)
         if key not in self._estimated:
