@@ -107,6 +107,19 @@ def test_rings_on_different_layers_are_refused(ring):
         surrogate.reduce_array([ring], [(0, 0), (20e-6, 0)])
 
 
+def test_rings_of_two_sizes_may_lie_as_near_as_they_fit():
+    """The smaller ring was refused where a copy of the larger one had no room; they are 2.5 um apart."""
+    every = []
+    for radius in (5e-6, 8e-6):
+        strip = th.strip_ring(radius=radius, outer_radius=120e-6)
+        every.append(th.assemble(replace(strip, parts=(replace(strip.parts[0], material="SiO2"),))))
+    pair = surrogate.reduce_array(every, [(0, 0), (16e-6, 0)])
+    exact = Stack(radius=8e-6).impedance(16e-6, reader=5e-6)
+    scale = float(pair.crosstalk.max())
+    # as above: of the meshes
+    assert pair.crosstalk[0, 1] == pytest.approx(exact, rel=1e-3, abs=1e-3 * FLOOR * scale)
+
+
 def test_the_model_is_symmetric_and_passive(array):
     """Brute force: Re H(i w) has no negative eigenvalue at any of 200 frequencies."""
     assert array.passive
