@@ -162,7 +162,11 @@ ISOTHERMAL, INSULATED, OPEN = Boundary("isothermal"), Boundary("insulated"), Bou
 @shown
 @dataclass(frozen=True)
 class Interface:
-    """Thermal boundary resistance in m^2 K/W on the whole surface of one part."""
+    """Thermal boundary resistance in m^2 K/W on the whole surface of one part.
+
+    Where the surface lies on an isothermal or convective side of the domain, it is in series with that side. Beyond an
+    open side the part goes on, and there is no surface.
+    """
 
     part: str
     resistance: float
