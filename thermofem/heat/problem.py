@@ -26,6 +26,7 @@ from ..transient.nonlinear import NodalOperator, NonlinearLedger, nodal_operator
 from ..transient.trajectory import Ledger
 from .accuracy import Estimate, MeshError
 from .adaptive import divided
+from .beyond import Wider, wider
 from .domain import domain_error, warn_of_domain
 from .interface import resistances, split
 from .matrices import Discretization, build, capacity, conduction, discretize, properties
@@ -171,6 +172,11 @@ class HeatProblem:
     @cached_property
     def _modal(self) -> dict[str, Modal]:
         return {}
+
+    @cached_property
+    def wider(self) -> Wider | None:
+        """The same heat problem on a stack that goes on beyond its bottom and outer side, see `heat.beyond`."""
+        return wider(self)
 
     @cached_property
     def ledger(self) -> Ledger | NonlinearLedger:
