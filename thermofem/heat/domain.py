@@ -19,7 +19,7 @@ CLOSED = 'if the chip goes on there, say bottom = "open", outer = "open" in [bou
 OPEN = "heat that runs along a layer or one axis of a material is still felt at its open sides: move them outwards"
 NOTABLE = 1e-2  # of R_th: a domain that moves it by more is worth a warning, by less a line of information
 AGAIN = 2.0  # times the largest error that the log told of a domain: one as much larger is told, too
-_told: dict[tuple[str, float, float], float] = {}
+_told: dict[tuple[str, str, float, float], float] = {}
 
 
 def domain_error(heat: HeatProblem, heated: str, read: str) -> float:
@@ -34,23 +34,24 @@ def domain_error(heat: HeatProblem, heated: str, read: str) -> float:
     return abs(heat.wider.resistance(heat, heated, read) - here) / here
 
 
-def warn_of_domain(geometry: CrossSection, domain: float, accuracy: float) -> None:
-    """Log that the end of the domain changes R_th by more than the accuracy, and the remedy.
+def warn_of_domain(geometry: CrossSection, domain: float, accuracy: float, what: str = "R_th") -> None:
+    """Log that the end of the domain changes R_th, or ``what``, by more than the accuracy, and the remedy.
 
     A warning above `NOTABLE`, information below: a ring on a finite chip or on a mount is no mistake. Of geometries of
     one name and size the first is told, and what errs `AGAIN` times as much or is the first above `NOTABLE`.
     """
-    size = geometry.name, geometry.outer_radius, geometry.bottom_z
+    size = geometry.name, what, geometry.outer_radius, geometry.bottom_z
     told = _told.get(size, 0.0)
     if domain <= min(AGAIN * told, NOTABLE if told <= NOTABLE else math.inf):
         return
     _told[size] = domain
     log.log(
         logging.WARNING if domain > NOTABLE else logging.INFO,
-        "%s: the domain ends %.3g um below and %.3g um beside the axis, which moves R_th by %.1e (accuracy = %g); %s",
+        "%s: the domain ends %.3g um below and %.3g um beside the axis, which moves %s by %.1e (accuracy = %g); %s",
         geometry.name,
         -geometry.bottom_z * 1e6,
         geometry.outer_radius * 1e6,
+        what,
         domain,
         accuracy,
         CLOSED if geometry.opened() != geometry else OPEN,
