@@ -40,7 +40,7 @@ class Stack:
         """
         other = self.radius if reader is None else reader
         r2 = self.radius + self.width / 2
-        gap = distance - 2 * self.radius
+        gap = distance - self.radius - other
         # F^2 J0 falls as xi^-3.5 and G as xi^-2: 60/gap leaves less than 1e-9
         edges = np.linspace(0, 60 / gap + 4e7, int((60 / gap + 4e7) * (distance + 2 * r2) / 2) + 2)
         x, w = np.polynomial.legendre.leggauss(8)

@@ -71,6 +71,16 @@ def test_studies(call, words, family):
         call(family, data)
 
 
+def test_a_system_without_a_static_state_has_no_impedance_there():
+    """SciPy's RuntimeError: Factor is exactly singular."""
+    loose = th.StateSpace(np.eye(2), [[-1.0, 1], [1, -1]] * np.ones(1), np.array([[1.0], [0]]), np.array([[1.0, 0]]))
+    with pytest.raises(th.InputError, match="singular; is a boundary held"):
+        loose.impedance([0.0])
+    # s = 2 pi i f, of two capacities over one resistance: (1 + s)/(s (2 + s))
+    s = 2j * np.pi * 0.1
+    assert loose.impedance([0.1])[0] == pytest.approx((1 + s) / (s * (2 + s)), rel=1e-12)
+
+
 def test_derivatives_of_a_step_long_ago():
     heat = th.assemble(th.strip_ring(outer_radius=30e-6, substrate=10e-6), 0.05)
     with pytest.raises(th.InputError, match="times holds a number beyond"):

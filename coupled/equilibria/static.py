@@ -42,7 +42,8 @@ def curve(model: Any, largest: float) -> Curve:
 
     for terms in TERMS:
         powers = (1 + chebyshev.chebpts1(terms)) / 2 * largest
-        f = chebyshev.chebfit(2 * powers / largest - 1, model.steady_rise(powers) / powers, terms - 1)
+        rise = [model.C @ model.steady_state(power) for power in powers]  # no warning: none need be reached
+        f = np.asarray(chebyshev.chebfit(2 * powers / largest - 1, rise / powers, terms - 1), dtype=float)
         if np.abs(f[-3:]).max() < EXACT * np.abs(f).max():
             return Curve(largest / UW, f * UW, np.asarray(chebyshev.chebder(f * UW), dtype=float))
     raise checks.InputError(

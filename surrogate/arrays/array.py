@@ -62,6 +62,9 @@ class ArrayReduction(HasModel):
     asymmetry : float
         largest difference of the static gains of two rings of different geometry, each as the source, relative to their
         mean; 0 for rings of one geometry.
+    domain_error : float
+        relative change of the crosstalk of the farthest pair, or of R_th, if the chip went on beyond the domain. It is
+        no part of ``error_bound``; above 1 % the log warns.
     """
 
     model: StateSpace
@@ -72,6 +75,7 @@ class ArrayReduction(HasModel):
     tolerance: float
     poles: NDArray[np.int64] = field(repr=False)
     asymmetry: float = 0.0
+    domain_error: float = 0.0
 
     @property
     def rings(self) -> int:
@@ -157,9 +161,9 @@ def reduce_array(
         (voids), rings on different layers, names that are not heated, or a tolerance out of reach.
 
     >>> from thermofem import assemble, strip_ring
-    >>> pair = reduce_array(assemble(strip_ring(outer_radius=120e-6)), [(0, 0), (20e-6, 0)])
+    >>> pair = reduce_array(assemble(strip_ring(outer_radius=120e-6).opened()), [(0, 0), (20e-6, 0)])
     >>> (pair.crosstalk / 1e3).round(2).tolist()  # K/mW
-    [[7.86, 0.21], [0.21, 7.86]]
+    [[7.89, 0.24], [0.24, 7.89]]
     """
     tolerance = checks.between("tolerance", tolerance, 1e-7, 0.1, hint="it is relative to the static gain")
     places = places_of(positions)
@@ -179,6 +183,7 @@ def reduce_array(
         tolerance=tolerance,
         poles=poles,
         asymmetry=_asymmetry(sources, rings),
+        domain_error=max(source.domain for source in sources),
     )
     return replace(array, model=replace(model, origin=array.provenance))
 
@@ -196,10 +201,12 @@ class Sources:
     pairs: of the core, then of each kind of heater.
     row [shape (N, N)]: the row of a `Pairs` by which ring i reads the field of a ring of this kind at the place of ring
         j.
+    domain: relative error by the end of the domain, of the core itself and of the farthest reader.
     """
 
     pairs: list[Pairs]
     row: NDArray[np.intp]
+    domain: float
 
 
 def _sources(rings: RingKinds, g: int, apart: Array, heated: Sequence[str], tolerance: float) -> Sources:
@@ -217,7 +224,12 @@ def _sources(rings: RingKinds, g: int, apart: Array, heated: Sequence[str], tole
         row[i, j] = known[key]
     solved, copies = with_copies(rings, g, readers)
     read = (heated[0], *copies)
-    return Sources([reduce_pairs(solved, part, read, tolerance) for part in heated], row)
+    domain = solved.domain_error(heated[0], heated[0])
+    if readers:
+        far = int(np.argmax([distance for _, distance in readers]))
+        what = f"the crosstalk over {readers[far][1] * 1e6:.3g} um"
+        domain = max(domain, solved.domain_error(heated[0], copies[far], what=what))
+    return Sources([reduce_pairs(solved, part, read, tolerance) for part in heated], row, domain)
 
 
 def _assembled(sources: Sequence[Sources], rings: RingKinds, heaters: Sequence[str]) -> tuple[StateSpace, Array, Any]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from thermofem import HeatProblem, InputError, Part, Probe, assemble, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
-from thermofem.geometry.neighbours import check_distance, check_uniform, footprint
+from thermofem.geometry.neighbours import check_distance, check_uniform, footprint, reach
 from thermofem.heat.off_axis import off_axis_integral
 
 MOST = 1000  # rings
@@ -108,13 +108,13 @@ def check_places(rings: RingKinds, places: Array) -> Array:
         return between
     for kind in rings.kinds:
         check_uniform(kind.heat.geometry, "positions")
-    reach = np.array([footprint(rings.kinds[g].heat.geometry) for g in rings.of])
-    gap = between - reach[:, None] - reach + np.where(np.eye(len(places)), np.inf, 0)
+    radius = np.array([footprint(rings.kinds[g].heat.geometry) for g in rings.of])
+    gap = between - radius[:, None] - radius + np.where(np.eye(len(places)), np.inf, 0)
     i, j = np.unravel_index(np.argmin(gap), gap.shape)
     if gap[i, j] < 0:
         raise InputError(
             f"positions[{i}] and positions[{j}] are {between[i, j]:g} m apart, and rings that reach "
-            f"{reach[i]:g} and {reach[j]:g} m overlap below {reach[i] + reach[j]:g} m; positions are in m"
+            f"{radius[i]:g} and {radius[j]:g} m overlap below {radius[i] + radius[j]:g} m; positions are in m"
         )
     for g, kind in enumerate(rings.kinds):
         for other, reader in enumerate(rings.kinds):
@@ -127,12 +127,18 @@ def check_places(rings: RingKinds, places: Array) -> Array:
 
 
 def with_copies(rings: RingKinds, g: int, readers: Sequence[tuple[int, float]]) -> tuple[HeatProblem, tuple[str, ...]]:
-    """The heat problem of one kind with copies of readers, (kind, distance in m), on a mesh that resolves them."""
+    """The heat problem of one kind with copies of readers, (kind, distance in m), on a mesh that resolves them.
+
+    Of a reader of another kind a copy of the own part refines the mesh: one that is larger stands where it would just
+    be clear of the source, and covers the place of the reader.
+    """
     own = rings.kinds[g]
     if not readers:
         return own.heat, ()
     names = tuple(f"copy {k + 1}" for k in range(len(readers)))
-    copies = [Probe(name, own.part, distance=float(d)) for name, (_, d) in zip(names, readers, strict=True)]
+    clear = (footprint(own.heat.geometry) + reach(own.core)) * (1 + 1e-9)
+    places = [d if kind == g else max(d, clear) for kind, d in readers]
+    copies = [Probe(name, own.part, distance=float(d)) for name, d in zip(names, places, strict=True)]
     solved = assemble(replace(own.heat.geometry, probes=tuple(copies)), own.heat.accuracy)
     d, foreign = solved.discretization, {}
     for name, (kind, distance) in zip(names, readers, strict=True):

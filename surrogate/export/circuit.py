@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from thermofem import checks
 from thermofem.arrays import Array
 
 from .header import identifiers
@@ -43,6 +44,8 @@ class PoleCircuit:
 def network(model: Any, *, taken: tuple[str, ...]) -> PoleCircuit:
     """The network of a model of independent poles; pins are named after the parts, none of them as ``taken``."""
     found = modes(model)
+    if not found.rate.size:
+        raise checks.InputError("model has R = 0 K/W at every pole: it never warms up, and is no circuit")
     parts = list(dict.fromkeys([*found.inputs, *found.outputs]))
     pins = identifiers(parts, taken=taken)
     heated, read = [parts.index(p) for p in found.inputs], [parts.index(p) for p in found.outputs]

@@ -90,7 +90,9 @@ def smooth(u: Array, y: Array) -> Callable[[Array], Array]:
 
 
 def _shares(x: Array, low: Array, high: Array) -> Array:
-    return np.clip((x.T - low) / (high - low), 0.0, 1.0)
+    """Place in the span, shape (n, p); the middle where a parameter has one value only."""
+    span = high - low
+    return np.where(span > 0, np.clip((x.T - low) / np.where(span > 0, span, 1.0), 0.0, 1.0), 0.5)
 
 
 def _terms(u: Array) -> Array:

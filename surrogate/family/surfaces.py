@@ -34,7 +34,7 @@ ARRAYS = ("kind", "ends", "gauss", "interval", "material", "outward")  # fields 
 class Points:
     """Quadrature points on surfaces, in the reference geometry.
 
-    kind [shape (q,)]: "convection SIDE", "open" or "contact".
+    kind [shape (q,)]: "convection SIDE" (also of an isothermal side under a contact resistance), "open" or "contact".
     ends [shape (q, 2 ends, 2), m]: of the facet.
     gauss [shape (q,)]: which of the three points.
     interval [shape (q, 2)]: cells across r and z beside the facet.
@@ -78,13 +78,19 @@ class Points:
             if kind == "contact":
                 h[:, q] = 1 / sum(at.contact[part] for part in self.parts[q])
             elif kind.startswith("convection"):
-                h[:, q] = at.convection[kind.split()[1]]
+                h[:, q] = 1 / self._series(kind.split()[1], self.parts[q], at)
             else:
                 height = z[:, q] - _source(grid, box, offset)
                 n, m = self.outward[q], self.material[q]
                 square = r[:, q] ** 2 / at.k_r[m] + height**2 / at.k_z[m]
                 h[:, q] = (n[0] * r[:, q] + n[1] * height) / square
         return h
+
+    @staticmethod
+    def _series(side: str, parts: tuple[str, ...], at: Values) -> Any:
+        """Resistance in m^2 K/W from a part to the ambient of a side."""
+        own = 1 / at.convection[side] if side in at.convection else 0.0
+        return own + sum(at.contact[part] for part in parts)
 
 
 def _source(grid: CellGrid, box: Box, offset: Array) -> Array:
@@ -105,13 +111,12 @@ def points(heat: HeatProblem, cell: NDArray[np.intp], i: NDArray[np.intp], j: ND
 
     d, found, traces = heat.discretization, [], []
     s = d.surfaces
-    sides = {"top": heat.geometry.top, "bottom": heat.geometry.bottom, "outer": heat.geometry.outer}
     grid = d.basis.mesh
     for facets in s.convection.values():
         r, z = grid.p[:, grid.facets[:, facets]].mean(axis=1)
-        for side, boundary in sides.items():
+        for side in ("top", "bottom", "outer"):
             there = facets[heat.geometry.on_boundary(side, r, z)]
-            if boundary.exchange(heat.geometry.ambient) and len(there):
+            if len(there):
                 found.append(_on(heat, there, cell, i, j, f"convection {side}"))
                 traces.append(_trace(d.basis, there))
     if len(s.open):

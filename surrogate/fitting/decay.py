@@ -15,7 +15,7 @@ from thermofem.display import shown
 GRID, BEST = 12, 3  # time constants on a grid, any of which are tried together; the best combinations begin a search
 RANKED = 200  # samples by which they are compared
 FASTER, SLOWER = 10.0, 100.0  # time constants between the closest samples over this, and the span times this
-STEEPEST = 100.0  # largest -t/tau of a sample before 0
+STEEPEST = 100.0  # largest |t|/tau of the first sample: a decay that it shows has not gone to exp(-100)
 FALLEN = 0.99  # of the largest rise: what does not end below is no cooling curve
 LATEST = 10.0  # begin of the times over their length; exp(-t/tau) of the first guess is zero from 18 times on
 
@@ -83,7 +83,7 @@ def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
         return y[few] - columns @ np.linalg.lstsq(columns, y[few], rcond=None)[0]
 
     few = slice(None, None, max(1, t.size // RANKED))
-    low = np.log(max(float(np.diff(t).min()) / FASTER, -float(t[0]) / STEEPEST, np.finfo(float).tiny))
+    low = np.log(max(float(np.diff(t).min()) / FASTER, abs(float(t[0])) / STEEPEST, np.finfo(float).tiny))
     high = np.log(SLOWER * span)
     grid = np.linspace(low, high, GRID + 2)[1:-1]
     ways = sorted(combinations(grid, order), key=lambda way: float(np.sum(misfit(np.array(way), few) ** 2)))

@@ -49,8 +49,9 @@ class Fit(HasModel):
     parameters : dict of float
         in SI, by name.
     standard_errors : dict of float
-        one standard deviation of each parameter, from the Jacobian, the residual's variance and its autocorrelation,
-        which a trace of fewer than 50 samples does not show: there noise counts as independent from sample to sample.
+        one standard deviation of each parameter, from the Jacobian, and from the variance and the autocorrelation of
+        the residuals of each Dataset. A trace of fewer than 50 samples does not show the latter: there noise counts as
+        independent from sample to sample.
         inf where a time constant beyond the data decides, as ``notes`` say.
     correlations : array, shape (parameters, parameters)
         in the order of ``parameters``.

@@ -29,7 +29,7 @@ from thermofem.algebra.poles import pole_responses
 from thermofem.arrays import Array
 from thermofem.dataset import Response
 
-from .correlated import correlated
+from .correlated import noise_along
 
 STATIC_WEIGHT = 1e3  # of the static-gain row over all samples together; the last 1e-6 are rescaled away
 STEP = 1e-6  # in ln(rate), of the difference quotient of a column: square root of round-off
@@ -45,7 +45,8 @@ class Optimum:
 
     log_rate [shape (n,)]
     gain [shape (n,), K/J]
-    covariance [shape (2n, 2n)]: of (log_rate, gain), from the Jacobian, the residual's variance and autocorrelation.
+    covariance [shape (2n, 2n)]: of (log_rate, gain), from the Jacobian, and the variance and autocorrelation of the
+        residuals of each response.
     residual [K]: rms over all samples.
     relative_residual: rms of residual over swing.
     shift, shift_error [shape (responses,), s]: of the start of the heating, 0 where it is known; its error is inf at
@@ -124,14 +125,20 @@ class FitProblem:
             return np.asarray(nnls(phi / norm, self.target, maxiter=30 * norm.size)[0] / norm)
         return np.asarray(np.linalg.lstsq(phi / norm, self.target, rcond=None)[0] / norm)
 
+    @property
+    def rested(self) -> list[int]:
+        """The response of each row at rest."""
+        return [k for k, d in enumerate(self.responses) if 0 < d.rest_rows < np.inf]
+
     def _off_baseline(self, columns: Array) -> Array:
         """Columns less the multiple of every estimated baseline that explains them best, and its rows at rest."""
         ends = np.cumsum([d.rise.size for d in self.responses])[:-1]
         left, rest = [], []
-        for d, part in zip(self.responses, np.split(columns, ends), strict=True):
+        rested = self.rested
+        for k, (d, part) in enumerate(zip(self.responses, np.split(columns, ends), strict=True)):
             level = part.sum(axis=0) / (part.shape[0] + d.rest_rows)
             left.append(part - level)
-            if 0 < d.rest_rows < np.inf:
+            if k in rested:
                 rest.append(-np.sqrt(d.rest_rows) * level[None])
         return np.concatenate([*left, *rest])
 
@@ -266,7 +273,9 @@ def _conclude(problem: FitProblem, end: Array) -> Optimum:
     seen = size > CUT * size[0]
     back = Vt[seen].T / size[seen] / scale[:, None]
     ends = np.cumsum([d.rise.size for d in problem.responses])[:-1]
-    covariance = back @ correlated(np.split(misfit, ends), U[:, seen]) @ back.T * (misfit @ misfit) / freedom
+    variance = float(misfit @ misfit) / freedom
+    noise = noise_along(np.split(misfit, ends), U[:, seen], variance, rest=problem.rested)
+    covariance = back @ noise @ back.T
     shift_error = np.where(problem.within > 0, np.inf, 0.0)
     shift_error[inside] = np.sqrt(covariance.diagonal()[2 * n :]) * problem.within[inside]
     return Optimum(

@@ -112,7 +112,8 @@ def fit_sindy(
     Raises
     ------
     InputError
-        data that are not evenly sampled or lack probes; an identified network that does not pass the gate.
+        data that are not evenly sampled or lack probes; a window of less than one sample or more than a third of the
+        data; an identified network that does not pass the gate.
     MissingLibraryError
         pysindy or cvxpy cannot be loaded.
     """
@@ -129,9 +130,7 @@ def fit_sindy(
     if stated.shape == gains.shape and np.any(np.abs(gains - stated) > OTHER * stated):
         log.warning("static contradicts the thermal_resistances that the data state: %s and %s K/W", gains, stated)
     step = float(times[1] - times[0])
-    half = (
-        WINDOW * step if window is None else checks.positive("window", window, unit="s", at_most=float(times[-1]) / 3)
-    )
+    half = half_width(window, times)
     largest = float(rise[:, 0].max())
     power_unit = largest / gains[0]
     scale, unit = gains * power_unit, UNIT * step  # a static unit power gives unit states
@@ -147,6 +146,13 @@ def fit_sindy(
     parameters |= {f"b_{i + 1}": float(b[i]) for i in range(n)}
     misfit = poles.response(wave, times) - rise[:, 0]
     return fitted(model, _equations(A, b, names), parameters, misfit, rise[:, 0], [wave], data.attrs.get("geometry"))
+
+
+def half_width(window: float | None, times: Array, default: float = WINDOW) -> float:
+    """Half width of the test functions in s, ``default`` samples if None; InputError where none or all lie in it."""
+    step, hint = float(times[1] - times[0]), "from one sample to a third of the data"
+    given = default * step if window is None else window
+    return checks.between("window", given, step * (1 - 1e-9), float(times[-1]) / 3, unit="s", hint=hint)
 
 
 def fitted(

@@ -17,7 +17,7 @@ from thermofem.models.contract import warn_beyond
 
 from ..family import Certified, Family
 from ..family.box import Box
-from ..fitting.correlated import correlated
+from ..fitting.correlated import noise_along
 from .search import Ranges, family_over, inside
 
 if TYPE_CHECKING:
@@ -86,8 +86,9 @@ def calibrate(
         min over the box of sum over samples of (delta_T(t; p) - measured)^2/noise^2,    covariance = noise^2 (J^T J)^-1
 
     by Gauss-Newton (trust region with bounds, SciPy) from several starts, on the derivatives of a family's members with
-    respect to its parameters. This covariance is that of independent noise; where the residuals of a trace of 50
-    samples or more are correlated, it is that of noise with their autocorrelation.
+    respect to its parameters. This covariance is that of independent noise of one size. Without ``noise`` each trace
+    has the variance of its own residuals; where those of a trace of 50 samples or more are correlated, it is that of
+    noise with their autocorrelation.
 
     Parameters
     ----------
@@ -98,7 +99,7 @@ def calibrate(
     free : dict from parameter to (low, high), SI
         default all parameters of a family over their box.
     noise : float, K
-        standard deviation of a sample; without it that of the residual is taken.
+        standard deviation of a sample, in every trace; without it that of the residual of each trace is taken.
     tolerance : float
         of a family that is trained here; keep it below the relative noise of the mean of all samples.
 
@@ -153,7 +154,7 @@ def calibrate(
     freedom = measured.size - len(low)
     variance = 1.0 if noise is not None else float(left @ left) / freedom
     parts = np.split(left, np.cumsum([d.rise.size for d in responses])[:-1])
-    covariance, unseen = _covariance(jacobian(x), variance, parts, family.names)
+    covariance, unseen = _covariance(jacobian(x), parts, variance, noise is not None, family.names)
     found = values_of(x)
     slope = _slope(span, x)
     errors = np.sqrt(np.diag(covariance)) * slope
@@ -212,12 +213,12 @@ def _bounds(family: Family, free: Ranges | None) -> tuple[Array, Array]:
 
 
 def _covariance(
-    J: Array, variance: float, residuals: Sequence[Array], names: Sequence[str]
+    J: Array, residuals: Sequence[Array], variance: float, alike: bool, names: Sequence[str]
 ) -> tuple[Array, tuple[str, ...]]:
     """Covariance in shares of the ranges, and the combinations whose standard error exceeds `BLIND`."""
     u, s, vt = np.linalg.svd(J, full_matrices=False)
-    size = np.sqrt(variance) / np.maximum(s, 1e-12 * s[0] if s[0] > 0 else 1e-300)
-    noise = correlated(residuals, u)
+    size = 1 / np.maximum(s, 1e-12 * s[0] if s[0] > 0 else 1e-300)
+    noise = noise_along(residuals, u, variance, alike=alike)
     covariance = (vt.T * size) @ noise @ (vt.T * size).T
     unseen = []
     for error, direction in zip(size * np.sqrt(noise.diagonal()), vt, strict=True):

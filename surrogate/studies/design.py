@@ -40,7 +40,8 @@ class Design:
     active : tuple of str
         parameters at an end of their range.
     sensitivity : dict from quantity to dict from parameter to float
-        d(quantity)/d(parameter), per SI unit.
+        d(quantity)/d(parameter), per SI unit; nan where a member beside this one lacks the quantity, as ``message``
+        then says.
     certified : Certified
         the member on its own mesh.
     message : str
@@ -122,15 +123,16 @@ def design(
     moving = [family.names[k] for k in search.moving]
     at = [name for name, y in zip(moving, x, strict=True) if y <= ON_EDGE or y >= 1 - ON_EDGE]
     found = search.values(x)
+    slopes = _sensitivity(search, found)
     return Design(
         values=found,
         achieved=got,
         target=wanted,
         reached=reached,
         active=tuple(at),
-        sensitivity=_sensitivity(search, found),
+        sensitivity=slopes,
         certified=family.certify(**found),
-        message=_message(reached, got, wanted, at),
+        message=_message(reached, got, wanted, at) + _unknown(search, slopes),
         family=family,
         front=None if reached or len(got) == 1 else front_of(search, seed=seed),
     )
@@ -161,6 +163,16 @@ def _sensitivity(search: Search, values: Mapping[str, float]) -> dict[str, dict[
         for quantity, one in search.properties.items():
             down, up = (float(one({**values, name: end})) for end in ends)
             found[quantity][name] = (up - down) / (ends[1] - ends[0])
+    return found
+
+
+def _unknown(search: Search, slopes: Mapping[str, Mapping[str, float]]) -> str:
+    """Which sensitivities are not known because members beside the found one lack the quantity, and why."""
+    found = ""
+    for quantity, each in slopes.items():
+        if names := [name for name, slope in each.items() if np.isnan(slope)]:
+            why = search.properties[quantity].reason
+            found += f"; no sensitivity of {quantity} to {', '.join(names)}: a member beside it has none ({why})"
     return found
 
 

@@ -1,5 +1,6 @@
 """Thermal models of several rings: against the FEM at frequencies, the exact layered stack, passivity, refusals."""
 
+import logging
 import re
 from dataclasses import replace
 
@@ -11,6 +12,7 @@ from scipy.sparse.linalg import splu
 import surrogate
 import thermofem as th
 from surrogate.arrays.certificate import FLOOR
+from thermofem.heat import domain
 
 PITCH = 20e-6
 SQUARE = [(0.0, 0.0), (PITCH, 0.0), (PITCH, PITCH), (0.0, PITCH), (3 * PITCH, 0.0)]
@@ -105,6 +107,38 @@ def test_rings_on_different_layers_are_refused(ring):
         surrogate.reduce_array([ring, other], [(0, 0), (20e-6, 0)])
     with pytest.raises(th.InputError, match="heat holds 1 heat problems and positions 2 rings"):
         surrogate.reduce_array([ring], [(0, 0), (20e-6, 0)])
+
+
+def test_the_end_of_the_domain_is_told_of_the_farthest_pair(monkeypatch, caplog):
+    """48 um apart on 30 um of silicon over a held bottom: 5.7 for 26 K/W, with a bound of 7e-5 and not a word."""
+    monkeypatch.setattr(domain, "_told", {})
+    strip = th.strip_ring(outer_radius=120e-6)
+    strip = replace(strip, parts=(replace(strip.parts[0], material="SiO2"),))
+    exact = replace(Stack(), substrate=1e-2).impedance(48e-6)
+    with caplog.at_level(logging.INFO, "thermofem"):
+        opened = surrogate.reduce_array(th.assemble(strip.opened()), [(0, 0), (48e-6, 0)])
+    assert not [record for record in caplog.records if record.levelname == "WARNING"]
+    # of the mesh 1e-3, and 1e-5 of 8 K/mW where the neighbour has 26 K/W: 3e-3; the rest is stated
+    assert opened.crosstalk[0, 1] == pytest.approx(exact, rel=opened.domain_error + 4e-3)
+    assert opened.domain_error < 1e-2
+    with caplog.at_level(logging.INFO, "thermofem"):
+        closed = surrogate.reduce_array(th.assemble(strip), [(0, 0), (30e-6, 0), (48e-6, 0)])
+    assert closed.domain_error == pytest.approx(exact / closed.crosstalk[0, 2] - 1, rel=0.05)
+    (told,) = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
+    assert "which moves the crosstalk over 48 um by 3.5e+00" in told
+
+
+def test_rings_of_two_sizes_may_lie_as_near_as_they_fit():
+    """The smaller ring was refused where a copy of the larger one had no room; they are 2.5 um apart."""
+    every = []
+    for radius in (5e-6, 8e-6):
+        strip = th.strip_ring(radius=radius, outer_radius=120e-6)
+        every.append(th.assemble(replace(strip, parts=(replace(strip.parts[0], material="SiO2"),))))
+    pair = surrogate.reduce_array(every, [(0, 0), (16e-6, 0)])
+    exact = Stack(radius=8e-6).impedance(16e-6, reader=5e-6)
+    scale = float(pair.crosstalk.max())
+    # as above: of the meshes
+    assert pair.crosstalk[0, 1] == pytest.approx(exact, rel=1e-3, abs=1e-3 * FLOOR * scale)
 
 
 def test_the_model_is_symmetric_and_passive(array):

@@ -152,6 +152,29 @@ def test_members_outside_the_box_and_wrong_names_are_refused(family):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("kind", [th.Boundary("isothermal"), th.Boundary("convection", 1e6)])
+def test_a_contact_on_a_side_of_the_domain_is_in_series(kind):
+    """R_th = (R + 1/h + thickness/(3 k))/area of a disc on this side, exact."""
+    area, h = np.pi * (10e-6) ** 2, kind.coefficient
+    geometry = th.CrossSection(
+        "disc on a side",
+        10e-6,
+        (th.Layer("base", "SiO2", 1e-6, True), th.Layer("clad", "SiO2", 1e-6)),
+        (th.Part("core", "Si", 0.0, 10e-6, -1e-6, 0.5e-6, heated=True),),
+        (th.Interface("core", 1e-7),),
+        bottom=kind,
+    )
+    each = [Variation("contact", ("interface.core.resistance",), "m^2*K/W", low=1e-8, high=1e-7)]
+    if h:
+        each.append(Variation("h", ("boundary.bottom.convection",), "W/m^2/K", low=5e5, high=1e6))
+    family = surrogate.train_family(campaign(*each, geometry=geometry), tolerance=5e-3, held_out=3)
+    assert family.engine == "lines"
+    values = {"contact": 3e-8, **({"h": 7e5} if h else {})}
+    exact = (3e-8 + (1 / 7e5 if h else 0.0) + 0.5e-6 / 390) / area
+    assert family.thermal_resistance(**values) == pytest.approx(exact, rel=5e-3)
+
+
+@pytest.mark.slow
 def test_open_sides_contacts_convection_and_two_heated_parts():
     base = th.heated_ring(cladding=1.5e-6)
     geometry = th.CrossSection(

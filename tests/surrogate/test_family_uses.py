@@ -339,6 +339,29 @@ def test_derivatives_of_responses_are_those_of_the_members(family, periodic):
         np.testing.assert_allclose(exact[k], slope, atol=1e-6 * np.abs(slope).max())
 
 
+def test_a_parameter_of_one_value_is_interpolated_over(family):
+    """0/0 ended in scikit-learn's ValueError."""
+    spread = {"width": Drawn(lambda q: np.full(np.shape(q), 470e-9)), "box": stats.norm(2e-6, 40e-9)}
+    kept = {"samples": 64, "fixed": {"radius": 7e-6}}
+    exact, found = (surrogate.uncertainty(family, spread, **kept, **more).attrs for more in ({}, {"interpolate": 40}))
+    # 5e-4 of the spread is what the Gaussian process may leave of a smooth curve, see `interpolate_members`
+    assert found["mean"] == pytest.approx(exact["mean"], abs=1e-2 * exact["standard_deviation"])
+
+
+def test_a_design_says_which_sensitivities_it_lacks_and_why(family):
+    """`reached` with sensitivities of nan, without a word."""
+
+    def resistance(model):
+        if model.thermal_resistance < 8000:
+            raise th.InputError("no such ring")
+        return model.thermal_resistance
+
+    found = surrogate.design(family, {"box": (1.2e-6, 2.8e-6)}, target={resistance: 8000.5})
+    assert found.reached
+    assert np.isnan(found.sensitivity["resistance"]["box"])
+    assert found.message.endswith("no sensitivity of resistance to box: a member beside it has none (no such ring)")
+
+
 def test_correlated_residuals_say_that_the_geometry_cannot_explain_the_data(family):
     truth = {"radius": 6.2e-6, "width": 470e-9, "box": 2.2e-6}
     data = synthetic(family, truth, 0.01, 0)

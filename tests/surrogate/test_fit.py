@@ -145,6 +145,27 @@ def test_standard_errors_cover_noise_that_is_correlated_from_sample_to_sample(rh
     assert 0.8 < np.sqrt(np.mean(np.square(pulls))) < 1.3
 
 
+@pytest.mark.parametrize("noise", [(0.002, 0.1), (0.1, 0.002), (0.03, 0.03)])
+def test_each_trace_has_noise_of_its_own(noise):
+    """One variance for all traces: the pulls had a root mean square of 1.9 and of .2."""
+    true = th.Foster(R=[2000.0, 5000.0], tau=[80e-9, 1.2e-6])
+    traces = [
+        (th.Constant(1e-3), np.linspace(1e-6, 2e-5, 1000)),
+        (th.SquareWave(1e-3, 4e-7, 0.5), np.linspace(0, 2e-6, 100)),
+    ]
+    exact, rng, pulls = [true.response(*trace) for trace in traces], np.random.default_rng(7), []
+    for _ in range(40):
+        data = [
+            th.dataset.build(times, clean + size * rng.standard_normal(times.size), wave)
+            for (wave, times), clean, size in zip(traces, exact, noise, strict=True)
+        ]
+        fit = surrogate.fit_foster(data, 2)
+        told = {"R_1": 2000, "R_2": 5000, "tau_1": 80e-9, "tau_2": 1.2e-6}
+        pulls.append([(fit.parameters[name] - value) / fit.standard_errors[name] for name, value in told.items()])
+    # 40 fits of about 2 independent pulls: their root mean square within 1 +- 2.5/sqrt(160); rho adds up to 15 %
+    assert 0.65 < np.sqrt(np.mean(np.square(pulls))) < 1.2
+
+
 def test_a_fit_says_what_its_data_cannot_see(reference):
     true = th.Foster(R=[2000.0, 5000.0], tau=[5e-8, 1e-5])
     early = from_rest(true, th.Constant(2e-3), np.linspace(0, 3e-7, 301))
@@ -342,6 +363,8 @@ def noise(data):
             for c in (0.0, -1e-12, np.nan)
         ],
         (lambda d: surrogate.cauer(th.Foster(R=[-1.0, 2.0], tau=[1e-9, 1e-6])), "not passive"),
+        (lambda d: surrogate.cauer(th.Foster(R=[0.0], tau=[1e-6])), "R = 0 K/W at every pole"),
+        (lambda d: surrogate.structure_function(th.Foster(R=[0.0], tau=[1e-6])), "R = 0 K/W at every pole"),
         (lambda d: surrogate.Cauer(R=[1.0], C=[0.0]), "must be positive"),
         (lambda d: surrogate.Cauer(R=[1.0, 2.0], C=[1.0]), "each node needs"),
     ],

@@ -145,6 +145,16 @@ def test_a_decay_has_the_same_time_constants_at_every_scale(scale):
     assert found.amplitude == pytest.approx([scale], rel=1e-6, abs=0)
 
 
+def test_a_cooling_curve_that_begins_late_and_has_two_near_samples():
+    """exp(-t/tau) of a start was denormal, its column no direction: ValueError, residuals are not finite."""
+    near, span = 1e-12, 1e-6
+    begin = 742 * (near / 10) * (100 * span / (near / 10)) ** (1 / 13)
+    t = np.unique(np.concatenate([np.linspace(begin, begin + span, 60), [begin + 5e-7, begin + 5e-7 + near]]))
+    found = surrogate.fit_decay(t, 3 * np.exp(-t / 3e-7), order=1)
+    assert found.tau == pytest.approx([3e-7], rel=1e-9)  # of noiseless data: the tolerance of the search, 1e-12
+    assert found.amplitude == pytest.approx([3.0], rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [

@@ -101,7 +101,7 @@ def test_a_mesh_that_stays_above_the_accuracy_says_so(fresh_log, monkeypatch):
 
 @pytest.fixture
 def fresh_log(caplog, monkeypatch):
-    monkeypatch.setattr(domain, "_told", set())
+    monkeypatch.setattr(domain, "_told", {})
     with caplog.at_level(logging.INFO, "thermofem"):
         yield caplog
 
@@ -123,8 +123,16 @@ def test_a_domain_that_cuts_the_heat_off_is_worth_a_warning(fresh_log, needs_mes
     assert [record.levelname for record in fresh_log.records] == ["WARNING"]
     assert 'bottom = "open", outer = "open"' in fresh_log.text
     fresh_log.clear()
-    assert th.assemble(th.strip_ring().opened()).errors()[1] == 0  # the remedy that it names
+    assert th.assemble(th.strip_ring().opened()).errors()[1] < 2e-4  # the remedy that it names
     assert not fresh_log.records
+
+
+def test_a_domain_that_cuts_more_off_is_told_after_one_of_the_same_size(fresh_log):
+    """The first ring of 60 um by 32 um silenced every other one of this size."""
+    strip = th.strip_ring()
+    for conductivity in (130.0, 120.0, 3.0):  # the oxide is a better path than silicon at 3 W/m/K
+        th.assemble(strip.with_({"material.Si.conductivity": conductivity}), 3e-3).errors()
+    assert [record.levelname for record in fresh_log.records] == ["INFO", "WARNING"]
 
 
 def test_open_sides_and_a_large_domain_agree(needs_mesher, fresh_log):
@@ -135,8 +143,67 @@ def test_open_sides_and_a_large_domain_agree(needs_mesher, fresh_log):
     # the domain moves R_th by 3.4e-3; a tenth of it may remain
     assert small.thermal_resistance() == pytest.approx(large.thermal_resistance(), rel=3e-4)
     assert large.errors()[1] < 1e-4
-    assert small.errors()[1] == 0
+    assert 1e-5 < small.errors()[1] < 3e-4
     assert not fresh_log.records
+
+
+SILICON = th.Material("S", conductivity=3.0, conductivity_z=300.0, density=2330.0, specific_heat=700.0)
+
+
+def slab(radius, depth, *, thickness=0.0, substrate="Si"):
+    """A silicon ring on a slab of silicon on oxide, or on oxide over an anisotropic substrate."""
+    slabs = [th.Layer("slab", "Si", thickness)] if thickness else []
+    return th.CrossSection(
+        "slab",
+        radius,
+        (
+            th.Layer("sub", substrate, depth),
+            th.Layer("box", "SiO2", 3e-6, True),
+            *slabs,
+            th.Layer("clad", "SiO2", 1e-6),
+        ),
+        (th.Part("core", "Si", 4.75e-6, 5.25e-6, thickness, 220e-9, heated=True),),
+        materials=(SILICON,),
+    )
+
+
+@pytest.mark.parametrize(
+    ("radius", "more"),
+    [
+        (30e-6, {"thickness": 0.2e-6}),
+        (30e-6, {"thickness": 2e-6}),
+        (60e-6, {"thickness": 10e-6}),
+        (60e-6, {"substrate": "S"}),
+    ],
+)
+def test_the_domain_error_holds_where_heat_runs_along_a_layer(radius, more, needs_mesher, fresh_log):
+    """Open sides stated 0 where they moved R_th by .2 to 3.2 %, and closed ones too little."""
+    true = th.assemble(slab(2e-3, 2e-3, **more).opened(), 3e-4).thermal_resistance()
+    for geometry in (slab(radius, 30e-6, **more), slab(radius, 30e-6, **more).opened()):
+        heat = th.assemble(geometry, 3e-4)
+        expected = abs(true / heat.thermal_resistance() - 1)
+        # two meshes of 3e-4 each, measured alike to 1e-4; the coarse elements beyond leave 3 %
+        assert heat.errors()[1] == pytest.approx(expected, rel=0.03, abs=1e-4)
+
+
+def test_a_domain_with_other_sides_goes_on_with_them(needs_mesher):
+    """Convection below and above, a film with a contact across the domain: against a domain of 1 mm."""
+
+    def chip(radius):
+        strip = th.strip_ring(outer_radius=radius)
+        film = th.Part("film", "Si3N4", 0.0, radius, -2e-6, 0.4e-6)
+        return replace(
+            strip,
+            parts=(film, *strip.parts),
+            interfaces=(th.Interface("film", 3e-8),),
+            bottom=th.Boundary("convection", 1e6),
+            top=th.Boundary("convection", 1e4),
+        )
+
+    heat, far = th.assemble(chip(40e-6)), th.assemble(chip(1e-3))
+    expected = abs(far.thermal_resistance() / heat.thermal_resistance() - 1)
+    assert expected > 2e-3
+    assert heat.errors()[1] == pytest.approx(expected, rel=0.03, abs=1e-4)  # as above
 
 
 @pytest.mark.slow

@@ -72,6 +72,62 @@ def test_the_field_jumps_at_the_contact_and_stays_on_the_mesh():
     assert abs(data.attrs["heat_imbalance"]) < 1e-10
 
 
+DISC, THICK, OWN = np.pi * (10e-6) ** 2, 0.5e-6, 1e-7  # m^2, m, m^2 K/W
+
+
+def disc_on(side, *, base=0.0):
+    """A heated disc of silicon on a side of the domain, or on ``base`` m of oxide; nothing flows sideways."""
+    top = base > 0
+    layers = (th.Layer("base", "SiO2", base or 1e-6, True), th.Layer("clad", "SiO2", 1e-6))
+    return th.CrossSection(
+        "disc",
+        10e-6,
+        layers[: 1 if top else 2],
+        (th.Part("core", "Si", 0.0, 10e-6, 0.0 if top else -1e-6, THICK, heated=True),),
+        (th.Interface("core", OWN),),
+        bottom=th.Boundary("insulated") if top else side,
+        top=side if top else th.Boundary("insulated"),
+    )
+
+
+SIDES = {
+    "isothermal bottom": (disc_on(th.Boundary("isothermal")), 0.0),
+    "convective bottom": (disc_on(th.Boundary("convection", 1e6)), 1e6),
+    "convective top": (disc_on(th.Boundary("convection", 1e6), base=1e-6), 1e6),
+}
+
+
+@pytest.mark.parametrize("name", SIDES)
+def test_a_surface_on_a_side_of_the_domain_has_its_resistance_in_series(name):
+    """It was left out: 4.08 for 322.4 K/W, and 3187 for 3505. R_th = (R + 1/h + thickness/(3 k))/area, exact."""
+    geometry, h = SIDES[name]
+    heat = th.assemble(geometry)
+    inverse = 1 / h if h else 0.0
+    # cubic profiles of quadratic elements: the mean is exact to round-off of meshes with contacts
+    assert heat.thermal_resistance() == pytest.approx((OWN + inverse + THICK / 390) / DISC, rel=1e-8)
+    paths = ["interface.core.resistance", *([f"boundary.{name.split()[1]}.convection"] if h else [])]
+    slopes = th.derivatives(heat, paths).thermal_resistance.values
+    assert slopes == pytest.approx([1 / DISC, -1 / (h**2 * DISC)] if h else [1 / DISC], rel=1e-8)
+    data = th.solve(heat, th.Constant(1e-3), [1e-8, 1e-6])
+    assert abs(data.attrs["heat_imbalance"]) < 1e-10
+    assert data.attrs["discretization_error"] < 1e-3
+
+
+def test_beyond_an_open_side_a_part_goes_on_and_has_no_surface():
+    strip = th.strip_ring()
+    film = th.Part("film", "SiO2", 0.0, strip.outer_radius, -1.5e-6, 0.5e-6)
+    geometry = replace(strip, parts=(*strip.parts, film), interfaces=(th.Interface("film", 1e-9),))
+    heat = th.assemble(geometry.opened())
+    assert len(heat.discretization.surfaces.open) == len(th.assemble(geometry).discretization.surfaces.open) + sum(
+        len(facets_where(heat.mesh, found))
+        for found in (
+            lambda r, z: np.isclose(r, strip.outer_radius, rtol=1e-12),
+            lambda r, z: np.isclose(z, strip.bottom_z, rtol=1e-12),
+        )
+    )
+    assert not heat.discretization.surfaces.convection
+
+
 SHELL_SIZES = [0.1e-6, 0.3e-6, 0.8e-6, 1.8e-6]
 
 

@@ -97,6 +97,9 @@ def test_models_warn_beyond_their_training():
             model.response(th.Constant(10e-3), [1e-5])
         with pytest.warns(th.OutsideTrainingWarning):
             model.periodic_response(th.SquareWave(10e-3, 1e-5, 0.5), 21)
+        assert model.steady_rise([0.0, 2e-3]).max() == pytest.approx(15.6, rel=0.05)
+        with pytest.warns(th.OutsideTrainingWarning, match="its training reached 20 K"):  # steady_rise was silent
+            model.steady_rise(10e-3)
 
 
 def parts(model):

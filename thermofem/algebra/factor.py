@@ -48,19 +48,19 @@ def factorize(matrix: Any, *, upper: bool = False) -> Solve:
     matrix = csc_matrix(matrix)
     qdldl = _qdldl(matrix.shape[0])
     if qdldl is not None:
-        with _singular_refused():
+        with singular_refused():
             return qdldl.Solver(matrix, upper=upper).solve
     from scipy.sparse.linalg import splu
 
     if upper:
         matrix = csc_matrix(matrix + matrix.T - diags(matrix.diagonal()))
     options = {"SymmetricMode": True}
-    with _singular_refused():
+    with singular_refused():
         return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options).solve
 
 
 @contextmanager
-def _singular_refused() -> Iterator[None]:
+def singular_refused() -> Iterator[None]:
     """Turn what qdldl and SuperLU raise at a pivot of zero into InputError."""
     try:
         yield
@@ -89,10 +89,10 @@ def solve_once(matrix: Any, rhs: NDArray[np.float64]) -> NDArray[np.float64]:
     if last is not None and all(
         np.array_equal(a, b) for a, b in zip(last[1:], (upper.indptr, upper.indices), strict=True)
     ):
-        with _singular_refused():
+        with singular_refused():
             last[0].update(upper, upper=True)
     else:
-        with _singular_refused():
+        with singular_refused():
             last = _thread.last = qdldl.Solver(upper, upper=True), upper.indptr, upper.indices
     return np.asarray(last[0].solve(rhs))
 
@@ -226,7 +226,7 @@ class Pencil:
         """The numbers of another combination in the shared place."""
         if self._shared is None and self._spare:
             self._shared = self._spare.pop()
-        with _singular_refused():
+        with singular_refused():
             if self._shared is None:
                 self._shared = _qdldl(self._shape[0]).Solver(matrix, upper=True)
             else:
@@ -239,7 +239,7 @@ class Pencil:
             del self._own[next(iter(self._own))]
         if self._spare:
             solver = self._spare.pop()
-            with _singular_refused():
+            with singular_refused():
                 solver.update(matrix, upper=True)
             solve: Solve = solver.solve
         else:

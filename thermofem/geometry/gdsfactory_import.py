@@ -54,7 +54,8 @@ def from_gdsfactory(
     MissingLibraryError
         gdsfactory cannot be imported.
     InputError
-        a component that is no ring, a level that is missing, levels that do not touch, or an unknown material.
+        a component that is no ring, a level that is missing, levels that do not touch, an unknown material, a section
+        beside the middle of the waveguide, or two different ones on one level.
     """
     gf = _library()
     stack = layer_stack if layer_stack is not None else gf.get_active_pdk().layer_stack
@@ -69,12 +70,29 @@ def from_gdsfactory(
     names = [settings[key] for key in ("cross_section", "cross_section_heater") if settings.get(key)]
     for section in [section for name in names for section in gf.get_cross_section(name).sections]:
         name = core if section.layer == _drawn(levels, core) else _level_drawn_on(levels, section.layer)
+        _check_offset(section, name)
         part = _part(name, core, _level(levels, name), radius, section.width, known)
-        if part.name not in [p.name for p in parts]:
+        same = next((other for other in parts if other.name == part.name), None)
+        if same is None:
             parts.append(part)
+        elif same != part:
+            raise checks.InputError(
+                f"level {name!r} has two sections of different width; a part is made of one, so build this "
+                "CrossSection from th.Part, one for each"
+            )
     parts.sort(key=lambda part: part.name == "core")  # the core overwrites the slab it stands on
     label = str(getattr(component, "function_name", None) or component.name)
     return CrossSection(label, outer_radius, layers, tuple(parts), bottom=Boundary("open"), outer=Boundary("open"))
+
+
+def _check_offset(section: Any, name: str) -> None:
+    """Refuse a section beside the middle of the waveguide: the side on which it lies depends on the bend."""
+    offset = getattr(section, "offset", 0.0) or 0.0
+    if abs(offset) > THIN:
+        raise checks.InputError(
+            f"level {name!r} has a section with offset = {offset:g} um; only sections in the middle of the waveguide "
+            "are imported, so build this CrossSection from th.Part, with inner_radius and outer_radius of each"
+        )
 
 
 def _library() -> Any:

@@ -125,7 +125,7 @@ class Boundary:
     Convection carries off ``coefficient`` * (T - ambient) per area; ``coefficient`` is in W/m^2/K. Beyond an open side
     the material goes on: far from the heat T - ambient falls as 1/d, with d the distance from the axis at the height of
     the heat, so that k (n . d)/d^2 (T - ambient) per area crosses it, or (n . d)/(d . k^-1 d) where k_r and
-    k_z differ.
+    k_z differ. That holds for one material; what heat along a layer changes is in `HeatProblem.errors`.
     """
 
     kind: str
@@ -162,7 +162,11 @@ ISOTHERMAL, INSULATED, OPEN = Boundary("isothermal"), Boundary("insulated"), Bou
 @shown
 @dataclass(frozen=True)
 class Interface:
-    """Thermal boundary resistance in m^2 K/W on the whole surface of one part."""
+    """Thermal boundary resistance in m^2 K/W on the whole surface of one part.
+
+    Where the surface lies on an isothermal or convective side of the domain, it is in series with that side. Beyond an
+    open side the part goes on, and there is no surface.
+    """
 
     part: str
     resistance: float

@@ -1,7 +1,8 @@
 """Thermal boundary resistance: the mesh cut open along the surfaces of parts, and the facets that face each other.
 
 The temperature jumps by resistance times flux. Every node of such a surface is there once for each side; the flux
-between the two sides is (T^+ - T^-)/resistance. Where two surfaces lie on each other their resistances add.
+between the two sides is (T^+ - T^-)/resistance. Where two surfaces lie on each other their resistances add. On a side
+of the domain that the ambient holds or cools, the resistance is in series with it (`surfaces`).
 """
 
 from __future__ import annotations
@@ -49,15 +50,20 @@ def contacts(mesh: Mesh, resistance: Mapping[str, float]) -> dict[float, tuple[N
     side = _side(mesh, resistance)
     if not side.any():
         return {}
-    own = [0.0, *(value for value in resistance.values() if value > PERFECT)]
     grid = mesh.skfem
     facets = grid.boundary_facets()
     ends = np.sort(_place(mesh)[grid.facets[:, facets]], axis=0).T
     order = np.lexsort(ends.T)
     twins = np.flatnonzero((ends[order][1:] == ends[order][:-1]).all(axis=1))
     first, second = facets[order[twins]], facets[order[twins + 1]]
-    total = np.array(own)[side[grid.f2t[0, first]]] + np.array(own)[side[grid.f2t[0, second]]]
+    total = beside(mesh, resistance, first) + beside(mesh, resistance, second)
     return {float(value): (first[total == value], second[total == value]) for value in np.unique(total)}
+
+
+def beside(mesh: Mesh, resistance: Mapping[str, float], facets: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Resistance in m^2 K/W that the region beside each boundary facet has on its surface."""
+    own = np.array([0.0, *(value for value in resistance.values() if value > PERFECT)])
+    return np.asarray(own[_side(mesh, resistance)[mesh.skfem.f2t[0, facets]]])
 
 
 def _side(mesh: Mesh, resistance: Mapping[str, float]) -> NDArray[np.int64]:

@@ -26,6 +26,7 @@ from ..transient.nonlinear import NodalOperator, NonlinearLedger, nodal_operator
 from ..transient.trajectory import Ledger
 from .accuracy import Estimate, MeshError
 from .adaptive import divided
+from .beyond import Wider, wider
 from .domain import domain_error, warn_of_domain
 from .interface import resistances, split
 from .matrices import Discretization, build, capacity, conduction, discretize, properties
@@ -173,6 +174,11 @@ class HeatProblem:
         return {}
 
     @cached_property
+    def wider(self) -> Wider | None:
+        """The same heat problem on a stack that goes on beyond its bottom and outer side, see `heat.beyond`."""
+        return wider(self)
+
+    @cached_property
     def ledger(self) -> Ledger | NonlinearLedger:
         """Terms of the energy balance of a transient of `model`."""
         if not self.nonlinear:
@@ -273,15 +279,19 @@ class HeatProblem:
     def errors(self, heated: str | None = None, read: str | None = None) -> tuple[float, float]:
         """`mesh_error`, and the relative error of R_th by the finite domain, see `thermofem.heat.domain`.
 
-        Where the end of the domain moves R_th by more than ``accuracy`` the log says so, once for each size of domain.
+        Where the end of the domain moves R_th by more than ``accuracy`` the log says so, once for geometries of one
+        name and size that err alike.
         """
+        return self.mesh_error(heated, read), self.domain_error(heated, read)
+
+    def domain_error(self, heated: str | None = None, read: str | None = None, *, what: str = "R_th") -> float:
+        """Relative error of R_th by the finite domain, see `errors`; the log calls it ``what``."""
         key = "domain", *self._channel(heated, read)
         if key not in self._estimated:
             self._estimated[key] = domain_error(self, *key[1:])
-        mesh, domain = self.mesh_error(heated, read), self._estimated[key]
-        if domain > self.accuracy:
-            warn_of_domain(self.geometry, domain, self.accuracy)
-        return mesh, domain
+        if self._estimated[key] > self.accuracy:
+            warn_of_domain(self.geometry, self._estimated[key], self.accuracy, what)
+        return self._estimated[key]
 
     def _channel(self, heated: str | None, read: str | None) -> tuple[str, str]:
         heated = checks.choice("heated", heated, self.heated, default=self.heated[0])

@@ -1,6 +1,7 @@
 """Boundary conditions and contacts: their facets, their weak forms in the stiffness, and the derivatives of those.
 
-K_ij += int 2 pi r h u_i u_j ds                               where heat h (T - T0) is exchanged with the ambient
+K_ij += int 2 pi r h u_i u_j ds                               where heat h (T - T0) is exchanged with the ambient,
+                                                              1/h + R for h there if the part has a resistance R
 K_ij += int 2 pi r (u_i^+ - u_i^-) (u_j^+ - u_j^-) / R ds     over every contact of resistance R
 K_ij += int 2 pi r (n . d) / (d . k^-1 d) u_i u_j ds          over open sides, d from the source
 """
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Array, ArrayLike, NDArray
-from .interface import PERFECT, contacts, resistances
+from .interface import PERFECT, beside, contacts, resistances
 from .side import Side
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ def _none() -> Facets:
 class Surfaces:
     """Boundary conditions and contacts on facets, numbered as scikit-fem does on the same mesh.
 
-    held: at the ambient temperature.
+    held: at the ambient temperature; where a part with a resistance R lies there, `convection` has it with 1/R.
     convection [dict from h in W/(m^2 K) to an array of int]
     open: beyond which the material goes on, see `parts.Boundary`.
     source [m]: height z of the heat, from which the open sides are seen.
@@ -67,10 +68,12 @@ def surfaces_of(geometry: CrossSection, mesh: Mesh, resistance: dict[str, float]
         boundary = getattr(geometry, side)
         there = facets[geometry.on_boundary(side, r, z)]
         h = boundary.exchange(geometry.ambient)
-        if h:
-            convection[h] = np.append(convection.get(h, none), there)
-        else:
-            where[boundary.kind] = np.append(where[boundary.kind], there)
+        series = beside(mesh, resistance, there) * (h > 0 or boundary.kind == "isothermal")
+        if not h:
+            where[boundary.kind] = np.append(where[boundary.kind], there[series == 0])
+        for own in np.unique(series[(series > 0) | (h > 0)]):
+            through = 1 / (own + (1 / h if h else 0.0)) if own else h
+            convection[through] = np.append(convection.get(through, none), there[series == own])
     heat = next(part for part in geometry.parts if part.heated)
     return Surfaces(
         held=where["isothermal"],
@@ -139,7 +142,7 @@ def surface_tangent(heat: HeatProblem, change: Change, moved: Array, k: Array, o
     surfaces = heat.discretization.surfaces
 
     def convection(side: Side, h: float) -> Array:
-        of_h = np.array([change.convection.get(name, 0.0) for name in _sides_of(heat, side.facets)])
+        of_h = h**2 * (_of_sides(heat, change, side.facets) - _contact(heat, change, side.facets))
         return _exchange(side, moved, h, of_h)
 
     def outlet(side: Side) -> Array:
@@ -152,14 +155,15 @@ def surface_tangent(heat: HeatProblem, change: Change, moved: Array, k: Array, o
     return surface_sum(heat.discretization.basis, surfaces, convection, outlet, contact)
 
 
-def _sides_of(heat: HeatProblem, facets: NDArray[np.intp]) -> list[str]:
-    """The side of the domain on which each facet lies."""
-    grid = heat.discretization.basis.mesh
+def _of_sides(heat: HeatProblem, change: Change, facets: NDArray[np.intp]) -> Array:
+    """d(-1/h) of the side of the domain on which each facet lies; 0 on an isothermal one."""
+    grid, geometry = heat.discretization.basis.mesh, heat.geometry
     r, z = grid.p[:, grid.facets[:, facets]].mean(axis=1)
-    found = np.full(len(facets), "", dtype=object)
-    for side in ("bottom", "top", "outer"):
-        found[heat.geometry.on_boundary(side, r, z)] = side
-    return list(found)
+    found = np.zeros(len(facets))
+    for side, of_h in change.convection.items():
+        there = geometry.on_boundary(side, r, z)
+        found[there] = of_h / getattr(geometry, side).exchange(geometry.ambient) ** 2
+    return found
 
 
 def _contact(heat: HeatProblem, change: Change, facets: NDArray[np.intp]) -> Array:

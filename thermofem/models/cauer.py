@@ -118,8 +118,9 @@ def cauer(model: ThermalModel) -> Cauer:
     Raises
     ------
     InputError
-        a network that is not passive; more than `MOST` poles, or so many so near each other that R or C of the ladder
-        are no floats (150 from 1 to 2 us reach 1e268 J/K). Poles of zero R are left out, equal time constants merged.
+        a network that is not passive, or whose R are all zero; more than `MOST` poles, or so many so near each other
+        that R or C of the ladder are no floats (150 from 1 to 2 us reach 1e268 J/K). Poles of zero R are left out,
+        equal time constants merged.
     """
     if isinstance(model, Cauer):
         return model
@@ -127,6 +128,8 @@ def cauer(model: ThermalModel) -> Cauer:
     if not model.passive:
         raise checks.InputError("the network is not passive (an R is negative); it has no ladder")
     R, tau = np.asarray(model.R), np.asarray(model.tau)
+    if not np.any(R > 0):
+        raise checks.InputError("model has R = 0 K/W at every pole: it never warms up, and has no ladder")
     tau, group = np.unique(tau[R > 0], return_inverse=True)
     R = np.bincount(group, weights=R[R > 0])
     if R.size > MOST:

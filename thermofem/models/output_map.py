@@ -76,7 +76,7 @@ class OutputMap(AtSmallPower):
 
     def steady_rise(self, power: ArrayLike) -> Array:
         """Static rise in K at constant power in W, shape of ``power``."""
-        return self.of(self.thermal_resistance * checks.numbers("power", power))
+        return warn_beyond(self.of(self.thermal_resistance * checks.numbers("power", power)), self.largest_rise)
 
     def of(self, z: ArrayLike) -> Array:
         """dT in K of a linear rise z in K."""

@@ -161,7 +161,8 @@ class Quadratic:
     def steady_rise(self, power: ArrayLike) -> Array:
         """Static rise in K at constant power in W, shape of ``power``."""
         power = checks.numbers("power", power, longest=MOST_POWERS)
-        return np.array([self.C @ self.steady_state(p) for p in power.ravel()]).reshape(power.shape)
+        rise = np.array([self.C @ self.steady_state(p) for p in power.ravel()]).reshape(power.shape)
+        return warn_beyond(rise, self.largest_rise)
 
     def steady_state(self, power: float) -> Array:
         """States at constant power, on the branch that begins at rest.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .. import checks, waveforms
-from ..algebra.factor import check_symmetric, factorize
+from ..algebra.factor import check_symmetric, factorize, singular_refused
 from ..algebra.krylov import REFUSAL, check_heat_flow
 from ..arrays import Array, ArrayLike, NDArray
 from ..display import model_html, shown
@@ -142,9 +142,9 @@ class StateSpace:
         E, A = self._sparse("E"), self._sparse("A")
         wanted = checks.numbers("frequency", frequency, longest=MOST_FREQUENCIES)
         f = wanted.ravel()
-        z = [
-            (self.C[0] @ splu((2j * np.pi * w) * E - A, permc_spec="MMD_AT_PLUS_A").solve(self.B[:, 0] + 0j)) for w in f
-        ]
+        with singular_refused():
+            factors = (splu((2j * np.pi * w) * E - A, permc_spec="MMD_AT_PLUS_A") for w in f)
+            z = [self.C[0] @ factor.solve(self.B[:, 0] + 0j) for factor in factors]
         return np.asarray(z, dtype=complex).reshape(wanted.shape)
 
     def response(self, wave: waveforms.Waveform, times: ArrayLike, *, rtol: float = 1e-5) -> Array:

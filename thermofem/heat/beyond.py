@@ -1,0 +1,158 @@
+"""The heat problem on a domain that goes on beyond its bottom and outer side, to many times its size.
+
+The facets of a side are drawn outwards in steps that grow by `STEP`, each with the material beside it, and the other
+sides go on. The new ends are open: at `FAR` times the size of the domain little is left of what 1/d does not describe
+(`parts.Boundary`). The mesh of the domain itself stays as it is, and so does what is heated and read. Measured on
+slabs and anisotropic substrates, and on 16 random stacks with closed and with open sides, against domains of 2 to 3 mm:
+the change of R_th within 3 % from 5e-4 of R_th on; what is less drowns in the difference of the meshes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..algebra.factor import solve_once
+from ..arrays import Array, NDArray
+from ..mesh import Mesh
+from .interface import contacts, resistances
+from .matrices import build, properties
+from .surfaces import Surfaces
+
+if TYPE_CHECKING:
+    from .matrices import Discretization
+    from .problem import HeatProblem
+
+FAR = 50.0  # sizes of the domain to which it goes on
+STEP = 1.6  # ratio of the distances of neighbouring layers of elements
+
+
+@dataclass(frozen=True, eq=False)
+class Wider:
+    """A heat problem on the wider domain.
+
+    place [shape (unknowns,)]: number of each function of the domain among those of the wider one.
+    """
+
+    discretization: Discretization
+    place: NDArray[np.intp]
+
+    def resistance(self, heat: HeatProblem, heated: str, read: str) -> float:
+        """Thermal resistance in K/W with the heated part and the one that is read as they are."""
+        d = self.discretization
+        source, reader = np.zeros(d.basis.N), np.zeros(d.basis.N)
+        source[self.place] = heat.discretization.means[heated]
+        reader[self.place] = heat.discretization.means[read]
+        return float(reader[d.free] @ solve_once(d.K, source[d.free]))
+
+
+def wider(heat: HeatProblem) -> Wider | None:
+    """The heat problem beyond the bottom and the outer side, but not beyond convection; None where both have it."""
+    sides = [side for side in ("bottom", "outer") if getattr(heat.geometry, side).kind != "convection"]
+    if not sides:
+        return None
+    geometry, grid = heat.geometry, heat.discretization.basis.mesh
+    source = heat.discretization.surfaces.source
+    R, depth = geometry.outer_radius, source - geometry.bottom_z
+    far = FAR * max(R, depth)
+    grown = _Grown(heat.mesh.points, heat.mesh.triangles, np.arange(len(heat.mesh.triangles)))
+    if "outer" in sides:
+        grown = grown.beyond(heat, "outer", R * _steps(far / R))
+    if "bottom" in sides:
+        grown = grown.beyond(heat, "bottom", source - depth * _steps(far / depth))
+    mesh = Mesh(grown.points, grown.triangles, heat.mesh.region[grown.owner], heat.mesh.region_names)
+    k = properties(geometry, heat.mesh)[0][:, grown.owner]
+    count = len(heat.mesh.triangles)
+    facet = np.zeros(grid.facets.shape[1], dtype=np.intp)
+    facet[grid.t2f] = mesh.skfem.t2f[:, :count]
+    d = build(mesh, k, np.ones(len(mesh.triangles)), _surfaces(heat, mesh, facet, sides))
+    place = np.zeros(heat.discretization.basis.N, dtype=np.intp)
+    place[heat.discretization.basis.element_dofs] = d.basis.element_dofs[:, :count]
+    return Wider(d, place)
+
+
+def _steps(ratio: float) -> Array:
+    """Distances of the layers of elements, from 1 on to ``ratio``."""
+    return np.asarray(np.geomspace(1, ratio, int(np.ceil(np.log(ratio) / np.log(STEP))) + 1)[1:])
+
+
+@dataclass(frozen=True, eq=False)
+class _Grown:
+    """Points, triangles, and the triangle of the domain whose material each has."""
+
+    points: Array
+    triangles: NDArray[np.int64]
+    owner: NDArray[np.intp]
+
+    def beyond(self, heat: HeatProblem, side: str, levels: Array) -> _Grown:
+        """With layers of triangles drawn from a side to each of ``levels``, r or z in m."""
+        import skfem
+
+        axis = 0 if side == "outer" else 1
+        at = heat.geometry.outer_radius if axis == 0 else heat.geometry.bottom_z
+        grid = skfem.MeshTri(np.ascontiguousarray(self.points.T), np.ascontiguousarray(self.triangles.T))
+        facets = grid.boundary_facets()
+        there = np.abs(grid.p[axis, grid.facets[:, facets]] - at).max(axis=0) <= 1e-9 * heat.geometry.outer_radius
+        facets = facets[there]
+        ends, beside = grid.facets[:, facets], self.owner[grid.f2t[0, facets]]
+        vertices, local = np.unique(ends, return_inverse=True)
+        local = local.reshape(ends.shape)
+        layers = np.repeat(self.points[vertices][None], len(levels), axis=0)
+        layers[:, :, axis] = levels[:, None]
+        number = np.arange(layers[..., 0].size).reshape(len(levels), -1) + len(self.points)
+        number = np.vstack([vertices, number])
+        (a, b), (c, e) = number[:-1, local].swapaxes(0, 1), number[1:, local].swapaxes(0, 1)
+        points = np.concatenate([self.points, layers.reshape(-1, 2)])
+        new = np.stack([np.stack([a, b, e], axis=-1), np.stack([a, e, c], axis=-1)]).reshape(-1, 3)
+        p, q = points[new[:, 1]] - points[new[:, 0]], points[new[:, 2]] - points[new[:, 0]]
+        clockwise = p[:, 0] * q[:, 1] < p[:, 1] * q[:, 0]
+        new[clockwise] = new[clockwise][:, ::-1]
+        owner = np.tile(beside, 2 * len(levels))
+        return _Grown(points, np.concatenate([self.triangles, new]), np.concatenate([self.owner, owner]))
+
+
+def _surfaces(heat: HeatProblem, mesh: Mesh, facet: NDArray[np.intp], sides: list[str]) -> Surfaces:
+    """Boundary conditions and contacts of the wider domain; ``facet`` numbers those of the domain in it."""
+    geometry, old, grid = heat.geometry, heat.discretization.surfaces, heat.discretization.basis.mesh
+    edge = grid.boundary_facets()
+    r, z = grid.p[:, grid.facets[:, edge]].mean(axis=1)
+    on = {side: geometry.on_boundary(side, r, z) for side in ("bottom", "outer")}
+    inside = edge[np.any([on[side] for side in sides], axis=0)]
+    held = [facet[np.setdiff1d(old.held, inside)]]
+    convection = {h: [facet[np.setdiff1d(there, inside)]] for h, there in old.convection.items()}
+    top = grid.p[1, grid.facets[:, edge[on["outer"]]]].max()
+
+    wide = mesh.skfem
+    new = np.setdiff1d(wide.boundary_facets(), facet[edge])
+    ends = wide.p[:, wide.facets[:, new]]
+    slack = 1e-9 * geometry.outer_radius
+
+    def at(axis: int, value: float) -> NDArray[np.bool_]:
+        return np.asarray(np.abs(ends[axis] - value).max(axis=0) <= slack)
+
+    far = np.zeros(len(new), dtype=bool)
+    if "outer" in sides:
+        far |= at(0, wide.p[0].max())
+    if "bottom" in sides:
+        far |= at(1, wide.p[1].min())
+    for side, there in (
+        ("bottom", at(1, geometry.bottom_z)),
+        ("outer", at(0, geometry.outer_radius)),
+        ("top", at(1, top)),
+    ):
+        boundary = getattr(geometry, side)
+        if side in sides:
+            continue
+        if h := boundary.exchange(geometry.ambient):
+            convection.setdefault(h, []).append(new[there & ~far])
+        elif boundary.kind == "isothermal":
+            held.append(new[there & ~far])
+    return replace(
+        old,
+        held=np.concatenate(held),
+        convection={h: np.concatenate(each) for h, each in convection.items() if sum(map(len, each))},
+        open=new[far],
+        contacts=contacts(mesh, resistances(geometry)),
+    )
