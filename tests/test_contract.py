@@ -107,6 +107,20 @@ def test_response_keeps_the_shape_of_the_times(model):
     assert model.impedance([1e6, 2e6]).shape == (2,)
 
 
+def test_times_may_have_any_order_and_shape(model, power):
+    """Some kinds refused what others took, and the matrices all of it."""
+    times = np.array([[3e-6, 1e-7, 0.0], [1e-6, 3e-6, 2e-5]])
+    order = np.argsort(times, axis=None)
+    for ask in (model.step_response, lambda t: model.response(th.Pulse(power, 1e-6, 5e-7), t)):
+        # other times, other steps where a model is stepped
+        np.testing.assert_allclose(ask(times).ravel()[order], ask(times.ravel()[order]), rtol=1e-12)
+    assert model.step_response([-1e-6, 1e-6]).tolist() == [0.0, model.step_response([0.0, 1e-6])[1]]
+    assert model.step_response([]).size == 0
+    for times, words in (([-1e-9, 1e-6], "before the start"), ([], "non-empty")):
+        with pytest.raises(th.InputError, match=words):
+            model.response(th.Constant(power), times)
+
+
 @pytest.mark.parametrize("ask", ["step_response", "impedance"])
 def test_what_is_not_finite_is_refused(model, ask):
     with pytest.raises(th.InputError, match="not finite"):

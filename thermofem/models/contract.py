@@ -4,9 +4,11 @@ Contract of a `ThermalModel`. Every function that takes a model takes any object
 
 1. ``model.inputs`` and ``model.outputs`` name the heated parts and the read ones.
 2. ``model.thermal_resistance`` is the static gain R_th in K/W (at small power, where the model is not linear).
-3. ``model.step_response(times)`` is the rise per watt after a step at t = 0, in K/W, shape of ``times``.
+3. ``model.step_response(times)`` is the rise per watt after a step at t = 0, in K/W, shape of ``times``, which stand in
+   any order; 0 before t = 0.
 4. ``model.impedance(frequency)`` is the complex thermal impedance Z(f) in K/W, shape of ``frequency`` in Hz.
-5. ``model.response(wave, times)`` is the rise in K under ``wave`` switched on at t = 0 from rest, shape of ``times``.
+5. ``model.response(wave, times)`` is the rise in K under ``wave`` switched on at t = 0 from rest, shape of ``times``,
+   which stand in any order from t = 0 on.
 6. ``model.periodic_response(wave, samples)`` is one period of the periodic state in K, at
    `waveforms.period_times(wave, samples)`.
 7. ``model.dynamics`` is the same model in the form that is integrated with the optics: a `Foster` network, an
@@ -20,7 +22,7 @@ is a class that satisfies the contract, one file in this folder with one line of
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 import numpy as np
@@ -29,6 +31,17 @@ from .. import checks, waveforms
 from ..arrays import Array, ArrayLike, NDArray
 
 BEYOND = 1.2  # a rise this far above the training's largest draws a warning
+
+
+def at_times(run: Callable[[Array], Array], times: ArrayLike) -> Array:
+    """What ``run`` gives at times that do not fall, for times of any order and shape."""
+    t = checks.numbers("times", times, longest=checks.LONGEST)
+    if t.ndim == 1 and not np.any(np.diff(t) < 0):
+        return run(t)
+    order = np.argsort(t, axis=None, kind="stable")
+    found = np.empty(t.size)
+    found[order] = run(checks.array("times", t.ravel()[order]))
+    return found.reshape(t.shape)
 
 
 class ThermalModel(Protocol):

@@ -14,6 +14,7 @@ from ..algebra.system import LONGEST, SHORTEST
 from ..arrays import Array, ArrayLike, NDArray, in_pieces
 from ..display import model_html, shown
 from ..names import check_one
+from .contract import at_times
 from .json_fields import columns, names, parts, reader, rows
 
 
@@ -105,7 +106,7 @@ class Foster:
 
     def response(self, wave: waveforms.Waveform, times: ArrayLike) -> Array:
         """Rise in K from rest at t = 0, in closed form; a function of time as its piecewise cubic."""
-        return (pole_responses(1 / np.asarray(self.tau), wave, times) @ self.gain).reshape(np.shape(times))
+        return at_times(lambda t: pole_responses(1 / np.asarray(self.tau), wave, t) @ self.gain, times)
 
     def periodic_response(self, wave: waveforms.Waveform, samples: int) -> Array:
         """One period of the periodic state in K, in closed form."""

@@ -12,7 +12,7 @@ from .. import checks, waveforms
 from ..arrays import Array, ArrayLike
 from ..transient.integration import integrate, integrate_periodic
 from ..transient.nonlinear import NonlinearEquations, factorize_general
-from .contract import AtSmallPower, check_single
+from .contract import AtSmallPower, at_times, check_single
 from .state_space import StateSpace
 
 NEWTON_STEPS = 60
@@ -42,7 +42,7 @@ class NonlinearSystem(AtSmallPower, NonlinearEquations):
     def response(self, wave: waveforms.Waveform, times: ArrayLike, *, rtol: float = 1e-5) -> Array:
         """Rise in K from rest, by error-controlled integration (`transient.integrate`)."""
         check_single(self.linear)
-        return integrate(self, wave, times, rtol=rtol).outputs[:, 0].reshape(np.shape(times))
+        return at_times(lambda t: integrate(self, wave, t, rtol=rtol).outputs[:, 0], times)
 
     def periodic_response(self, wave: waveforms.Waveform, samples: int, *, rtol: float = 1e-5) -> Array:
         """One period of the periodic state in K (`transient.integrate_periodic`)."""

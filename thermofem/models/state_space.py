@@ -17,7 +17,7 @@ from ..display import model_html, shown
 from ..names import check_names
 from ..transient.integration import integrate, integrate_periodic
 from ..transient.modal import Modal
-from .contract import check_single
+from .contract import at_times, check_single
 from .foster import Foster
 from .json_fields import names, parts, reader, table
 
@@ -130,9 +130,9 @@ class StateSpace:
                     raise checks.InputError(f"{name} is not positive definite: some mode would not decay", REFUSAL)
 
     def step_response(self, times: ArrayLike, *, rtol: float = 1e-5) -> Array:
-        """Rise in K/W after a unit step, see `response`."""
-        milliwatt = 1e-3
-        return self.response(waveforms.Constant(milliwatt), times, rtol=rtol) / milliwatt
+        """Rise in K/W after a unit step, see `response`; zero before t = 0."""
+        milliwatt, t = 1e-3, np.maximum(checks.numbers("times", times, longest=checks.LONGEST), 0)
+        return self.response(waveforms.Constant(milliwatt), t, rtol=rtol) / milliwatt if t.size else t
 
     def impedance(self, frequency: ArrayLike) -> NDArray[np.complex128]:
         """C (i w E - A)^-1 B in K/W, one complex factorization a frequency."""
@@ -153,8 +153,12 @@ class StateSpace:
         ``rtol`` is as of `transient.integrate`.
         """
         check_single(self)
-        run = self._modal.run(self.C, wave, times, rtol=rtol) or integrate(self, wave, times, rtol=rtol)
-        return run.outputs[:, 0].reshape(np.shape(times))
+
+        def run(t: Array) -> Array:
+            found = self._modal.run(self.C, wave, t, rtol=rtol) or integrate(self, wave, t, rtol=rtol)
+            return found.outputs[:, 0]
+
+        return at_times(run, times)
 
     def periodic_response(self, wave: waveforms.Waveform, samples: int, *, rtol: float = 1e-5) -> Array:
         """One period of the periodic state in K, at `waveforms.period_times`, as `response`."""
