@@ -210,3 +210,15 @@ def test_a_branch_that_turns_vertical_ends_instead_of_collecting_folds():
         assert "turns vertical" in found.attrs["reason"]
         ends.append(float(found.detuning.values[-1]))
     assert ends[0] == pytest.approx(ends[1], rel=1e-5)
+
+
+@pytest.mark.parametrize("name", ["power", "detuning", "energy", "frequency"])
+def test_a_hopf_point_with_a_bad_number_is_refused(name):
+    (curve,) = coupled.hopf_curves(LUMPED, NEWTON, [POWER * 0.999, POWER * 1.001], [-3e9, 3e9])
+    point = curve.isel(point=0)
+    for value in (np.nan, np.inf) if name == "detuning" else (np.nan, np.inf, 0.0, -1.0):
+        guess = point.assign({name: value})
+        with pytest.raises(th.InputError, match=rf"guess\['{name}'\]"):
+            coupled.limit_cycle(LUMPED, NEWTON, power=POWER, detuning=1e9, guess=guess)
+        with pytest.raises(th.InputError, match=rf"guess\['{name}'\]"):
+            coupled.continue_cycle(LUMPED, NEWTON, "detuning", (20e9, -15e9), guess=guess)
