@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermofem import checks
-from thermofem.arrays import Array, ArrayLike
+from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.contents import in_si
 from thermofem.display import shown
 
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 FEWEST = 8  # samples of a decay
+FARTHEST = 690.0  # of a logarithm: the largest number
+GRID, SEARCHES = 24, 4  # lifetimes on each axis where searches may begin; how many do
 HALF_GAP = 0.56  # eV, of silicon: trap levels lie within it
 
 
@@ -88,7 +90,8 @@ class CarrierFit:
         "tau_p" (s) that follow from them at the given trap energy; "trap_energy" (eV), with an infinite standard error;
         and "initial_density" (1/m^3).
     trap_energies : (float, float), eV
-        the range within the band gap in which some tau_n and tau_p give this very decay.
+        the range about the trap energy within the band gap in which some tau_n and tau_p give this very decay. There
+        are two such ranges, one on either side, where tau0 > tau_high; this is the one that holds the energy.
     residual : float
         rms of ln(N/N_fit).
     """
@@ -105,7 +108,8 @@ def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFi
 
     The lifetime runs from tau0 = [tau_p (n0 + n1) + tau_n (p0 + p1)]/(n0 + p0) to tau_n + tau_p, and turns where
     N = n0 + p0, which the doping fixes. So a decay determines two numbers, and (tau_n, tau_p, E_t) are three: every
-    trap energy in a range fits equally well. It is taken from ``material``, and the range returned.
+    trap energy in a range fits equally well. It is taken from ``material``, and the range returned. The searches begin
+    at the best of a grid of lifetimes.
 
     Parameters
     ----------
@@ -136,14 +140,14 @@ def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFi
         )
 
     def misfit(x: Array) -> Array:
-        N0, low, high = np.exp(x)
-        return np.log(_density(t - t[0], N0, low, high / low * material.b, material.b) / N)
+        N0, low, high = np.exp(np.clip(x, -FARTHEST, FARTHEST))
+        with np.errstate(all="ignore"):
+            off = np.log(_density(t - t[0], N0, low, high / low * material.b, material.b) / N)
+        return np.nan_to_num(off, nan=FARTHEST, posinf=FARTHEST, neginf=-FARTHEST)
 
-    third = t.size // 3
-    slopes = [np.polyfit(t[part], np.log(N[part]), 1)[0] for part in (slice(third), slice(-third, None))]
-    early, late = -1 / np.minimum(slopes, -1e-3 / (t[-1] - t[0]))
-    start, reach = np.log([N[0], late, early]), np.log(30)
-    best = least_squares(misfit, start, bounds=(start - reach, start + reach), xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    starts = _starts(misfit, t, N)
+    tries = [least_squares(misfit, x, xtol=1e-14, ftol=1e-14, gtol=1e-14, x_scale="jac") for x in starts]
+    best = min(tries, key=lambda one: float(one.cost))
     N0, low, high = np.exp(best.x)
     if np.linalg.matrix_rank(best.jac) < 3:
         raise checks.InputError("data.carriers does not decay, or does not show two lifetimes: they cannot be told")
@@ -151,9 +155,10 @@ def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFi
     held = material.trap_energy
     tau_n, tau_p, rows = _lifetimes(material, held, low, high)
     energies = np.linspace(-HALF_GAP, HALF_GAP, 1121)
-    possible = [E for E in energies if min(_lifetimes(material, E, low, high)[:2]) > 0]
+    possible = _intervals(energies, np.array([min(_lifetimes(material, E, low, high)[:2]) > 0 for E in energies]))
     if min(tau_n, tau_p) <= 0:
-        said = f"only {possible[0]:.3g} to {possible[-1]:.3g} eV do" if possible else "no trap energy does"
+        ranges = " and ".join(f"{first:.3g} to {last:.3g}" for first, last in possible)
+        said = f"only {ranges} eV do" if possible else "no trap energy does"
         raise checks.InputError(
             f"trap_energy = {held:g} eV gives no positive lifetimes for this decay (tau0 = {low:.3g} s, tau_high = "
             f"{high:.3g} s); {said}"
@@ -167,9 +172,25 @@ def fit_carrier_decay(data: xr.Dataset, material: ShockleyReadHall) -> CarrierFi
         replace(material, tau_n=tau_n, tau_p=tau_p),
         dict(zip(names, (float(N0), float(low), float(high), tau_n, tau_p, held), strict=True)),
         dict(zip(names, (*errors.tolist(), of_n, of_p, float("inf")), strict=True)),
-        (float(possible[0]), float(possible[-1])),
+        min(possible, key=lambda ends: max(ends[0] - held, held - ends[1]), default=(held, held)),
         float(np.sqrt(2 * best.cost / t.size)),
     )
+
+
+def _starts(misfit: Any, t: Array, N: Array) -> list[Array]:
+    """The logarithms (N0, tau0, tau_high) with the smallest misfits on a grid, where searches begin."""
+    span = t[-1] - t[0]
+    tau = np.log(span * np.geomspace(1e-4, 1e4, GRID))
+    grid = [np.array([np.log(N[0]), low, high]) for low in tau for high in tau]
+    costs = [float(np.sum(misfit(x) ** 2)) for x in grid]
+    return [grid[k] for k in np.argsort(costs)[:SEARCHES]]
+
+
+def _intervals(values: Array, holds: NDArray[np.bool_]) -> list[tuple[float, float]]:
+    """First and last of each run of values for which something holds."""
+    change = np.diff(np.concatenate([[0], holds.astype(int), [0]]))
+    starts, stops = np.flatnonzero(change == 1), np.flatnonzero(change == -1) - 1
+    return [(float(values[a]), float(values[b])) for a, b in zip(starts, stops, strict=True)]
 
 
 def _density(t: Array, N0: float, tau0: float, a: float, b: float) -> Array:

@@ -60,7 +60,7 @@ def continue_cycle(
         as for `limit_cycle`.
     parameter : str
         "power", "detuning", a number of the ring or its carriers, or of a network ("R1", "tau2"), as for
-        `cycle_derivatives`.
+        `cycle_derivatives`. A pole keeps its number where its time constant passes that of another.
     values : (float, float), SI
         the branch goes towards the first of them, and ends where it leaves the range between both.
     power, detuning : float, W and Hz, optional

@@ -13,10 +13,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from thermofem import checks
 from thermofem.arrays import Array, NDArray
 from thermofem.checks import InputError
 from thermofem.contents import contents
 
+from ..arguments import check_detuning, check_power
 from ..heaters import turned_by
 from .branch import follow, follow_along, outwards, relative_range
 from .hopf_end import at_rest
@@ -50,7 +52,10 @@ def laser_of(guess: Any, turn: float = 0.0) -> tuple[float, float]:
         raise InputError("guess is a whole Hopf curve; give one point of it, such as curve.isel(point=0)")
     what = "one point of a Dataset of coupled.hopf_curves, such as curve.isel(point=0)"
     contents("guess", guess, dict.fromkeys(("power", "detuning", "energy", "frequency"), ""), what=what)
-    return float(guess["power"]), float(guess["detuning"]) - turn
+    for name, unit in (("energy", "J"), ("frequency", "Hz")):
+        checks.positive(f"guess[{name!r}]", guess[name].item(), unit=unit, hint=what)
+    power = check_power(guess["power"].item(), "guess['power']")
+    return power, check_detuning(guess["detuning"].item(), "guess['detuning']") - turn
 
 
 def hopf_point(p: CycleProblem, guess: Any) -> HopfPoint:

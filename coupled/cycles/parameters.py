@@ -24,7 +24,7 @@ FROM_ZERO = {"scattering_rate": 1e6, "kerr_coefficient": 1e-20}  # steps of numb
 
 
 def parameter_names(ring: RingResonator, model: Compact) -> list[str]:
-    """Every name that `changed` knows; "R1" and "tau1" are those of the first pole of a network."""
+    """Every name that `changed` knows; "R1" and "tau1" are those of the fastest pole of a network."""
     own = sorted(optical_names(ring) - {"rates"})
     shifts = [f"fcd{k + 1}" for k in range(len(ring.fcd))]
     order = 0 if isinstance(model, Quadratic) else _poles_of(model).order
@@ -135,5 +135,6 @@ def _network_with(model: Compact, kind: str, number: int, value: float) -> Compa
     linear = _poles_of(model)
     R, tau = np.array(linear.R, dtype=float), np.array(linear.tau, dtype=float)
     (R if kind == "R" else tau)[number] = value
-    poles = Foster(R=R, tau=tau)
+    poles = Foster(R=R, tau=tau)  # checks them and sorts them
+    checks.keep(poles, R=R, tau=tau)  # states and names keep their poles where one time constant passes another
     return replace(model, linear=poles) if isinstance(model, OutputMap) else poles

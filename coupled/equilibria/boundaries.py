@@ -18,7 +18,7 @@ A fold has lambda = 0, a quadratic equation in D: D = -U shift' +- sqrt((U shift
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -27,8 +27,9 @@ from thermofem.models import ThermalModel
 
 from ..arguments import check_axis, check_ring, one_laser
 from ..resonator import RingResonator
-from .roots import HALVINGS, roots
+from .roots import crossings, roots
 from .steady import absorbable, internal
+from .stretches import stretches
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
     from ..kernels.kinds import Curve, Static, Thermal
 
 ENERGIES, FREQUENCIES = 160, 200  # grid of the contour
-FOLD_POINTS = 300
+FOLD_POINTS, FOLD_GRID = 300, 1200  # of a curve; of the search for its stretches in the window
 JOIN = 0.3  # in log U and log w: a few cells of that grid
 STRETCH = 0.01  # of the window: the longest straight line in a Hopf curve
 
@@ -138,12 +139,19 @@ def fold_curves(
     plane = _plane(ring, model, powers, detunings)
     curves = []
     for first, last in _folded(plane):
-        turn = 0.5 - 0.5 * np.cos(np.linspace(0, np.pi, FOLD_POINTS))
-        U = np.exp(np.log(first) + turn * np.log(last / first))
-        a, b = _fold_equation(plane, U)
-        root = np.sqrt(np.maximum(a * a - b, 0))
-        U, D = np.concatenate([U[::-1], U[1:]]), np.concatenate([(-a - root)[::-1], (-a + root)[1:]])
-        curves += [_dataset(plane, "fold curve", U[part], D[part]) for part in _inside(plane, U, D)]
+
+        def along(angle: Array, first: float = first, last: float = last) -> tuple[Array, Array]:
+            U = first * np.exp(np.sin(angle / 2) ** 2 * np.log(last / first))
+            a, b = _fold_equation(plane, U)
+            return U, np.copysign(np.sqrt(np.maximum(a * a - b, 0)), angle) - a  # smooth where both roots meet
+
+        def seen(angle: Array, along: Any = along) -> Array:
+            return _window(plane, *along(angle))
+
+        parts = stretches(seen, np.linspace(-np.pi, np.pi, FOLD_GRID))
+        for angle in (np.linspace(*part, FOLD_POINTS) for part in parts):
+            beyond = np.clip([2 * angle[0] - angle[1], 2 * angle[-1] - angle[-2]], -np.pi, np.pi)
+            curves.append(_dataset(plane, "fold curve", *along(np.concatenate([beyond[:1], angle, beyond[1:]]))))
     return curves
 
 
@@ -311,23 +319,16 @@ def _fold_equation(plane: _Plane, U: Array) -> tuple[Array, Array]:
 
 
 def _folded(plane: _Plane) -> list[tuple[float, float]]:
-    """Intervals of U with folds, their ends inside by bisection."""
-    U = np.geomspace(plane.energies[0], plane.energies[-1], 10 * ENERGIES)
+    """Intervals of U with folds."""
+    log_U = np.linspace(np.log(plane.energies[0]), np.log(plane.energies[-1]), 10 * ENERGIES)
 
-    def folds(values: Array) -> NDArray[np.bool_]:
-        a, b = _fold_equation(plane, values)
-        return np.asarray(a * a >= b)
+    def square(x: Array) -> Array:
+        a, b = _fold_equation(plane, np.exp(x))
+        return (a * a - b) / (a * a + np.abs(b))
 
-    has = folds(U)
-    edges = [U[0]] if has[0] else []
-    for k in np.flatnonzero(has[1:] != has[:-1]):
-        inside, outside = (U[k + 1], U[k]) if has[k + 1] else (U[k], U[k + 1])
-        for _ in range(HALVINGS):
-            middle = (inside + outside) / 2
-            inside, outside = (middle, outside) if folds(np.array([middle]))[0] else (inside, middle)
-        edges.append(inside)
-    edges += [U[-1]] if has[-1] else []
-    return list(zip(edges[::2], edges[1::2], strict=True))
+    ends = np.concatenate([log_U[:1], crossings(square, log_U), log_U[-1:]])
+    has = square((ends[1:] + ends[:-1]) / 2) > 0
+    return [(float(np.exp(low)), float(np.exp(high))) for low, high in zip(ends[:-1][has], ends[1:][has], strict=True)]
 
 
 def _laser(plane: _Plane, U: Array, D: Array) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""Zeros of functions in brackets, many at once.
+"""Zeros of functions in brackets, many at once, and all of one function on a grid.
 
 SciPy has such a solver; it would load scipy.optimize and scipy.linalg, which `explore` does not need otherwise.
 """
@@ -12,6 +12,7 @@ import numpy as np
 from thermofem.arrays import Array, NDArray
 
 HALVINGS = 48  # to round-off
+GOLDEN = 40  # steps of golden section: a minimum is flat to round-off within 1e-8 of its bracket
 
 
 def roots(f: Callable[[Array, NDArray[np.intp]], Array], count: int) -> Array:
@@ -46,3 +47,39 @@ def roots(f: Callable[[Array, NDArray[np.intp]], Array], count: int) -> Array:
         a[k], f_a[k] = np.where(left, t, a[k]), np.where(left, found, f_a[k])
         b[k], f_b[k] = np.where(left, b[k], t), np.where(left, f_b[k], found)
     return np.asarray((a + b) / 2)
+
+
+def crossings(f: Callable[[Array], Array], grid: Array) -> Array:
+    """Every place on an increasing grid where ``f`` changes its sign, in increasing order.
+
+    Two of them between neighbours of the grid leave a minimum of |f| without a change of sign, which is followed down
+    to the change.
+    """
+    values = f(grid)
+    size, positive = np.abs(np.pad(values, 1, constant_values=np.inf)), np.pad(values > 0, 1, mode="edge")
+    alike = (positive[1:-1] == positive[:-2]) & (positive[1:-1] == positive[2:])
+    k = np.flatnonzero(alike & (size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:]))
+    sign = np.where(positive[k + 1], 1.0, -1.0)
+    ends = grid[np.maximum(k - 1, 0)], grid[np.minimum(k + 1, grid.size - 1)]
+    points = np.unique(np.concatenate([grid, _lowest(lambda x: sign * f(x), *ends)])) if k.size else grid
+    above = f(points) > 0
+    at = np.flatnonzero(above[1:] != above[:-1])
+    width = points[at + 1] - points[at]
+    return np.asarray(points[at] + width * roots(lambda t, which: f(points[at[which]] + t * width[which]), at.size))
+
+
+def _lowest(f: Callable[[Array], Array], low: Array, high: Array) -> Array:
+    """The minima of functions between ``low`` and ``high`` by golden section, which ends where they are negative."""
+    golden = (np.sqrt(5) - 1) / 2
+    a, b = high - golden * (high - low), low + golden * (high - low)
+    f_a, f_b = f(a), f(b)
+    for _ in range(GOLDEN):
+        left = f_a < f_b
+        if np.all(np.minimum(f_a, f_b) < 0):
+            break
+        low, high = np.where(left, low, a), np.where(left, b, high)
+        new = np.where(left, high - golden * (high - low), low + golden * (high - low))
+        f_new = f(new)
+        a, b = np.where(left, new, b), np.where(left, a, new)
+        f_a, f_b = np.where(left, f_new, f_b), np.where(left, f_a, f_new)
+    return np.where(f_a < f_b, a, b)

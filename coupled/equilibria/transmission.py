@@ -15,6 +15,7 @@ from ..arguments import MOST_POINTS, check_detuning, check_power, check_ring, on
 from ..resonator import RingResonator
 from ..thermal import trusted
 from .steady import Internal, absorbable, internal, observables, provenance
+from .stretches import spread, stretches
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -49,8 +50,8 @@ def transmission(
     Returns
     -------
     xarray.Dataset
-        over point, along the curve, up to 600: power, detuning, and all that `steady_states` gives, with regime
-        "stable", "saddle", "unstable focus" or "unstable node".
+        over point, along the curve from border to border of the range, up to 600: power, detuning, and all that
+        `steady_states` gives, with regime "stable", "saddle", "unstable focus" or "unstable node".
 
     Raises
     ------
@@ -79,7 +80,7 @@ def transmission(
             U, D, shift, _ = np.array([balance.tilted(v, pump, *rest) for v in s]).T
             return U, D, np.full(U.size, P[0]), shift / (2 * np.pi * eq.NS)
 
-        U, D, powers, detunings = _window(along, -end, end, lambda curve: (curve[3] >= nu[0]) & (curve[3] <= nu[1]))
+        U, D, powers, detunings = _window(along, -end, end, 3, nu)
     elif (P.size, nu.size) == (2, 1):
         shift_0 = 2 * np.pi * eq.NS * nu[0]
         weak, strong = (eq.internal_pump(ring, p) for p in P)
@@ -92,7 +93,7 @@ def transmission(
             D = shift - shift_0
             return U, D, U * (gamma**2 + D**2) / eq.internal_pump(ring, 1.0) ** 2, np.full(U.size, nu[0])
 
-        U, D, powers, detunings = _window(along, low, high, lambda curve: (curve[2] >= P[0]) & (curve[2] <= P[1]))
+        U, D, powers, detunings = _window(along, low, high, 2, P)
     else:
         raise checks.InputError("one of power and detuning must be a pair (first, last), the other one number")
     found = _dataset(ring, at, U, D, powers, detunings)
@@ -237,20 +238,16 @@ def _trust(model: ThermalModel, at: Internal, found: xr.Dataset) -> None:
     trusted(model, found["delta_T"].values, linear)
 
 
-def _window(along: Any, low: float, high: float, inside: Any) -> tuple[Array, Array, Array, Array]:
-    """The part of a curve within the window, at points of equal distance in the drawn plane."""
-    parameter = np.linspace(low, high, POINTS)
-    seen = np.flatnonzero(inside(along(parameter)))
-    if seen.size:
-        low, high = parameter[max(seen[0] - 1, 0)], parameter[min(seen[-1] + 1, POINTS - 1)]
-    parameter = np.linspace(low, high, POINTS)
-    drawn = np.array(along(parameter))[[0, 2, 3]]  # energy, power, detuning
-    steps = np.diff(drawn, axis=1) / np.maximum(np.ptp(drawn, axis=1), 1e-300)[:, None]
-    length = np.concatenate([[0], np.cumsum(np.sqrt(np.sum(steps**2, axis=0)))])
-    curve = along(np.interp(np.linspace(0, length[-1], POINTS), length, parameter))
-    keep = inside(curve)
-    U, D, powers, detunings = (values[keep] for values in curve)
-    return U, D, powers, detunings
+def _window(along: Any, low: float, high: float, row: int, ends: Array) -> tuple[Array, Array, Array, Array]:
+    """The part of a curve within the range of its power or detuning (``row``), both ends of the range included."""
+    grid = np.linspace(low, high, POINTS)
+    parts = stretches(lambda s: (along(s)[row] - ends[0])[None] / np.ptp(ends), grid)
+    points = spread(lambda s: np.array(along(s))[[0, 2, 3]], parts, POINTS)  # energy, power, detuning
+    curve = list(along(np.concatenate(points)))
+    stops = np.cumsum([s.size for s in points])
+    for k in (*(stops - 1), *(stops - [s.size for s in points])):
+        curve[row][k] = ends[np.argmin(np.abs(ends - curve[row][k]))]  # to the last digit
+    return tuple(curve)
 
 
 def _followed(

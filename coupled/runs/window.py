@@ -155,7 +155,8 @@ def _event(event: Event | None) -> Array:
         raise checks.InputError(f"event = {event!r} is no coupled.Event, such as coupled.Event('delta_T', 5.0)")
     level = checks.finite("event.level", event.level)
     kind = QUANTITIES.index(checks.choice("event", event.quantity, QUANTITIES))
-    return np.array([1 + kind, level / (eq.FJ, eq.DENSITY, 1.0)[kind], event.stop])
+    stop = checks.flag("event.stop", event.stop)
+    return np.array([1 + kind, level / (eq.FJ, eq.DENSITY, 1.0)[kind], stop])
 
 
 def laser_of(ring: RingResonator, start: float, stop: float, power: Any, detuning: Any, offset: Any = 0.0) -> Any:

@@ -102,6 +102,19 @@ def test_small_cycles_grow_as_the_first_lyapunov_coefficient_says(ring, model):
         assert -slope * moved / r**2 == pytest.approx(float(hopf["lyapunov"]), rel=0.01 + 20 * r**2)
 
 
+def test_a_time_constant_passes_that_of_another_pole():
+    """Poles that swapped where they met held the branch just beyond 1.2 us, and later cycles had the wrong model."""
+    fixed = {"R": [2000.0, 4300.0], "tau": [56e-9, 1.2e-6]}
+    model = th.Foster(R=[*fixed["R"], 1500.0], tau=[*fixed["tau"], 600e-9])
+    branch = coupled.continue_cycle(RING, model, "tau2", (3e-6, 0.5e-6), power=POWER, points=40)
+    assert branch.attrs["reason"] == "the end of the range"
+    assert branch["tau2"].values[-1] == pytest.approx(3e-6)
+    for k in (5, branch.sizes["point"] - 1):
+        there = th.Foster(R=[*fixed["R"], 1500.0], tau=[*fixed["tau"], float(branch["tau2"][k])])
+        one = coupled.limit_cycle(RING, there, power=POWER)
+        assert float(branch["period"][k]) == pytest.approx(one.attrs["period"], rel=1e-8)
+
+
 def test_pulses_alternate_between_two_period_doublings():
     branch = coupled.continue_cycle(RING, FIVE, "detuning", (40e9, -5e9), power=POWER, detuning=20e9)
     first, second = at(branch, "period doubling")
@@ -197,3 +210,15 @@ def test_a_branch_that_turns_vertical_ends_instead_of_collecting_folds():
         assert "turns vertical" in found.attrs["reason"]
         ends.append(float(found.detuning.values[-1]))
     assert ends[0] == pytest.approx(ends[1], rel=1e-5)
+
+
+@pytest.mark.parametrize("name", ["power", "detuning", "energy", "frequency"])
+def test_a_hopf_point_with_a_bad_number_is_refused(name):
+    (curve,) = coupled.hopf_curves(LUMPED, NEWTON, [POWER * 0.999, POWER * 1.001], [-3e9, 3e9])
+    point = curve.isel(point=0)
+    for value in (np.nan, np.inf) if name == "detuning" else (np.nan, np.inf, 0.0, -1.0):
+        guess = point.assign({name: value})
+        with pytest.raises(th.InputError, match=rf"guess\['{name}'\]"):
+            coupled.limit_cycle(LUMPED, NEWTON, power=POWER, detuning=1e9, guess=guess)
+        with pytest.raises(th.InputError, match=rf"guess\['{name}'\]"):
+            coupled.continue_cycle(LUMPED, NEWTON, "detuning", (20e9, -15e9), guess=guess)

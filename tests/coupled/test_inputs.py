@@ -222,6 +222,10 @@ def test_pieces_of_everything_that_drives():
         ({"event": "delta_T"}, "coupled.Event"),
         ({"event": coupled.Event("delta_T", float("nan"))}, "event.level"),
         ({"event": coupled.Event("heat", 3.0)}, "delta_T"),
+        ({"event": coupled.Event("delta_T", 5.0, stop="no")}, "event.stop = 'no' must be True or False"),
+        ({"event": coupled.Event("delta_T", 5.0, stop=None)}, "event.stop"),
+        ({"event": coupled.Event("delta_T", 5.0, stop=[True])}, "event.stop"),
+        ({"event": coupled.Event("delta_T", 5.0, stop=float("nan"))}, "event.stop"),
     ],
 )
 def test_slips_are_named(change, message):

@@ -86,6 +86,28 @@ def test_no_decay_determines_the_trap_energy():
         coupled.fit_carrier_decay(data, replace(PRINTED, trap_energy=0.5))
 
 
+def test_a_fit_finds_lifetimes_that_differ_by_hundreds():
+    """One search from the mean slopes, within a factor of 30 of them, ended at half of tau0 and twice tau_high."""
+    true = replace(PRINTED, trap_energy=0.35, tau_n=5e-9, tau_p=30e-9)
+    fit = coupled.fit_carrier_decay(coupled.carrier_decay(true, 1e24, np.linspace(0, 400e-9, 200)), true)
+    # round-off of ln N, 4e-16 at 200 samples, through the condition of the fit, 1e3
+    assert fit.parameters["tau0"] == pytest.approx(true.tau0, rel=1e-9)
+    assert fit.parameters["tau_high"] == pytest.approx(35e-9, rel=1e-9)
+
+
+def test_trap_energies_are_the_range_about_the_one_held():
+    """With tau0 > tau_high there are two ranges, and the whole from the first to the last was returned."""
+    true = replace(PRINTED, trap_energy=0.3, tau_n=5e-9, tau_p=30e-9)
+    data = coupled.carrier_decay(true, 1e24, np.linspace(0, 400e-9, 200))
+    low, high = coupled.fit_carrier_decay(data, true).trap_energies
+    assert 0 < low <= 0.3 <= high
+    for energy in np.linspace(low, high, 4):
+        other = coupled.fit_carrier_decay(data, replace(true, trap_energy=energy))
+        assert other.residual < 1e-9
+    with pytest.raises(th.InputError, match=r"only -0\.56 to -0\.296 and 0\.297 to 0\.56 eV do"):
+        coupled.fit_carrier_decay(data, replace(true, trap_energy=0.0))
+
+
 def test_figure_labels_itself():
     axes = plot_carrier_decay(coupled.carrier_decay(PRINTED, 2e23, TIMES))
     assert [ax.get_xlabel() for ax in axes] == ["time (ns)", "carrier density (cm$^{-3}$)"]

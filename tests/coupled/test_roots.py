@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from coupled.equilibria.roots import HALVINGS, roots
+from coupled.equilibria.roots import HALVINGS, crossings, roots
 
 FUNCTIONS = (
     lambda t: t - 0.3,
@@ -41,3 +41,11 @@ def test_a_smooth_function_needs_a_quarter_of_the_steps_of_bisection():
 
     assert roots(f, 50) == pytest.approx(np.sqrt(np.linspace(0.1, 0.9, 50)), abs=2.0 ** (1 - HALVINGS))
     assert len(calls) <= 2 + HALVINGS // 4
+
+
+@pytest.mark.parametrize("gap", [1.0, 1e-2, 1e-6])
+def test_pairs_of_zeros_between_two_points_of_a_grid_are_found(gap):
+    zeros = np.array([0.123, 0.123 + gap, 3.3])
+    found = crossings(lambda x: np.prod(x[..., None] - zeros, axis=-1), np.linspace(0, 5, 11))
+    # 2^-48 of a step of the grid, and the round-off of x - 0.123 beside a slope of the gap
+    assert found == pytest.approx(np.sort(zeros), abs=1e-14)

@@ -18,6 +18,7 @@ from coupled.kernels.kinds import Static
 RING = coupled.borghi2021()
 LUMPED = RING.with_lumped_fcd()
 EXPERIMENT = surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)
+TWO = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
 NEWTON = surrogate.newton(tau_th=275e-9)
 SIXTEEN = th.Foster(R=np.linspace(100, 800, 16), tau=np.geomspace(2e-9, 9e-6, 16))
 CASES = {"second order": (RING, EXPERIMENT), "newton": (LUMPED, NEWTON), "sixteen poles": (RING, SIXTEEN)}
@@ -145,6 +146,21 @@ def test_folds_of_heat_alone_are_those_of_the_cubic():
     assert np.abs(sum(terms)).max() < 1e-13 * max(np.abs(t).max() for t in terms)
     # The cusp: detuning -sqrt(3) gamma. It lies between two of 300 points, quadratically flat in between: (pi/300)^2.
     assert delta.max() == pytest.approx(-np.sqrt(3) * rates.loss, rel=2e-3)
+
+
+@pytest.mark.parametrize("share", [1e-1, 1e-2, 1e-3])
+def test_folds_are_found_in_windows_of_any_size(share):
+    """Windows between two of 300 points held no curve."""
+    curve = coupled.transmission(RING, TWO, power=15e-3, detuning=(-150e9, 50e9))
+    nu = curve.detuning.values
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(nu)))) + 1
+    for k in turns[nu[turns] > -149e9]:  # the curve leaves the range once more
+        left, right = nu[k] - 20e9 * share, nu[k] + 20e9 * share
+        (fold,) = coupled.fold_curves(RING, TWO, [15e-3 * (1 - share), 15e-3 * (1 + share)], [left, right])
+        at = float(np.interp(15e-3, *np.sort([fold.power.values, fold.detuning.values], axis=1)))
+        sides = (left + at) / 2, (right + at) / 2
+        counts = [coupled.steady_states(RING, TWO, power=15e-3, detuning=s).sizes["branch"] for s in sides]
+        assert abs(counts[0] - counts[1]) == 2
 
 
 def test_crossing_a_fold_changes_the_number_of_fixed_points_by_two():

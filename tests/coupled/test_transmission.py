@@ -34,6 +34,28 @@ def test_every_point_of_a_curve_is_a_fixed_point(laser):
     assert {"stable", "saddle", "unstable focus"} <= set(curve.regime.values)
 
 
+@pytest.mark.parametrize("width", [1e5, 1e7, 1e9, 60e9])
+def test_a_curve_reaches_from_border_to_border_of_any_range(width):
+    """Ranges between two of 600 points were empty."""
+    for nu in (-32e9, -10e9, 3e11):
+        ends = (nu, nu + width)
+        curve = coupled.transmission(RING, EXPERIMENT, power=5e-3, detuning=ends)
+        assert (curve.detuning.min(), curve.detuning.max()) == ends
+        for end in ends:
+            states = coupled.steady_states(RING, EXPERIMENT, power=5e-3, detuning=end)
+            # the ends of the pieces, to 2^-48 of a bracket beside the energies of fixed points to round-off
+            at = np.unique(curve.energy.values[curve.detuning.values == end])
+            assert at == pytest.approx(states.energy.values, rel=1e-9, abs=0)
+
+
+def test_a_curve_against_power_holds_all_branches_of_a_narrow_range():
+    for ends in ((5e-3, 5e-3 * (1 + 1e-9)), (5e-3, 5.00001e-3), (1e-9, 1e-8)):
+        curve = coupled.transmission(RING, EXPERIMENT, power=ends, detuning=-32e9)
+        assert (curve.power.min(), curve.power.max()) == ends
+        states = coupled.steady_states(RING, EXPERIMENT, power=ends[0], detuning=-32e9)
+        assert np.count_nonzero(curve.power.values == ends[0]) == states.sizes["branch"]
+
+
 def test_a_weak_laser_sees_a_lorentzian():
     curve = coupled.transmission(RING, EXPERIMENT, power=1e-9, detuning=(-50e9, 50e9))
     delta, gamma = 2 * np.pi * curve.detuning.values, RING.linear_rate
