@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import coupled
 import surrogate
@@ -55,7 +56,7 @@ def swing_of(model, power, detuning, ring=RING, initial=None):
 
 def test_a_supercritical_pulse_grows_like_the_root():
     """r = sqrt(-growth/g) on the side that grows, nothing on the other: from the eigenvalue and g alone."""
-    curve = coupled.hopf_curves(RING, EXPERIMENT, POWERS, DETUNINGS)[0]
+    curve = xr.concat(coupled.hopf_curves(RING, EXPERIMENT, POWERS, DETUNINGS), "point")
     soft = np.flatnonzero((curve.lyapunov.values < 0) & curve.leading.values)
     point = curve.isel(point=int(soft[np.argmin(np.abs(curve.detuning.values[soft] + 10e9))]))
     sides = {+1: [], -1: []}

@@ -222,3 +222,32 @@ def test_slips_are_named_in_one_line(function, powers, detunings, message):
     with pytest.raises(th.InputError, match=message) as error:
         function(RING, EXPERIMENT, powers, detunings)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("scale", [0.685, 0.6875])
+def test_a_thin_closed_hopf_curve_is_found_in_every_window(scale):
+    """Between two sheets it was lost, or half of it, in windows wider than itself: 0 curves for 419 pulsing points."""
+    ring = replace(RING, fcd=tuple((scale * c, p) for c, p in RING.fcd))
+    heat = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
+    seen = []
+    for powers, detunings in (([1e-3, 0.1], [-3e11, 5e10]), ([1e-3, 20e-3], [-100e9, 30e9])):
+        (curve,) = coupled.hopf_curves(ring, heat, powers, detunings)
+        assert curve.power.values[0] == curve.power.values[-1]  # closed
+        ends = [f(curve[name].values) for name in ("power", "detuning") for f in (np.min, np.max)]
+        seen.append([*np.array(ends) / [1e-3, 1e-3, 1e9, 1e9]])
+    # points lie a hundredth of a window apart: the ends of the smaller one to a thousandth
+    np.testing.assert_allclose(seen[0], seen[1], rtol=3e-3)
+    if scale == 0.685:  # dense eigenvalues on a grid of 0.05 mW and 0.1 GHz
+        np.testing.assert_allclose(seen[1], [8.764, 11.583, -69.36, -46.04], rtol=3e-3)
+        for nu, inwards in zip(_crossings(curve, 10e-3), (1, -1), strict=True):
+            hot = [coupled.steady_states(ring, heat, power=10e-3, detuning=nu + d * inwards) for d in (-2e8, 2e8)]
+            growth = [float(states.growth_rate[-1]) for states in hot]  # of the brightest fixed point
+            assert growth[0] < 0 < growth[1]
+
+
+def _crossings(curve, power):
+    """Detunings at which a curve passes a power, in order."""
+    away = curve.power.values - power
+    at = np.flatnonzero(away[:-1] * away[1:] < 0)
+    share = away[at] / (away[at] - away[at + 1])
+    return np.sort(curve.detuning.values[at] + share * np.diff(curve.detuning.values)[at])

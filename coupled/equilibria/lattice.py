@@ -1,0 +1,124 @@
+"""Lattices on which the zero contours of a function of two variables are found, with more lines where these need them.
+
+A closed contour that is smaller than a cell changes no sign on the lattice: it lies where the function has an extremum
+that comes near zero. Of one that is a few cells wide the ends are cut off. Where two contours cross, a lattice does not
+tell which of four ways belong together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from thermofem.arrays import Array, NDArray
+
+ROUNDS = 3
+WIDE = 12  # cells: a contour that is as wide in both directions is resolved
+LINES = 16  # through the place of a small one
+FINEST = 1e-3  # distance of lines
+MOST = 1200  # lines in either direction
+Box = tuple[int, int, int, int]  # first and last line in either direction
+
+
+class Piece(NamedTuple):
+    """A stretch of a curve, a point in each column."""
+
+    points: Array
+    cut: tuple[bool, bool]  # whether it was cut where it starts, and where it ends
+
+
+def refined(values: Callable[[Array, Array], tuple[Array, Array, Array]], x: Array, y: Array) -> tuple[Array, Array]:
+    """The lines x and y with others between them.
+
+    values: the function whose contours are wanted, and two others; where all three vanish, two contours cross.
+    """
+    for _ in range(ROUNDS):
+        z, *both = values(x, y)
+        boxes = [*_dips(z), *_small(z), *_crossings(z, both)]
+        wider = _with_lines(x, [box[:2] for box in boxes]), _with_lines(y, [box[2:] for box in boxes])
+        if wider[0].size + wider[1].size == x.size + y.size or max(map(len, wider)) > MOST:
+            break
+        x, y = wider
+    return x, y
+
+
+def one_sign(z: Array, points: int = 3) -> NDArray[np.bool_]:
+    """Whether the values at each square of ``points`` have one sign."""
+    square = sliding_window_view(z, (points, points))
+    return np.asarray((square.min(axis=(2, 3)) > 0) | (square.max(axis=(2, 3)) < 0))
+
+
+def _around(z: Array) -> Array:
+    """The nine values about every inner point, shape (..., 3, 3)."""
+    return sliding_window_view(z, (3, 3))
+
+
+def _reach(z: Array) -> Array:
+    """By how much parabolas through the nine points about each inner one come nearer to zero than it does, at most."""
+    nine = np.abs(_around(z))
+    total = np.abs(nine[..., 2, 2] - nine[..., 2, 0] - nine[..., 0, 2] + nine[..., 0, 0]) / 4
+    for before, after in ((nine[..., 1, 0], nine[..., 1, 2]), (nine[..., 0, 1], nine[..., 2, 1])):
+        bend = before - 2 * nine[..., 1, 1] + after
+        total += np.where(bend > 0, (after - before) ** 2 / (8 * np.where(bend > 0, bend, 1.0)), 0.0)
+    return np.asarray(total)
+
+
+def _boxes(marked: NDArray[np.bool_]) -> Iterator[Box]:
+    """The cells about the marked inner points."""
+    for i, j in zip(*np.nonzero(marked), strict=True):
+        yield int(j), int(j) + 2, int(i), int(i) + 2
+
+
+def _dips(z: Array) -> Iterator[Box]:
+    """Where a function of one sign comes near zero between lines."""
+    lowest = np.abs(z[1:-1, 1:-1]) <= np.abs(_around(z)).min(axis=(2, 3))
+    yield from _boxes(lowest & one_sign(z) & (np.abs(z[1:-1, 1:-1]) <= 2 * _reach(z)))
+
+
+def _crossings(z: Array, both: Sequence[Array]) -> Iterator[Box]:
+    """Where two contours cross."""
+    yield from _boxes(~one_sign(z) & ~one_sign(both[0]) & ~one_sign(both[1]))
+
+
+def _small(z: Array) -> Iterator[Box]:
+    """The places of closed contours that are few cells wide, with a cell on either side."""
+    import contourpy
+
+    for line in contourpy.contour_generator(z=z).lines(0.0):
+        low, high = np.floor(np.min(line, axis=0)).astype(int), np.ceil(np.max(line, axis=0)).astype(int)
+        if np.min(high - low) < WIDE and np.array_equal(line[0], line[-1]):
+            (a, c), (b, d) = np.maximum(low - 1, 0), np.minimum(high + 1, np.array(z.shape)[::-1] - 1)
+            yield int(a), int(b), int(c), int(d)
+
+
+def _with_lines(x: Array, spans: Sequence[tuple[int, int]]) -> Array:
+    """The lines with others in the ``spans`` that hold few."""
+    new = [np.linspace(x[a], x[b], LINES) for a, b in set(spans) if b - a < LINES and x[b] - x[a] > FINEST * LINES]
+    if not new:
+        return x
+    every = np.unique(np.concatenate([x, *new]))
+    apart = np.append(True, np.diff(every) > FINEST / 2)
+    return np.asarray(every[apart])
+
+
+def joined(pieces: list[Piece], place: Callable[[Array], Array], farthest: float) -> list[Array]:
+    """Join pieces that were cut, each end with the nearest other one; ``place`` is where distances are measured."""
+    lines = list(pieces)
+    while True:
+        at = {(k, e): place(piece.points[:, -e]) for k, piece in enumerate(lines) for e in (0, 1) if piece.cut[e]}
+        ends = list(at)
+        pairs = [(float(np.linalg.norm(at[p] - at[q])), p, q) for i, p in enumerate(ends) for q in ends[i + 1 :]]
+        distance, (k, e), (m, f) = min(pairs, default=(np.inf, (0, 0), (0, 0)))
+        if distance > farthest:
+            return [line.points for line in lines]
+        first, second = lines[k], lines[m]
+        if k == m:  # a closed curve
+            lines[k] = Piece(np.column_stack([first.points, first.points[:, :1]]), (False, False))
+            continue
+        one = first.points if e == 1 else first.points[:, ::-1]
+        two = second.points if f == 0 else second.points[:, ::-1]
+        both = Piece(np.column_stack([one, two]), (first.cut[1 - e], second.cut[1 - f]))
+        lines = [line for i, line in enumerate(lines) if i not in (k, m)] + [both]
