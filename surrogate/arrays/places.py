@@ -80,9 +80,9 @@ def _check_heaters(heat: HeatProblem, heaters: Sequence[str], part: str) -> None
 def _check_stack(first: HeatProblem, other: HeatProblem, i: int) -> None:
     """Raise InputError unless two rings lie on the same layers."""
     one, two = first.geometry, other.geometry
-    for what in ("layers", "bottom", "top"):
+    for what in ("layers", "bottom", "top", "outer", "ambient"):
         if getattr(one, what) != getattr(two, what):
-            raise InputError(f"heat[{i}] and heat[0] differ in {what}; rings on one chip share its layers")
+            raise InputError(f"heat[{i}] and heat[0] differ in {what}; rings on one chip share its layers and sides")
     for layer in one.layers:
         if one.material_of(layer.name) != two.material_of(layer.name):
             raise InputError(

@@ -21,7 +21,7 @@ import numpy as np
 from thermofem.arrays import Array
 
 FEWEST = 50  # samples from which an autocorrelation is estimated; fewer count as white
-FREE = 5  # samples of a trace beyond the parameters that they fix, below which the variance of all counts as its own
+FREE = 5  # samples of a trace beyond the parameters that they fix, below which its variance is at least that of all
 SEEN = 1e-6  # share of a direction in a trace, of 1 in all, from which on its residuals follow the parameters
 
 
@@ -40,8 +40,9 @@ def noise_along(
     parts = np.split(U[: ends[-1]], ends[:-1])
     each = np.full(len(parts), variance)
     if len(parts) > 1:
-        residuals, shown = zip(*map(_own, residuals, parts), strict=True)
-        each = each if alike else np.array([variance if one is None else one for one in shown])
+        residuals, shown, freedom = zip(*map(_own, residuals, parts), strict=True)
+        least = np.where(np.array(freedom) < FREE, variance, 0.0)
+        each = each if alike else np.maximum(shown, least)
     other = np.append(each[list(rest)], np.full(len(U) - ends[-1] - len(rest), variance))
     scaled = U * np.sqrt(np.append(np.repeat(each, [left.size for left in residuals]), other))[:, None]
     total = sum(own * _lags(left, part) for own, left, part in zip(each, residuals, parts, strict=True))
@@ -49,13 +50,13 @@ def noise_along(
     return np.asarray(scaled.T @ scaled + (vector * np.maximum(value, 0)) @ vector.T)
 
 
-def _own(left: Array, part: Array) -> tuple[Array, float | None]:
-    """Residuals of one trace without what the parameters explain of them, and their variance if they show one."""
+def _own(left: Array, part: Array) -> tuple[Array, float, int]:
+    """Residuals of one trace without what the parameters explain of them, their variance and degrees of freedom."""
     along, size, _ = np.linalg.svd(part, full_matrices=False)
     along = along[:, size > SEEN]
     left = left - along @ (along.T @ left)
     free = left.size - along.shape[1]
-    return left, float(left @ left) / free if free >= FREE else None
+    return left, float(left @ left) / max(free, 1), free
 
 
 def _lags(left: Array, part: Array) -> Array:

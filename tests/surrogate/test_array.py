@@ -274,3 +274,14 @@ def test_half_times_below_a_nanosecond():
     rise = th.solve(heat, th.Constant(1.0), times, rtol=1e-6).delta_T.values / heat.thermal_resistance("core")
     assert rise[0] < 0.5 < rise[2]
     assert rise[1] == pytest.approx(0.5, abs=1e-3)  # the reduction's tolerance, and samples 6 % apart
+
+
+@pytest.mark.parametrize(
+    ("change", "words"), [({"ambient": 400.0}, "ambient"), ({"outer": th.Boundary("open")}, "outer")]
+)
+def test_rings_of_one_chip_share_its_sides_and_ambient(change, words):
+    """The crosstalk was 47.3 or 37.4 K/W, as the ambient of the one ring or the other counted."""
+    large, small = th.strip_ring(), th.strip_ring(radius=3e-6)
+    kinds = [th.assemble(large, 0.05), th.assemble(replace(small, **change), 0.05)]
+    with pytest.raises(th.InputError, match=f"differ in {words}; rings on one chip share its layers and sides"):
+        surrogate.reduce_array(kinds, [(0, 0), (30e-6, 0)])

@@ -450,3 +450,19 @@ def test_a_pulse_between_two_rows_heats():
     pulse = th.Pulse(5e-3, width=4e-8, start=3e-8)
     found = surrogate.fit_foster(th.dataset.build(times, model.response(pulse, times), pulse), order=2)
     np.testing.assert_allclose([found.model.R, found.model.tau], [model.R, model.tau], rtol=1e-5)
+
+
+def test_a_short_noisy_trace_beside_a_quiet_one_has_its_own_variance():
+    """Eight rows with 200 mK beside 300 with 3 mK: the errors were eight times too small."""
+    model, wave = th.Foster(R=[3000.0, 5000.0], tau=[5e-8, 1e-6]), th.Constant(1e-3)
+    found = []
+    for seed in range(40):
+        draw = np.random.default_rng(1000 + seed)
+        data = [
+            th.dataset.build(t, model.response(wave, t) + noise * draw.standard_normal(t.size), wave)
+            for t, noise in ((np.linspace(1e-9, 1e-7, 300), 0.003), (np.geomspace(2e-7, 8e-6, 8), 0.2))
+        ]
+        fit = surrogate.fit_foster(data, order=2)
+        found.append((fit.parameters["R_2"] - 5000) / fit.standard_errors["R_2"])
+    # four degrees of freedom: the pulls are those of Student's t, whose median size is .74
+    assert 0.4 < np.median(np.abs(found)) < 1.3

@@ -243,3 +243,70 @@ def test_a_random_cross_section_keeps_the_promise(draw, seed, needs_mesher, monk
 
     for channel, true, estimated in accuracy.audit(getattr(channels, draw)(seed), 1e-3):
         assert true < 1e-3 or estimated > 1e-3, channel
+
+
+@pytest.mark.parametrize("thickness", [100e-6, 2e-6])
+def test_along_a_plate_over_a_gap_no_domain_is_wide_enough(thickness, needs_mesher):
+    """R_th grows with the logarithm of the size: 1e-4 and .02 were stated, 1e-2 and .45 are due at 1000 sizes."""
+
+    def chip(radius):
+        return th.CrossSection(
+            "chip on an air gap",
+            radius,
+            (
+                th.Layer("sub", "Si", thickness + 2e-6),
+                th.Layer("box", "SiO2", 2e-6, datum=True),
+                th.Layer("clad", "SiO2", 2.22e-6),
+            ),
+            (
+                th.Part("core", "Si", 7.7e-6, 8.2e-6, 0.0, 220e-9, heated=True),
+                th.Part("gap", "void", 0.0, radius, -4e-6 - thickness, 2e-6),
+            ),
+            outer=th.Boundary("open"),
+        )
+
+    heat = th.assemble(chip(60e-6))
+    due = [th.assemble(chip(60e-6 * size)).thermal_resistance() / heat.thermal_resistance() - 1 for size in (10, 1000)]
+    decade = (due[1] - due[0]) / 2
+    # 2500 sizes are .4 decades more, and what is left beyond is 1/ln 10 of one
+    assert due[1] < heat.errors()[1] < due[1] + (0.4 + 0.43 + 0.3) * decade
+
+
+def test_a_trench_at_the_edge_of_the_chip_has_a_domain_error(needs_mesher):
+    """A void over the whole outer side ended in NumPy's error after the solve.
+
+    What goes on below is a column of silicon: its end decides, and the error says so.
+    """
+    ring = th.strip_ring(outer_radius=30e-6)
+    trench = th.Part("trench", "void", 25e-6, 30e-6, bottom=ring.bottom_z, height=ring.top_z - ring.bottom_z)
+    heat = th.assemble(replace(ring, parts=(*ring.parts, trench)))
+    assert heat.errors()[1] > 1
+
+
+def test_a_contact_on_a_side_goes_on_beyond_the_domain(needs_mesher):
+    """Without the contact there, .118 were stated for .141."""
+
+    def film(radius, outer):
+        return th.CrossSection(
+            "film",
+            radius,
+            (
+                th.Layer("sub", "Si", 2e-6),
+                th.Layer("box", "SiO2", 2e-6, datum=True),
+                th.Layer("clad", "SiO2", 2.22e-6),
+            ),
+            (
+                th.Part("film", "SiO2", 0.0, radius, 1.22e-6, 1e-6),
+                th.Part("core", "Si", 7.7e-6, 8.2e-6, 0.0, 220e-9, heated=True),
+            ),
+            (th.Interface("film", 1e-5),),
+            bottom=th.Boundary("convection", 1e4),
+            outer=th.Boundary(outer),
+            top=th.Boundary("isothermal"),
+        )
+
+    heat = th.assemble(film(12e-6, "isothermal"), 1e-3)
+    wide = th.assemble(film(600e-6, "open"), 1e-3).thermal_resistance()
+    # two meshes of 1e-3, and the coarse elements beyond leave 3 % of the change
+    expected = wide / heat.thermal_resistance() - 1
+    assert heat.errors()[1] == pytest.approx(expected, rel=0.03, abs=1e-3)

@@ -186,3 +186,11 @@ def test_the_jacobian_is_the_derivative_of_the_rate():
     columns = [(model.rate(x + step * e, 0.01) - model.rate(x - step * e, 0.01)) / (2 * step) for e in np.eye(3)]
     # central differences of a quadratic are exact: round-off 1e-16 rate/step
     assert model.jacobian(x, 0.01) == pytest.approx(np.array(columns).T, rel=1e-9, abs=1e-3)
+
+
+def test_the_start_alone_is_at_rest():
+    """The integrator was given 1e-308 s, and the model was said to run away."""
+    for times in (0.0, [0.0], [0.0, 0.0]):
+        found = quadratic().response(th.Constant(1e-3), times)
+        assert found.shape == np.shape(times)
+        assert not found.any()

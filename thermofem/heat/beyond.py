@@ -10,22 +10,23 @@ the change of R_th within 3 % from 5e-4 of R_th on; what is less drowns in the d
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..algebra.factor import solve_once
 from ..arrays import Array, NDArray
 from ..mesh import Mesh
-from .interface import contacts, resistances
+from .interface import beside, contacts, resistances
 from .matrices import build, properties
-from .surfaces import Surfaces
+from .surfaces import Surfaces, exchanged, surface_terms
 
 if TYPE_CHECKING:
     from .matrices import Discretization
     from .problem import HeatProblem
 
-FAR = 50.0  # sizes of the domain to which it goes on
+FAR = 50.0  # sizes of the domain to which it goes on; squared where much is left beyond
+LEFT = 2e-4  # of R_th, beyond that end: a solid leaves less, along a plate R_th grows with the logarithm of the size
 STEP = 1.6  # ratio of the distances of neighbouring layers of elements
 
 
@@ -34,21 +35,27 @@ class Wider:
     """A heat problem on the wider domain.
 
     place [shape (unknowns,)]: number of each function of the domain among those of the wider one.
+    beyond: the part of K that stands for what lies beyond the far ends.
     """
 
     discretization: Discretization
     place: NDArray[np.intp]
+    beyond: Any
 
-    def resistance(self, heat: HeatProblem, heated: str, read: str) -> float:
-        """Thermal resistance in K/W with the heated part and the one that is read as they are."""
+    def resistance(self, heat: HeatProblem, heated: str, read: str) -> tuple[float, float]:
+        """Thermal resistance in K/W with the heated part and the one that is read as they are, and what lies beyond.
+
+        That is T_h^T K T_r of the fields that heat in either part makes, with the far ends' part of K.
+        """
         d = self.discretization
-        source, reader = np.zeros(d.basis.N), np.zeros(d.basis.N)
-        source[self.place] = heat.discretization.means[heated]
-        reader[self.place] = heat.discretization.means[read]
-        return float(reader[d.free] @ solve_once(d.K, source[d.free]))
+        loads = np.zeros((2, d.basis.N))
+        loads[:, self.place] = [heat.discretization.means[name] for name in (heated, read)]
+        loads = loads[:, d.free]
+        fields = [solve_once(d.K, load) for load in loads[: 1 if heated == read else 2]]
+        return float(loads[1] @ fields[0]), float(fields[0] @ (self.beyond @ fields[-1]))
 
 
-def wider(heat: HeatProblem) -> Wider | None:
+def wider(heat: HeatProblem, sizes: float = FAR) -> Wider | None:
     """The heat problem beyond the bottom and the outer side, but not beyond convection; None where both have it."""
     sides = [side for side in ("bottom", "outer") if getattr(heat.geometry, side).kind != "convection"]
     if not sides:
@@ -56,7 +63,7 @@ def wider(heat: HeatProblem) -> Wider | None:
     geometry, grid = heat.geometry, heat.discretization.basis.mesh
     source = heat.discretization.surfaces.source
     R, depth = geometry.outer_radius, source - geometry.bottom_z
-    far = FAR * max(R, depth)
+    far = sizes * max(R, depth)
     grown = _Grown(heat.mesh.points, heat.mesh.triangles, np.arange(len(heat.mesh.triangles)))
     if "outer" in sides:
         grown = grown.beyond(heat, "outer", R * _steps(far / R))
@@ -67,10 +74,12 @@ def wider(heat: HeatProblem) -> Wider | None:
     count = len(heat.mesh.triangles)
     facet = np.zeros(grid.facets.shape[1], dtype=np.intp)
     facet[grid.t2f] = mesh.skfem.t2f[:, :count]
-    d = build(mesh, k, np.ones(len(mesh.triangles)), _surfaces(heat, mesh, facet, sides))
+    surfaces = _surfaces(heat, mesh, facet, sides, far, source - far)
+    d = build(mesh, k, np.ones(len(mesh.triangles)), surfaces)
+    beyond = surface_terms(d.basis, k, Surfaces(open=surfaces.open, source=surfaces.source)).tocsr()
     place = np.zeros(heat.discretization.basis.N, dtype=np.intp)
     place[heat.discretization.basis.element_dofs] = d.basis.element_dofs[:, :count]
-    return Wider(d, place)
+    return Wider(d, place, beyond[d.free][:, d.free])
 
 
 def _steps(ratio: float) -> Array:
@@ -96,6 +105,8 @@ class _Grown:
         facets = grid.boundary_facets()
         there = np.abs(grid.p[axis, grid.facets[:, facets]] - at).max(axis=0) <= 1e-9 * heat.geometry.outer_radius
         facets = facets[there]
+        if facets.size == 0:  # a void there
+            return self
         ends, beside = grid.facets[:, facets], self.owner[grid.f2t[0, facets]]
         vertices, local = np.unique(ends, return_inverse=True)
         local = local.reshape(ends.shape)
@@ -113,8 +124,13 @@ class _Grown:
         return _Grown(points, np.concatenate([self.triangles, new]), np.concatenate([self.owner, owner]))
 
 
-def _surfaces(heat: HeatProblem, mesh: Mesh, facet: NDArray[np.intp], sides: list[str]) -> Surfaces:
-    """Boundary conditions and contacts of the wider domain; ``facet`` numbers those of the domain in it."""
+def _surfaces(
+    heat: HeatProblem, mesh: Mesh, facet: NDArray[np.intp], sides: list[str], reach: float, depth: float
+) -> Surfaces:
+    """Boundary conditions and contacts of the wider domain; ``facet`` numbers those of the domain in it.
+
+    reach, depth [m]: r and z of the far ends.
+    """
     geometry, old, grid = heat.geometry, heat.discretization.surfaces, heat.discretization.basis.mesh
     edge = grid.boundary_facets()
     r, z = grid.p[:, grid.facets[:, edge]].mean(axis=1)
@@ -122,8 +138,6 @@ def _surfaces(heat: HeatProblem, mesh: Mesh, facet: NDArray[np.intp], sides: lis
     inside = edge[np.any([on[side] for side in sides], axis=0)]
     held = [facet[np.setdiff1d(old.held, inside)]]
     convection = {h: [facet[np.setdiff1d(there, inside)]] for h, there in old.convection.items()}
-    top = grid.p[1, grid.facets[:, edge[on["outer"]]]].max()
-
     wide = mesh.skfem
     new = np.setdiff1d(wide.boundary_facets(), facet[edge])
     ends = wide.p[:, wide.facets[:, new]]
@@ -134,21 +148,23 @@ def _surfaces(heat: HeatProblem, mesh: Mesh, facet: NDArray[np.intp], sides: lis
 
     far = np.zeros(len(new), dtype=bool)
     if "outer" in sides:
-        far |= at(0, wide.p[0].max())
+        far |= at(0, reach)
     if "bottom" in sides:
-        far |= at(1, wide.p[1].min())
+        far |= at(1, depth)
     for side, there in (
         ("bottom", at(1, geometry.bottom_z)),
         ("outer", at(0, geometry.outer_radius)),
-        ("top", at(1, top)),
+        ("top", at(1, geometry.top_z)),
     ):
         boundary = getattr(geometry, side)
-        if side in sides:
+        h = boundary.exchange(geometry.ambient)
+        if side in sides or not (h or boundary.kind == "isothermal"):
             continue
-        if h := boundary.exchange(geometry.ambient):
-            convection.setdefault(h, []).append(new[there & ~far])
-        elif boundary.kind == "isothermal":
-            held.append(new[there & ~far])
+        cooled = new[there & ~far]
+        series = beside(mesh, resistances(geometry), cooled)
+        held.append(cooled[series == 0] if not h else cooled[:0])
+        for through, those in exchanged(cooled, h, series).items():
+            convection.setdefault(through, []).append(those)
     return replace(
         old,
         held=np.concatenate(held),

@@ -9,6 +9,8 @@ import logging
 import math
 from typing import TYPE_CHECKING
 
+from .beyond import FAR, LEFT, wider
+
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
     from .problem import HeatProblem
@@ -26,12 +28,17 @@ def domain_error(heat: HeatProblem, heated: str, read: str) -> float:
     """Relative change of R_th if the stack continued beyond its bottom and outer side, see `beyond`.
 
     Sides with convection are mounts, not cuts, and stay as they are. Of open sides it is what 1/d does not describe,
-    such as heat that runs along a layer.
+    such as heat that runs along a layer. Where much is left beyond the far ends they are moved outwards once more, and
+    what is left then counts as error, too: where heat leaves along a plate alone, no domain is wide enough.
     """
     if heat.wider is None:
         return 0.0
     here = heat.thermal_resistance(heated, read)
-    return abs(heat.wider.resistance(heat, heated, read) - here) / here
+    there, left = heat.wider.resistance(heat, heated, read)
+    if left <= LEFT * here or (farther := wider(heat, FAR**2)) is None:
+        return abs(there - here) / here
+    there, left = farther.resistance(heat, heated, read)
+    return (abs(there - here) + left) / here
 
 
 def warn_of_domain(geometry: CrossSection, domain: float, accuracy: float, what: str = "R_th") -> None:

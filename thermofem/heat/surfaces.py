@@ -71,9 +71,8 @@ def surfaces_of(geometry: CrossSection, mesh: Mesh, resistance: dict[str, float]
         series = beside(mesh, resistance, there) * (h > 0 or boundary.kind == "isothermal")
         if not h:
             where[boundary.kind] = np.append(where[boundary.kind], there[series == 0])
-        for own in np.unique(series[(series > 0) | (h > 0)]):
-            through = 1 / (own + (1 / h if h else 0.0)) if own else h
-            convection[through] = np.append(convection.get(through, none), there[series == own])
+        for through, those in exchanged(there, h, series).items():
+            convection[through] = np.append(convection.get(through, none), those)
     heat = next(part for part in geometry.parts if part.heated)
     return Surfaces(
         held=where["isothermal"],
@@ -82,6 +81,17 @@ def surfaces_of(geometry: CrossSection, mesh: Mesh, resistance: dict[str, float]
         source=heat.bottom + heat.height / 2,
         contacts=contacts(mesh, resistance),
     )
+
+
+def exchanged(facets: Facets, h: float, series: Array) -> dict[float, Facets]:
+    """Facets of a side by the coefficient through which they lose heat, W/(m^2 K): 1/(1/h + R), or 1/R where h is 0.
+
+    series [shape of ``facets``, m^2 K/W]: R of the parts there. Facets of a held side without R are left out.
+    """
+    found = {}
+    for own in np.unique(series[(series > 0) | (h > 0)]):
+        found[float(1 / (own + (1 / h if h else 0.0)) if own else h)] = facets[series == own]
+    return found
 
 
 def surface_terms(basis: Any, conductivity: ArrayLike, surfaces: Surfaces) -> Any:

@@ -91,7 +91,8 @@ def _law(given: dict[str, Any], unit: str, of: str) -> Law:
     if kinds == {"polynomial"}:
         return Polynomial(_list(given["polynomial"], None, f"{of}: polynomial"), **reference)
     if kinds <= {"exponent"}:
-        return PowerLaw(given["exponent"], **reference) if kinds else CONSTANT
+        law = PowerLaw(given.get("exponent", 0.0), **reference)
+        return law if kinds else CONSTANT
     raise InputError(
         f"{of}: give exponent, or polynomial, or temperature with values (given: {', '.join(sorted(kinds))})"
     )

@@ -195,6 +195,8 @@ class Quadratic:
         scale = self._size(peak) + np.abs(x)
         result = np.empty((t.size, self.order))
         result[t == 0] = x
+        if not t.any():
+            return result
         marks = [0.0, *wave.breakpoints(0.0, stop).tolist(), stop]
         if len(marks) > MOST_MARKS:
             raise checks.InputError(
