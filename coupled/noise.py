@@ -21,9 +21,12 @@ from thermofem import checks
 from thermofem.arrays import Array
 from thermofem.waveforms import PiecewiseCubic
 
+from .inputs import bounds, pieces
+
 OVERSAMPLED = 8  # samples in the shortest period: cubics between them err by 1e-3
 LONGER = 1.05  # of the record, so that its end does not resemble its start
 MOST = 2_000_000  # samples
+INTENSITY, FREQUENCY = 0, 1  # sources of noise, independent for one seed
 
 
 def intensity_noise(power: float, rin: float, *, bandwidth: float, duration: float, seed: int = 0) -> PiecewiseCubic:
@@ -39,6 +42,7 @@ def intensity_noise(power: float, rin: float, *, bandwidth: float, duration: flo
         above it there is none; light in a ring follows up to its linewidth.
     duration : float, s
     seed : int
+        two lasers need two; intensity and frequency of one laser are independent for one seed.
 
     Raises
     ------
@@ -51,13 +55,14 @@ def intensity_noise(power: float, rin: float, *, bandwidth: float, duration: flo
     """
     power = checks.positive("power", power, unit="W", at_most=1, hint="8 dBm is 6.31e-3")
     rin = checks.between("rin", rin, -250, 0, unit="dB/Hz", hint="-130 is a common diode laser")
-    times, e = _white(10 ** (rin / 10), bandwidth, duration, seed)
-    if e.min() <= -1:
+    times, e = _white(10 ** (rin / 10), bandwidth, duration, seed, INTENSITY)
+    wave = _wave(times, power * (1 + e))
+    if bounds(pieces("power", wave, 0.0, duration))[0] <= 0:
         raise checks.InputError(
             f"rin = {rin:g} dB/Hz over {bandwidth:g} Hz has a standard deviation of {e.std():.2g} of the power, which "
             "would become negative; take a smaller bandwidth"
         )
-    return _wave(times, power * (1 + e))
+    return wave
 
 
 def frequency_noise(linewidth: float, *, bandwidth: float, duration: float, seed: int = 0) -> PiecewiseCubic:
@@ -80,11 +85,11 @@ def frequency_noise(linewidth: float, *, bandwidth: float, duration: float, seed
     True
     """
     linewidth = checks.positive("linewidth", linewidth, unit="Hz", at_most=1e12, hint="1e5 is 100 kHz")
-    return _wave(*_white(linewidth / np.pi, bandwidth, duration, seed))
+    return _wave(*_white(linewidth / np.pi, bandwidth, duration, seed, FREQUENCY))
 
 
-def _white(density: float, bandwidth: float, duration: float, seed: int) -> tuple[Array, Array]:
-    """Times and samples of noise of a one-sided density below a bandwidth."""
+def _white(density: float, bandwidth: float, duration: float, seed: int, source: int) -> tuple[Array, Array]:
+    """Times and samples of noise of a one-sided density below a bandwidth; each ``source`` has series of its own."""
     bandwidth = checks.positive("bandwidth", bandwidth, unit="Hz", at_most=1e13, hint="1e9 is 1 GHz")
     duration = checks.positive("duration", duration, unit="s", at_most=1, hint="did you mean 20e-6 for 20 us?")
     checks.seed(seed)
@@ -98,7 +103,7 @@ def _white(density: float, bandwidth: float, duration: float, seed: int) -> tupl
     lines = int(bandwidth * length)
     if lines < 1:
         raise checks.InputError(f"bandwidth = {bandwidth:g} Hz has no period within {duration:g} s; raise it")
-    draw = np.random.default_rng(checks.seed(seed)).normal(size=(lines, 2))
+    draw = np.random.default_rng([checks.seed(seed), source]).normal(size=(lines, 2))
     spectrum = np.zeros(n // 2 + 1, dtype=complex)
     # each line has the power density/length: amplitude^2/2 = density/length
     spectrum[1 : lines + 1] = (draw @ [1, 1j]) * np.sqrt(density / length) * n / 2

@@ -1,4 +1,4 @@
-"""What varies in a run of a circuit, ring by ring: lasers, heaters, and lasers of several frequencies that meet."""
+"""What varies at each ring of a circuit: lasers whose light reaches it, heaters, and lasers that beat in it."""
 
 from __future__ import annotations
 
@@ -6,25 +6,30 @@ import numpy as np
 
 from thermofem.arrays import NDArray
 
-from ..runs.driven import LIGHT, varying
+from ..inputs import pieces
+from ..runs.driven import Spans, attribute, beats, spans
 from .circuit import Circuit
 from .network import NOTHING, Light
 from .system import System
 
 
 def varies(circuit: Circuit, system: System, duration: float) -> dict[str, str]:
-    """The attribute that `driven.varying` makes, with the rings in which light beats."""
-    given = {"the detuning": system.frame}
-    given |= {f"the power of {one.name}": wave for one, wave in zip(circuit.lasers, system.powers, strict=True)}
-    given |= {f"the power of {name}": wave for name, wave in system.heaters.items()}
-    on = np.array([bool(np.any(wave.coefficients)) for wave in system.powers])
-    offsets = np.array([laser.offset for laser in circuit.lasers])
-    beating = [
-        LIGHT + name
-        for name, lasers in zip(circuit.names, reached(system.light), strict=True)
-        if np.unique(offsets[lasers & on]).size > 1
-    ]
-    return varying(given, duration, beating)
+    """The attribute that `driven.varies_in` reads. Where heat goes from ring to ring, what drives one drives all."""
+    common = {"the detuning": system.frame} | {f"the power of {n}": wave for n, wave in system.heaters.items()}
+    lasers = spans({f"the power of {k}": wave for k, wave in enumerate(system.powers)}, duration)
+    offsets = [pieces("offset", float(laser.offset), 0.0, duration) for laser in circuit.lasers]
+    found: dict[str, dict[str, Spans]] = {}
+    for name, here in zip(circuit.names, reached(system.light), strict=True):
+        which = np.flatnonzero(here).tolist()
+        found[name] = spans(common, duration) | {
+            f"the power of {circuit.lasers[k].name}": when for k in which if (when := lasers.get(f"the power of {k}"))
+        }
+        if beating := beats([system.powers[k] for k in which], [offsets[k] for k in which]):
+            found[name][f"the light of {name}"] = beating
+    if system.heat.crossed:
+        together = {key: when for own in found.values() for key, when in own.items()}
+        found = dict.fromkeys(found, together)
+    return attribute(found)
 
 
 def reached(light: Light) -> NDArray[np.bool_]:
@@ -34,7 +39,10 @@ def reached(light: Light) -> NDArray[np.bool_]:
     found = _some(np.vstack([light.from_laser, light.seen_laser[delayed]]))
     way = _some(step)
     for _ in range(len(way)):
-        found = found | (way.astype(int) @ found.astype(int) > 0)
+        further = found | (way.astype(int) @ found.astype(int) > 0)
+        if np.array_equal(further, found):
+            break
+        found = further
     return np.asarray(found[:n])
 
 

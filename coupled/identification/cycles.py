@@ -156,13 +156,12 @@ def _second_half(t: Array, drop: Array) -> tuple[Array, Array]:
     return grid, np.interp(grid, t, drop)
 
 
-def cycle_of(run: xr.Dataset | Record, *, at: Array | None = None, whole: bool = False) -> Cycle:
+def cycle_of(run: xr.Dataset | Record, *, at: Array | None = None) -> Cycle:
     """The mean cycle of a noiseless trace of `simulate`.
 
     ``at`` are the times in s at which a measured trace was sampled: straight lines between samples cut the corners of a
-    cycle, which must be the same ones in both. ``whole`` takes all cycles of the second half by one clock, as `observe`
-    does with a measured trace of that length: what has not settled is then in both. Otherwise the last three count,
-    each by its own clock.
+    cycle, which must be the same ones in both. All cycles of their second half then count by one clock, as `observe`
+    takes them: what has not settled is in both. Otherwise the last three count, each by its own clock.
     """
     found = pulsing(run)
     t, drop, N = (run[name].values for name in ("time", "drop", "carriers"))
@@ -170,12 +169,14 @@ def cycle_of(run: xr.Dataset | Record, *, at: Array | None = None, whole: bool =
     edges = crossings(t, N, (N[late].min() + N[late].max()) / 2)[-LAST - 1 :]
     if found.regime != Regime.SELF_PULSING or edges.size < 2:
         still = np.zeros(HARMONICS + 1, dtype=complex)
-        still[0] = np.interp(np.linspace(t[0] + 0.75 * (t[-1] - t[0]), t[-1], 512), t, drop).mean()
+        late = np.linspace(t[0] + 0.75 * (t[-1] - t[0]), t[-1], 512) if at is None else at
+        level = np.interp(late, t, drop)
+        still[0] = (level if at is None else _second_half(at, level)[1]).mean()
         return Cycle(float("nan"), still)
     clock = float(np.mean(np.diff(edges)))
     if at is not None:
         t, drop = at, np.interp(at, t, drop)
-    if not whole or SETTLED_SHARE * (t[-1] - t[0]) < 2 * clock:
+    if at is None or SETTLED_SHARE * (t[-1] - t[0]) < 2 * clock:
         return Cycle(clock, _pieces(t, drop, edges, _step(t), SAMPLES).mean(axis=0))
     t, drop = _second_half(t, drop)
     step = _step(t)

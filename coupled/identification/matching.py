@@ -34,6 +34,7 @@ EVALUATIONS = 15  # steps of least squares in each
 FEWEST = 4  # cycles of a trace from which a scatter is estimated
 WEAKEST = 0.1  # change of all residuals by a factor of e that determines something: a thousandth of the period
 MIXED = 0.01  # share of a parameter in a direction that is open, from which on it is open itself
+UNEVEN, COARSE = 3.0, 0.01  # largest gap between samples over the median one, and over the period
 AT_BOUND = 1e-3  # of the logarithm: a parameter this near a bound has not ended before it
 
 
@@ -48,19 +49,26 @@ class Target(NamedTuple):
     settled: bool = False
     """Whether nothing is known of its beginning, and it is compared with the settled cycle."""
 
-    def sampling(self, model: Compact) -> tuple[Array, bool]:
-        """When the trace of a model is sampled, s, and whether these are the times of the measured trace.
+    @property
+    def uneven(self) -> bool:
+        """Whether samples are so unevenly spread that straight lines between them bend the cycle by chance."""
+        late = self.times[self.times >= (self.times[0] + self.times[-1]) / 2]
+        gaps = np.diff(late)
+        return bool(gaps.max() > UNEVEN * np.median(gaps) and gaps.max() > COARSE * self.observed.clock)
+
+    def sampling(self, model: Compact) -> Array:
+        """When the trace of a model is sampled, s.
 
         Of a settled trace, and of one that is longer than the model needs to settle, the last cycles of a trace that
         is just so long are compared.
         """
         enough = max(LONGEST, SETTLED / slowest(model))
         if not self.settled and self.times[-1] <= enough and self.times.size <= MOST:
-            return self.times, True
+            return self.times
         step = float(np.median(np.diff(self.times)))
         whole = not self.settled and self.times[-1] <= enough
         begin, end = (self.times[0], self.times[-1]) if whole else (0.0, enough)
-        return np.linspace(begin, end, min(MOST, 1 + math.ceil((end - begin) / step))), whole
+        return np.linspace(begin, end, min(MOST, 1 + math.ceil((end - begin) / step)))
 
 
 def targets_of(traces: xr.Dataset | Sequence[xr.Dataset]) -> list[Target]:
@@ -110,13 +118,13 @@ def _check_alone(name: str, trace: Any) -> None:
 
 def simulated(ring: RingResonator, model: Compact, target: Target) -> Cycle:
     """The cycle of the model under the drive of a trace, sampled as the trace is."""
-    at, whole = target.sampling(model)
+    at = target.sampling(model)
     end = float(at[-1])
     run = simulate.record(
         ring, model, power=target.power, detuning=target.detuning, duration=end, rtol=RTOL,
         times=np.unique(np.concatenate([at, np.linspace(0.0, end, int(end / STEPS) + 1)])),
     )  # fmt: skip
-    return cycle_of(run, at=at, whole=whole)
+    return cycle_of(run, at=at)
 
 
 def residuals(what: Unknowns, targets: list[Target], wanted: list[Cycle], x: Array) -> Array:
@@ -183,7 +191,7 @@ def deviations(what: Unknowns, targets: list[Target], x: Array) -> Array:
     """Standard deviations of the fitted logarithms ``x``, from the scatter between the cycles of each trace.
 
     inf where the traces do not determine a parameter, nan where it ended on a bound; the others then hold for that
-    value. nan, too, where a trace has fewer than `FEWEST` cycles.
+    value. nan, too, where a trace has fewer than `FEWEST` cycles or uneven samples.
 
     Jackknife: leave out one cycle i of the n cycles of a trace. With the residuals r, without that cycle r_(i), and
     their derivative J,
@@ -192,6 +200,8 @@ def deviations(what: Unknowns, targets: list[Target], x: Array) -> Array:
     """
     wanted = [target.observed.mean() for target in targets]
     found = np.full(x.size, np.nan)
+    if any(target.uneven for target in targets):
+        return found
     free = np.flatnonzero(~at_bound(what, x))
     if free.size == 0:
         return found

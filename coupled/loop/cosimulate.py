@@ -11,11 +11,12 @@ from thermofem import Foster, HeatProblem, OutputMap, Quadratic, StateSpace, che
 from thermofem.arrays import Array, ArrayLike
 from thermofem.models import NonlinearSystem, ThermalModel
 from thermofem.waveforms import Function, PiecewiseCubic, Waveform
+from thermofem.waveforms.contract import KINDS
 
 from ..arguments import check_run, detuning_in_time, one_laser, power_in_time
 from ..heaters import power_of
 from ..resonator import RingResonator
-from ..runs.driven import varying
+from ..runs.driven import attribute, spans
 from ..runs.record import heater_powers, provenance, traces
 from ..runs.window import Window
 from ..states import State
@@ -159,7 +160,7 @@ def _read(model: Compact, state: State) -> float:
 def _over(name: str, value: Any, duration: float) -> Any:
     """The power of a heater, checked: a waveform, or a number, a function or a list as piecewise cubic."""
     power = power_of(name, value, duration)
-    if hasattr(value, "breakpoints") and not isinstance(value, Function):
+    if type(value).__name__ in KINDS and not isinstance(value, Function):
         return value
     return PiecewiseCubic(power.edges, power.coefficients)
 
@@ -197,10 +198,12 @@ def _dataset(
         },
         attrs={
             **provenance(ring, light, duration),
-            **varying(
-                {"the power": light["input_power"], "the detuning": light["detuning"]}
-                | {f"the power of {name}": wave for name, wave in getattr(loop.corrector, "heaters", {}).items()},
-                float(duration),
+            **attribute(
+                spans(
+                    {"the power": light["input_power"], "the detuning": light["detuning"]}
+                    | {f"the power of {name}": wave for name, wave in getattr(loop.corrector, "heaters", {}).items()},
+                    float(duration),
+                )
             ),
             "rtol": loop.rtol,
             "max_discrepancy": loop.max_discrepancy,

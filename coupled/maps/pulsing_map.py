@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 FAILED = "failed"
+REGIMES = {FAILED, "bistable", *map(str, Regime)}
 
 
 class Follow(Words):
@@ -216,6 +217,9 @@ def overlap(first: xr.Dataset, second: xr.Dataset) -> float:
         if a.shape != b.shape or not np.allclose(a, b, rtol=1e-9, atol=1e-3 if axis == "detuning" else 0):
             raise checks.InputError(f"the maps have different points along {axis}; compute them on the same axes")
     one, other = first["regime"].values, second["regime"].values
+    for name, words in (("first", one), ("second", other)):
+        if odd := sorted({str(word) for word in words.ravel()} - REGIMES):
+            raise checks.InputError(f"{name} has the regime {odd[0]!r}; take {', '.join(sorted(REGIMES))}")
     known = (one != FAILED) & (other != FAILED)
     if not known.any():
         raise checks.InputError("every point failed in one of the maps; their variable 'reason' says why")

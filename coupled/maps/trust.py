@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -21,33 +19,34 @@ NO_SWINGS = np.empty(0)
 
 
 def trusted_map(model: ThermalModel, small: Compact, grid: Grid, swings: Array = NO_SWINGS) -> None:
-    """Warn OutsideTrainingWarning where the fixed points, or the cycle with the largest swing, exceed the training.
+    """Warn OutsideTrainingWarning where the fixed points or the cycles that are likely the hottest exceed the training.
 
     model: as the caller gave it; small: the same, compact.
     swings [shape of the map; K]: of the rings that pulse, nan of others; empty where they are not known.
     """
     if getattr(bare(model), "largest_rise", None) is None:
         return
-    hottest = max(_at_rest(small, row) for row in grid.rows)
+    rests = np.array([[_at_rest(small, point) for point in row] for row in grid.rows])
+    hottest = float(rests.max())
     if np.isfinite(swings).any():
         points = [point for row in grid.rows for point in row]
-        hottest = max(hottest, _pulsing(small, points[int(np.nanargmax(swings))]))
+        rests[np.isnan(swings)] = np.nan
+        likely = {int(np.nanargmax(values)) for values in (swings, rests, swings + rests)}
+        hottest = max(hottest, *(_pulsing(small, points[k]) for k in likely))
     trusted(model, hottest)
 
 
-def _at_rest(model: Compact, row: Sequence[Point]) -> float:
-    """The highest rise at a fixed point of a row, K."""
+def _at_rest(model: Compact, point: Point) -> float:
+    """The highest rise at a fixed point, K."""
     from ..equilibria import balance
 
-    hottest = 0.0
-    for (ring, power), points in groupby(row, key=lambda point: point[:2]):
-        try:
-            at: Internal = internal(ring, model, absorbable(ring, power))
-            U = np.concatenate([fixed_points(ring, at, power, detuning)[0] for _, _, detuning in points])
-        except checks.InputError:  # its cells have failed and say why
-            continue
-        hottest = max(hottest, float(balance.balances(U, at.rates, at.fcd, at.static)[2].max()))
-    return hottest
+    ring, power, detuning = point
+    try:
+        at: Internal = internal(ring, model, absorbable(ring, power))
+        U, _ = fixed_points(ring, at, power, detuning)
+    except checks.InputError:  # its cell has failed and says why
+        return 0.0
+    return float(balance.balances(U, at.rates, at.fcd, at.static)[2].max())
 
 
 def _pulsing(model: Compact, point: Point) -> float:

@@ -24,6 +24,7 @@ from ..kernels.tableaus import Method, tableau
 from ..resonator import RingResonator
 from ..states import State
 from ..thermal import Compact
+from .driven import Spans, beats, spans
 from .window import LONG, MANY, MAX_STEPS, check_end, floor_of, units
 
 if TYPE_CHECKING:
@@ -63,7 +64,8 @@ class Laser:
         checks.plain(self)
         checks.finite("phase", self.phase, unit="rad")
         for name in ("power", "detuning"):
-            if not hasattr(value := getattr(self, name), "breakpoints") or isinstance(value, type):
+            value = getattr(self, name)
+            if isinstance(value, type) or not (isinstance(value, list | tuple) or hasattr(value, "breakpoints")):
                 checks.finite(name, value)
         if self.resonance is not None:
             hint = "give a ring, such as replace(ring, frequency=194e12)"
@@ -157,24 +159,24 @@ def run_several(
     return found, resonances
 
 
-def inputs_of(lasers: Sequence[Laser], duration: float) -> dict[str, Any]:
-    """Power and detuning of further lasers by name."""
-    found: dict[str, Any] = {}
-    for k, one in enumerate(lasers):
-        found[f"the power of laser {k + 2}"] = power_in_time(one.power, duration)
-        found[f"the detuning of laser {k + 2}"] = detuning_in_time(one.detuning, duration)
-    return found
-
-
-def beats(ring: RingResonator, lasers: Sequence[Laser]) -> list[str]:
-    """Where lasers of several constant frequencies meet on one resonance: its power then varies all the time."""
-    at: dict[RingResonator, set[float]] = {ring: set()}
+def varying(ring: RingResonator, lasers: Sequence[Laser], duration: float) -> dict[str, Spans]:
+    """When the lasers but the first vary, and when several of different frequencies are on at one resonance."""
+    places: list[RingResonator] = [ring]
+    at: list[int] = []
     for one in lasers:
-        here = at.setdefault(one.resonance or ring, set())
-        if isinstance(one.detuning, int | float) and not (isinstance(one.power, int | float) and one.power == 0):
-            here.add(float(one.detuning))
-    names = ["the power", *(f"the power on resonance {k + 2}" for k in range(len(at) - 1))]
-    return [name for name, seen in zip(names, at.values(), strict=True) if len(seen) > 1]
+        place = one.resonance or ring
+        if place not in places:
+            places.append(place)
+        at.append(places.index(place))
+    powers = [pieces("power", power_in_time(one.power, duration), 0.0, duration) for one in lasers]
+    turns = [pieces("detuning", detuning_in_time(one.detuning, duration), 0.0, duration) for one in lasers]
+    found = spans({f"the power of laser {k + 1}": wave for k, wave in enumerate(powers) if k}, duration)
+    found |= spans({f"the detuning of laser {k + 1}": wave for k, wave in enumerate(turns) if k}, duration)
+    for number in range(len(places)):
+        which = [k for k, own in enumerate(at) if own == number]
+        if beating := beats([powers[k] for k in which], [turns[k] for k in which]):
+            found["the light" if number == 0 else f"the light of resonance {number + 1}"] = beating
+    return found
 
 
 def _mode(one: RingResonator, ring: RingResonator) -> list[float]:

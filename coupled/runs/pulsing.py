@@ -154,7 +154,7 @@ def pulsing(run: xr.Dataset | Record) -> Pulsing:
         found = replace(found, reason=f"{found.reason}, {note}")
     middle = float(t[0] + t[-1]) / 2
     told = varies_in(run, middle, float(t[-1]))
-    moving = _varying(run, t >= middle) if told is None else told
+    moving = told if told or (told == "" and of_circuit) else _varying(run, t >= middle)
     if not moving:
         if found.regime == Regime.SELF_PULSING:
             return warming(found, run, t, dT)

@@ -23,6 +23,7 @@ from ..heaters import turned_by
 from ..resonator import RingResonator
 from ..states import State
 from ..thermal import Compact, compact
+from .driven import varies_in
 from .window import units
 
 if TYPE_CHECKING:
@@ -105,6 +106,8 @@ def rest_of_run(run: xr.Dataset | Record) -> Rest | None:
     They do not for traces that are not of `simulate`, and for several lasers.
     """
     attrs = run.attrs
+    if varies_in(run, float(run["time"].values[-1]) * (1 + 1e-5)):  # the attributes are of the end of an uncut run
+        return None
     try:
         if "rest_growth" in attrs:
             return Rest(*(np.atleast_1d(np.asarray(attrs[f"rest_{name}"], dtype=float)) for name in Rest._fields))

@@ -20,8 +20,8 @@ from ..kernels.tableaus import Method
 from ..resonator import RingResonator
 from ..states import State, starting_point
 from ..thermal import Compact, attributes, dense_times, trusted
-from .driven import varying
-from .lasers import Laser, beats, check_lasers, further_fields, inputs_of, run_several, variables_of
+from .driven import attribute, spans
+from .lasers import Laser, check_lasers, further_fields, run_several, variables_of, varying
 from .record import heater_powers, provenance, traces
 from .resting import rest_near
 from .window import NO_TIMES, Event, Window, advance
@@ -143,20 +143,20 @@ def simulate(
     others = check_lasers(lasers)
     given = {"the power": light["input_power"], "the detuning": light["detuning"]}
     given |= {f"the power of {name}": wave for name, wave in heat.powers.items()}
-    beating: list[str] = []
+    further: dict[str, Any] = {}
     asked, kept = dense_times(model, wanted, float(duration))
     run: Any
     if others:
         if adiabatic or event is not None:
             raise checks.InputError("lasers goes with neither event nor adiabatic")
         first = Laser(power, detuning)
+        further = varying(ring, [first, *others], float(duration))
         run, resonances = run_several(
             ring, small, begin, further_fields(initial), [first, *others], float(duration), offset=heat.rise, rtol=rtol,
             method=chosen, times=asked, progress=progress,
         )  # fmt: skip
         run = _trusted(model, run, kept)
         seen = {name: column(*parts) for name, parts in variables_of(run, resonances, light).items()}
-        given, beating = given | inputs_of(others, duration), beats(ring, [first, *others])
     else:
         run = advance(
             ring, small, begin, 0.0, float(duration), power=light["input_power"], detuning=light["detuning"],
@@ -173,7 +173,7 @@ def simulate(
         | {name: one for name, one in heater.items() if name == "heater"},
         {
             **provenance(ring, light, duration),
-            **varying(given, float(duration), beating),
+            **attribute(spans(given, float(duration)) | further),
             **attributes(small),
             **({} if initial is None else {"initial": "given"}),
             **({} if others else _resting(ring, small, light, heat.static(run.reached), run)),

@@ -47,7 +47,7 @@ def test_a_swept_laser_and_a_pulse_are_named(run):
         found = coupled.pulsing(swept.sel(ring="ring 1"))
         assert found.regime == "driven"
         assert found.reason.startswith("the detuning")
-    assert "the power of l2" in found.reason
+    assert "the power of l2" in coupled.pulsing(swept.sel(ring="ring 2")).reason
     assert run.attrs["detuning"] == 0
     assert "detuning" not in run
 

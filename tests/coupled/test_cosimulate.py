@@ -230,7 +230,12 @@ def test_heaters_are_what_they_are_for_simulate():
     drive = {"power": 1e-3, "duration": 1e-7}
     runs = [
         coupled.cosimulate(RING, two, **drive, heaters={"heater": value})
-        for value in (th.Constant(2**-9), np.float32(2**-9), [2**-10, np.float64(2**-10)])
+        for value in (
+            th.Constant(2**-9),
+            np.float32(2**-9),
+            [2**-10, np.float64(2**-10)],
+            coupled.Sweep([0, 1], [2**-9] * 2),
+        )
     ]
     for run in runs[1:]:
         np.testing.assert_allclose(run["delta_T"], runs[0]["delta_T"], rtol=1e-12)

@@ -254,3 +254,12 @@ def test_figures_label_themselves(small):
     with pytest.raises(th.InputError, match="perid"):
         plot_map(small, "perid")
     plt.close("all")
+
+
+@pytest.mark.parametrize("word", ["pulsing", "SELF-PULSING", ""])
+def test_a_regime_by_another_name_is_refused(small, word):
+    """It counted as a ring that does not pulse."""
+    regimes = small["regime"].values.astype(object)
+    regimes[0, 0] = word
+    with pytest.raises(th.InputError, match=f"second has the regime '{word}'; take bistable, driven, failed,"):
+        coupled.overlap(small, small.assign(regime=(small["regime"].dims, regimes.astype(str))))

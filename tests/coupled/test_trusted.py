@@ -68,3 +68,10 @@ def test_cells_of_a_map_at_the_top_of_an_output_map_say_so(options):
     found = coupled.pulsing_map(RING, th.OutputMap(SECOND_ORDER, -0.1), [6.3e-3, 6.4e-3], [0.0, 1e9], **options)
     assert set(found.regime.values.ravel()) <= {"failed", "slow transient"}
     assert "top of an output map" in str(found.reason.values[0, 0])
+
+
+def test_the_hottest_cycle_of_a_map_need_not_swing_most():
+    """13.3 K is the largest swing here, and 15.7 K the highest rise: a training to 11.3 K was exceeded in silence."""
+    model = th.OutputMap(th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6]), 1e-4, largest_rise=11.3)
+    with pytest.warns(th.OutsideTrainingWarning, match="its training reached 11.3 K"):
+        coupled.pulsing_map(RING, model, [8e-3, 8.01e-3], np.linspace(-60e9, 20e9, 17)[5:])
