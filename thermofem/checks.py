@@ -229,6 +229,15 @@ def text(name: str, value: Any) -> str:
     return value
 
 
+def utf8(name: str, value: str) -> str:
+    """Return a text, or raise InputError where no file can hold it: half of a pair of surrogates."""
+    try:
+        text(name, value).encode()
+    except UnicodeEncodeError:
+        raise InputError(f"{name} = {shown(value)} is no text that a file can hold; take letters and digits") from None
+    return value
+
+
 def flag(name: str, value: Any) -> bool:
     """Return ``value`` as a bool, or raise InputError: an array has no truth, and the text "no" is true."""
     if not isinstance(value, bool) and type(value).__name__ not in ("bool", "bool_"):  # the second are NumPy's

@@ -130,8 +130,13 @@ def _mesh(data: xr.Dataset, at: int) -> Any:
     """One time as meshio holds it."""
     import meshio
 
-    field = data["field"].isel(field_time=at).values
-    return meshio.Mesh(_points(data), [("triangle", data["triangles"].values)], point_data={NAME: field})
+    field = np.asarray(data["field"].isel(field_time=at).values, dtype=float)
+    return meshio.Mesh(_points(data), [("triangle", _triangles(data))], point_data={NAME: field})
+
+
+def _triangles(data: xr.Dataset) -> np.ndarray:
+    """Numbers of corners, in a type that meshio knows."""
+    return np.asarray(data["triangles"].values, dtype=np.int64)
 
 
 def _write_xdmf(data: xr.Dataset, path: Path) -> None:
@@ -139,8 +144,8 @@ def _write_xdmf(data: xr.Dataset, path: Path) -> None:
     import meshio
 
     with meshio.xdmf.TimeSeriesWriter(path, data_format="XML") as writer:
-        writer.write_points_cells(_points(data), [("triangle", data["triangles"].values)])
-        for time, field in zip(data["field_time"].values, data["field"].values, strict=True):
+        writer.write_points_cells(_points(data), [("triangle", _triangles(data))])
+        for time, field in zip(data["field_time"].values, data["field"].values.astype(float), strict=True):
             writer.write_data(float(time), point_data={NAME: field})
 
 

@@ -29,8 +29,8 @@ def pack(arrays: Mapping[str, Any], *, deflated: bool = True) -> bytes:
     return memory.getvalue()
 
 
-def unpack(raw: bytes, *, hashed: bool = True) -> dict[str, NDArray[Any]]:
-    """The arrays of an archive; without ``hashed`` also of one that has no hash, as older files.
+def unpack(raw: bytes) -> dict[str, NDArray[Any]]:
+    """The arrays of an archive.
 
     Raises
     ------
@@ -47,8 +47,7 @@ def unpack(raw: bytes, *, hashed: bool = True) -> dict[str, NDArray[Any]]:
             arrays = {name: archive[name] for name in archive.files}
     except (*DAMAGE, *_DAMAGE) as error:
         raise ValueError(str(error) or type(error).__name__) from None
-    written = arrays.pop(HASH, None)
-    if (written is not None or hashed) and str(written) != _hash(arrays):
+    if str(arrays.pop(HASH, None)) != _hash(arrays):
         raise ValueError("it was changed after it was written")
     return arrays
 

@@ -119,7 +119,7 @@ def read(path: str | Path) -> dict[str, Any]:
     """
     raw = read_bytes(path, "family")
     try:
-        arrays = archive.unpack(raw, hashed=False)
+        arrays = archive.unpack(raw)
         content = from_json(str(arrays.pop("header")))
         if content["format"] != FORMAT:
             raise ValueError("another format")

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import re
+import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -139,6 +142,21 @@ def test_the_copied_command_gives_the_same_numbers(page, tmp_path):
     assert found.duty == pytest.approx(page_says["duty"], abs=1e-5)
     # accepted steps pass the top of 7.467798 K (rtol = 1e-10): those of the file by 1.3e-5, those of the page by 1.2e-4
     assert found.swing == pytest.approx(page_says["swing"], rel=1.5e-4)
+
+
+def test_a_name_beyond_16_bits_is_read_back(browser, tmp_path):
+    """A pair of surrogates is a letter for JSON alone: the copied ring file was refused."""
+    ring = replace(coupled.borghi2021(), name="ring \U0001f600 µ")
+    coupled.explore(ring, {"m": MODELS["slow heat"]}, tmp_path / "ring.html")
+    with opened(browser, tmp_path / "ring.html") as page:
+        page.click("#command")
+        block = page.input_value("#copied-text")
+        page.click("#python")
+        script = page.input_value("#copied-text")
+    name = re.search(r'name = ("ring .*")', block)[1]
+    assert tomllib.loads(f"name = {name}")["name"] == ring.name
+    assert name in script
+    assert ast.literal_eval(name) == ring.name
 
 
 def test_the_plane_shows_where_cycles_fold(page):

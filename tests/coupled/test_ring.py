@@ -130,3 +130,9 @@ def test_import_is_light():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
+
+
+def test_a_name_that_no_file_can_hold_is_refused():
+    """Half of a pair of surrogates ended in a UnicodeEncodeError of `explore`."""
+    with pytest.raises(th.InputError, match=r"name = 'ring \\ud83d' is no text that a file can hold"):
+        replace(coupled.borghi2021(), name="ring \ud83d")

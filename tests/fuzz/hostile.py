@@ -20,6 +20,8 @@ from typing import Any
 
 import numpy as np
 
+from surrogate.family.archive import pack
+
 BREAKS = ["\n", "\r", "\r\n", "\x0b", "\x0c", "\x1c", "\x1d", "\x1e", "\x85", "\u2028", "\u2029"]
 ODD = ["\0", "\x1b[31m", "\t", "\x7f", "\u202e", "\ud800", '"', "'", "`", "$", "\\", "/", "*/", "]", "[/x]", "{", "%"]
 
@@ -411,7 +413,7 @@ def datasets(data: Any) -> Iterator[tuple[str, Any]]:
 
 
 def archives(content: bytes) -> Iterator[tuple[str, bytes]]:
-    """Copies of NumPy's archive with one array damaged or left out, without the hash that would tell."""
+    """Copies of NumPy's archive with one array damaged or left out, with the hash of what is left."""
     with np.load(io.BytesIO(content)) as file:
         arrays = {name: file[name] for name in file.files if name != "hash"}
     for name in arrays.keys() - {"header"}:
@@ -420,9 +422,7 @@ def archives(content: bytes) -> Iterator[tuple[str, bytes]]:
         trees = [(what, {**arrays, name: other}) for what, other in others.items()]
         trees.append(("missing", {key: value for key, value in arrays.items() if key != name}))
         for what, tree in trees:
-            memory = io.BytesIO()
-            np.savez(memory, **tree)
-            yield f"{name}: {what}", memory.getvalue()
+            yield f"{name}: {what}", pack(tree, deflated=False)
         for shape in ("(" * 5000, "(-1,)", "(10**9,)", "(1000000000000,)", "'", "(1,)\n  x", "\0"):
             memory = io.BytesIO(content)
             with zipfile.ZipFile(memory, "a") as file:  # a second member of the name: the last one counts

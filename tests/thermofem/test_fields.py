@@ -168,3 +168,23 @@ def test_more_fields_than_fit_into_memory_are_refused_before_the_run():
         th.solve(heat, th.Pulse(2e-3, 1e-6), [0.0, 1e-6], field_times=np.linspace(0, 1e-6, 100_000))
     with pytest.raises(th.InputError, match="field_times holds 100000 times"):
         coupled.FEM(heat, field_times=np.linspace(0, 1e-6, 100_000))
+
+
+def test_fields_in_other_units_and_number_types(data, tmp_path):
+    """A field in mK was written as it was, 14,315 for 14 K, and half precision ended in a KeyError of meshio."""
+    other = data.copy(deep=True)
+    for name in ("field", "delta_T"):
+        other[name] = other[name] * 1e3
+        other[name].attrs["units"] = "mK"
+    other = other.assign_coords(field_time=("field_time", data.field_time.values * 1e6, {"units": "us"}))
+    other.attrs.pop("content_hash", None)
+    other.to_netcdf(tmp_path / "other.nc", encoding={"triangles": {"dtype": "u2"}})
+    loaded = th.load(tmp_path / "other.nc")
+    np.testing.assert_allclose(loaded["field"], data["field"], rtol=1e-12)
+    np.testing.assert_allclose(loaded["field_time"], data["field_time"], rtol=1e-12)
+    half = loaded.assign(field=loaded["field"].astype("f2"))
+    for name in ("heat.xdmf", "heat.pvd"):
+        for given in (loaded, half):
+            assert th.write_fields(given, tmp_path / name)[-1].exists()
+    last = meshio.read(tmp_path / "heat_0002.vtu").point_data["temperature_rise"]
+    np.testing.assert_allclose(last, data["field"][-1], rtol=2e-3, atol=1e-3)  # of half precision

@@ -10,9 +10,9 @@ function number(x) {
   return /[.e]/.test(text) ? text : `${text}.0`;
 }
 
-/** A string as Python and TOML read it back; what JSON writes is understood by both. */
+/** A string as Python and TOML read it back; what JSON writes is understood by both, but for pairs of surrogates. */
 function quoted(text) {
-  return JSON.stringify(text).replace(/[\u007f-\uffff]/g, (c) => `\\u${c.charCodeAt(0).toString(16).padStart(4, "0")}`);
+  return JSON.stringify(text).replace(/[\u007f-\u{10ffff}]/gu, (c) => `\\U${c.codePointAt(0).toString(16).padStart(8, "0")}`);
 }
 
 const RING_NUMBERS = ["frequency", "bus_rate", "loss_rate", "refractive_index", "group_index", "thermo_optic", "fca_cross_section", "tpa_coefficient", "tpa_confinement", "tpa_volume", "fca_confinement", "fca_volume", "scattering_rate", "kerr_coefficient"];
