@@ -28,7 +28,7 @@ from thermofem.models import ThermalModel
 
 from ..arguments import check_axis, check_ring, one_laser
 from ..resonator import RingResonator
-from .lattice import Piece, joined, one_sign, refined
+from .lattice import Stretch, joined, one_sign, refined
 from .roots import crossings, roots
 from .steady import absorbable, internal
 from .stretches import stretches
@@ -213,7 +213,7 @@ def _resultant(A: Complex, B: Complex) -> tuple[Array, Array]:
     return (A.imag**2 - A.imag * B.imag * B.real + A.real * B.imag**2) / size, D
 
 
-def _pieces(plane: _Plane) -> list[Piece]:
+def _pieces(plane: _Plane) -> list[Stretch]:
     """Zero contours of the resultant, cut where Im A = Im B = 0; points are rows (log U, D, log w)."""
     import contourpy
 
@@ -233,7 +233,7 @@ def _pieces(plane: _Plane) -> list[Piece]:
         D = _resultant(*_terms(plane, x, y))[1]
         change = np.diff(np.concatenate([[0], clear.astype(int), [0]]))
         for a, b in zip(np.flatnonzero(change == 1), np.flatnonzero(change == -1), strict=True):
-            pieces.append(Piece(np.array([x, D, y])[:, a:b], (bool(a > 0), bool(b < x.size))))
+            pieces.append(Stretch(np.array([x, D, y])[:, a:b], (bool(a > 0), bool(b < x.size))))
     return pieces
 
 

@@ -134,5 +134,5 @@ def test_import_is_light():
 
 def test_a_name_that_no_file_can_hold_is_refused():
     """Half of a pair of surrogates ended in a UnicodeEncodeError of `explore`."""
-    with pytest.raises(th.InputError, match=r"name = 'ring \\ud83d' is no text that a file can hold"):
+    with pytest.raises(InputError, match=r"name = 'ring \\ud83d' is no text that a file can hold"):
         replace(coupled.borghi2021(), name="ring \ud83d")
