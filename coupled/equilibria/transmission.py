@@ -62,8 +62,8 @@ def transmission(
     >>> model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
     >>> curve = coupled.transmission(coupled.borghi2021(), model, power=5e-3, detuning=(-120e9, 20e9))
     >>> peak = curve.isel(point=int(curve["drop"].values.argmax()))
-    >>> print(f"{float(peak['drop']) * 1e3:.2f} mW at {float(peak.detuning) / 1e9:.1f} GHz, {peak.regime.item()}")
-    2.20 mW at -92.0 GHz, stable
+    >>> print(f"{float(peak['drop']) * 1e3:.2f} mW at {float(peak.detuning) / 1e9:.0f} GHz, {peak.regime.item()}")
+    2.20 mW at -92 GHz, stable
     """
     from ..kernels import equations as eq
     from . import balance
