@@ -7,7 +7,7 @@ import numpy as np
 from thermofem.arrays import NDArray
 
 from ..inputs import pieces
-from ..runs.driven import Spans, attribute, beats, spans
+from ..runs.driven import Spans, attribute, beats, changes, spans
 from .circuit import Circuit
 from .network import NOTHING, Light
 from .system import System
@@ -15,17 +15,18 @@ from .system import System
 
 def varies(circuit: Circuit, system: System, duration: float) -> dict[str, str]:
     """The attribute that `driven.varies_in` reads. Where heat goes from ring to ring, what drives one drives all."""
-    common = {"the detuning": system.frame} | {f"the power of {n}": wave for n, wave in system.heaters.items()}
-    lasers = spans({f"the power of {k}": wave for k, wave in enumerate(system.powers)}, duration)
+    common = spans(
+        {"the detuning": system.frame} | {f"the power of {name}": wave for name, wave in system.heaters.items()},
+        duration,
+    )
+    lasers = [changes(power) for power in system.powers]
     offsets = [pieces("offset", float(laser.offset), 0.0, duration) for laser in circuit.lasers]
     found: dict[str, dict[str, Spans]] = {}
     for name, here in zip(circuit.names, reached(system.light), strict=True):
         which = np.flatnonzero(here).tolist()
-        found[name] = spans(common, duration) | {
-            f"the power of {circuit.lasers[k].name}": when for k in which if (when := lasers.get(f"the power of {k}"))
-        }
-        if beating := beats([system.powers[k] for k in which], [offsets[k] for k in which]):
-            found[name][f"the light of {name}"] = beating
+        own = {f"the power of {circuit.lasers[k].name}": lasers[k] for k in which}
+        own[f"the light of {name}"] = beats([system.powers[k] for k in which], [offsets[k] for k in which])
+        found[name] = common | {key: when for key, when in own.items() if when}
     if system.heat.crossed:
         together = {key: when for own in found.values() for key, when in own.items()}
         found = dict.fromkeys(found, together)
