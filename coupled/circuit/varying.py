@@ -38,9 +38,9 @@ def reached(light: Light) -> NDArray[np.bool_]:
     n, delayed = len(light.between), slice(0, light.delay.size)
     step = np.block([[light.between, light.from_delay], [light.seen_ring[delayed], light.seen_delay[delayed]]])
     found = _some(np.vstack([light.from_laser, light.seen_laser[delayed]]))
-    way = _some(step)
+    way = _some(step).astype(float)
     for _ in range(len(way)):
-        further = found | (way.astype(int) @ found.astype(int) > 0)
+        further = found | (way @ found.astype(float) > 0)
         if np.array_equal(further, found):
             break
         found = further
