@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import os
 import sys
@@ -18,6 +17,7 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.maps.journal import Journal
+from surrogate.family.archive import pack
 from thermofem import cli, trees
 from thermofem.cli.apart import check_apart
 from thermofem.cli.files import check_outputs
@@ -68,10 +68,8 @@ def test_a_family_that_unpacks_to_gigabytes_is_refused(tmp_path):
 
 
 def test_a_family_whose_header_is_deep_is_refused(tmp_path):
-    memory = io.BytesIO()
-    np.savez_compressed(memory, header=np.array("[" * 100_000))
     path = tmp_path / "family.json"
-    path.write_bytes(memory.getvalue())
+    path.write_bytes(pack({"header": np.array("[" * 100_000)}))
     with pytest.raises(th.InputError, match="nested more than 40 deep"):
         surrogate.load_family(path)
 

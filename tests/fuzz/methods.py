@@ -65,6 +65,7 @@ def calls(heat: th.HeatProblem, family: surrogate.Family, ring: coupled.RingReso
         "Discretization.state_space": (
             heat.discretization.state_space, {"heated": ("core",), "read": ("core",)}
         ),
+        "HeatProblem.domain_error": (heat.domain_error, {"heated": "core", "read": "core"}),
         "HeatProblem.errors": (heat.errors, {"heated": "core", "read": "core"}),
         "HeatProblem.estimate": (lambda channel: heat.estimate(channel), {"channel": ("core", "core")}),
         "HeatProblem.mesh_error": (heat.mesh_error, {"heated": "core", "read": "core"}),
