@@ -1,4 +1,4 @@
-"""Types of arrays, for annotations."""
+"""Types of arrays, for annotations, and what several modules do with arrays."""
 
 from collections.abc import Callable
 from typing import Any, TypeAlias
@@ -19,3 +19,14 @@ def in_pieces(function: Callable[[Any], Any], x: NDArray[Any], width: int) -> ND
         return np.asarray(function(x[..., None]))
     pieces = np.array_split(x.ravel(), -(-x.size * width // PIECE))
     return np.concatenate([function(piece[:, None]) for piece in pieces]).reshape(x.shape)
+
+
+def runs_of(holds: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Where each run of true values begins, and the place behind its end.
+
+    >>> runs_of(np.array([True, True, False, True]))
+    [(0, 2), (3, 4)]
+    """
+    change = np.diff(np.concatenate([[0], holds.astype(int), [0]]))
+    starts, stops = (np.flatnonzero(change == step).tolist() for step in (1, -1))
+    return list(zip(starts, stops, strict=True))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermofem import checks
-from thermofem.arrays import Array, ArrayLike, NDArray
+from thermofem.arrays import Array, ArrayLike, NDArray, runs_of
 from thermofem.contents import in_si
 from thermofem.display import shown
 
@@ -188,9 +188,7 @@ def _starts(misfit: Any, t: Array, N: Array) -> list[Array]:
 
 def _intervals(values: Array, holds: NDArray[np.bool_]) -> list[tuple[float, float]]:
     """First and last of each run of values for which something holds."""
-    change = np.diff(np.concatenate([[0], holds.astype(int), [0]]))
-    starts, stops = np.flatnonzero(change == 1), np.flatnonzero(change == -1) - 1
-    return [(float(values[a]), float(values[b])) for a, b in zip(starts, stops, strict=True)]
+    return [(float(values[a]), float(values[b - 1])) for a, b in runs_of(holds)]
 
 
 def _density(t: Array, N0: float, tau0: float, a: float, b: float) -> Array:

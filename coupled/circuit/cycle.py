@@ -27,9 +27,8 @@ CLOSED = 1e-7  # relative distance of the two ends of a cycle
 LAPS = (1, 2, 3, 4)  # pulses in one period, tried in turn
 ITERATIONS = 12
 SWING = 1e-3  # relative, below which a state counts as at rest
-TURNED = (
-    0.01  # difference from 1 of the multiplier of a shift in time; differences of steep pulses leave 5e-6 (measured)
-)
+# difference from 1 of the multiplier of a shift in time; differences of steep pulses leave 5e-6 (measured)
+TURNED = 0.01
 
 
 def circuit_limit_cycle(

@@ -23,12 +23,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from thermofem.arrays import Array, ArrayLike, Complex, NDArray
+from thermofem.arrays import Array, ArrayLike, Complex, NDArray, runs_of
 from thermofem.models import ThermalModel
 
 from ..arguments import check_axis, check_ring, one_laser
 from ..resonator import RingResonator
-from .lattice import Stretch, joined, one_sign, refined
+from .lattice import Segment, joined, one_sign, refined
 from .roots import crossings, roots
 from .steady import absorbable, internal
 from .stretches import stretches
@@ -206,14 +206,14 @@ def _impedance(plane: _Plane, log_U: Array, z: NDArray[np.complex128]) -> NDArra
 
 
 def _resultant(A: Complex, B: Complex) -> tuple[Array, Array]:
-    """What is zero where D^2 - D B + A has a real root D, between -1 and 1, and that root."""
+    """The equation of a Hopf point over U and w, scaled to lie between -1 and 1, and D = Im A/Im B where it holds."""
     flat = np.abs(B.imag) < np.finfo(float).tiny
     D = A.imag / np.where(flat, np.finfo(float).tiny, B.imag)
     size = A.imag**2 + B.imag**2 * (np.abs(B) ** 2 + np.abs(A))
     return (A.imag**2 - A.imag * B.imag * B.real + A.real * B.imag**2) / size, D
 
 
-def _pieces(plane: _Plane) -> list[Stretch]:
+def _pieces(plane: _Plane) -> list[Segment]:
     """Zero contours of the resultant, cut where Im A = Im B = 0; points are rows (log U, D, log w)."""
     import contourpy
 
@@ -231,9 +231,7 @@ def _pieces(plane: _Plane) -> list[Stretch]:
         clear = ~crossed[row, column]
         x, y = _refined(plane, line, log_U, log_w)
         D = _resultant(*_terms(plane, x, y))[1]
-        change = np.diff(np.concatenate([[0], clear.astype(int), [0]]))
-        for a, b in zip(np.flatnonzero(change == 1), np.flatnonzero(change == -1), strict=True):
-            pieces.append(Stretch(np.array([x, D, y])[:, a:b], (bool(a > 0), bool(b < x.size))))
+        pieces += [Segment(np.array([x, D, y])[:, a:b], (a > 0, b < x.size)) for a, b in runs_of(clear)]
     return pieces
 
 
@@ -331,9 +329,7 @@ def _inside(plane: _Plane, U: Array, D: Array) -> list[slice]:
     """Parts of a curve within the window, each with one more point of the curve at both ends."""
     at = _window(plane, U, D)
     inside = np.all((at >= 0) & (at <= 1), axis=0)
-    change = np.diff(np.concatenate([[0], inside.astype(int), [0]]))
-    starts, stops = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
-    return [slice(max(a - 1, 0), b + 1) for a, b in zip(starts, stops, strict=True)]
+    return [slice(max(a - 1, 0), b + 1) for a, b in runs_of(inside)]
 
 
 def _from_outside(plane: _Plane, *every: Array) -> list[Array]:

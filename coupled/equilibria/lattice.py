@@ -18,13 +18,13 @@ from thermofem.arrays import Array, NDArray
 ROUNDS = 3
 WIDE = 12  # cells: a contour that is as wide in both directions is resolved
 LINES = 16  # through the place of a small one
-FINEST = 1e-3  # distance of lines
+FINEST = 1e-3  # distance of lines, in logarithms: a thousandth of U and w
 MOST = 1200  # lines in either direction
 Box = tuple[int, int, int, int]  # first and last line in either direction
 
 
-class Stretch(NamedTuple):
-    """A stretch of a curve, a point in each column."""
+class Segment(NamedTuple):
+    """A part of a curve, a point in each column."""
 
     points: Array
     cut: tuple[bool, bool]  # whether it was cut where it starts, and where it ends
@@ -104,7 +104,7 @@ def _with_lines(x: Array, spans: Sequence[tuple[int, int]]) -> Array:
     return np.asarray(every[apart])
 
 
-def joined(pieces: list[Stretch], place: Callable[[Array], Array], farthest: float) -> list[Array]:
+def joined(pieces: list[Segment], place: Callable[[Array], Array], farthest: float) -> list[Array]:
     """Join pieces that were cut, each end with the nearest other one; ``place`` is where distances are measured."""
     lines = list(pieces)
     while True:
@@ -116,9 +116,9 @@ def joined(pieces: list[Stretch], place: Callable[[Array], Array], farthest: flo
             return [line.points for line in lines]
         first, second = lines[k], lines[m]
         if k == m:  # a closed curve
-            lines[k] = Stretch(np.column_stack([first.points, first.points[:, :1]]), (False, False))
+            lines[k] = Segment(np.column_stack([first.points, first.points[:, :1]]), (False, False))
             continue
         one = first.points if e == 1 else first.points[:, ::-1]
         two = second.points if f == 0 else second.points[:, ::-1]
-        both = Stretch(np.column_stack([one, two]), (first.cut[1 - e], second.cut[1 - f]))
+        both = Segment(np.column_stack([one, two]), (first.cut[1 - e], second.cut[1 - f]))
         lines = [line for i, line in enumerate(lines) if i not in (k, m)] + [both]

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from thermofem.arrays import Array
+from thermofem.arrays import Array, runs_of
 
 from .roots import crossings
 
@@ -24,10 +24,7 @@ def stretches(seen: Drawn, grid: Array) -> list[tuple[float, float]]:
     ends = np.unique(np.concatenate([grid[[0, -1]], *borders]))
     middles = seen((ends[1:] + ends[:-1]) / 2)
     inside = np.all((middles >= 0) & (middles <= 1), axis=0)
-    change = np.diff(np.concatenate([[0], inside.astype(int), [0]]))
-    return [
-        (float(ends[a]), float(ends[b])) for a, b in zip(*(np.flatnonzero(change == k) for k in (1, -1)), strict=True)
-    ]
+    return [(float(ends[a]), float(ends[b])) for a, b in runs_of(inside)]
 
 
 def spread(drawn: Drawn, parts: list[tuple[float, float]], count: int) -> list[Array]:

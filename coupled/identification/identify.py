@@ -51,8 +51,9 @@ class Identification(HasModel):
     samples : xarray.Dataset
         over run: each free parameter, and misfit, the root of the mean over the traces of the sum of squares.
     notes : tuple of str
-        what makes numbers of the result doubtful: parameters that the traces do not determine, or that ended on a bound
-        of the search; traces whose period and that of the model are a multiple of each other. Logged, too.
+        what makes numbers of the result doubtful: uneven samples; parameters that the traces do not determine, or that
+        ended on a bound of the search; traces whose period and that of the model are a multiple of each other. They are
+        logged, too.
     front : array, shape (n, traces)
         sums of squares, with six harmonics, of the Pareto front at which the evolution of the first run ended.
     """

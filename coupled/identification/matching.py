@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from thermofem import OutputMap, Quadratic, checks
+from thermofem import checks
 from thermofem.arrays import Array, NDArray
 from thermofem.contents import in_si
 
@@ -62,7 +62,10 @@ class Target(NamedTuple):
         Of a settled trace, and of one that is longer than the model needs to settle, the last cycles of a trace that
         is just so long are compared.
         """
-        enough = max(LONGEST, SETTLED / slowest(model))
+        from ..kernels import equations as eq
+
+        slowest = eq.internal_thermal(model).without_idle_poles().slowest / eq.NS
+        enough = max(LONGEST, SETTLED / slowest)
         if not self.settled and self.times[-1] <= enough and self.times.size <= MOST:
             return self.times
         step = float(np.median(np.diff(self.times)))
@@ -96,15 +99,6 @@ def _mark(trace: Any) -> Any:
     """The attribute "settled" of a trace as a number; a file keeps True as 1."""
     mark = trace.attrs.get("settled", 0)
     return int(mark) if isinstance(mark, bool | np.bool_) else mark
-
-
-def slowest(model: Compact) -> float:
-    """Rate of the slowest decay of a thermal model, 1/s."""
-    if isinstance(model, Quadratic):
-        return float(-np.linalg.eigvals(model.A).real.max())
-    poles = model.linear if isinstance(model, OutputMap) else model
-    heard = np.asarray(poles.R) > 1e-6 * poles.thermal_resistance
-    return 1 / float(np.max(np.asarray(poles.tau)[heard]))
 
 
 def _check_alone(name: str, trace: Any) -> None:

@@ -31,7 +31,7 @@ def _prepared(ring: RingResonator, model: Any) -> tuple[Any, ...]:
 
 
 @lru_cache(maxsize=16)
-def _at_rest(ring: RingResonator, model: Any, power: float) -> Internal:
+def at_rest(ring: RingResonator, model: Any, power: float) -> Internal:
     """Rates and static heat of the fixed points, computed once for all detunings."""
     return internal(ring, model, absorbable(ring, power))
 
@@ -39,7 +39,7 @@ def _at_rest(ring: RingResonator, model: Any, power: float) -> Internal:
 def _rest(ring: RingResonator, model: Any, power: float, detuning: float) -> Rest | None:
     """All fixed points; None where a quadratic model has no steady state at the power."""
     try:
-        return rest_of(ring, model, power, detuning, at=_at_rest(ring, model, power))
+        return rest_of(ring, model, power, detuning, at=at_rest(ring, model, power))
     except checks.InputError:
         return None
 

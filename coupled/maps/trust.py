@@ -11,9 +11,10 @@ from thermofem.arrays import Array
 from thermofem.models import ThermalModel
 from thermofem.models.contract import bare
 
-from ..equilibria.steady import Internal, absorbable, fixed_points, internal
+from ..equilibria.steady import fixed_points
 from ..thermal import Compact, trusted
 from .grid import Grid, Point
+from .quick import at_rest
 
 NO_SWINGS = np.empty(0)
 
@@ -26,7 +27,7 @@ def trusted_map(model: ThermalModel, small: Compact, grid: Grid, swings: Array =
     """
     if getattr(bare(model), "largest_rise", None) is None:
         return
-    rests = np.array([[_at_rest(small, point) for point in row] for row in grid.rows])
+    rests = np.array([[_highest(small, point) for point in row] for row in grid.rows])
     hottest = float(rests.max())
     if np.isfinite(swings).any():
         points = [point for row in grid.rows for point in row]
@@ -36,13 +37,13 @@ def trusted_map(model: ThermalModel, small: Compact, grid: Grid, swings: Array =
     trusted(model, hottest)
 
 
-def _at_rest(model: Compact, point: Point) -> float:
+def _highest(model: Compact, point: Point) -> float:
     """The highest rise at a fixed point, K."""
     from ..equilibria import balance
 
     ring, power, detuning = point
     try:
-        at: Internal = internal(ring, model, absorbable(ring, power))
+        at = at_rest(ring, model, power)
         U, _ = fixed_points(ring, at, power, detuning)
     except checks.InputError:  # its cell has failed and says why
         return 0.0

@@ -153,8 +153,9 @@ def pulsing(run: xr.Dataset | Record) -> Pulsing:
         note = f"light that follows at once: its period is up to {LAGS * lag / found.period:.1%} too short"
         found = replace(found, reason=f"{found.reason}, {note}")
     middle = float(t[0] + t[-1]) / 2
-    told = varies_in(run, middle, float(t[-1]))
-    moving = told if told or (told == "" and of_circuit) else _varying(run, t >= middle)
+    moving = varies_in(run, middle, float(t[-1]))
+    if moving is None or not (moving or of_circuit):  # rows of a circuit hold lasers that do not reach the ring, too
+        moving = _varying(run, t >= middle)
     if not moving:
         if found.regime == Regime.SELF_PULSING:
             return warming(found, run, t, dT)

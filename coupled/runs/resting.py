@@ -106,7 +106,8 @@ def rest_of_run(run: xr.Dataset | Record) -> Rest | None:
     They do not for traces that are not of `simulate`, and for several lasers.
     """
     attrs = run.attrs
-    if varies_in(run, float(run["time"].values[-1]) * (1 + 1e-5)):  # the attributes are of the end of an uncut run
+    end = float(run["time"].values[-1]) * (1 + 1e-5)  # `varying` has six digits
+    if varies_in(run, end):  # the attributes are those of the end of an uncut run
         return None
     try:
         if "rest_growth" in attrs:

@@ -148,10 +148,10 @@ def fit_sindy(
     return fitted(model, _equations(A, b, names), parameters, misfit, rise[:, 0], [wave], data.attrs.get("geometry"))
 
 
-def half_width(window: float | None, times: Array, default: float = WINDOW) -> float:
-    """Half width of the test functions in s, ``default`` samples if None; InputError where none or all lie in it."""
+def half_width(window: float | None, times: Array) -> float:
+    """Half width of the test functions in s, `WINDOW` samples if None; InputError where none or all lie in it."""
     step, hint = float(times[1] - times[0]), "from one sample to a third of the data"
-    given = default * step if window is None else window
+    given = WINDOW * step if window is None else window
     return checks.between("window", given, step * (1 - 1e-9), float(times[-1]) / 3, unit="s", hint=hint)
 
 

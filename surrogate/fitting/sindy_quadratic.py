@@ -24,7 +24,7 @@ from thermofem.arrays import Array, NDArray
 from thermofem.models.network import STATIC, gate
 from thermofem.together import check_together
 
-from .sindy import UNIT, WINDOW, SindyFit, fitted, half_width, read_probes, regress
+from .sindy import UNIT, SindyFit, fitted, half_width, read_probes, regress
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -84,7 +84,7 @@ def fit_sindy_quadratic(
             f"static has {gains.size} and steady {settled.size} values for {n} probes; all positive"
         )
     step = float(times[1] - times[0])
-    half = half_width(window, times, WINDOW)
+    half = half_width(window, times)
     largest = max(float(r[1][:, 0].max()) for r in read)
     unit, power_unit = UNIT * step, largest / gains[0]
     scale = gains * power_unit
