@@ -162,7 +162,8 @@ def _surfaces(
             continue
         cooled = new[there & ~far]
         series = beside(mesh, resistances(geometry), cooled)
-        held.append(cooled[series == 0] if not h else cooled[:0])
+        if not h:
+            held.append(cooled[series == 0])
         for through, those in exchanged(cooled, h, series).items():
             convection.setdefault(through, []).append(those)
     return replace(

@@ -1,7 +1,7 @@
 """Boundary conditions and contacts: their facets, their weak forms in the stiffness, and the derivatives of those.
 
 K_ij += int 2 pi r h u_i u_j ds                               where heat h (T - T0) is exchanged with the ambient,
-                                                              1/h + R for h there if the part has a resistance R
+                                                              1/(1/h + R) for h where the part has a resistance R
 K_ij += int 2 pi r (u_i^+ - u_i^-) (u_j^+ - u_j^-) / R ds     over every contact of resistance R
 K_ij += int 2 pi r (n . d) / (d . k^-1 d) u_i u_j ds          over open sides, d from the source
 """
