@@ -12,10 +12,10 @@ from thermofem.checks import InputError
 from thermofem.models import ThermalModel
 
 from ..arguments import check_axis, check_ring, one_laser
-from ..equilibria.boundaries import hopf_curves
+from ..equilibria.boundaries import plane_of, unwatched
 from ..heaters import constant
 from ..resonator import RingResonator
-from ..thermal import Compact
+from ..thermal import Compact, trusted
 from . import branch
 from .closing import nontrivial
 from .fold_path import follow_folds
@@ -63,14 +63,17 @@ def cycle_fold_curves(
     Returns
     -------
     list of xarray.Dataset
-        one for each curve, over point: power (W), detuning (Hz), period (s), swing (K), and leading, whether no other
-        multiplier lies outside the unit circle, so that one of the two cycles is stable. attrs["reason"] says why the
-        curve ends at either end. Curves that no branch from a Hopf point in or near the window leads to are not found.
+        one for each curve, over point: power (W), detuning (Hz), period (s), swing and highest_rise (K), and leading,
+        whether no other multiplier lies outside the unit circle, so that one of the two cycles is stable.
+        attrs["reason"] says why the curve ends at either end. Curves that no branch from a Hopf point in or near the
+        window leads to are not found.
 
     Raises
     ------
     InputError
         as `hopf_curves`.
+
+    Warns OutsideTrainingWarning where the cycles are hotter than the training of the model.
 
     >>> import coupled, surrogate
     >>> ring, newton = coupled.borghi2021().with_lumped_fcd(), surrogate.newton(tau_th=275e-9)
@@ -84,14 +87,17 @@ def cycle_fold_curves(
     small, turn = warm.model, warm.turned(ring)
     window = _Window(P[0], P[-1], nu[0] + turn, nu[-1] + turn)
     found: list[xr.Dataset] = []
-    for hopf in hopf_curves(ring, small, *window.wider()):
+    for hopf in unwatched(plane_of(ring, small, *window.wider())):
         for seed in _seeds(hopf):
             for fold, family in _folds_from(ring, small, seed, window):
                 if any(window.holds(curve, fold.values) for curve in found):
                     continue
                 found += _curve(ring, small, fold, family, window)
-    seen = [curve["detuning"].copy(data=curve["detuning"].values - turn) for curve in found]
-    return [c.assign(detuning=nu).assign_attrs(warm.attributes) for c, nu in zip(found, seen, strict=True)]
+    for curve in found:
+        trusted(model, curve["highest_rise"].values)
+        curve["detuning"] = curve["detuning"].copy(data=curve["detuning"].values - turn)
+        curve["highest_rise"] = curve["highest_rise"].copy(data=curve["highest_rise"].values + warm.rise)
+    return [curve.assign_attrs(warm.attributes) for curve in found]
 
 
 class _Window:
@@ -192,12 +198,13 @@ def _dataset(base: Any, places: list[Place], reasons: tuple[str, str]) -> xr.Dat
     power, detuning = np.array([place.values for place in places]).T
     others = [np.delete(mu, np.argmin(np.abs(mu - 1))) for mu in (nontrivial(place.orbit) for place in places)]
     leading = np.array([bool(np.all(np.abs(mu) < 1)) for mu in others])
-    swing = np.array([measure(base, place.orbit).swing for place in places])
+    seen = [measure(base, place.orbit) for place in places]
     values = {
         "power": (power, dataset.describe("input_power")),
         "detuning": (detuning, dataset.describe("detuning")),
         "period": (np.array([place.orbit.T for place in places]) * 1e-9, dataset.describe("period")),
-        "swing": (swing, dataset.describe("swing")),
+        "swing": (np.array([m.swing for m in seen]), dataset.describe("swing")),
+        "highest_rise": (np.array([m.hottest for m in seen]), {"units": "K", "long_name": "highest temperature rise"}),
         "leading": (leading, {"units": "1", "long_name": "one of the two cycles is stable"}),
     }
     return xr.Dataset(

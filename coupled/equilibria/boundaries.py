@@ -28,6 +28,7 @@ from thermofem.models import ThermalModel
 
 from ..arguments import check_axis, check_ring, one_laser
 from ..resonator import RingResonator
+from ..thermal import trusted
 from .lattice import Segment, joined, one_sign, refined
 from .roots import crossings, roots
 from .steady import absorbable, internal
@@ -45,7 +46,7 @@ JOIN = 0.3  # in log U, arsinh(D/loss) and log w: a few cells of that grid
 STRETCH = 0.01  # of the window: the longest straight line in a Hopf curve
 
 
-class _Plane(NamedTuple):
+class Plane(NamedTuple):
     """A ring in internal units and the window that is asked for."""
 
     ring: RingResonator
@@ -88,13 +89,20 @@ def hopf_curves(
     InputError
         as `stability_map`.
 
+    Warns OutsideTrainingWarning where the ring is hotter on a curve than in the training of the model.
+
     A quadratic model has other poles at every energy, and takes ten times as long as a network, 0.2 to 0.5 s.
 
     Measured by dense eigenvalues at the returned power and detuning: the pair's real part is below 3e-13 w.
     """
+    plane = plane_of(ring, model, powers, detunings)
+    return _trusted(model, plane, unwatched(plane))
+
+
+def unwatched(plane: Plane) -> list[xr.Dataset]:
+    """The `hopf_curves`, whatever the training of the thermal model."""
     from ..kernels import equations as eq
 
-    plane = _plane(ring, model, powers, detunings)
     curves = []
     for U, D, omega, leading, growth in _hopf(plane):
         curve = _dataset(plane, "Hopf curve", U, D, omega)
@@ -107,11 +115,11 @@ def hopf_curves(
 
 def subcritical(ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike) -> bool:
     """Whether one of the `hopf_curves` is subcritical where it bounds a stable region."""
-    plane = _plane(ring, model, powers, detunings)
+    plane = plane_of(ring, model, powers, detunings)
     return any(bool(np.any(np.array(leading) & (growth > 0))) for *_, leading, growth in _hopf(plane))
 
 
-def _hopf(plane: _Plane) -> Iterator[tuple[Array, Array, Array, list[bool], Array]]:
+def _hopf(plane: Plane) -> Iterator[tuple[Array, Array, Array, list[bool], Array]]:
     """U, D, omega, whether no other mode grows, and the first Lyapunov coefficient (1/ns), of each curve."""
 
     def place(point: Array) -> Array:
@@ -133,9 +141,9 @@ def fold_curves(
 ) -> list[xr.Dataset]:  # fmt: skip
     """Return the curves on which two fixed points meet and vanish; they depend on R_th alone.
 
-    Parameters, errors and result as `hopf_curves`, without frequency and leading.
+    Parameters, errors, warnings and result as `hopf_curves`, without frequency and leading.
     """
-    plane = _plane(ring, model, powers, detunings)
+    plane = plane_of(ring, model, powers, detunings)
     curves = []
     for first, last in _folded(plane):
 
@@ -151,10 +159,10 @@ def fold_curves(
         for angle in (np.linspace(*part, FOLD_POINTS) for part in parts):
             beyond = np.clip([2 * angle[0] - angle[1], 2 * angle[-1] - angle[-2]], -np.pi, np.pi)
             curves.append(_dataset(plane, "fold curve", *along(np.concatenate([beyond[:1], angle, beyond[1:]]))))
-    return curves
+    return _trusted(model, plane, curves)
 
 
-def _plane(ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike) -> _Plane:
+def plane_of(ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike) -> Plane:
     """Check the input and find the energies that its fixed points can have."""
     from ..kernels import equations as eq
     from . import balance
@@ -167,10 +175,20 @@ def _plane(ring: RingResonator, model: ThermalModel, powers: ArrayLike, detuning
     high = balance.energy(0.0, strong, *rest)
     low = balance.energy(balance.reach(np.abs(shifts).max(), strong, *rest), weak, *rest)
     energies = np.geomspace(low, high, ENERGIES)
-    return _Plane(ring, at.rates, at.fcd, at.thermal, at.static, P, shifts, energies)
+    return Plane(ring, at.rates, at.fcd, at.thermal, at.static, P, shifts, energies)
 
 
-def _frequencies(plane: _Plane) -> Array:
+def _trusted(model: ThermalModel, plane: Plane, curves: list[xr.Dataset]) -> list[xr.Dataset]:
+    """The curves; OutsideTrainingWarning where their fixed points are hotter than the training of the model."""
+    from ..kernels import equations as eq
+    from .balance import balances
+
+    for curve in curves:
+        trusted(model, balances(curve["energy"].values / eq.FJ, plane.rates, plane.fcd, plane.static)[2])
+    return curves
+
+
+def _frequencies(plane: Plane) -> Array:
     """From far below the slowest thermal pole to above the beat of laser and resonance, in rad/ns."""
     from . import balance
 
@@ -179,7 +197,7 @@ def _frequencies(plane: _Plane) -> Array:
     return np.geomspace(1e-4 * plane.thermal.slowest, 2 * highest, FREQUENCIES)
 
 
-def _terms(plane: _Plane, log_U: Array, log_w: Array) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+def _terms(plane: Plane, log_U: Array, log_w: Array) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """A and B at lambda = i w, for arrays of one shape."""
     from . import spectrum
 
@@ -190,7 +208,7 @@ def _terms(plane: _Plane, log_U: Array, log_w: Array) -> tuple[NDArray[np.comple
     return (z + gamma) * (z + gamma_2 + alpha / (z + rho)), kerr + (beta + Z * (heat * (z + rho) + cross)) / (z + rho)
 
 
-def _impedance(plane: _Plane, log_U: Array, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _impedance(plane: Plane, log_U: Array, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """Thermal impedance in K/uW of small changes about the fixed points of energy U, at the frequencies ``z``."""
     from ..kernels import equations as eq
     from . import balance, spectrum
@@ -213,7 +231,7 @@ def _resultant(A: Complex, B: Complex) -> tuple[Array, Array]:
     return (A.imag**2 - A.imag * B.imag * B.real + A.real * B.imag**2) / size, D
 
 
-def _pieces(plane: _Plane) -> list[Segment]:
+def _pieces(plane: Plane) -> list[Segment]:
     """Zero contours of the resultant, cut where Im A = Im B = 0; points are rows (log U, D, log w)."""
     import contourpy
 
@@ -235,7 +253,7 @@ def _pieces(plane: _Plane) -> list[Segment]:
     return pieces
 
 
-def _refined(plane: _Plane, line: Array, log_U: Array, log_w: Array) -> tuple[Array, Array]:
+def _refined(plane: Plane, line: Array, log_U: Array, log_w: Array) -> tuple[Array, Array]:
     """log U and log w of the points of a contour, moved along the grid edges on which they lie to the exact zero."""
     low, high = np.floor(line + 1e-9).astype(int), np.ceil(line - 1e-9).astype(int)
     start, end = (np.array([log_U[i[:, 0]], log_w[i[:, 1]]]) for i in (low, high))
@@ -248,7 +266,7 @@ def _refined(plane: _Plane, line: Array, log_U: Array, log_w: Array) -> tuple[Ar
     return x, y
 
 
-def _smooth(plane: _Plane, line: Array) -> tuple[Array, Array, Array]:
+def _smooth(plane: Plane, line: Array) -> tuple[Array, Array, Array]:
     """Halve the segments that are long in the window, with new points on the curve, and return U, D and w."""
     for _ in range(14):
         at = _window(plane, np.exp(line[0]), line[1])
@@ -266,7 +284,7 @@ def _smooth(plane: _Plane, line: Array) -> tuple[Array, Array, Array]:
     return np.exp(line[0]), line[1], np.exp(line[2])
 
 
-def _projected(plane: _Plane, at: Array, scale: Array) -> Array:
+def _projected(plane: Plane, at: Array, scale: Array) -> Array:
     """The nearest Hopf points by Newton's method, each step the shortest one in (log U, D/gamma, log w)."""
     h = 1e-6
     for _ in range(8):
@@ -287,7 +305,7 @@ def _projected(plane: _Plane, at: Array, scale: Array) -> Array:
     return at
 
 
-def _window(plane: _Plane, U: Array, D: Array) -> Array:
+def _window(plane: Plane, U: Array, D: Array) -> Array:
     """Power (logarithmic) and detuning of fixed points as fractions of the window, shape (2, n)."""
     power, shift = _laser(plane, U, D)
     width = max(np.log(plane.powers[-1] / plane.powers[0]), 0.01)
@@ -295,7 +313,7 @@ def _window(plane: _Plane, U: Array, D: Array) -> Array:
     return np.array([np.log(power / plane.powers[0]) / width, (shift - plane.detunings[0]) / height])
 
 
-def _fold_equation(plane: _Plane, U: Array) -> tuple[Array, Array]:
+def _fold_equation(plane: Plane, U: Array) -> tuple[Array, Array]:
     """a and b of D^2 + 2 a D + b = 0."""
     from . import balance
 
@@ -303,7 +321,7 @@ def _fold_equation(plane: _Plane, U: Array) -> tuple[Array, Array]:
     return U * shift_slope, gamma**2 + 2 * U * gamma * gamma_slope
 
 
-def _folded(plane: _Plane) -> list[tuple[float, float]]:
+def _folded(plane: Plane) -> list[tuple[float, float]]:
     """Intervals of U with folds."""
     log_U = np.linspace(np.log(plane.energies[0]), np.log(plane.energies[-1]), 10 * ENERGIES)
 
@@ -316,7 +334,7 @@ def _folded(plane: _Plane) -> list[tuple[float, float]]:
     return [(float(np.exp(low)), float(np.exp(high))) for low, high in zip(ends[:-1][has], ends[1:][has], strict=True)]
 
 
-def _laser(plane: _Plane, U: Array, D: Array) -> tuple[Array, Array]:
+def _laser(plane: Plane, U: Array, D: Array) -> tuple[Array, Array]:
     """Power in W and detuning in rad/ns of the fixed points (U, D)."""
     from ..kernels import equations as eq
     from . import balance
@@ -325,14 +343,14 @@ def _laser(plane: _Plane, U: Array, D: Array) -> tuple[Array, Array]:
     return U * (gamma**2 + D**2) / (2 * plane.ring.bus_rate * eq.NS) * eq.UW, shift - D
 
 
-def _inside(plane: _Plane, U: Array, D: Array) -> list[slice]:
+def _inside(plane: Plane, U: Array, D: Array) -> list[slice]:
     """Parts of a curve within the window, each with one more point of the curve at both ends."""
     at = _window(plane, U, D)
     inside = np.all((at >= 0) & (at <= 1), axis=0)
     return [slice(max(a - 1, 0), b + 1) for a, b in runs_of(inside)]
 
 
-def _from_outside(plane: _Plane, *every: Array) -> list[Array]:
+def _from_outside(plane: Plane, *every: Array) -> list[Array]:
     """A closed curve with a point outside the window as the first one, so that no part within is cut in two."""
     closed = all(values[0] == values[-1] for values in every)
     outside = np.flatnonzero(~np.all((at := _window(plane, *every[:2])) >= 0, axis=0) | np.any(at > 1, axis=0))
@@ -341,7 +359,7 @@ def _from_outside(plane: _Plane, *every: Array) -> list[Array]:
     return [np.append(np.roll(values[:-1], -outside[0]), values[outside[0]]) for values in every]
 
 
-def _criticality(plane: _Plane, U: float, D: float, w: float) -> tuple[float, NDArray[np.complex128]]:
+def _criticality(plane: Plane, U: float, D: float, w: float) -> tuple[float, NDArray[np.complex128]]:
     """The first Lyapunov coefficient in 1/ns, for the relative amplitude of the carriers, and the eigenvalues."""
     from ..kernels import equations as eq
     from . import spectrum
@@ -364,7 +382,7 @@ def _others_decay(values: NDArray[np.complex128], w: float) -> bool:
     return bool(np.all(rest.real < 0))
 
 
-def _dataset(plane: _Plane, kind: str, U: Array, D: Array, omega: Array | None = None) -> xr.Dataset:
+def _dataset(plane: Plane, kind: str, U: Array, D: Array, omega: Array | None = None) -> xr.Dataset:
     """One curve in SI."""
     import xarray as xr
 
@@ -376,8 +394,7 @@ def _dataset(plane: _Plane, kind: str, U: Array, D: Array, omega: Array | None =
     values = {"power": power, "detuning": shift / (2 * np.pi * eq.NS), "energy": U * eq.FJ}
     if omega is not None:
         values["frequency"] = omega / (2 * np.pi * eq.NS)
-    fields = {"power": "input_power"}
     return xr.Dataset(
-        {name: ("point", v, dataset.describe(fields.get(name, name))) for name, v in values.items()},
+        {name: ("point", v, dataset.describe({"power": "input_power"}.get(name, name))) for name, v in values.items()},
         attrs={"kind": kind, "ring": plane.ring.name},
     )

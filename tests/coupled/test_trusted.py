@@ -9,6 +9,7 @@ import pytest
 from rings import BENT, RING, SECOND_ORDER
 
 import coupled
+import surrogate
 import thermofem as th
 
 BUS = coupled.bus(RING)
@@ -32,6 +33,8 @@ ASKED = {
     "power_for_drop": lambda m: coupled.power_for_drop(RING, m, drop=2e-3, detuning=-60e9),
     "cycle_derivatives": lambda m: coupled.cycle_derivatives(RING, m, ["bus_rate"], power=6.31e-3),
     "continue_cycle": lambda m: coupled.continue_cycle(RING, m, "power", (6.31e-3, 6.4e-3), power=6.31e-3),
+    "hopf_curves": lambda m: coupled.hopf_curves(RING, m, [1e-3, 6.4e-3], [-60e9, 20e9]),
+    "fold_curves": lambda m: coupled.fold_curves(RING, m, [1e-3, 6.4e-3], [-60e9, 20e9]),
     "stability_map": lambda m: coupled.stability_map(RING, m, [6.3e-3, 6.4e-3], [0.0, 1e9]),
     "stability_map, at rest": lambda m: coupled.stability_map(RING, m, [6.3e-3, 6.4e-3], [-90e9, -89e9]),
     "pulsing_map, at rest": lambda m: coupled.pulsing_map(RING, m, [6.3e-3, 6.4e-3], [-90e9, -89e9]),
@@ -56,11 +59,22 @@ def test_a_rise_far_above_the_training_warns(name, kind):
     ASKED[name](replace(TRAINED[kind], largest_rise=30.0))
 
 
-@pytest.mark.parametrize("name", [name for name in ASKED if "_map" not in name])
+@pytest.mark.parametrize("name", [name for name in ASKED if "_map" not in name and "_curves" not in name])
 def test_a_rise_at_the_top_of_an_output_map_is_refused(name):
     """More heat then meant less temperature: the rise of a run turned at the top, 2.5 K, without a word."""
     with pytest.raises(th.InputError, match=r"top of (the|an) output map"):
         ASKED[name](th.OutputMap(SECOND_ORDER, -0.1))
+
+
+def test_folds_of_cycles_above_the_training_warn():
+    """The cycles of this curve reach 14 to 20 K."""
+    newton = surrogate.newton(tau_th=275e-9)
+    trained = th.models.Network(np.diag(-1 / newton.tau), newton.gain, ("core",), newton, largest_rise=3.0)
+    window = [4.9e-3, 5.1e-3], [-10e9, 10e9]
+    with pytest.warns(th.OutsideTrainingWarning, match="its training reached 3 K"):
+        coupled.cycle_fold_curves(RING.with_lumped_fcd(), trained, *window)
+    (curve,) = coupled.cycle_fold_curves(RING.with_lumped_fcd(), replace(trained, largest_rise=30.0), *window)
+    assert np.all(curve.highest_rise > curve.swing)
 
 
 @pytest.mark.parametrize("options", [{}, {"duration": 2e-6}])
