@@ -14,7 +14,7 @@ from thermofem.display import shown
 
 from ..family import Certified, Family
 from .pareto import front_of
-from .quantities import Optics, Quantity
+from .quantities import QUANTITIES, Optics, Quantity
 from .search import Ranges, Search, family_over, search_of, wanted_of
 
 if TYPE_CHECKING:
@@ -108,10 +108,13 @@ def design(
     Raises
     ------
     InputError
-        a range outside the family's box, an unknown quantity, a target of zero, or no member that has the property.
+        a range outside the family's box, an unknown quantity, a target of zero, a negative one of a
+        property that is positive, or no member that has the property.
     """
-    for value in wanted_of(target).values():  # before a family is trained
+    for name, value in wanted_of(target).items():  # before a family is trained
         checks.finite("target", value, hint="words are for surrogate.pareto_front")
+        if name in QUANTITIES:
+            checks.positive(f"target {name}", value)
     family = family_over(family, free, tolerance)
     search = search_of(family, free, target, fixed, optics)
     wanted = {name: float(value) for name, value in search.wanted.items()}

@@ -48,6 +48,8 @@ def test_a_property_of_ones_own_and_two_targets(family):
     target = {slow_share: slow_share(wanted), "thermal_resistance": wanted.thermal_resistance, "rise_time": 0.0}
     with pytest.raises(th.InputError, match="target of 0"):
         surrogate.design(family, target=target)
+    with pytest.raises(th.InputError, match="must be positive"):
+        surrogate.design(family, target={"thermal_resistance": -9e3})
     with pytest.raises(th.InputError, match="unknown"):
         surrogate.design(family, target={"resistance": 1.0})
     found = surrogate.design(

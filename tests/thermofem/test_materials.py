@@ -122,6 +122,14 @@ def test_a_table_is_held_beyond_its_ends():
     assert law.factor([100, 250, 350, 900]) == pytest.approx([1.5, 1.5, 0.75, 0.75], rel=1e-14)
 
 
+@pytest.mark.parametrize("law", [PowerLaw(0.5, 4.0), Table((1, 2, 4), (1.0, 2.0, 3.0), 4.0)])
+def test_a_law_is_held_below_1_k(law):
+    """An iteration may ask there; the integral of a power law ended at 1 K, a table went on as a parabola."""
+    assert law.factor([0.2, 0.7]) == pytest.approx(float(law.factor(1.0)), rel=1e-14)
+    slope = (law.integral(4.0, -3.2) - law.integral(4.0, -3.4)) / 0.2
+    assert slope == pytest.approx(float(law.factor(1.0)), rel=1e-12)
+
+
 def test_laws_no_material_has():
     for bad in (lambda: PowerLaw(1000.0), lambda: PowerLaw(-1.3, 0.0), lambda: Table((300, 300), (1, 1))):
         with pytest.raises(InputError):

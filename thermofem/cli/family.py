@@ -151,7 +151,7 @@ def design(
 
 def _wanted(text: str, unit: str, option: str) -> float:
     """A target in SI; a swing is a difference of temperatures."""
-    return quantity.positive_rise(text, name=option) if unit == "K" else quantity.parse(text, unit, name=option)
+    return quantity.positive_rise(text, name=option) if unit == "K" else quantity.positive(text, unit, name=option)
 
 
 def _some(count: int) -> list[int]:

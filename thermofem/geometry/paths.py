@@ -40,7 +40,8 @@ def change_values(table: dict[str, Any], values: Mapping[str, Any]) -> None:
 
 def check_once(paths: Iterable[str]) -> None:
     """InputError where two paths lead to one value: the last one would count."""
-    checks.unique("list of paths", [path.removesuffix(".value") for path in paths], hint="both set one value")
+    places = [path.removesuffix(".value").removesuffix(".convection") for path in paths]
+    checks.unique("list of paths", places, hint="both set one value")
 
 
 def _measure(item: dict[str, Any], key: str) -> None:

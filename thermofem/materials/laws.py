@@ -56,11 +56,16 @@ class PowerLaw:
         return np.asarray((np.maximum(_kelvins("T", T), COLDEST) / self.reference) ** self.exponent)
 
     def integral(self, start: float, rise: ArrayLike) -> Array:
-        """start f(start) ((1 + rise/start)^(n + 1) - 1)/(n + 1), without cancellation at a small rise."""
-        start = _start(start)
-        log = np.log1p(np.maximum(_kelvins("rise", rise) / start, COLDEST / start - 1))
+        """start f(start) ((1 + rise/start)^(n + 1) - 1)/(n + 1), which does not cancel at a small rise.
+
+        f is constant below 1 K.
+        """
+        start, rise = _start(start), _kelvins("rise", rise)
+        above = np.maximum(rise, COLDEST - start)
+        log = np.log1p(above / start)
         n, scale = self.exponent + 1, (start / self.reference) ** self.exponent * start
-        return np.asarray(scale / n * np.expm1(n * log) if n else scale * log)
+        below = (rise - above) * (COLDEST / self.reference) ** self.exponent
+        return np.asarray((scale / n * np.expm1(n * log) if n else scale * log) + below)
 
 
 @shown
@@ -176,7 +181,7 @@ def _pieces(table: Table, start: float, *, integrated: bool) -> tuple[Array, Arr
     from scipy.interpolate import PPoly
 
     T = table.temperatures
-    knots = np.unique([*T, start, COLDEST, HOTTEST])
+    knots = np.unique([*T, start, 0.0, HOTTEST])
     left = knots[:-1]
     inside = (left >= T[0]) & (left < T[-1])
     slopes = [np.where(inside, table._curve(left, k), 0.0) / math.factorial(k) for k in (3, 2, 1)]

@@ -100,7 +100,7 @@ def _law(given: dict[str, Any], unit: str, of: str) -> Law:
 
 def _list(given: Any, unit: str | None, name: str) -> tuple[float, ...]:
     if not isinstance(given, list) or not given:
-        raise InputError(f"{name} = {given!r} must be a list")
+        raise InputError(f"{name} = {given!r} must be a list of one value or more")
     if unit is None:
         return tuple(finite(name, item) for item in given)
     return tuple(quantity.parse(item, unit, name=name) for item in given)
