@@ -18,7 +18,7 @@ from thermofem.plot_style import CYCLE
 plt.rcParams["axes.prop_cycle"] = plt.cycler(color=CYCLE)  # the colours of all figures
 
 N, PITCH, SPACING = 4, 25e-6, 120e9
-geometry = replace(th.heated_ring(), outer_radius=200e-6)
+geometry = replace(th.heated_ring(), outer_radius=200e-6).opened()
 heat = th.assemble(geometry)
 bank = surrogate.reduce_array(heat, [(k * PITCH, 0) for k in range(N)], tolerance=1e-3, heaters=("heater",))
 ring = coupled.borghi2021()

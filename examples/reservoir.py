@@ -29,7 +29,7 @@ mask = rng.uniform(0.2, 1.0, NODES)
 
 ring = coupled.borghi2021()
 positions = [(k * 20e-6, 0) for k in range(3)]
-fem = surrogate.reduce_array(th.assemble(th.strip_ring(outer_radius=150e-6)), positions, tolerance=1e-3)
+fem = surrogate.reduce_array(th.assemble(th.strip_ring(outer_radius=150e-6).opened()), positions, tolerance=1e-3)
 laws = {"heat of the FEM": fem, "Newton's law, 275 ns": surrogate.newton(tau_th=275e-9)}
 circuits = {"one ring": coupled.bus(ring), "three-ring SCISSOR": coupled.scissor([ring] * 3, phase=0.5)}
 

@@ -16,7 +16,7 @@ from coupled.plot.circuit import plot_circuit, plot_ports, plot_rings
 
 one = coupled.borghi2021()
 array = surrogate.reduce_array(
-    th.assemble(th.strip_ring(outer_radius=150e-6)), [(k * 25e-6, 0) for k in range(3)], tolerance=1e-3
+    th.assemble(th.strip_ring(outer_radius=150e-6).opened()), [(k * 25e-6, 0) for k in range(3)], tolerance=1e-3
 )
 figure, column = plt.subplots(4, 1, figsize=(5.7, 10), layout="constrained", height_ratios=(0.7, 1, 1, 1))
 axes = column.reshape(2, 2)

@@ -18,7 +18,9 @@ import thermofem as th
 
 SKY, VERMILION = "#56B4E9", "#D55E00"
 ring = coupled.borghi2021()
-array = surrogate.reduce_array(th.assemble(th.strip_ring(outer_radius=120e-6)), [(0, 0), (20e-6, 0)], tolerance=1e-3)
+array = surrogate.reduce_array(
+    th.assemble(th.strip_ring(outer_radius=120e-6).opened()), [(0, 0), (20e-6, 0)], tolerance=1e-3
+)
 laws = {"far from the other": (array.channel(0, 0), SKY), "20 µm from the other": (array, VERMILION)}
 lasers = [coupled.LaserPort("one", "ring 1.in"), coupled.LaserPort("two", "ring 2.in")]
 
