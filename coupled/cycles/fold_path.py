@@ -29,6 +29,7 @@ TURN = 0.8  # of the largest values, what the stages may change in a step
 MOST_STEPS = 10  # of Newton's method
 SMALLEST = 0.03  # relative range of the carriers, where a curve ends on a Hopf curve
 SLOWEST = 30.0  # times the shortest period
+SECANT = 1e-5  # smallest distance of two points of the secant method; between nearer ones g differs by round-off
 ON_IT = 1e-6  # distance from the fold in the units of `path.weights`: its square is what the parameters are off
 
 
@@ -130,7 +131,7 @@ def _next(family: FreeParameters, frame: _Frame, step: float) -> tuple[Place, fl
             return None
         change, stages, directions, sides, M, shift = found
         g = float(np.linalg.det(directions[:, m + 1 :] * unit[m + 1 :]))
-        if last is not None and abs(b - last[0]) > 1e-9:
+        if last is not None and abs(b - last[0]) > SECANT:
             slope = (g - last[1]) / (b - last[0])
         last = (float(b), g)
         off = -g / slope if slope != 0.0 else 0.1 * step
