@@ -43,6 +43,15 @@ def test_the_curve_crosses_the_window_and_bounds_stable_pulses(curve):
     assert curve["leading"].values.all()
 
 
+@pytest.mark.parametrize("high", [9.9e-3, 10e-3, 10.1e-3])
+def test_the_curve_crosses_a_wide_window_from_every_start(high):
+    """A slope read off round-off ended it at 2.5 and 9.6 mW of a window of 2 to 10 mW."""
+    (one,) = coupled.cycle_fold_curves(RING, NEWTON, [2e-3, high], [-20e9, 20e9])
+    assert one["power"].values.min() < 2e-3
+    assert one["power"].values.max() > high
+    assert one.attrs["reason"] == "the end of the range; the end of the range"
+
+
 def test_settled_maps_pulse_on_one_side_only(curve):
     cold = coupled.pulsing_map(RING, NEWTON, POWERS, DETUNINGS)
     beyond = DETUNINGS[None, :] > border(curve, POWERS)[:, None]
