@@ -71,8 +71,8 @@ def pieces(name: str, value: Any, start: float, stop: float) -> Pieces:
     whole = np.array([start, stop])
     if isinstance(value, Pieces):
         return _window(name, value, start, stop)
-    if hasattr(value, "c") and hasattr(value, "x"):  # a piecewise polynomial of SciPy, highest power first
-        c = np.asarray(value.c, dtype=float)
+    if hasattr(value, "c") and hasattr(value, "x"):
+        c = _powers(name, value)
         if c.ndim != 2 or len(c) > DEGREE + 1:
             raise checks.InputError(f"{name} is a polynomial with coefficients {c.shape}; at most cubic, and scalar")
         coefficients = np.vstack([c[::-1], np.zeros((DEGREE + 1 - len(c), c.shape[1]))]).T
@@ -80,6 +80,16 @@ def pieces(name: str, value: Any, start: float, stop: float) -> Pieces:
     if hasattr(value, "breakpoints"):
         return cubic_pieces(value, start, stop)
     return Pieces(whole, np.array([[checks.finite(name, value), 0.0, 0.0, 0.0]]))
+
+
+def _powers(name: str, value: Any) -> Array:
+    """Coefficients of a piecewise polynomial of SciPy, highest power first."""
+    from scipy.interpolate import PPoly
+
+    if not isinstance(value, PPoly):  # such as BPoly, whose coefficients are those of Bernstein polynomials
+        hint = "PPoly.from_bernstein_basis makes a PPoly of a BPoly, PPoly.from_spline of a BSpline"
+        raise checks.InputError(f"{name} is a {type(value).__name__}; a PPoly is needed", hint)
+    return checks.numbers(f"{name}: coefficients", value.c)
 
 
 def add(parts: list[Pieces]) -> Pieces:

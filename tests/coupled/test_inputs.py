@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 from rings import RING, SECOND_ORDER, printed_equations, state
 from scipy.integrate import solve_ivp
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import BPoly, CubicSpline
 
 import coupled
 import thermofem as th
@@ -212,6 +212,8 @@ def test_pieces_of_everything_that_drives():
         ({"power": Sweep([0, 0.5e-6], [1e-3, 1e-3])}, "cover the run"),
         ({"power": []}, "empty list"),
         ({"power": "8 dBm"}, "not a number"),
+        ({"power": BPoly.from_derivatives([0, 1e-6], [[0, 0], [1e-3, 0]])}, "power is a BPoly; a PPoly is needed"),
+        ({"detuning": CubicSpline([0, 1e-6], [0, 1e9 + 1e9j])}, "detuning: coefficients holds values that are complex"),
         ({"power": [1e-3, float("nan")]}, r"power\[1\] = nan"),
         ({"detuning": Sweep([0, 1e-6], [0, -10])}, "did you mean -10e9"),
         ({"method": "Rodas5"}, "did you mean 'rodas5p'"),
