@@ -4,8 +4,13 @@
     nu(t) = nu_0 + n(t),         one-sided density of n:  S_n(f) = linewidth/pi Hz^2/Hz   below the bandwidth, else 0
 
 White frequency noise of that density makes a Lorentzian line with ``linewidth`` between its half-maxima. The samples
-are the Fourier series of a record a little longer than the run, with independent normal amplitudes: what is drawn is
-the same for every run of one seed, bandwidth and duration.
+are the Fourier series of a record of length L, a little longer than the run, with independent normal amplitudes:
+
+    x(t) = sqrt(S/2L) z_0 + sqrt(S/L) sum_k=1^K (z_k cos 2 pi k t/L + z'_k sin 2 pi k t/L),      K <= L bandwidth
+
+The constant is noise slower than the run. With it the phase diffuses as it should, <(phi(t) - phi(0))^2> =
+2 pi linewidth t up to the end, and the mean power of runs has the variance S P_0^2/2T. The last line has what is left
+of the variance S bandwidth. What is drawn is the same for every run of one seed, bandwidth and duration.
 
 Sources: Petermann, Laser Diode Modulation and Noise (1988) (RIN); Di Domenico, Schilt and Thomann, Appl.
 Opt. 49, 4801 (2010) (linewidth of white frequency noise: pi times its density).
@@ -35,7 +40,7 @@ def intensity_noise(power: float, rin: float, *, bandwidth: float, duration: flo
     Parameters
     ----------
     power : float, W
-        the mean.
+        the mean over many seeds; that of one run differs by sqrt(S/2T) of it, T the duration.
     rin : float, dB/Hz
         one-sided density of the relative power: -130 for a common diode laser.
     bandwidth : float, Hz
@@ -103,10 +108,12 @@ def _white(density: float, bandwidth: float, duration: float, seed: int, source:
     lines = int(bandwidth * length)
     if lines < 1:
         raise checks.InputError(f"bandwidth = {bandwidth:g} Hz has no period within {duration:g} s; raise it")
-    draw = np.random.default_rng([checks.seed(seed), source]).normal(size=(lines, 2))
+    rng = np.random.default_rng([checks.seed(seed), source])
+    draw = rng.normal(size=(lines, 2)) @ [1, 1j]
+    draw[-1] *= np.sqrt(bandwidth * length - lines + 0.5)
     spectrum = np.zeros(n // 2 + 1, dtype=complex)
-    # each line has the power density/length: amplitude^2/2 = density/length
-    spectrum[1 : lines + 1] = (draw @ [1, 1j]) * np.sqrt(density / length) * n / 2
+    spectrum[1 : lines + 1] = draw * np.sqrt(density / length) * n / 2
+    spectrum[0] = rng.normal() * np.sqrt(density / (2 * length)) * n
     values = np.asarray(np.fft.irfft(spectrum, n), dtype=float)
     times: Array = np.asarray(np.arange(n + 1) * (length / n), dtype=float)
     return times, np.asarray(np.append(values, values[0]), dtype=float)
