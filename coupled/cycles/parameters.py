@@ -14,7 +14,7 @@ from ..heaters import turned_by
 from ..resonator import RingResonator
 from ..ring_toml import UNITS
 from ..runs import window
-from ..thermal import Compact
+from ..thermal import Compact, compact
 from ..unknowns import LIFETIMES, number_of, optical_names, varied
 from .orbit import CycleProblem, problem
 
@@ -137,4 +137,4 @@ def _network_with(model: Compact, kind: str, number: int, value: float) -> Compa
     (R if kind == "R" else tau)[number] = value
     poles = Foster(R=R, tau=tau)  # checks them and sorts them
     checks.keep(poles, R=R, tau=tau)  # states and names keep their poles where one time constant passes another
-    return replace(model, linear=poles) if isinstance(model, OutputMap) else poles
+    return compact(replace(model, linear=poles) if isinstance(model, OutputMap) else poles)

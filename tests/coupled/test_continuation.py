@@ -115,6 +115,14 @@ def test_a_time_constant_passes_that_of_another_pole():
         assert float(branch["period"][k]) == pytest.approx(one.attrs["period"], rel=1e-8)
 
 
+def test_a_branch_ends_where_the_network_is_passive_no_more():
+    """It went on to -500 K/W, with "stable" cycles of rings that `limit_cycle` refuses."""
+    model = th.Foster(R=[2000.0, 5500.0], tau=[56e-9, 1.2e-6])
+    branch = coupled.continue_cycle(RING, model, "R1", (-500.0, 2500.0), power=POWER)
+    assert branch["R1"].values.min() > 0
+    assert branch.attrs["reason"] != "the end of the range"
+
+
 def test_pulses_alternate_between_two_period_doublings():
     branch = coupled.continue_cycle(RING, FIVE, "detuning", (40e9, -5e9), power=POWER, detuning=20e9)
     first, second = at(branch, "period doubling")
