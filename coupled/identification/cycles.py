@@ -36,7 +36,8 @@ BETWEEN, MANY = 8, 100_000  # points of the autocorrelation in a sample, of trac
 PERIOD_ERROR, SHAPE_ERROR = 0.01, 0.03  # of the period, of the swing: misfits that count alike
 PARTS, MOVES = 32, 0.05  # pieces of a trace at rest, and the share of the mean by which their means may differ
 LEVEL = 0.05  # of the mean: a smaller swing counts as that
-NO_CYCLE = 3.0  # ln(T_model/T) where only one of the two pulses
+NO_CYCLE = 3.0  # ln(T_model/T) where only one of the two pulses, with a swing that counts
+STEADY = 0.7  # smaller over larger of the swings of a cycle in the two halves of what is compared
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,14 +123,40 @@ def observe(trace: xr.Dataset, name: str = "trace") -> Observed:
     clock = _repetition(t, drop)
     if not np.isfinite(clock):
         _check_rest(name, drop)
-        pieces = np.zeros((8, HARMONICS + 1), dtype=complex)
-        pieces[:, 0] = [part.mean() for part in np.array_split(drop, 8)]
-        return Observed(clock, pieces, absolute)
+        return _at_rest(drop, absolute)
     step = _step(t)
     for _ in range(3):
         seen = Observed(clock, _pieces(t, drop, t[0] + clock * np.arange((t[-1] - t[0]) / clock), step), absolute)
         clock = seen.mean().period
-    return seen
+    return seen if _settled(name, seen.pieces) else _at_rest(drop, absolute)
+
+
+def _at_rest(drop: Array, absolute: bool) -> Observed:
+    """What is seen of a trace that does not pulse: its mean in eight pieces."""
+    pieces = np.zeros((8, HARMONICS + 1), dtype=complex)
+    pieces[:, 0] = [part.mean() for part in np.array_split(drop, 8)]
+    return Observed(float("nan"), pieces, absolute)
+
+
+def _settled(name: str, pieces: Complex) -> bool:
+    """Whether the cycles of a trace keep their swing; InputError where a swing that counts does not.
+
+    A model that rings down counts as one at rest: so must the trace.
+    """
+    swings = np.sqrt(2 * np.sum(np.abs(pieces[:, 1:]) ** 2, axis=1)) * 2  # of a sine, from its mean square
+    halves = np.array_split(swings, 2)
+    early, late = (float(half.mean()) for half in halves)
+    scatter = np.sqrt(sum(half.var() / half.size for half in halves))
+    if len(pieces) < 4 or min(early, late) > STEADY * max(early, late) or abs(early - late) < 3 * scatter:
+        return True
+    level = float(abs(pieces[:, 0].mean()))
+    if max(early, late) > LEVEL * level:
+        raise checks.InputError(
+            f"{name} has not settled in its second half, which is compared: its swing goes from {early / level:.1%} to "
+            f"{late / level:.1%} of the mean drop power",
+            "take a longer trace",
+        )
+    return False
 
 
 def _check_rest(name: str, drop: Array) -> None:
@@ -195,7 +222,7 @@ def misfit(model: Cycle, measured: Cycle, absolute: bool = True) -> tuple[Array,
         the mean counts as that.
     """
     pulses = np.isfinite([model.period, measured.period])
-    drift = np.log(model.period / measured.period) if pulses.all() else NO_CYCLE * float(pulses.any())
+    drift = np.log(model.period / measured.period) if pulses.all() else NO_CYCLE * max(map(_counts, (model, measured)))
     aligned = model.shifted(_lag(model.harmonics, measured.harmonics)) if pulses.all() else model
     both = np.array([aligned.harmonics, measured.harmonics])
     if not absolute:
@@ -206,6 +233,11 @@ def misfit(model: Cycle, measured: Cycle, absolute: bool = True) -> tuple[Array,
     waves = off[1:] / np.sqrt(2)  # the mean square of Re c exp(i phi) is |c|^2 / 2
     shape = np.concatenate([[off[0].real], waves.real, waves.imag]) / size
     return np.concatenate([[drift / PERIOD_ERROR], shape]), aligned
+
+
+def _counts(cycle: Cycle) -> float:
+    """How much a cycle counts beside a rest, from 0 to 1: one that hardly swings is almost at rest."""
+    return (cycle.swing / cycle.scale) ** 2 if np.isfinite(cycle.period) else 0.0
 
 
 def _repetition(t: Array, x: Array) -> float:

@@ -52,8 +52,8 @@ class Identification(HasModel):
         over run: each free parameter, and misfit, the root of the mean over the traces of the sum of squares.
     notes : tuple of str
         what makes numbers of the result doubtful: uneven samples; parameters that the traces do not determine, or that
-        ended on a bound of the search; traces whose period and that of the model are a multiple of each other. They are
-        logged, too.
+        ended on a bound of the search; traces whose period and that of the model are a multiple of each other;
+        traces that pulse while their model rests, or the other way round. They are logged, too.
     front : array, shape (n, traces)
         sums of squares, with six harmonics, of the Pareto front at which the evolution of the first run ended.
     """
@@ -215,7 +215,7 @@ def _result(
             ),
         }
     )
-    notes = _doubts(what, targets, spread, values[best]) + multiples(columns[2], columns[3])
+    notes = _doubts(what, targets, spread, values[best]) + read_apart(columns[2], columns[3])
     drawn = np.array(curves)
     cycles = xr.Dataset(
         {
@@ -258,16 +258,25 @@ def _doubts(what: Unknowns, targets: list[Target], spread: Array, values: Array)
     return tuple(notes)
 
 
-def multiples(periods: Array, models: Array) -> tuple[str, ...]:
-    """Sentences on traces whose period is a multiple of the model's, or the other way round; logged as warnings."""
+def read_apart(periods: Array, models: Array) -> tuple[str, ...]:
+    """Sentences on traces that were read otherwise than their models are; logged as warnings.
+
+    One of the two rests (a period of nan), or has a multiple of the other's period.
+    """
     notes = []
     for k, (seen, own) in enumerate(zip(periods, models, strict=True)):
         ratio = max(seen / own, own / seen)
-        if ratio > 1.5 and abs(ratio / round(ratio) - 1) < NEAR:
+        if np.isnan(seen) != np.isnan(own):
+            which = "rests, and its model pulses" if np.isnan(seen) else "pulses, and its model rests"
+            notes.append(
+                f"traces[{k}] {which}: the parameters may be wrong; give a trace farther from the edge of self-pulsing"
+            )
+        elif ratio > 1.5 and abs(ratio / round(ratio) - 1) < NEAR:
             notes.append(
                 f"traces[{k}] was read at a period of {quantity.rounded(seen, 's', 4)} and its model at "
                 f"{quantity.rounded(own, 's', 4)}, {round(ratio)} times as much or as little: one of them is misread, "
                 "and the parameters may be wrong; sample the trace more finely, or leave it out"
             )
-            log.warning("%s", notes[-1])
+    for note in notes:
+        log.warning("%s", note)
     return tuple(notes)

@@ -15,8 +15,8 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.identification.cycles import Cycle, cycle_of, misfit, observe
-from coupled.identification.identify import _result, multiples
-from coupled.identification.matching import residuals, targets_of
+from coupled.identification.identify import _result, read_apart
+from coupled.identification.matching import residuals, simulated, targets_of
 from coupled.plot import plot_identification, plot_newton_traces
 from coupled.unknowns import unknowns
 from thermofem.models.lumped import second_order_poles
@@ -267,11 +267,27 @@ def test_a_period_of_few_and_a_half_samples_is_not_read_twice(samples):
 
 
 def test_a_period_that_is_a_multiple_of_the_models_is_said(caplog):
-    assert multiples(np.array([1e-6, np.nan, 1.3e-6]), np.array([1.02e-6, 1e-6, 1e-6])) == ()
-    (note,) = multiples(np.array([1e-6, 1.29e-6]), np.array([1e-6, 0.64e-6]))
+    assert read_apart(np.array([1e-6, np.nan, 1.3e-6]), np.array([1.02e-6, np.nan, 1e-6])) == ()
+    (note,) = read_apart(np.array([1e-6, 1.29e-6]), np.array([1e-6, 0.64e-6]))
     assert note.startswith("traces[1] was read at a period of 1.29 us and its model at 640 ns, 2 times")
     assert note in caplog.text
-    assert len(multiples(np.array([0.5e-6]), np.array([1.52e-6]))) == 1
+    assert len(read_apart(np.array([0.5e-6]), np.array([1.52e-6]))) == 1
+    resting, pulsing = read_apart(np.array([np.nan, 1e-6]), np.array([1e-6, np.nan]))
+    assert "rests, and its model pulses" in resting
+    assert "pulses, and its model rests" in pulsing
+
+
+def test_a_ring_that_rings_down_is_one_at_rest():
+    """Its ringing was read as a cycle, its model's as a rest: kappa was 5 % off with a deviation of 1e-6 of it."""
+    run = coupled.simulate(RING, EXPERIMENT, power=6.31e-3, detuning=32.5e9, duration=30e-6)
+    assert coupled.pulsing(run).regime == "stable"
+    assert np.isnan(observe(run).clock)
+    wanted = observe(run).mean()
+    (target,) = targets_of(run)
+    off, _ = misfit(simulated(RING, EXPERIMENT, target), wanted)
+    assert np.abs(off).max() < 0.01
+    with pytest.raises(th.InputError, match=r"has not settled.*its swing goes from .*% to .*% of the mean"):
+        observe(run.isel(time=run.time.values < 8e-6))
 
 
 def test_traces_at_rest_have_no_lifetime(caplog):
