@@ -242,6 +242,10 @@ def _window(along: Any, low: float, high: float, row: int, ends: Array) -> tuple
     """The part of a curve within the range of its power or detuning (``row``), both ends of the range included."""
     grid = np.linspace(low, high, POINTS)
     parts = stretches(lambda s: (along(s)[row] - ends[0])[None] / np.ptp(ends), grid)
+    if not parts:  # between two neighbouring floats
+        name, unit = ("power", "W") if row == 2 else ("detuning", "Hz")
+        span = f"{ends[0]:.17g} to {ends[1]:.17g} {unit}"
+        raise checks.InputError(f"{name} = {span} is narrower than round-off; widen it")
     points = spread(lambda s: np.array(along(s))[[0, 2, 3]], parts, POINTS)  # energy, power, detuning
     curve = list(along(np.concatenate(points)))
     stops = np.cumsum([s.size for s in points])
