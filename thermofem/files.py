@@ -19,7 +19,7 @@ import stat
 import threading
 import time
 import unicodedata
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -145,6 +145,34 @@ def folder_locked(folder: Path) -> Iterator[None]:
         yield
     finally:
         os.close(handle)  # a killed process gives its lock back, too
+
+
+@contextlib.contextmanager
+def own_folder(folder: Path, inner: Sequence[str], whose: str, check: Callable[[], None]) -> Iterator[None]:
+    """Make the folder of a store and those in it, lock it, and delete half-written files of a killed run.
+
+    inner: names of the folders in it.
+    whose: "a campaign".
+    check: raises InputError where the locked folder holds files of others; nothing is made or deleted before.
+
+    Raises InputError: it cannot be made or written, another run is using it, or an inner folder is a link.
+    """
+    folders = [make_folder(folder) / name for name in inner]
+    for one in folders:
+        if one.is_symlink():
+            raise InputError(f"{one} is a link; {whose} writes into its own folders: link {folder}")
+    with folder_locked(folder):
+        check()
+        for one in (folder, *folders):
+            sweep(make_folder(one))
+        yield
+
+
+def check_own(paths: Iterable[Path], written: Container[Path], whose: str) -> None:
+    """InputError where a store would write over a file that is not among those it has written."""
+    for path in paths:
+        if path not in written and path.exists():
+            raise InputError(f"{path} is no file of {whose}; move it, or take another folder")
 
 
 def sweep(folder: Path) -> None:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 FORMAT = 1
-WORDS = ("claims", "page", "plan", "project", "run", "sections", "workers")  # modules that compute nothing
+WORDS = ("claims", "page", "plan", "project", "run", "sections", "workers", "written")  # modules that compute nothing
 LIBRARIES = ("numpy", "scipy", "scikit-fem", "numba", "pysindy")
 
 
@@ -63,9 +63,10 @@ class Stored(Mapping[str, T]):
 
 @dataclass(frozen=True)
 class StageStore:
-    """The folder of a reproduction's data."""
+    """The folder of a reproduction's data; ``note`` is told of the files before they are written."""
 
     folder: Path
+    note: Callable[..., None] = lambda *paths: None
 
     def manifest(self, stage: str) -> Path:
         """Manifest of a stage's results."""
@@ -97,12 +98,13 @@ class StageStore:
         """Write a result, its manifest last, and return the result as a later run would read it."""
         import surrogate
 
-        self.manifest(stage).unlink(missing_ok=True)
-        written = [dataset.save(data, self.folder / f"{stage}.{name}.nc") for name, data in result.data.items()]
-        written += [
-            surrogate.save_model(model, self.folder / f"{stage}.{name}.json", provenance={"stage": stage, "key": key})
-            for name, model in result.models.items()
-        ]
+        manifest, provenance = self.manifest(stage), {"stage": stage, "key": key}
+        data = {self.folder / f"{stage}.{name}.nc": one for name, one in result.data.items()}
+        models = {self.folder / f"{stage}.{name}.json": one for name, one in result.models.items()}
+        self.note(manifest, *data, *models)
+        manifest.unlink(missing_ok=True)
+        written = [dataset.save(one, path) for path, one in data.items()]
+        written += [surrogate.save_model(one, path, provenance=provenance) for path, one in models.items()]
         numbers = json.loads(json.dumps(trees.plain(result.numbers)))
         content = {
             "format": FORMAT,
@@ -114,7 +116,7 @@ class StageStore:
             "numbers": numbers,
         }
         text = json.dumps(content, indent=1, allow_nan=False) + "\n"
-        files.write_whole(self.manifest(stage), lambda path: path.write_text(text, encoding="utf-8"))
+        files.write_whole(manifest, lambda path: path.write_text(text, encoding="utf-8"))
         return Result(numbers, result.data, result.models, seconds)
 
 
