@@ -1,6 +1,8 @@
-"""The folder of a reproduction: files of others stay, and its own are made again."""
+"""The folder of a reproduction: files of others stay, its own are made again, edited results are not believed."""
 
 from __future__ import annotations
+
+import json
 
 import pytest
 
@@ -112,3 +114,25 @@ def test_names_that_the_short_version_does_not_write_are_free(tmp_path):
     Project(tmp_path, QUICK, stages_of(QUICK)).check([])
     with pytest.raises(th.InputError, match=r"maps\.json is no file of a reproduction"):
         run(tmp_path, Settings())
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        lambda tree: tree.update(files={}),
+        lambda tree: tree["files"].popitem(),
+        lambda tree: tree["numbers"].update(a=2.0),
+        lambda tree: tree.update(cpu_seconds=0.0),
+        lambda tree: tree.pop("content_hash"),
+    ],
+)
+def test_a_manifest_that_was_edited_is_not_believed(edit, tmp_path):
+    """The hash covered the numbers alone: without an entry of "files" every later run ended in KeyError, code 70."""
+    store = StageStore(tmp_path)
+    store.save("s", "key", Result({"a": 1.0}, models={"m": MODEL, "n": MODEL}), 1.5)
+    content = json.loads(store.manifest("s").read_text())
+    store.manifest("s").write_text(json.dumps(content))
+    assert set(store.load("s", "key").models) == {"m", "n"}  # another layout is no edit
+    edit(content)
+    store.manifest("s").write_text(json.dumps(content))
+    assert store.load("s", "key") is None

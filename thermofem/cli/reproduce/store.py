@@ -1,6 +1,7 @@
 """Results on disk that a later run may trust: kept under what made them, and checked before they are believed.
 
-    data/<stage>.json           the stage's key, its numbers, and the hash of every file beside it; written last
+    data/<stage>.json           the stage's key, its numbers, the hash of every file beside it, and a hash of all this;
+                                written last
     data/<stage>.<name>.nc      its data
     data/<stage>.<name>.json    its models
 
@@ -29,7 +30,8 @@ if TYPE_CHECKING:
     from ...models import ThermalModel
 
 T = TypeVar("T")
-FORMAT = 1
+FORMAT = 2
+HASH = "content_hash"  # of a manifest
 WORDS = ("claims", "page", "plan", "project", "run", "sections", "workers", "written")  # modules that compute nothing
 LIBRARIES = ("numpy", "scipy", "scikit-fem", "numba", "pysindy")
 
@@ -78,9 +80,7 @@ class StageStore:
 
         try:
             content = files.read_json(self.manifest(stage), "manifest")
-            if (content["format"], content["key"]) != (FORMAT, key):
-                return None
-            if content["numbers_hash"] != files.digest_tree(content["numbers"]):
+            if content.pop(HASH) != files.digest_tree(content) or (content["format"], content["key"]) != (FORMAT, key):
                 return None
             paths = {name: self.folder / name for name in content["files"]}
             if any(files.digest(path) != content["files"][name] for name, path in paths.items()):
@@ -112,10 +112,9 @@ class StageStore:
             "key": key,
             "cpu_seconds": seconds,
             "files": {path.name: files.digest(path) for path in written},
-            "numbers_hash": files.digest_tree(numbers),
             "numbers": numbers,
         }
-        text = json.dumps(content, indent=1, allow_nan=False) + "\n"
+        text = json.dumps({**content, HASH: files.digest_tree(content)}, indent=1, allow_nan=False) + "\n"
         files.write_whole(manifest, lambda path: path.write_text(text, encoding="utf-8"))
         return Result(numbers, result.data, result.models, seconds)
 
