@@ -211,7 +211,7 @@ def check_target(path: str | Path) -> Path:
         if _is_stream(path):
             raise InputError(f"{path} leads to an open file of a process; give the name of a file")
         if path.is_symlink():
-            path = Path(os.path.realpath(path))
+            path = _end_of_links(path)
         if not path.parent.is_dir():
             raise InputError(f"{path.parent} is not a folder; make it first to write {path.name}")
         _check_folder(path.parent)
@@ -219,9 +219,17 @@ def check_target(path: str | Path) -> Path:
             raise InputError(f"{path} is a folder or a device; give the name of a file")
         if path.exists() and not os.access(path, os.W_OK):
             raise InputError(f"{path} is write-protected; make it writable, or give another name")
-    except OSError as error:  # a name that is too long, a loop of links
+    except OSError as error:  # a name that is too long
         raise InputError(f"{str(path)[:60]}... cannot be written: {error.strerror}") from None
     return path
+
+
+def _end_of_links(path: Path) -> Path:
+    """Where a link leads, to what is there or not; InputError for one that leads back to itself."""
+    end = Path(os.path.realpath(path))
+    if end.is_symlink():  # without an error: realpath stops at a loop
+        raise InputError(f"{path} is a link that leads back to itself; delete it, or give another name")
+    return end
 
 
 def _check_folder(folder: Path) -> None:
