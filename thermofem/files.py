@@ -33,6 +33,7 @@ DATED = (".pdf", ".svg")  # images that hold a date
 DATE = "SOURCE_DATE_EPOCH"  # where Matplotlib takes it from
 _TEMPORARY = re.compile(r"\..*-[0-9a-f]{16}(\.\w+)?")  # names that `write_whole` gives
 _STREAMS = re.compile(r"/dev/fd|/proc/\d+(/task/\d+)?/fd")  # folders of a process's open files
+DELETED = "the current folder was deleted; change into one that exists"
 LINKS = 40  # in a row; Linux follows no more
 FRESH = 60.0  # s; a temporary file that was touched within is left alone, locked or not
 LARGEST_TEXT = 400_000_000  # bytes
@@ -220,8 +221,18 @@ def check_target(path: str | Path) -> Path:
         if path.exists() and not os.access(path, os.W_OK):
             raise InputError(f"{path} is write-protected; make it writable, or give another name")
     except OSError as error:  # a name that is too long
+        if isinstance(error, FileNotFoundError):
+            check_here()
         raise InputError(f"{str(path)[:60]}... cannot be written: {error.strerror}") from None
     return path
+
+
+def check_here() -> None:
+    """InputError where the current folder was deleted: relative names and new processes need one."""
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        raise InputError(DELETED) from None
 
 
 def _end_of_links(path: Path) -> Path:

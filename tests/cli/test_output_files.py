@@ -183,6 +183,14 @@ def test_a_loop_of_links_is_no_output(name, tmp_path):
     assert files.check_target(tmp_path / "new.json") == tmp_path / "made.json"
 
 
+def test_a_relative_name_in_a_folder_that_was_deleted(tmp_path, monkeypatch):
+    """The error was that of the name: "x.json... cannot be written: No such file or directory"."""
+    monkeypatch.chdir(tmp_path)
+    tmp_path.rmdir()
+    with pytest.raises(th.InputError, match="current folder was deleted; change into"):
+        files.check_target("x.json")
+
+
 def test_a_read_only_disk_is_named_with_the_file(tmp_path, monkeypatch):
     """The error named the hidden temporary file, whose removal fails with the same words."""
 
