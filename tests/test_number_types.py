@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import enum
 import inspect
 from decimal import Decimal
 
@@ -14,6 +15,7 @@ import xarray as xr
 import coupled
 import surrogate
 import thermofem as th
+from thermofem.campaign.vary import Variation
 
 RING = coupled.borghi2021()
 MODEL = th.Foster([2000.0, 5800.0], [56e-9, 1.2e-6])
@@ -77,6 +79,49 @@ def test_fields_are_numbers_of_python(one, kind):
     for name in floats:
         assert type(getattr(made, name)) is float
         assert getattr(made, name) == float(kind(getattr(one, name)))
+
+
+class Text(str):
+    """Text with a repr that is no literal of Python, as numpy.str_ has since NumPy 2."""
+
+    def __repr__(self):
+        return f"Text({super().__repr__()})"
+
+    def __str__(self):
+        return "another text"
+
+
+TEXTS = [np.str_, Text, lambda value: enum.StrEnum("Words", {"ONE": value}).ONE]
+NAMED = [  # classes that hold lists of names
+    lambda names: th.Foster([1e3], [1e-6], inputs=names, outputs=names),
+    lambda names: surrogate.Cauer([1e3], [1e-9], inputs=names, outputs=names),
+    lambda names: th.StateSpace(np.eye(1), -np.eye(1), np.ones((1, 1)), np.ones((1, 1)), inputs=names, outputs=names),
+    lambda names: surrogate.Network(-np.eye(1), np.ones(1), names, th.Foster([1.0], [1.0]), 1.0),
+    lambda names: th.Mesh(np.array([[0, 0], [1, 0], [0, 1]]), np.array([[0, 1, 2]]), np.array([0]), names),
+    lambda names: Variation("box", names, values=(1.0,)),
+    lambda names: coupled.Circuit(dict.fromkeys(names, RING), lasers=[coupled.LaserPort("in", "core.in")]),
+]
+
+
+@pytest.mark.parametrize("kind", TEXTS, ids=["numpy", "subclass", "enumeration"])
+@pytest.mark.parametrize("one", VALUES, ids=lambda one: type(one).__name__)
+def test_fields_are_text_of_python(one, kind):
+    """Names stayed numpy.str_, whose repr "np.str_('core')" was written into files."""
+    texts = [field.name for field in dataclasses.fields(one) if type(getattr(one, field.name)) is str]
+    made = dataclasses.replace(one, **{name: kind(getattr(one, name)) for name in texts})
+    for name in texts:
+        assert type(getattr(made, name)) is str
+        assert getattr(made, name) == getattr(one, name)
+
+
+@pytest.mark.parametrize("kind", TEXTS, ids=["numpy", "subclass", "enumeration"])
+@pytest.mark.parametrize("make", NAMED)
+def test_lists_of_names_are_text_of_python(make, kind):
+    """The code of an FMU held np.str_ and ended in NameError."""
+    made = make((kind("core"),))
+    lists = [getattr(made, name, ()) for name in ("inputs", "outputs", "names", "region_names", "paths", "rings")]
+    assert {type(name) for names in lists for name in names} == {str}
+    assert {name.partition(".")[0] for names in lists for name in names} == {"core"}
 
 
 @pytest.mark.parametrize("make", [th.strip_ring, th.rib_ring, th.disc, th.heated_ring])

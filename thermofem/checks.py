@@ -6,6 +6,7 @@ import math
 import os
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from enum import Enum
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -44,7 +45,7 @@ def finite(name: str, value: Any, *, unit: str = "", hint: str = "") -> float:
 
 
 def plain(one: Any) -> None:
-    """Replace NumPy's numbers in the fields of a frozen dataclass by those of Python.
+    """Replace NumPy's numbers and text in the fields of a frozen dataclass by those of Python.
 
     float32 and uint8 keep their precision and range in arithmetic: 3 dB as uint8 became 253 dB where it was negated.
     """
@@ -55,22 +56,24 @@ def plain(one: Any) -> None:
 
 
 def annotated(one: Any) -> None:
-    """Raise InputError for a field of text or of a mapping, as it is annotated, that is none."""
+    """Raise InputError for a field of text or of a mapping, as it is annotated, that is none; text becomes `exact`."""
     for name, kind in type(one).__annotations__.items():
         value, needed = getattr(one, name), kind.removesuffix(" | None")
         if value is None and needed != kind:
             continue
         if needed == "str":
-            text(name, value)
+            object.__setattr__(one, name, text(name, value))
         elif needed.startswith("Mapping[") and not isinstance(value, Mapping):
             raise InputError(f"{name} = {shown(value)} must be a mapping")
 
 
 def _plain(value: Any) -> Any:
-    """A number of Python for one of NumPy, xarray or pandas, also in tuples; everything else as it is."""
+    """A number or text of Python for one of NumPy, xarray or pandas, also in tuples; everything else as it is."""
     if isinstance(value, tuple):
         items = tuple(map(_plain, value))
         return value if all(a is b for a, b in zip(items, value, strict=True)) else items
+    if isinstance(value, str) and not isinstance(value, Enum):
+        return exact(value)
     if isinstance(value, float) or getattr(value, "shape", None) != () or hasattr(value, "mask"):
         return value
     kind = getattr(getattr(value, "dtype", None), "kind", "")
@@ -222,11 +225,16 @@ def instance(name: str, value: Any, *kinds: type, hint: str) -> None:
         raise InputError(f"{name} is a {type(value).__name__}; {hint}")
 
 
+def exact(value: str) -> str:
+    """The same text as a str and none of its subclasses, such as numpy.str_, whose repr is no literal of Python."""
+    return value if type(value) is str else str.__str__(value)
+
+
 def text(name: str, value: Any) -> str:
-    """Return ``value``, or raise InputError if it is no text."""
+    """Return ``value`` as an `exact` str, or raise InputError if it is no text."""
     if not isinstance(value, str):
         raise InputError(f"{name} = {shown(value)} must be text")
-    return value
+    return exact(value)
 
 
 def utf8(name: str, value: str) -> str:
@@ -258,7 +266,7 @@ def instances(name: str, values: Any, *kinds: type) -> tuple[Any, ...]:
     for item in items:
         if not isinstance(item, kinds):
             raise InputError(f"{name} holds {shown(item)}, which is no {words}")
-        found.append(item)
+        found.append(exact(item) if str in kinds and isinstance(item, str) else item)
     return tuple(found)
 
 
@@ -277,7 +285,7 @@ def mapping(name: str, value: Any, *, hint: str = "") -> dict[str, Any]:
         raise InputError(f"{name} is a {type(value).__name__}; a mapping is needed", hint)
     if not all(isinstance(key, str) for key in value):
         raise InputError(f"{name} = {shown(value)} holds a key that is no name", hint)
-    return dict(value)
+    return {exact(key): item for key, item in value.items()}
 
 
 def path(name: str, value: Any) -> Path:
@@ -330,7 +338,7 @@ def choice(name: str, value: Any, choices: Iterable[str], *, default: str | None
     """Return ``value``, ``default`` for None, or raise InputError naming the nearest of ``choices``."""
     known, value = sorted(choices), default if value is None else value
     if isinstance(value, str) and value in known:
-        return value
+        return exact(value)
     import difflib
 
     near = difflib.get_close_matches(shown(value).strip("'"), known, n=1, cutoff=0.5)

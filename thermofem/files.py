@@ -19,7 +19,7 @@ import stat
 import threading
 import time
 import unicodedata
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,7 @@ DATED = (".pdf", ".svg")  # images that hold a date
 DATE = "SOURCE_DATE_EPOCH"  # where Matplotlib takes it from
 _TEMPORARY = re.compile(r"\..*-[0-9a-f]{16}(\.\w+)?")  # names that `write_whole` gives
 _STREAMS = re.compile(r"/dev/fd|/proc/\d+(/task/\d+)?/fd")  # folders of a process's open files
+DELETED = "the current folder was deleted; change into one that exists"
 LINKS = 40  # in a row; Linux follows no more
 FRESH = 60.0  # s; a temporary file that was touched within is left alone, locked or not
 LARGEST_TEXT = 400_000_000  # bytes
@@ -147,6 +148,34 @@ def folder_locked(folder: Path) -> Iterator[None]:
         os.close(handle)  # a killed process gives its lock back, too
 
 
+@contextlib.contextmanager
+def own_folder(folder: Path, inner: Sequence[str], whose: str, check: Callable[[], None]) -> Iterator[None]:
+    """Make the folder of a store and those in it, lock it, and delete half-written files of a killed run.
+
+    inner: names of the folders in it.
+    whose: "a campaign".
+    check: raises InputError where the locked folder holds files of others; nothing is made or deleted before.
+
+    Raises InputError: it cannot be made or written, another run is using it, or an inner folder is a link.
+    """
+    folders = [make_folder(folder) / name for name in inner]
+    for one in folders:
+        if one.is_symlink():
+            raise InputError(f"{one} is a link; {whose} writes into its own folders: link {folder}")
+    with folder_locked(folder):
+        check()
+        for one in (folder, *folders):
+            sweep(make_folder(one))
+        yield
+
+
+def check_own(paths: Iterable[Path], written: Container[Path], whose: str) -> None:
+    """InputError where a store would write over a file that is not among those it has written."""
+    for path in paths:
+        if path not in written and path.exists():
+            raise InputError(f"{path} is no file of {whose}; move it, or take another folder")
+
+
 def sweep(folder: Path) -> None:
     """Delete what killed runs left half-written in a folder that is locked.
 
@@ -183,7 +212,7 @@ def check_target(path: str | Path) -> Path:
         if _is_stream(path):
             raise InputError(f"{path} leads to an open file of a process; give the name of a file")
         if path.is_symlink():
-            path = Path(os.path.realpath(path))
+            path = _end_of_links(path)
         if not path.parent.is_dir():
             raise InputError(f"{path.parent} is not a folder; make it first to write {path.name}")
         _check_folder(path.parent)
@@ -191,9 +220,27 @@ def check_target(path: str | Path) -> Path:
             raise InputError(f"{path} is a folder or a device; give the name of a file")
         if path.exists() and not os.access(path, os.W_OK):
             raise InputError(f"{path} is write-protected; make it writable, or give another name")
-    except OSError as error:  # a name that is too long, a loop of links
+    except OSError as error:  # a name that is too long
+        if isinstance(error, FileNotFoundError):
+            check_here()
         raise InputError(f"{str(path)[:60]}... cannot be written: {error.strerror}") from None
     return path
+
+
+def check_here() -> None:
+    """InputError where the current folder was deleted: relative names and new processes need one."""
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        raise InputError(DELETED) from None
+
+
+def _end_of_links(path: Path) -> Path:
+    """Where a link leads, to what is there or not; InputError for one that leads back to itself."""
+    end = Path(os.path.realpath(path))
+    if end.is_symlink():  # without an error: realpath stops at a loop
+        raise InputError(f"{path} is a link that leads back to itself; delete it, or give another name")
+    return end
 
 
 def _check_folder(folder: Path) -> None:

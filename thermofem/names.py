@@ -11,7 +11,7 @@ import re
 from enum import EnumType, StrEnum
 from typing import Any
 
-from .checks import InputError, choice, one_line, shown, unique
+from .checks import InputError, choice, exact, one_line, shown, unique
 
 LONGEST = 100  # characters
 MOST = 10_000  # names in one list
@@ -33,7 +33,7 @@ __all__ = [
 
 
 def check_name(what: str, name: Any) -> str:
-    """Return a name that is valid in every file format; ``what`` names its owner in the error.
+    """Return a name that is valid in every file format, as a plain str; ``what`` names its owner in the error.
 
     Raises InputError: no text, empty, too long, or with characters other than letters, digits, spaces and ``_ . + -``.
 
@@ -42,7 +42,7 @@ def check_name(what: str, name: Any) -> str:
     """
     if not (isinstance(name, str) and len(name) <= LONGEST and _NAME.fullmatch(name)):
         raise InputError(f"{what} name = {shown(name)} is not usable; {RULE}")
-    return name
+    return exact(name)
 
 
 def check_names(what: str, names: Any) -> tuple[str, ...]:

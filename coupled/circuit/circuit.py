@@ -180,8 +180,8 @@ def _named(rings: Any) -> dict[str, RingResonator]:
     if not 1 <= len(rings) <= MOST:
         raise checks.InputError(f"rings holds {len(rings)} rings; 1 to {MOST} are needed")
     named = dict(rings) if isinstance(rings, Mapping) else {f"ring {k}": ring for k, ring in enumerate(rings, 1)}
+    named = {check_name("ring", name): ring for name, ring in named.items()}
     for name, ring in named.items():
-        check_name("ring", name)
         checks.instance(f"ring {name!r}", ring, RingResonator, hint="it must be a RingResonator")
     return _ByName(named)
 

@@ -171,6 +171,26 @@ def test_an_open_stream_is_no_output(name, tmp_path):
     assert (tmp_path / "log.txt").read_text() == "kept\n"
 
 
+@pytest.mark.parametrize("name", ["one.json", "self.json", "self.png"])
+def test_a_loop_of_links_is_no_output(name, tmp_path):
+    """The link was replaced by the file, with exit code 0."""
+    for link, to in (("one.json", "two.json"), ("two.json", "one.json"), ("self.json", "self.json"), ("self.png",) * 2):
+        (tmp_path / link).symlink_to(to)
+    with pytest.raises(th.InputError, match=rf"{name} is a link that leads back to itself; delete it"):
+        files.write_whole(tmp_path / name, lambda path: path.write_text("new"))
+    assert (tmp_path / name).is_symlink()
+    (tmp_path / "new.json").symlink_to("made.json")  # a link that leads to no file is written through
+    assert files.check_target(tmp_path / "new.json") == tmp_path / "made.json"
+
+
+def test_a_relative_name_in_a_folder_that_was_deleted(tmp_path, monkeypatch):
+    """The error was that of the name: "x.json... cannot be written: No such file or directory"."""
+    monkeypatch.chdir(tmp_path)
+    tmp_path.rmdir()
+    with pytest.raises(th.InputError, match="current folder was deleted; change into"):
+        files.check_target("x.json")
+
+
 def test_a_read_only_disk_is_named_with_the_file(tmp_path, monkeypatch):
     """The error named the hidden temporary file, whose removal fails with the same words."""
 

@@ -44,6 +44,17 @@ def test_mat_takes_any_text(tmp_path):
         surrogate.export_model(MODEL, tmp_path / "ring.mat", to="mat", provenance={"residual_K": 0.1, **provenance})
 
 
+@pytest.mark.parametrize("to", [*MARKS, "fmu"])
+def test_names_from_an_array_are_written_as_text(to, tmp_path):
+    """An FMU of parts that are numpy.str_ was not built: "name 'np' is not defined"."""
+    if to == "fmu":
+        pytest.importorskip("pythonfmu", reason="pythonfmu, which builds the unit, is not installed")
+    name = np.array(["core"])[0]
+    model = th.Foster([1e3], [1e-6], inputs=(name,), outputs=(name,))
+    content = surrogate.export_model(model, tmp_path / f"ring.{to}", to=to).read_bytes()
+    assert b"np.str_" not in content
+
+
 @pytest.mark.skipif(shutil.which("ngspice") is None, reason="ngspice is not installed")
 def test_ngspice_runs_the_hostile_export_and_nothing_else(tmp_path):
     """A step of 1 mW through the subcircuit gives R_th x 1 mW; no command of the provenance is run."""

@@ -110,6 +110,14 @@ def test_workers_that_never_start_are_said(monkeypatch):
         broken.submit(number, 1).result(LIMIT)
 
 
+def test_a_current_folder_that_was_deleted_is_the_cause(monkeypatch, tmp_path):
+    """The line said that a script calls run inside if __name__ == "__main__"."""
+    monkeypatch.chdir(tmp_path)
+    tmp_path.rmdir()
+    with Pool(1, follow_parent) as broken, pytest.raises(WorkersDoNotStartError, match="current folder was deleted"):
+        broken.submit(number, 1).result(LIMIT)
+
+
 def test_exceptions_come_back(pool):
     with pytest.raises(ZeroDivisionError):
         pool.submit(divmod, 1, 0).result(LIMIT)

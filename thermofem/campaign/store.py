@@ -21,13 +21,14 @@ from typing import TYPE_CHECKING, Any
 
 from .. import files, trees, waveforms
 from ..checks import InputError
-from ..files import make_folder, write_whole
+from ..files import write_whole
 from .plan_file import check_plan
 
 if TYPE_CHECKING:
     from .plan import Campaign, Case
 
 HASH = "content_hash"  # of plan.json
+OWNER = "a campaign"
 WRITTEN = ("plan.json", "index.nc", "training.nc", "results.sha256", ".lock")
 
 
@@ -78,16 +79,9 @@ class ResultStore:
         Raises
         ------
         InputError
-            it cannot be made or written, or another run is using it.
+            it cannot be made or written, another run is using it, or it holds files of others.
         """
-        for folder in (self.results, self.failures):
-            if folder.is_symlink():
-                raise InputError(f"{folder} is a link; a campaign writes into its own folders: link {self.directory}")
-        for folder in (self.directory, self.results, self.failures):
-            make_folder(folder)
-        with files.folder_locked(self.directory):
-            for folder in (self.directory, self.results, self.failures):
-                files.sweep(folder)
+        with files.own_folder(self.directory, (self.results.name, self.failures.name), OWNER, self.check_ours):
             yield
 
     @property
@@ -144,13 +138,11 @@ class ResultStore:
         ours = {".lock"}
         with contextlib.suppress(FileNotFoundError):
             ours = {*WRITTEN} - ({self.plan.name} if _of_others(self.plan.read_bytes()) else set())
-        for name in WRITTEN:
-            if name not in ours and (self.directory / name).exists():
-                raise InputError(f"{self.directory / name} is no file of a campaign; move it, or take another folder")
+        paths = [self.directory / name for name in WRITTEN]
+        files.check_own(paths, [path for path in paths if path.name in ours], OWNER)
 
     def write_plan(self, campaign: Campaign, cases: list[Case]) -> None:
-        """Write the plan of the campaign into its folder; InputError where that holds files of others."""
-        self.check_ours()
+        """Write the plan of the campaign into its folder."""
         plan = {
             "name": campaign.name,
             "geometry": campaign.geometry,

@@ -125,7 +125,9 @@ def _place(error: OSError) -> str:
     if error.filename is not None:
         return str(error.filename)
     if isinstance(error, FileNotFoundError):  # of os.getcwd
-        return "the current folder was deleted; change into one that exists"
+        from ..files import DELETED
+
+        return DELETED
     return "standard output" if error.errno == errno.ENOSPC else ""
 
 

@@ -50,6 +50,7 @@ class Mesh:
     region_names: tuple[str, ...]
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "region_names", check_names("region_names", self.region_names))
         found = check_triangles(self.points, self.triangles, self.region, self.region_names)
         for name, value in zip(("points", "triangles", "region"), found, strict=True):
             object.__setattr__(self, name, value)
@@ -99,7 +100,6 @@ def check_triangles(
         whole("triangles", triangles),
         whole("region", region),
     )
-    check_names("region_names", names)
     if points.ndim != 2 or points.shape[1] != 2 or triangles.ndim != 2 or triangles.shape[1] != 3 or not len(triangles):
         raise InputError(f"points of shape {points.shape} and triangles of shape {triangles.shape} are no mesh")
     if np.abs(points).max() > LARGEST:

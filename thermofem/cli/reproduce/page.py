@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 
 from ...version import __version__
@@ -70,7 +70,7 @@ def _explorer(text: str) -> str:
     )
 
 
-def shown(section: Section, results: Mapping[str, Result]) -> tuple[Picture, ...]:
+def shown(section: Section, results: Container[str]) -> tuple[Picture, ...]:
     """The pictures of a section whose stages were run."""
     return tuple(p for p in section.pictures if all(stage in results for stage in p.stages))
 

@@ -13,6 +13,7 @@ from ... import checks, files
 from .settings import Settings
 from .stages import Job, Stage
 from .store import Result, StageStore, key_of
+from .written import TABLE, Written
 
 Done = Callable[[float], None]
 
@@ -46,7 +47,38 @@ class Project:
     @cached_property
     def store(self) -> StageStore:
         """Results on disk."""
-        return StageStore(self.out / "data")
+        return StageStore(self.out / "data", self.written.add)
+
+    @cached_property
+    def written(self) -> Written:
+        """The files that reproductions wrote here."""
+        return Written(self.out)
+
+    @property
+    def ring(self) -> Path:
+        """The page that computes."""
+        return self.out / "ring.html"
+
+    @property
+    def report(self) -> Path:
+        """The report."""
+        return self.out / "report.html"
+
+    @property
+    def table(self) -> Path:
+        """The report's table, for programs."""
+        return self.store.folder / TABLE
+
+    def figure(self, name: str) -> Path:
+        """A panel of the report."""
+        return self.out / "figures" / name
+
+    def check(self, figures: Iterable[str]) -> None:
+        """InputError where files of others have the names of the figures, the pages, the table, or begin as a stage."""
+        starts = tuple(f"{stage.name}." for stage in self.stages)
+        data = [path for path in sorted(self.store.folder.glob("*.*")) if path.name.startswith(starts)]
+        kept = [path for path in data if path.suffix in (".nc", ".json")]
+        self.written.check([self.report, self.ring, self.table, *kept, *map(self.figure, figures)])
 
     @cached_property
     def keys(self) -> dict[str, str]:
@@ -83,9 +115,8 @@ class Project:
         """Draw a panel of the report into figures/."""
         from .plot_panels import draw
 
-        path = self.out / "figures" / task.name
-        content = draw(path.stem, self.given(task.inputs))
-        files.write_whole(path, partial(Path.write_bytes, data=content))
+        path = self.figure(task.name)
+        self.write(path, draw(path.stem, self.given(task.inputs)))
 
     def explore(self, task: WorkItem, done: Done) -> None:
         """Write the page that computes the reference ring."""
@@ -94,7 +125,13 @@ class Project:
         from ..explore import models_of_geometry
 
         models, heat = models_of_geometry(None)
-        coupled.explore(coupled.borghi2021(), models, self.out / "ring.html", heat=heat)
+        self.written.add(self.ring)
+        coupled.explore(coupled.borghi2021(), models, self.ring, heat=heat)
+
+    def write(self, path: Path, content: bytes) -> Path:
+        """Write a figure, the report or the table."""
+        self.written.add(path)
+        return files.write_whole(path, partial(Path.write_bytes, data=content))
 
     def _find(self, name: str) -> Result | None:
         if name not in self.results:

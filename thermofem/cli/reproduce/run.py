@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from .sections import Picture, Section, read
 from .settings import Settings
 from .store import Result
 from .workers import crew, share
+from .written import OWNER
 
 EXPLORER, FIGURES = 1.0, 5.0  # s, about, for the page that computes and for all figures
 
@@ -32,33 +34,33 @@ def run(out: Path, settings: Settings | None = None, *, processes: int = 1) -> d
 
     What an earlier run left there under the same settings and code is taken, not computed again.
 
-    Raises InputError: ``out`` cannot be made or written, or another run is using it.
+    Raises InputError: ``out`` cannot be made or written, another run is using it, or it holds files of others.
     """
-    with files.folder_locked(files.make_folder(out)):
-        return _run(out, settings or Settings(), processes)
-
-
-def _run(out: Path, settings: Settings, processes: int) -> dict[str, Any]:
-    console = terminal(err=False)
-    data, figures = (files.make_folder(out / name) for name in ("data", "figures"))
-    for folder in (out, data, figures):
-        files.sweep(folder)
+    settings = settings or Settings()
     project = Project(out, settings, stages_of(settings))
+    names = _pictures([one for one in read()[1] if one.quick <= settings.quick], {one.name for one in project.stages})
+    check = partial(project.check, [f"{name}.svg" for name in names])
+    with files.own_folder(out, ("data", "figures"), OWNER, check):
+        return _run(project, processes)
+
+
+def _run(project: Project, processes: int) -> dict[str, Any]:
+    console, settings = terminal(err=False), project.settings
     with quiet():
         computed = _work_through(project, processes, console)
     results = project.given(project.keys)
     lead, sections = _words(settings, results)
     rows = [claim for claim in claims() if claim.known(results)]
-    pictures = {name: (figures / f"{name}.svg").read_bytes() for name in _pictures(sections, results)}
-    explorer = (out / "ring.html").read_text(encoding="utf-8")
+    pictures = {name: project.figure(f"{name}.svg").read_bytes() for name in _pictures(sections, results)}
+    explorer = project.ring.read_text(encoding="utf-8")
     text = page(results, (lead, sections), rows, pictures, project.stages, explorer)
-    report = files.write_whole(out / "report.html", lambda path: path.write_text(text, encoding="utf-8"))
-    _write_table(rows, results, data / "table.json")
+    report = project.write(project.report, text.encode())
+    project.write(project.table, _json(rows, results).encode())
     console.print(_printed(rows, results))
     kept = len(project.stages) - computed
     console.print(
-        f"{len(project.stages)} stages ({kept} taken from an earlier run), {len(pictures)} figures in {figures}/, "
-        f"numbers, netCDF and models in {data}/"
+        f"{len(project.stages)} stages ({kept} taken from an earlier run), {len(pictures)} figures in "
+        f"{project.figure('')}/, numbers, netCDF and models in {project.store.folder}/"
     )
     console.print(f"report: {report}")
     compared = [agrees for agrees in (claim.agrees(results) for claim in rows) if agrees is not None]
@@ -106,7 +108,7 @@ def _words(settings: Settings, results: Mapping[str, Result]) -> tuple[list[Sect
     return [box for box in lead if known(box.text, results)], chosen
 
 
-def _pictures(sections: Sequence[Section], results: Mapping[str, Result]) -> dict[str, Picture]:
+def _pictures(sections: Sequence[Section], results: Container[str]) -> dict[str, Picture]:
     """The panels by name."""
     return {picture.name: picture for section in sections for picture in shown(section, results)}
 
@@ -123,8 +125,8 @@ def quiet() -> Iterator[None]:
         log.setLevel(before)
 
 
-def _write_table(claims: Sequence[Claim], results: Mapping[str, Result], path: Path) -> None:
-    """Write the table as JSON, for programs."""
+def _json(claims: Sequence[Claim], results: Mapping[str, Result]) -> str:
+    """The table as JSON, for programs."""
     rows = [
         {
             "where": claim.where,
@@ -136,8 +138,7 @@ def _write_table(claims: Sequence[Claim], results: Mapping[str, Result], path: P
         }
         for claim in claims
     ]
-    text = json.dumps(rows, indent=1, ensure_ascii=False) + "\n"
-    files.write_whole(path, lambda target: target.write_text(text, encoding="utf-8"))
+    return json.dumps(rows, indent=1, ensure_ascii=False) + "\n"
 
 
 def _printed(claims: Sequence[Claim], results: Mapping[str, Result]) -> Table:

@@ -1,6 +1,7 @@
 """Results on disk that a later run may trust: kept under what made them, and checked before they are believed.
 
-    data/<stage>.json           the stage's key, its numbers, and the hash of every file beside it; written last
+    data/<stage>.json           the stage's key, its numbers, the hash of every file beside it, and a hash of all this;
+                                written last
     data/<stage>.<name>.nc      its data
     data/<stage>.<name>.json    its models
 
@@ -29,8 +30,9 @@ if TYPE_CHECKING:
     from ...models import ThermalModel
 
 T = TypeVar("T")
-FORMAT = 1
-WORDS = ("claims", "page", "plan", "project", "run", "sections", "workers")  # modules that compute nothing
+FORMAT = 2
+HASH = "content_hash"  # of a manifest
+WORDS = ("claims", "page", "plan", "project", "run", "sections", "workers", "written")  # modules that compute nothing
 LIBRARIES = ("numpy", "scipy", "scikit-fem", "numba", "pysindy")
 
 
@@ -63,9 +65,10 @@ class Stored(Mapping[str, T]):
 
 @dataclass(frozen=True)
 class StageStore:
-    """The folder of a reproduction's data."""
+    """The folder of a reproduction's data; ``note`` is told of the files before they are written."""
 
     folder: Path
+    note: Callable[..., None] = lambda *paths: None
 
     def manifest(self, stage: str) -> Path:
         """Manifest of a stage's results."""
@@ -77,9 +80,7 @@ class StageStore:
 
         try:
             content = files.read_json(self.manifest(stage), "manifest")
-            if (content["format"], content["key"]) != (FORMAT, key):
-                return None
-            if content["numbers_hash"] != files.digest_tree(content["numbers"]):
+            if content.pop(HASH) != files.digest_tree(content) or (content["format"], content["key"]) != (FORMAT, key):
                 return None
             paths = {name: self.folder / name for name in content["files"]}
             if any(files.digest(path) != content["files"][name] for name, path in paths.items()):
@@ -97,12 +98,13 @@ class StageStore:
         """Write a result, its manifest last, and return the result as a later run would read it."""
         import surrogate
 
-        self.manifest(stage).unlink(missing_ok=True)
-        written = [dataset.save(data, self.folder / f"{stage}.{name}.nc") for name, data in result.data.items()]
-        written += [
-            surrogate.save_model(model, self.folder / f"{stage}.{name}.json", provenance={"stage": stage, "key": key})
-            for name, model in result.models.items()
-        ]
+        manifest, provenance = self.manifest(stage), {"stage": stage, "key": key}
+        data = {self.folder / f"{stage}.{name}.nc": one for name, one in result.data.items()}
+        models = {self.folder / f"{stage}.{name}.json": one for name, one in result.models.items()}
+        self.note(manifest, *data, *models)
+        manifest.unlink(missing_ok=True)
+        written = [dataset.save(one, path) for path, one in data.items()]
+        written += [surrogate.save_model(one, path, provenance=provenance) for path, one in models.items()]
         numbers = json.loads(json.dumps(trees.plain(result.numbers)))
         content = {
             "format": FORMAT,
@@ -110,11 +112,10 @@ class StageStore:
             "key": key,
             "cpu_seconds": seconds,
             "files": {path.name: files.digest(path) for path in written},
-            "numbers_hash": files.digest_tree(numbers),
             "numbers": numbers,
         }
-        text = json.dumps(content, indent=1, allow_nan=False) + "\n"
-        files.write_whole(self.manifest(stage), lambda path: path.write_text(text, encoding="utf-8"))
+        text = json.dumps({**content, HASH: files.digest_tree(content)}, indent=1, allow_nan=False) + "\n"
+        files.write_whole(manifest, lambda path: path.write_text(text, encoding="utf-8"))
         return Result(numbers, result.data, result.models, seconds)
 
 
