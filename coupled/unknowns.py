@@ -9,7 +9,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from thermofem import checks
-from thermofem.arrays import Array
+from thermofem.arrays import Array, ArrayLike
 from thermofem.models import Foster, ThermalModel
 from thermofem.models.lumped import second_order_parameters, second_order_poles
 
@@ -105,6 +105,7 @@ def unknowns(
             start[name] = thermal[name]
         elif name in optical_names(ring):
             start[name] = number_of(ring, name)
+            check_counts("free", name, ring, start[name] * np.array([1.0, 1.001]))
         else:
             raise checks.InputError(f"free holds {name!r}, which goes with another thermal model than the one given")
     checks.unique("free", free)
@@ -187,10 +188,32 @@ def optical_names(ring: RingResonator) -> set[str]:
     return own | {f.name for f in fields(ring.carriers)} | {"tau0"}
 
 
+def check_counts(what: str, name: str, ring: RingResonator, values: ArrayLike) -> None:
+    """InputError where a number of the ring changes nothing, as its light follows rates that `with_rates` has set.
+
+    what: the argument that holds the name.
+    values: two different ones.
+    """
+    from .kernels.equations import internal_rates
+
+    def light(r: RingResonator) -> tuple[float, ...]:
+        rates, dispersion = internal_rates(r)
+        return (r.frequency, r.bus_rate, r.drop_bus_rate, *rates, *dispersion.flat)
+
+    one, other = (varied(ring, {name: float(value)}) for value in np.asarray(values))
+    if light(one) == light(other):
+        lumped = name == "lumped_fcd"
+        follows = "fcd" if lumped else ", ".join(rate for rate, _ in ring.rates)
+        hint = "ring.with_lumped_fcd() follows it" if lumped else "replace(ring, rates=()) follows its fields"
+        raise checks.InputError(f"{name!r} in {what} changes nothing: the ring follows {follows}", hint)
+
+
 def varied(ring: RingResonator, values: Mapping[str, float]) -> RingResonator:
-    """The ring with new fields; "tau0" scales all lifetimes."""
+    """The ring with new fields; "tau0" scales all lifetimes, "lumped_fcd" is the dispersion where that is lumped."""
     names = {f.name for f in fields(ring)}
     own: dict[str, Any] = {name: v for name, v in values.items() if name in names}
+    if "lumped_fcd" in own and ring.fcd == ((ring.lumped_fcd, 1.0),):
+        own["fcd"] = ((own["lumped_fcd"], 1.0),)
     carriers: Any = ring.carriers
     known = {f.name for f in fields(carriers)} - names
     inner: dict[str, Any] = {name: v for name, v in values.items() if name in known}

@@ -15,7 +15,7 @@ from ..resonator import RingResonator
 from ..ring_toml import UNITS
 from ..runs import window
 from ..thermal import Compact, compact
-from ..unknowns import LIFETIMES, number_of, optical_names, varied
+from ..unknowns import LIFETIMES, check_counts, number_of, optical_names, varied
 from .orbit import CycleProblem, problem
 
 STEP = 1e-5  # of a number: its square is the truncation, 1e-16 over it the round-off
@@ -79,6 +79,8 @@ def slope(p: CycleProblem, name: str, states: Array) -> Array:
         raise checks.InputError(f"{name} is 0 and has no step for differences; give it a small value")
     both_ways = value != 0
     ends = [_flows(changed(p, name, value + step), states) for step in ((h, -h) if both_ways else (h, 2 * h))]
+    if not _pole(name)[0]:
+        check_counts("parameters", name, p.ring, [value + h, value + 2 * h])
     if both_ways:
         return np.asarray((ends[0] - ends[1]) / (2 * h))
     return np.asarray((4 * ends[0] - ends[1] - 3 * _flows(p, states)) / (2 * h))

@@ -15,7 +15,7 @@ from ..arguments import MOST_POINTS, check_axis, check_ring
 from ..heaters import ConstantHeating
 from ..resonator import RingResonator
 from ..ring_toml import UNITS
-from ..unknowns import optical_names, varied
+from ..unknowns import check_counts, optical_names, varied
 
 Array = NDArray[np.float64]
 
@@ -75,6 +75,8 @@ def grid_of(
         own[name] = checks.array(f"vary[{name!r}]", values)
         if np.any(np.diff(own[name]) <= 0):
             raise checks.InputError(f"vary[{name!r}] must increase from value to value; sort it")
+        if own[name].size > 1:
+            check_counts("vary", name, ring, own[name][[0, -1]])
     axes = own | {name: axis for name, axis in laser.items() if axis.size > 1 or not own}
     if len(axes) != 2:
         raise checks.InputError(
