@@ -25,7 +25,9 @@ import numpy as np
 
 from . import checks, netcdf, static_gain, waveforms
 from .arrays import Array, ArrayLike
+from .clipping import clipping
 from .files import write_whole
+from .header_units import unit_of
 from .quantity import VARIABLES
 from .record import Record, as_dataset, column, stored
 from .together import check_together
@@ -53,7 +55,7 @@ class Response:
     periodic: one period of the periodic state, not a transient from rest.
     name: the drive in words.
     thermal_resistance [K/W]: that the Dataset states.
-    doubts: what makes the data doubtful, see `static_gain.contradictions`.
+    doubts: what makes the data doubtful, see `static_gain.contradictions` and `clipping`.
     start_within [s]: how far from t = 0 the heating may begin, of a measured trace; 0 where the start is known.
     rest_rows: rows at rest whose mean was subtracted as the baseline, of a measured trace; infinite where it is known.
     """
@@ -198,6 +200,8 @@ def response_of(data: xr.Dataset) -> Response:
     if periodic:
         _check_one_period("data.time", times, wave)
     doubts = static_gain.contradictions(data, wave, times, rise, periodic=periodic)
+    if clipped := clipping(rise, unit_of(data.attrs.get("assumed", "")), times=times, power=wave(times)):
+        doubts = (*doubts, clipped)
     words = f"{waveforms.words(wave)}, {'periodic state' if periodic else 'from rest'}"
     gain = static_gain.static_gain(data)
     if periodic:

@@ -24,6 +24,7 @@ _SCALED = re.compile(  # words that look like units which are not SI, in any cas
     re.IGNORECASE,
 )
 _NO_TEMPERATURE = re.compile(r"[pnuµμ]m|[kmg]hz|dbm?|counts?", re.IGNORECASE)  # of other quantities
+VOLTS = "1 V counts as 1 K"
 OF_TIMES, OF_TEMPERATURES = ("min", "h", "hr", "hrs", "hours", "minutes"), ("C", "F")
 _FACTOR = re.compile(r"\b10\s*(?:\^|\*\*)\s*[-+]?\d+|[x×*·]\s*\d[\d.eE+-]*|\b[eE][-+]\d+\b")
 
@@ -94,3 +95,8 @@ def header_unit(text: str) -> str:
     """A unit as instruments write it in a header, as the unit layer reads it: "Volt" becomes "V"."""
     unit = text.strip().replace("°C", "degC").replace("µ", "u").replace("μ", "u")
     return SPELLED.get(unit.lower(), unit)
+
+
+def unit_of(assumed: object) -> str:
+    """The unit of a trace's temperatures: "V" where the words on its assumptions say that volts count as kelvin."""
+    return "V" if VOLTS in str(assumed) else "K"

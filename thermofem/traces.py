@@ -28,7 +28,7 @@ from .arrays import Array
 from .checks import InputError
 from .clipping import clipping
 from .columns import Columns, in_si, measured, parse, text_of, times_in_si
-from .header_units import OF_TEMPERATURES, OF_TIMES, check_scale, header_unit
+from .header_units import OF_TEMPERATURES, OF_TIMES, VOLTS, check_scale, header_unit, unit_of
 from .names import of_file
 from .tables import LARGEST
 
@@ -45,7 +45,6 @@ FAR = 25.0  # of the variance of a row, by which a start that is out of the ques
 WIDEST = 64  # rows that a start may be off
 FEWEST = 3  # rows before the heating that make a baseline
 LONGEST = 1.0  # s; a column of time without unit that is longer is not in seconds
-VOLTS = "1 V counts as 1 K"
 DRIFT = 0.05  # of the swing: more before the heating is no rest
 NOTHING = 0.005  # of the swing: an offset below it is none
 
@@ -107,9 +106,9 @@ def read_trace(
         level, rest = _baseline(t, y, wave, t0, baseline, said, unit)
         if baseline is None:
             _check_rest(t, y, t0, warned, unit)
-        if clipped := clipping(y, unit):
-            warned.append(clipped)
         kept = t >= t0
+        if clipped := clipping(y[~kept], unit):  # what is kept is judged with its drive, by `dataset.response_of`
+            warned.append(f"before the heating {clipped}")
         if kept.sum() < dataset.FEWEST:
             raise InputError(
                 f"{int(kept.sum())} rows after the start of the heating at {t0:g} s; at least 8 are needed"
@@ -128,11 +127,6 @@ def read_trace(
         about[dataset.REST] = rest
     data = dataset.build(t[kept] - t0, y[kept] - level, wave, attributes=about)
     return Trace(data, t0, level, tuple(said), tuple(warned))
-
-
-def unit_of(assumed: object) -> str:
-    """The unit of a trace's temperatures: "V" where the words on its assumptions say that volts count as kelvin."""
-    return "V" if VOLTS in str(assumed) else "K"
 
 
 def _columns(table: Columns, time: str | None, temperature: str | None) -> tuple[int, int]:

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from thermofem import Campaign, CrossSection, checks
-from thermofem.arrays import Array, ArrayLike
+from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.geometry.change import Change, change
+from thermofem.heat.interface import PERFECT
 from thermofem.materials.library import Material
 
 LOOSE = 1e-9  # of the range, by which a value may leave the box: round-off of units
@@ -70,10 +71,16 @@ class Box:
         return tuple(v.unit for v in self.campaign.variations)
 
     @cached_property
+    def contact(self) -> NDArray[np.bool_]:
+        """Which parameters are contact resistances, shape (p,)."""
+        return np.array([any(path.startswith("interface.") for path in v.paths) for v in self.campaign.variations])
+
+    @cached_property
     def middle(self) -> Array:
-        """Geometric mean of positive ranges, else the arithmetic one."""
-        positive = self.low > 0
-        product = np.sqrt(np.where(positive, self.low * self.high, 0.0))
+        """Geometric mean of positive ranges, else the arithmetic one; the range of a contact begins at `PERFECT`."""
+        low = np.where(self.contact, np.maximum(self.low, np.minimum(PERFECT, self.high)), self.low)
+        positive = low > 0
+        product = np.sqrt(np.where(positive, low * self.high, 0.0))
         return np.where(positive, product, (self.low + self.high) / 2)
 
     def at(self, share: Array) -> Array:

@@ -34,6 +34,7 @@ Model = Foster | OutputMap
 
 FAINT = 1e-12  # of R_th: poles with less are left out
 STEP = 1e-5  # of the range of a parameter: half the width of the differences of its matrices, exact to 1e-10
+CONTACT = 1e-11  # m^2 K/W; a smaller resistance has its derivatives: 1/R^2 magnifies what the functions leave of a jump
 COARSER = 0.7  # of the functions, in the comparison behind `Family.predicted_error`
 
 
@@ -254,14 +255,19 @@ class Family:
         return data.assign_attrs(heated=self.ports[a], read=self.ports[b])
 
     def modal_derivative(self, row: Array, channel: tuple[int, int] | None = None) -> ModalDerivative:
-        """The member in M-orthonormal modes, and derivatives of its matrices by central differences."""
+        """The member in M-orthonormal modes, and derivatives of its matrices by central differences.
+
+        The step is in proportion to a contact resistance, whose 1/R bends, and to the range of any other parameter.
+        """
         from scipy.linalg import eigh
 
         a, b = channel or self._channel(None, None)
+        contact = self.box.contact
+        row = np.where(contact, np.maximum(row, CONTACT), row)
         small = self.members.member(row)
         rate, v = eigh(small.K, small.M, check_finite=False)
         K, M, heating, reading = [], [], [], []
-        for k, h in enumerate(STEP * (self.box.high - self.box.low)):
+        for k, h in enumerate(STEP * np.where(contact, row, self.box.high - self.box.low)):
             shift = np.zeros_like(row)
             shift[k] = h
             up, down = self.members.member(row + shift), self.members.member(row - shift)

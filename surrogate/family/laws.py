@@ -8,6 +8,7 @@ import numpy as np
 
 from thermofem import Boundary
 from thermofem.arrays import Array
+from thermofem.heat.interface import PERFECT
 from thermofem.materials.laws import PowerLaw
 from thermofem.materials.library import Material
 
@@ -61,6 +62,7 @@ def values(box: Box, rows: Array) -> Values:
             elif kind == "boundary":
                 given_side: Boundary = getattr(base, middle[0])
                 convection[middle[0]] = column * (given_side.exchange(base.ambient) / given_side.coefficient)
+    contact = {name: np.maximum(value, PERFECT) for name, value in contact.items()}
     k_r, k_z, capacity = {}, {}, {}
     for name, material in used.items():
         k_r[name], k_z[name], capacity[name] = _material(material, given[name], ambient)

@@ -17,7 +17,7 @@ import numpy as np
 
 from thermofem import HeatProblem
 from thermofem.arrays import Array, NDArray
-from thermofem.heat.interface import PERFECT
+from thermofem.heat.interface import resistances
 
 from .box import Box
 from .laws import Values
@@ -164,7 +164,7 @@ def _on(
     normal = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1)[:, None]
     normal *= np.sign(np.einsum("fx,fx->f", normal, ends.mean(axis=1) - centre))[:, None]
     names = heat.mesh.region_names
-    limit = {x.part: x.resistance for x in heat.geometry.interfaces if x.resistance > PERFECT}
+    limit = resistances(heat.geometry)
     owners = [[names[r] for r in heat.mesh.region[beside]]]
     if other is not None:
         owners.append([names[r] for r in heat.mesh.region[grid.f2t[0, other]]])

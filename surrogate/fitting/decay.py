@@ -12,6 +12,10 @@ from thermofem import checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.display import shown
 
+from .correlated import noise_along
+from .notes import EXPLAINED, cancelling, unseen_times
+from .projection import CUT
+
 GRID, BEST = 12, 3  # time constants on a grid, any of which are tried together; the best combinations begin a search
 RANKED = 200  # samples by which they are compared
 FASTER, SLOWER = 10.0, 100.0  # time constants between the closest samples over this, and the span times this
@@ -31,11 +35,14 @@ class Decay:
         fastest first.
     residual : float, K
         rms.
+    notes : tuple of str
+        time constants that the samples do not determine, and exponentials that cancel.
     """
 
     amplitude: Array
     tau: Array
     residual: float
+    notes: tuple[str, ...] = ()
 
     def __call__(self, times: ArrayLike) -> Array:
         """Rise in K at ``times`` after the start of the cooling."""
@@ -55,8 +62,8 @@ def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
     Raises
     ------
     InputError
-        too few samples, times that do not increase or begin far from 0, a rise that does not fall, numbers that are not
-        finite.
+        too few samples, times that do not increase or begin far from 0, a rise that does not fall or is noise, numbers
+        that are not finite.
 
     Source of the form: Borghi et al., Opt. Express 29, 4363 (2021), Section 5, C_s exp(-t/tau_s) + C_f exp(-t/tau_f).
     """
@@ -94,4 +101,31 @@ def fit_decay(times: ArrayLike, rise: ArrayLike, *, order: int = 2) -> Decay:
     tau = np.exp(np.sort(best.x))
     columns = np.exp(-t[:, None] / tau)
     amplitude = np.linalg.lstsq(columns, y, rcond=None)[0]
-    return Decay(size * amplitude, tau, size * float(np.sqrt(np.mean((y - columns @ amplitude) ** 2))))
+    left = y - columns @ amplitude
+    variation = float(np.var(y))
+    explained = 1 - float(np.mean(left**2)) / variation if variation else 1.0
+    if explained < EXPLAINED:
+        raise checks.InputError(
+            f"{order} exponentials explain {max(explained, 0):.0%} of the variation of rise: it is noise, "
+            "no cooling curve"
+        )
+    notes = _notes(t, tau, amplitude, left, size)
+    return Decay(size * amplitude, tau, size * float(np.sqrt(np.mean(left**2))), notes)
+
+
+def _notes(t: Array, tau: Array, amplitude: Array, left: Array, size: float) -> tuple[str, ...]:
+    """Sentences on what the samples leave open, by the covariance of (ln rate, amplitude); fastest first.
+
+    left [shape (n,)]: misfit, in units of ``size`` [K] as the amplitudes.
+    """
+    columns = np.exp(-t[:, None] / tau)
+    jacobian = np.hstack([-t[:, None] / tau * columns * amplitude, columns])
+    length = np.linalg.norm(jacobian, axis=0)
+    length[length == 0] = 1.0
+    U, s, Vt = np.linalg.svd(jacobian / length, full_matrices=False)
+    back = Vt.T / np.maximum(s, CUT * s[0]) / length[:, None]
+    noise = noise_along([left], U, float(left @ left) / max(t.size - 2 * tau.size, 1))
+    span = float(np.diff(t).min()), float(np.ptp(t))
+    deviation = np.sqrt(np.maximum((back @ noise @ back.T).diagonal()[: tau.size], 0))
+    said = unseen_times(-np.log(tau[::-1]), amplitude[::-1], deviation[::-1], span)
+    return (*said, *cancelling(amplitude * size, "K"))

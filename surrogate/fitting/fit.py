@@ -26,14 +26,13 @@ from thermofem.models.lumped import (
 )
 
 from .mismatch import mismatch
-from .notes import cancelling, other_gain, starts, undetermined, unseen
+from .notes import EXPLAINED, cancelling, other_gain, starts, undetermined, unseen
 from .projection import FitProblem, Optimum, optimum, polish
 
 if TYPE_CHECKING:
     import xarray as xr
 
 METHODS = ("variable projection", "pso")
-EXPLAINED = 0.2  # share of the variance below which data count as noise; the paper's single pole explains 0.9 and more
 TRANSFER = "where another part is read than the one that is heated, give transfer=True"
 SAME = 1.02  # ratio of two misfits that differ by noise: each parameter of a fit to n samples takes off 1/(2 n)
 
@@ -311,7 +310,7 @@ class Training:
         """Sentences on the model that was found."""
         stated = _common([r.thermal_resistance for r in self.problem.responses])
         other = other_gain(model, stated)
-        return *starts(found), *unseen(found, self.problem.span), *cancelling(model), *other
+        return *starts(found), *unseen(found, self.problem.span), *cancelling(model.R), *other
 
     def search(self, order: int, method: str) -> tuple[Optimum, float | None]:
         """The optimum, and the residual of the swarm before it was polished."""

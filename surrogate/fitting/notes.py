@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from thermofem import Foster, quantity
-from thermofem.arrays import Array, NDArray
+from thermofem.arrays import Array, ArrayLike, NDArray
 
 from .projection import Optimum
 
 CANCELLING = 100.0  # R of a pole over R_th from which poles of opposite sign count as one
+EXPLAINED = 0.2  # share of the variance below which data count as noise; the paper's single pole explains 0.9 and more
 OTHER = 0.1  # relative difference of thermal resistances that is told
 KNOWN = np.log(10)  # standard deviation of ln(tau) from which its size says nothing
 OUTSIDE = 3.0  # time constant over the longest time shown, or the shortest over it, from which it is an extrapolation
@@ -37,13 +38,17 @@ def other_gain(model: Foster, stated: float | None) -> list[str]:
     return [f"R_th is {own} where the data state {true}: the model holds for heating like its training, not at rest"]
 
 
-def cancelling(model: Foster) -> list[str]:
-    """A sentence on poles of opposite sign that are nearly one, as of a transfer channel with too many."""
-    largest, total = float(np.abs(np.asarray(model.R)).max()), abs(model.thermal_resistance)
+def cancelling(shares: ArrayLike, unit: str = "K/W") -> list[str]:
+    """A sentence on poles of opposite sign that are nearly one, as of a transfer channel with too many.
+
+    shares [shape (n,), unit]: R of every pole, or its amplitude.
+    """
+    largest, total = float(np.abs(shares).max()), abs(float(np.sum(shares)))
     if largest <= CANCELLING * total:
         return []
     return [
-        f"poles of up to {largest:.2g} K/W cancel to {total:.2g} K/W: two of them are nearly one, so take one fewer"
+        f"poles of up to {largest:.2g} {unit} cancel to {total:.2g} {unit}: two of them are nearly one, so take one "
+        "fewer"
     ]
 
 
@@ -61,9 +66,14 @@ def undetermined(found: Optimum, span: tuple[float, float], jacobian: Array) -> 
 
 def unseen(found: Optimum, span: tuple[float, float]) -> list[str]:
     """Sentences on time constants that the data do not determine."""
-    notes = []
     deviation = np.sqrt(np.maximum(found.covariance.diagonal()[: found.log_rate.size], 0))
-    for log_rate, gain, sd in zip(found.log_rate[::-1], found.gain[::-1], deviation[::-1], strict=True):
+    return unseen_times(found.log_rate, found.gain, deviation, span)
+
+
+def unseen_times(rates: Array, gains: Array, deviations: Array, span: tuple[float, float]) -> list[str]:
+    """The same of logarithms of rates, slowest first, their gains and standard deviations."""
+    notes = []
+    for log_rate, gain, sd in zip(rates[::-1], gains[::-1], deviations[::-1], strict=True):
         tau = np.exp(-log_rate)
         said = f"tau = {quantity.rounded(tau, 's')}"
         if gain == 0:

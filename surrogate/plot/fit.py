@@ -8,8 +8,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from thermofem.dataset import response_of
+from thermofem.header_units import unit_of
 from thermofem.plot_style import INK, VERMILION, WIDTH, takes, time_unit
-from thermofem.traces import unit_of
 from thermofem.waveforms import period_times
 
 if TYPE_CHECKING:

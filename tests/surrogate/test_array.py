@@ -192,6 +192,22 @@ def test_the_model_is_kept_as_json(array, tmp_path):
     assert np.array_equal(back.C, array.model.C)
 
 
+def test_an_array_of_more_than_500_states_is_saved(tmp_path):
+    """580 states of 20 rings were "not compact; surrogate.reduce it first", which takes no array."""
+    n, rng = 580, np.random.default_rng(0)
+    C = rng.standard_normal((2, n))
+    names = ("ring 1", "ring 2")
+    model = th.StateSpace(np.eye(n), -np.diag(np.geomspace(1e4, 1e9, n)), C.T, C, inputs=names, outputs=names)
+    path = surrogate.save_model(model, tmp_path / "array.json")
+    again = surrogate.load_model(path)
+    for name in ("E", "A", "B", "C"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(model, name))
+    assert path.stat().st_size < 2e5
+    full = th.StateSpace(np.eye(n), -np.eye(n) - np.full((n, n), 1e-3), C.T, C, inputs=names, outputs=names)
+    with pytest.raises(th.InputError, match="takes 500, or 2000 with diagonal E and A"):
+        surrogate.save_model(full, tmp_path / "full.json")
+
+
 def test_the_array_itself_is_saved_and_exported(array, tmp_path):
     """As a fit or a reduction is; a source for each share that is not zero, and no others."""
     surrogate.save_model(array, tmp_path / "array.json")

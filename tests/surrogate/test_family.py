@@ -175,6 +175,31 @@ def test_a_contact_on_a_side_of_the_domain_is_in_series(kind):
 
 
 @pytest.mark.slow
+def test_a_contact_may_begin_at_zero(tmp_path):
+    """Such a range ended in "-A is not positive definite": below 1e-14 m^2 K/W the core of a member hung free."""
+    contact = "interface.core.resistance"
+
+    def ring(resistance: float) -> th.CrossSection:
+        return replace(th.strip_ring(), interfaces=(th.Interface("core", resistance),))
+
+    found = surrogate.design(ring(1e-8), {contact: (0.0, 1e-7)}, target={"thermal_resistance": 8e3}, tolerance=2e-3)
+    assert found.reached
+    family = surrogate.load_family(found.family.save(tmp_path / "family.npz"))
+    assert family.engine == "lines"
+    for resistance in (0.0, 1e-15, 1e-11, 1e-7):
+        values = {contact: resistance}
+        assert family.certify(**values).error <= 2e-3
+        exact = th.derivatives(th.assemble(ring(resistance), 1e-3), [contact], times=[1e-8, 1e-6])
+        slopes = family.derivatives(times=[1e-8, 1e-6], **values)
+        # the flux is steep at the corners: meshes of 1e-3 differ by some per cent in its square
+        assert slopes.thermal_resistance.values == pytest.approx(exact.thermal_resistance.values, rel=0.05)
+        assert slopes.step_response.values == pytest.approx(exact.step_response.values, rel=0.05)
+    heat = th.assemble(ring(2e-8), 1e-4)
+    data = th.solve(heat, th.Constant(1e-3), np.geomspace(1e-9, 1e-4, 60))
+    assert surrogate.calibrate(family, data).values[contact] == pytest.approx(2e-8, rel=5e-3)
+
+
+@pytest.mark.slow
 def test_open_sides_contacts_convection_and_two_heated_parts():
     base = th.heated_ring(cladding=1.5e-6)
     geometry = th.CrossSection(

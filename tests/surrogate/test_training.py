@@ -145,6 +145,18 @@ def test_a_decay_has_the_same_time_constants_at_every_scale(scale):
     assert found.amplitude == pytest.approx([scale], rel=1e-6, abs=0)
 
 
+def test_a_decay_says_what_its_samples_leave_open():
+    """One pole fitted with two, of which one was anything from 1.25 ns to 1 us, and pure noise came without a word."""
+    t, noise = np.linspace(0, 5e-6, 500), np.random.default_rng(1).standard_normal(500)
+    one = 8 * np.exp(-t / 1e-6) + 0.02 * noise
+    assert surrogate.fit_decay(t, one, order=1).notes == ()
+    assert surrogate.fit_decay(t, one + 5 * np.exp(-t / 1e-7)).notes == ()
+    assert "the data do not determine tau" in " ".join(surrogate.fit_decay(t, one).notes)
+    assert "is an extrapolation" in " ".join(surrogate.fit_decay(t, 8 * np.exp(-t / 4e-5), order=1).notes)
+    with pytest.raises(th.InputError, match="it is noise, no cooling curve"):
+        surrogate.fit_decay(t, noise)
+
+
 def test_a_cooling_curve_that_begins_late_and_has_two_near_samples():
     """exp(-t/tau) of a start was denormal, its column no direction: ValueError, residuals are not finite."""
     near, span = 1e-12, 1e-6

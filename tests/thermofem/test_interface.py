@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from grids import facets_where, tensor_mesh
 
+import surrogate
 import thermofem as th
 from thermofem.algebra.factor import factorize
 from thermofem.heat.interface import contacts, split
@@ -56,11 +57,24 @@ def test_a_vanishing_resistance_recovers_perfect_contact(resistance):
     assert 1.0 * resistance / surface - 1e-9 * perfect < found - perfect < 1.4 * resistance / surface + 1e-9 * perfect
 
 
-def test_no_resistance_leaves_the_mesh_alone():
-    strip = th.strip_ring()
-    same = th.assemble(replace(strip, interfaces=(th.Interface("core", 0.0),)))
-    assert same.unknowns == th.assemble(strip).unknowns
-    assert same.thermal_resistance() == th.assemble(strip).thermal_resistance()
+def with_contact(resistance):
+    contact = (th.Interface("core", resistance),)
+    return th.assemble(replace(th.strip_ring(), interfaces=contact), accuracy=3e-3)
+
+
+@pytest.mark.parametrize("resistance", [0.0, 1e-15])
+def test_a_perfect_contact_keeps_the_resistance_and_has_a_derivative(resistance):
+    """The derivative was 0 below 1e-14 m^2 K/W; differences gave 1.9e10 /m^2."""
+    heat = with_contact(resistance)
+    perfect = th.assemble(th.strip_ring(), accuracy=3e-3).thermal_resistance()
+    assert heat.thermal_resistance() == pytest.approx(perfect, rel=1e-6)
+    path, near = ["interface.core.resistance"], (1e-12, 2e-12)
+    low, high = (with_contact(R).thermal_resistance() for R in near)
+    slope = (high - low) / (near[1] - near[0])  # round-off of 1e-10 over a change by 2.4e-6
+    assert th.derivatives(heat, path).thermal_resistance.values == pytest.approx([slope], rel=2e-3)
+    found = surrogate.reduce(heat.system, 1e-4)
+    poles = surrogate.pole_derivatives(heat, found, path)
+    assert poles.thermal_resistance.values == pytest.approx([slope], rel=2e-3)
 
 
 def test_the_field_jumps_at_the_contact_and_stays_on_the_mesh():

@@ -328,3 +328,38 @@ def test_a_table_of_no_numbers_is_refused(text):
     """`nan` is a number to Python: a table of nothing else had no last column."""
     with pytest.raises(th.InputError, match="no line of at least two numbers"):
         columns.parse(text)
+
+
+def test_a_clipped_trace_is_named_on_every_way_into_a_fit(tmp_path, caplog):
+    """Only `thermofem fit` said so: `th.read_csv` and a fit gave 4.1 for 7 K/mW without a word."""
+    t = np.linspace(0, 20e-6, 2001)
+    rise = MODEL.response(th.Constant(2e-3), t)
+    path = write(tmp_path / "scope.csv", "t (s),T (K)\n", [t, np.minimum(rise, 8.0)])
+    data = th.read_csv(path, time="t", power=2e-3, temperature="T")
+    for fit in (surrogate.fit_foster(data, order=2), surrogate.fit_spectrum(data)):
+        assert any("rows hold the largest value, 8 K: the trace looks clipped" in line for line in fit.notes)
+    geometry = th.strip_ring()
+    surrogate.calibrate(geometry, data, {"layer.box.thickness": (1e-6, 3e-6)}, tolerance=0.02)
+    assert "the trace looks clipped" in caplog.text
+
+
+@pytest.mark.parametrize(
+    "wave",
+    [
+        th.Constant(2e-3),
+        th.Pulse(2e-3, 5e-6),
+        th.SquareWave(2e-3, 10e-6, 0.5),
+        th.SquareWave(2e-3, 0.5e-6, 0.5),
+        th.Sampled([0.0, 20e-6, 40e-6], [0.0, 2e-3, 2e-3]),  # a plateau that the power makes
+    ],
+)
+@pytest.mark.parametrize("decays", [MODEL, th.Foster(R=[2000.0], tau=[1e-9])])
+def test_what_settles_is_not_called_clipped(wave, decays):
+    """A solution without noise holds its last value for many rows; round-off and edges of the power are no noise."""
+    from thermofem.dataset import response_of
+
+    for t in (np.linspace(0, 40e-6, 1601), np.geomspace(1e-9, 40e-6, 400)):
+        y = decays.response(wave, t)
+        for step in (1e-12, np.ptp(y) / 4096):
+            data = th.dataset.build(t, np.round(y / step) * step, wave)
+            assert not any("clipped" in doubt for doubt in response_of(data).doubts)

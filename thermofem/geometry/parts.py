@@ -165,7 +165,8 @@ class Interface:
     """Thermal boundary resistance in m^2 K/W on the whole surface of one part.
 
     Where the surface lies on an isothermal or convective side of the domain, it is in series with that side. Beyond an
-    open side the part goes on, and there is no surface.
+    open side the part goes on, and there is no surface. A resistance below 1e-14 m^2 K/W, such as 0, counts as that of
+    1e-14, a hundredth of a picometre of oxide: so it has a derivative.
     """
 
     part: str

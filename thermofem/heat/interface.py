@@ -20,15 +20,15 @@ from ..mesh.pinched import parted
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
 
-PERFECT = 1e-14  # m^2 K/W; a hundredth of a picometre of oxide: a perfect contact, for the condition of matrices
+PERFECT = 1e-14  # m^2 K/W; a hundredth of a picometre of oxide: a smaller resistance, such as 0, counts as this one
 
 
 def resistances(geometry: CrossSection) -> dict[str, float]:
-    """Sum of the thermal boundary resistances of each part that has one, in m^2 K/W."""
+    """Sum of the thermal boundary resistances of each part that has one, in m^2 K/W; `PERFECT` at least."""
     found: dict[str, float] = {}
     for interface in geometry.interfaces:
         found[interface.part] = found.get(interface.part, 0.0) + interface.resistance
-    return found
+    return {part: max(value, PERFECT) for part, value in found.items()}
 
 
 def split(mesh: Mesh, resistance: Mapping[str, float]) -> Mesh:
@@ -62,13 +62,13 @@ def contacts(mesh: Mesh, resistance: Mapping[str, float]) -> dict[float, tuple[N
 
 def beside(mesh: Mesh, resistance: Mapping[str, float], facets: NDArray[np.intp]) -> NDArray[np.float64]:
     """Resistance in m^2 K/W that the region beside each boundary facet has on its surface."""
-    own = np.array([0.0, *(value for value in resistance.values() if value > PERFECT)])
+    own = np.array([0.0, *resistance.values()])
     return np.asarray(own[_side(mesh, resistance)[mesh.skfem.f2t[0, facets]]])
 
 
 def _side(mesh: Mesh, resistance: Mapping[str, float]) -> NDArray[np.int64]:
     """For each triangle 0, or one more than the place of its region among those with a resistance."""
-    names = [name for name, value in resistance.items() if value > PERFECT]
+    names = list(resistance)
     number = np.array([names.index(name) + 1 if name in names else 0 for name in mesh.region_names], dtype=np.int64)
     return number[mesh.region]
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Array, ArrayLike, NDArray
-from .interface import PERFECT, beside, contacts, resistances
+from .interface import beside, contacts
 from .side import Side
 
 if TYPE_CHECKING:
@@ -179,9 +179,8 @@ def _of_sides(heat: HeatProblem, change: Change, facets: NDArray[np.intp]) -> Ar
 def _contact(heat: HeatProblem, change: Change, facets: NDArray[np.intp]) -> Array:
     """d of the resistance that the part beside each facet brings."""
     cells = heat.discretization.basis.mesh.f2t[0, facets]
-    resistance = resistances(heat.geometry)
-    there = [change.contact.get(name, 0.0) * (resistance.get(name, 0.0) > PERFECT) for name in heat.mesh.region_names]
-    return np.array(there)[heat.mesh.region[cells]]
+    there = np.array([change.contact.get(name, 0.0) for name in heat.mesh.region_names])
+    return there[heat.mesh.region[cells]]
 
 
 def _source(heat: HeatProblem, change: Change) -> float:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
 LARGEST = 500  # states to integrate with the optics; a certified reduction needs 10 to 40, and each costs time
+SAVED = 2000  # states of a model file, where more than 500 are written as the diagonals of E and A
 MOST_FREQUENCIES = 100_000  # each takes a factorization, 5 ms for 2500 unknowns
 MOST = 1e50  # of an entry of a matrix: a bound has products of four
 ROUND_OFF = 1e-9  # of a matrix with ones on its diagonal, by which an eigenvalue may be negative
@@ -174,22 +175,44 @@ class StateSpace:
         return csc_matrix(getattr(self, name))
 
     def to_json(self) -> dict[str, Any]:
-        """Fields of the model file, matrices in full; InputError for a large system or one that does not decay."""
+        """Fields of the model file; InputError for a large system or one that does not decay.
+
+        Matrices are in full; E and A as their diagonals where a system of more than 500 states has no more of them.
+        """
+        full = {name: self._sparse(name) for name in ("E", "A", "B", "C")}
         if self.order > LARGEST:
-            raise checks.InputError(f"a StateSpace of {self.order} states is not compact; surrogate.reduce it first")
-        full = {name: self._sparse(name).toarray() for name in ("E", "A", "B", "C")}
-        _check_definite(full["E"], full["A"])
+            diagonal = all(full[name].nnz == np.count_nonzero(full[name].diagonal()) for name in ("E", "A"))
+            if not diagonal or self.order > SAVED:
+                raise checks.InputError(
+                    f"a StateSpace of {self.order} states is too large for a file, which takes {LARGEST}, or {SAVED} "
+                    "with diagonal E and A, as of arrays",
+                    "reduce finite elements (surrogate.reduce); of an array take fewer rings or a larger tolerance",
+                )
+        tables = {name: matrix.toarray() for name, matrix in full.items()}
+        _check_definite(tables["E"], tables["A"])
+        if self.order > LARGEST:
+            tables |= {name: full[name].diagonal() for name in ("E", "A")}
         units = {"E": "J/K", "A": "W/K", "B": "1", "C": "1"}
-        return {**names(self), **{name: matrix.tolist() for name, matrix in full.items()}, "units": units}
+        return {**names(self), **{name: matrix.tolist() for name, matrix in tables.items()}, "units": units}
 
     @classmethod
     @reader
     def from_json(cls, content: Mapping[str, Any]) -> StateSpace:
         """The system of a model file."""
-        E, A, B, C = (table(content, name, 2) for name in ("E", "A", "B", "C"))
-        model = cls(E, A, B, C, **parts(content))
+        E, A = (_square(content, name) for name in ("E", "A"))
+        model = cls(E, A, table(content, "B", 2), table(content, "C", 2), **parts(content))
         _check_definite(E, A)
         return model
+
+
+def _square(content: Mapping[str, Any], name: str) -> Array:
+    """E or A of a model file, which holds it in full or as its diagonal."""
+    if isinstance(content[name][0], list):
+        return table(content, name, 2)
+    diagonal = table(content, name, 1)
+    if diagonal.size > SAVED:
+        raise checks.InputError(f"{name} has {diagonal.size} states; a model file takes {SAVED}")
+    return np.diag(diagonal)
 
 
 def _matrix(name: str, value: Any, *, sparse: bool) -> Any:
