@@ -82,12 +82,17 @@ class Observed:
 
     clock [s]: length of the pieces; nan where the trace does not pulse.
     pieces [shape (n, 33)]: c_k of each.
-    absolute: whether the drop power is in W, not in an arbitrary unit.
+    unit: of the trace; any but W is an arbitrary one.
     """
 
     clock: float
     pieces: Complex
-    absolute: bool
+    unit: str = "W"
+
+    @property
+    def absolute(self) -> bool:
+        """Whether the drop power is in W."""
+        return self.unit == "W"
 
     def mean(self, drawn: NDArray[np.int64] | None = None) -> Cycle:
         """The mean cycle of all pieces, or of those that were ``drawn``; their phases correct the clock."""
@@ -118,24 +123,24 @@ def observe(trace: xr.Dataset, name: str = "trace") -> Observed:
         raise checks.InputError(f"{name} has {drop.size} values at {t.size} times; at least 64 of both are needed")
     if not drop.any():
         raise checks.InputError(f"{name}.drop is zero throughout: no light reaches the drop port")
-    absolute = str(trace["drop"].attrs.get("units", "W")) == "W"
+    unit = str(trace["drop"].attrs.get("units", "W"))
     t, drop = _second_half(t, drop)
     clock = _repetition(t, drop)
     if not np.isfinite(clock):
         _check_rest(name, drop)
-        return _at_rest(drop, absolute)
+        return _at_rest(drop, unit)
     step = _step(t)
     for _ in range(3):
-        seen = Observed(clock, _pieces(t, drop, t[0] + clock * np.arange((t[-1] - t[0]) / clock), step), absolute)
+        seen = Observed(clock, _pieces(t, drop, t[0] + clock * np.arange((t[-1] - t[0]) / clock), step), unit)
         clock = seen.mean().period
-    return seen if _settled(name, seen.pieces) else _at_rest(drop, absolute)
+    return seen if _settled(name, seen.pieces) else _at_rest(drop, unit)
 
 
-def _at_rest(drop: Array, absolute: bool) -> Observed:
+def _at_rest(drop: Array, unit: str) -> Observed:
     """What is seen of a trace that does not pulse: its mean in eight pieces."""
     pieces = np.zeros((8, HARMONICS + 1), dtype=complex)
     pieces[:, 0] = [part.mean() for part in np.array_split(drop, 8)]
-    return Observed(float("nan"), pieces, absolute)
+    return Observed(float("nan"), pieces, unit)
 
 
 def _settled(name: str, pieces: Complex) -> bool:
@@ -209,7 +214,7 @@ def cycle_of(run: xr.Dataset | Record, *, at: Array | None = None) -> Cycle:
     step = _step(t)
     for _ in range(2):
         marks = t[0] + clock * np.arange((t[-1] - t[0]) / clock)
-        mean = Observed(clock, _pieces(t, drop, marks, step, SAMPLES), absolute=True).mean()
+        mean = Observed(clock, _pieces(t, drop, marks, step, SAMPLES)).mean()
         clock = mean.period
     return mean
 

@@ -47,7 +47,8 @@ class Identification(HasModel):
         over trace: power (W), detuning (Hz), period and period_model (s), and shape_error, the root mean square
         difference of the cycles over the measured swing (or a twentieth of the mean, where that is more).
     cycles : xarray.Dataset
-        over trace and phase: drop, the measured mean cycle, and drop_model; each the mean over 1/33 of the cycle.
+        over trace and phase: drop, the measured mean cycle, and drop_model, both in the unit of the trace; each the
+        mean over 1/33 of the cycle.
     samples : xarray.Dataset
         over run: each free parameter, and misfit, the root of the mean over the traces of the sum of squares.
     notes : tuple of str
@@ -217,10 +218,13 @@ def _result(
     )
     notes = _doubts(what, targets, spread, values[best]) + read_apart(columns[2], columns[3])
     drawn = np.array(curves)
+    units = {target.observed.unit for target in targets}
+    about = {"units": units.pop() if len(units) == 1 else "that of the trace", "long_name": "drop signal"}
+    about = dataset.describe("drop") if about["units"] == "W" else about
     cycles = xr.Dataset(
         {
-            "drop": (("trace", "phase"), drawn[:, 0], dataset.describe("drop")),
-            "drop_model": (("trace", "phase"), drawn[:, 1], dataset.describe("drop")),
+            "drop": (("trace", "phase"), drawn[:, 0], about),
+            "drop_model": (("trace", "phase"), drawn[:, 1], about),
         },
         coords={"phase": ("phase", phase, {"units": "1", "long_name": "fraction of the cycle"})},
     )

@@ -22,7 +22,8 @@ from .cycles import HARMONICS, Cycle, Observed, cycle_of, misfit, observe
 if TYPE_CHECKING:
     import xarray as xr
 
-STEP = 1e-3  # of a logarithm, for derivatives: far above what the step control of the integration leaves
+STEP = 1e-3  # of a logarithm, for the slopes of a search: far above what the step control of the integration leaves
+WIDE = 1e-2  # the same for deviations: edges move by several samples, whose lines between them make the misfit rough
 RTOL = 1e-5
 LONGEST = 40e-6  # s simulated for a trace that is longer, or
 SETTLED = 8.0  # time constants of the slowest pole, where these are more: e^-8 is 3e-4
@@ -200,9 +201,9 @@ def deviations(what: Unknowns, targets: list[Target], x: Array) -> Array:
     if free.size == 0:
         return found
     slopes = []
-    for step in STEP * np.eye(x.size)[free]:
+    for step in WIDE * np.eye(x.size)[free]:
         above, below = (residuals(what, targets, wanted, x + sign * step) for sign in (1, -1))
-        slopes.append((above - below).ravel() / (2 * STEP))
+        slopes.append((above - below).ravel() / (2 * WIDE))
     U, size, Vt = np.linalg.svd(np.array(slopes).T, full_matrices=False)
     strong = size > WEAKEST
     loose = np.any(np.abs(Vt[~strong]) > MIXED, axis=0)

@@ -133,7 +133,8 @@ def cosimulate(
     chosen = getattr(corrector, "predictor", NO_PREDICTOR) if predictor is None else predictor
     if isinstance(chosen, StateSpace) and len(chosen.inputs) > 1 and isinstance(corrector, FEM):
         chosen = chosen.channel(corrector.heated, corrector.heated)
-    model = chosen if chosen is NO_PREDICTOR else compact(chosen)
+    nothing = isinstance(chosen, Foster) and not np.any(chosen.R)  # NO_PREDICTOR, or a copy of it
+    model = NO_PREDICTOR if nothing else compact(chosen)
     begin = beginning(initial, corrector, model)
     loop = Relaxation(
         ring, model, corrector, light["input_power"], light["detuning"], float(duration), min(FIRST, duration),

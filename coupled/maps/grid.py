@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -58,9 +58,10 @@ class Grid:
 
 
 def grid_of(
-    ring: RingResonator, powers: ArrayLike, detunings: ArrayLike, vary: Mapping[str, ArrayLike] | None
+    ring: RingResonator, powers: ArrayLike, detunings: ArrayLike, vary: Mapping[str, ArrayLike] | None,
+    results: Sequence[str] = (),
 ) -> Grid:  # fmt: skip
-    """Resolve the axes of a map.
+    """Resolve the axes of a map; none may have the name of one of its ``results``.
 
     Raises
     ------
@@ -72,6 +73,10 @@ def grid_of(
     own: dict[str, Array] = {}
     for name, values in checks.mapping("vary", vary, hint='such as {"bus_rate": [3e10, 4e10]}').items():
         checks.choice("a name in vary", name, optical_names(ring))
+        if name in results:
+            raise checks.InputError(
+                f"vary holds {name!r}, which is a result of the map, too; vary the detunings instead"
+            )
         own[name] = checks.array(f"vary[{name!r}]", values)
         if np.any(np.diff(own[name]) <= 0):
             raise checks.InputError(f"vary[{name!r}] must increase from value to value; sort it")

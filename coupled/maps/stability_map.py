@@ -77,7 +77,7 @@ def stability_map(
     Source: Borghi et al., Opt. Express 29, 4363 (2021), Section 4, for the maps.
     """
     warm = constant(model, heaters, heated, read)
-    grid = grid_of(ring, powers, detunings, vary).warmed(warm)
+    grid = grid_of(ring, powers, detunings, vary, results=("frequency",)).warmed(warm)
     at = _internal(warm.model, grid)
     fixed, stable, growth, omega = survey_grid(at, grid)
     names = np.array(["self-pulsing", "stable", "bistable"])

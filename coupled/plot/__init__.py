@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from itertools import cycle
+from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 
-from thermofem.checks import InputError, choice, numbers
+from thermofem.checks import InputError, choice, finite, mapping, numbers
 from thermofem.contents import contents
 from thermofem.plot_style import GREEN, INK, PURPLE, WIDTH, takes
 from thermofem.plot_style import axes as new_axes
@@ -43,15 +44,16 @@ def plot_identification(found: Identification, axes: Sequence[Axes] | None = Non
     """
     takes("found", found, "cycles", "residuals", what="the result of coupled.identify")
     cycles, errors = found.cycles, found.residuals
-    n = cycles.sizes["trace"]
+    n, given = cycles.sizes["trace"], str(cycles["drop"].attrs.get("units", "W"))
+    unit, label = (1e3, "drop power (mW)") if given == "W" else (1.0, f"drop signal ({given})")
     if axes is None:
         size = (WIDTH, 2.2 * n + 0.4)
-        _, column = plt.subplots(n, 1, figsize=size, layout="constrained", sharey=True, squeeze=False)
+        _, column = plt.subplots(n, 1, figsize=size, layout="constrained", sharey=given == "W", squeeze=False)
         axes = list(column[:, 0])
     for k, ax in enumerate(axes):
         one, at = cycles.isel(trace=k), errors.isel(trace=k)
         first = int(one["drop"].values.argmin())  # the cycle begins where the drop power is lowest
-        phase, unit = one["phase"].values, 1e3
+        phase = one["phase"].values
         measured, model = (np.roll(one[name].values, -first) * unit for name in ("drop", "drop_model"))
         ax.plot(phase, measured, color=INK, linewidth=2.4, alpha=0.45, label="measured")
         ax.plot(phase, model, color=HEAT, linewidth=1.3, label="model")
@@ -59,7 +61,7 @@ def plot_identification(found: Identification, axes: Sequence[Axes] | None = Non
         periods = f"{float(at['period']) * 1e9:.0f} ns, model {float(at['period_model']) * 1e9:.0f} ns"
         ax.set_title(f"{drive}\n{periods}", fontsize="small")
         ax.set(xlabel="fraction of the period", xlim=(0, 1))
-    axes[0].set_ylabel("drop power (mW)")
+    axes[0].set_ylabel(label)
     axes[0].legend(frameon=False, fontsize="small")
     return np.array(axes)
 
@@ -72,19 +74,27 @@ def plot_newton_traces(found: xr.Dataset, ax: Axes | None = None, *, reference: 
     """
     what = "a Dataset of coupled.fit_newton_per_trace"
     dims = dict.fromkeys(("tau_th", "heat_capacity", "period"), "trace")
-    found = contents("found", found, dims, what=what, attrs=("slope", "intercept", "correlation"))
+    found = contents("found", found, dims, what=what)
+    slope, intercept, correlation = (_known(found, name) for name in ("slope", "intercept", "correlation"))
     ax = new_axes(ax, (4.6, 3.4))
     unit = reference or 1e-12
     tau, capacity = found["tau_th"].values * 1e9, found["heat_capacity"].values / unit
     ends = np.array([np.nanmin(tau), np.nanmax(tau)])
-    line = (found.attrs["slope"] * ends * 1e-9 + found.attrs["intercept"]) / unit
+    line = (slope * ends * 1e-9 + intercept) / unit
     ax.plot(ends, line, color="#777777", linewidth=1, zorder=1)
     dots = ax.scatter(tau, capacity, c=found["period"].values * 1e9, cmap="viridis", s=22, edgecolor="white", lw=0.4)
     ax.figure.colorbar(dots, ax=ax, label="period (ns)")
     label = "heat capacity / (m c$_{p,ref}$)" if reference else "heat capacity (pJ/K)"
     ax.set(xlabel="thermal lifetime (ns)", ylabel=label)
-    ax.set_title(f"correlation {found.attrs['correlation']:.2f}", fontsize="small", loc="left")
+    if np.isfinite(correlation):
+        ax.set_title(f"correlation {correlation:.2f}", fontsize="small", loc="left")
     return ax
+
+
+def _known(found: xr.Dataset, name: str) -> float:
+    """An attribute that must be a number; nan where too few traces pulse for a line."""
+    value = found.attrs.get(name)
+    return float("nan") if isinstance(value, float) and np.isnan(value) else finite(f"found.attrs[{name!r}]", value)
 
 
 def plot_carrier_decay(decay: xr.Dataset, axes: Sequence[Axes] | None = None) -> np.ndarray:
@@ -151,12 +161,23 @@ def plot_transmission(
     ends = _leaves(x, y)
     x, y, stable = np.insert(x, ends, np.nan), np.insert(y, ends, np.nan), np.insert(stable, ends, False)
     draw_stability(ax, x, y, stable, color=INK, labels=("stable", "unstable"))
-    for (title, run), colour in zip((sweeps or {}).items(), (LIGHT, HEAT, GREEN, PURPLE), strict=False):
-        ax.plot(run[name].values * scale, run[show].values * unit, color=colour, linewidth=1.1, alpha=0.85, label=title)
+    for (title, run), colour in zip(mapping("sweeps", sweeps).items(), cycle((LIGHT, HEAT, GREEN, PURPLE))):
+        at, seen = _swept(f"sweeps[{title!r}]", run, name, show)
+        ax.plot(at * scale, seen * unit, color=colour, linewidth=1.1, alpha=0.85, label=title)
     ax.set(xlabel="power (mW)" if by_power else "detuning (GHz)", ylabel=label, xlim=(np.nanmin(x), np.nanmax(x)))
     ax.set_ylim(bottom=0)
     ax.legend(frameon=False, fontsize="small")
     return ax
+
+
+def _swept(name: str, run: Any, by: str, show: str) -> tuple[np.ndarray, np.ndarray]:
+    """Power or detuning (``by``) of a run and what is shown of it, in SI; `simulate` calls the power input_power."""
+    what = f"a Dataset of coupled.sweep or coupled.simulate whose {by} varies, as that of the curve does"
+    takes(name, run, "variables", show, what=what)
+    own = [one for one in (by, f"input_{by}") if one in run.variables]
+    shape = " ".join(map(str, run[show].dims))
+    run = contents(name, run, {(own or [by])[0]: shape, show: shape}, what=what)
+    return run[own[0]].values, run[show].values
 
 
 def _leaves(x: np.ndarray, y: np.ndarray) -> np.ndarray:

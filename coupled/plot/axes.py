@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from thermofem.checks import InputError
+from thermofem.contents import contents
 from thermofem.plot_style import BLUE as LIGHT
 from thermofem.plot_style import VERMILION as HEAT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["HEAT", "LIGHT", "dbm", "draw_stability", "joined", "readable"]
+__all__ = ["HEAT", "LIGHT", "curves_over", "dbm", "draw_stability", "joined", "readable"]
 
 
 def dbm(power: np.ndarray) -> np.ndarray:
@@ -36,6 +39,17 @@ def readable(values: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
         if largest >= factor:
             return values / factor, prefix + unit
     return values, unit
+
+
+def curves_over(name: str, given: Any, dims: Mapping[str, str], *, what: str, words: Sequence[str] = ()) -> list[Any]:
+    """Curves that are drawn over a figure, in SI; one alone counts as a list of one.
+
+    The other arguments are those of `contents`.
+    """
+    several = [given] if hasattr(given, "variables") else given
+    if not isinstance(several, list | tuple):
+        raise InputError(f"{name} is {type(given).__name__}; this function takes {what}, or a list of them")
+    return [contents(f"{name}[{k}]", curve, dims, what=what, words=words) for k, curve in enumerate(several)]
 
 
 def joined(part: np.ndarray) -> np.ndarray:

@@ -36,6 +36,10 @@ def plot_branch(branch: xr.Dataset, ax: Axes | None = None, *, fixed: xr.Dataset
     ax = axes(ax, (5.6, 3.6))
     factor, label = _axis(branch, name)
     if fixed is not None:
+        shape = dict.fromkeys((name, "drop", "regime"), "point")
+        fixed = contents(
+            "fixed", fixed, shape, what=f"a Dataset of coupled.transmission over {name}", words=("regime",)
+        )
         stable = fixed["regime"].values == "stable"
         labels = ("fixed point, stable", "fixed point, unstable")
         draw_stability(ax, fixed[name].values * factor, fixed["drop"].values * 1e3, stable, color=INK, labels=labels)

@@ -10,12 +10,12 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
 
-from thermofem.checks import InputError, choice, numbers
+from thermofem.checks import InputError, choice, mapping, numbers
 from thermofem.contents import contents
 from thermofem.plot_style import INK, WIDTH, takes
 from thermofem.plot_style import axes as new_axes
 
-from .axes import LIGHT, dbm, joined, readable
+from .axes import LIGHT, curves_over, dbm, joined, readable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -61,9 +61,15 @@ def plot_map(
         mode grows already), and `fold_curves` (blue, dotted) or `cycle_fold_curves` (purple, dash-dotted).
     limits [(float, float)]: ends of the colour scale, in the units that are drawn; by default those of the data.
     key: whether to draw the legend or the colour bar.
-    Raises InputError: an unknown name.
+    Raises InputError: an unknown name, a curve of another kind, or curves over other axes than power and detuning.
     """
     data = _check("data", data, MAP)
+    hopf, folds = _hopf_of("hopf", hopf), _folds_of("folds", folds)
+    if (hopf or folds) and set(map(str, data["regime"].dims)) != {"power", "detuning"}:
+        raise InputError(
+            f"data is a map over {' and '.join(map(str, data['regime'].dims))}; hopf and folds are curves of power and "
+            "detuning, and have no place there"
+        )
     choice("show", show, ["regime", *(name for name in _SCALED if name in data or name == "frequency")])
     ax = new_axes(ax, (5, 3.8))
     (y_axis, y_label), (x_axis, x_label) = (_drawn_axis(data, str(dim)) for dim in data["regime"].dims)
@@ -75,7 +81,7 @@ def plot_map(
     else:
         factor, label = _SCALED[show]
         values = 1 / data["period"] if show == "frequency" and "period" in data else data[show]
-        low, high = limits or (None, None)
+        low, high = (None, None) if limits is None else _ends(limits)
         cells = ax.pcolormesh(x, y, values.values * factor, cmap="viridis", vmin=low, vmax=high, rasterized=True)
         if key:
             ax.figure.colorbar(cells, ax=ax, label=label)
@@ -108,7 +114,11 @@ def plot_maps(
     """
     takes("maps", maps, "items", "values", what="a mapping from names to maps")
     maps = {name: _check("maps", one, f"a mapping from names to maps, each {MAP}") for name, one in maps.items()}
-    handles, names = _maps_key(maps, show, hopf or {}, folds or {})
+    lines = {title: _hopf_of(f"hopf[{title!r}]", one) for title, one in mapping("hopf", hopf).items()}
+    borders = {title: _folds_of(f"folds[{title!r}]", one) for title, one in mapping("folds", folds).items()}
+    for title in (*lines, *borders):
+        choice("a name in hopf and folds", title, maps)
+    handles, names = _maps_key(maps, show, lines, borders)
     rows, across = len(show), len(maps)
     width = max(WIDTH, 1.6 * across + 0.9)
     columns = int(width // 1.8)  # inches that the longest name takes
@@ -120,9 +130,9 @@ def plot_maps(
     for row, name in zip(axes, show, strict=True):
         limits = _common_limits(maps, name)
         for ax, (title, data) in zip(row, maps.items(), strict=True):
-            over = {"hopf": (hopf or {}).get(title, ()), "folds": (folds or {}).get(title, ())}
             last = ax is row[-1] and name != "regime"
-            plot_map(data, name, ax, limits=limits, key=last, hopf=over["hopf"], folds=over["folds"])
+            over = {"hopf": lines.get(title, []), "folds": borders.get(title, [])}
+            plot_map(data, name, ax, limits=limits, key=last, **over)
             ax.label_outer()
     for ax, title in zip(axes[0], maps, strict=True):
         ax.set_title(textwrap.fill(title, int(11 * width / across)), fontsize="medium")  # letters an inch
@@ -131,6 +141,24 @@ def plot_maps(
             handles, names, loc="outside lower center", ncols=columns, frameon=False, fontsize="small", borderpad=0
         )
     return axes
+
+
+def _ends(limits: Any) -> tuple[float, float]:
+    """Both ends of a colour scale."""
+    values = numbers("limits", limits)
+    if values.shape != (2,) or not values[0] <= values[1]:
+        raise InputError(f"limits = {limits!r} must be (lowest, highest)")
+    return float(values[0]), float(values[1])
+
+
+def _hopf_of(name: str, given: Any) -> list[Any]:
+    dims = dict.fromkeys(("power", "detuning", "leading", "lyapunov"), "point")
+    return curves_over(name, given, dims, what="a Dataset of coupled.hopf_curves", words=("leading",))
+
+
+def _folds_of(name: str, given: Any) -> list[Any]:
+    what = "a Dataset of coupled.fold_curves or coupled.cycle_fold_curves"
+    return curves_over(name, given, dict.fromkeys(("power", "detuning"), "point"), what=what)
 
 
 def _check(name: str, data: Any, what: str) -> Any:

@@ -27,7 +27,7 @@ def provenance(ring: RingResonator, light: dict[str, Any], duration: float) -> d
 def traces(ring: RingResonator, run: Window, light: dict[str, Any]) -> dict[str, Array]:
     """All time traces of a run, in SI."""
     U = np.abs(run.field) ** 2
-    stop = max(float(run.reached), float(run.time[-1]))
+    stop = max(float(run.reached), float(run.time.max(initial=0.0)))
     at = {
         name: np.full(run.time.size, value) if isinstance(value, float) else pieces(name, value, 0.0, stop)(run.time)
         for name, value in light.items()

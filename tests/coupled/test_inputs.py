@@ -188,6 +188,11 @@ def test_events_are_found_between_the_steps():
     assert State.end_of(stopped).carriers == pytest.approx(float(stopped.carriers[-1]), rel=1e-12)
     assert np.sum(State.end_of(stopped).thermal) == pytest.approx(5, abs=1e-8)
     assert t[-1] == pytest.approx(5e-6)
+    # an index out of bounds came of times that all lie after the stop, and the crossing was lost
+    late = {"event": coupled.Event("delta_T", 5.0), "times": [2e-6, 3e-6]}
+    none = coupled.simulate(RING, SECOND_ORDER, power=6.31e-3, duration=5e-6, **late)
+    assert none.sizes["time"] == 0
+    assert none.attrs["crossings"] == stopped.attrs["crossings"]
 
 
 def test_pieces_of_everything_that_drives():
