@@ -331,7 +331,7 @@ def test_a_table_of_no_numbers_is_refused(text):
 
 
 def test_a_clipped_trace_is_named_on_every_way_into_a_fit(tmp_path, caplog):
-    """Only `thermofem fit` said so: `th.read_csv` and a fit gave 4.1 for 7 K/mW without a word."""
+    """Only `thermofem fit` said so: `th.read_csv` and a fit gave 4.0 for 7 K/mW without a word."""
     t = np.linspace(0, 20e-6, 2001)
     rise = MODEL.response(th.Constant(2e-3), t)
     path = write(tmp_path / "scope.csv", "t (s),T (K)\n", [t, np.minimum(rise, 8.0)])
