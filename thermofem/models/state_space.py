@@ -207,7 +207,8 @@ class StateSpace:
 
 def _square(content: Mapping[str, Any], name: str) -> Array:
     """E or A of a model file, which holds it in full or as its diagonal."""
-    if isinstance(content[name][0], list):
+    rows = content[name]
+    if not (isinstance(rows, list) and rows and isinstance(rows[0], int | float)):
         return table(content, name, 2)
     diagonal = table(content, name, 1)
     if diagonal.size > SAVED:
