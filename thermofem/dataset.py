@@ -44,6 +44,7 @@ FEWEST = 8  # samples that a training takes
 POSSIBLE = 1e-30, 1e12  # s or K: any time and rise, with squares and sums that floats hold
 CROPPED = 100.0  # of the span of a trace: how far its start may be off, where most of its rows were left out
 START, REST = "start_within", "rest_rows"  # attributes of a measured trace, see `Response`
+ROUND_OFF = 1e-14  # of the largest time, by which times in other units may miss an edge of the power
 TWICE = 1e-3  # of the swing, by which both rows of a jump of the power may differ: the temperature has none
 
 
@@ -188,6 +189,7 @@ def response_of(data: xr.Dataset) -> Response:
     checks.between("the swing of data.delta_T", np.ptp(rise), *POSSIBLE, unit="K")
     if "waveform" in data.attrs:
         wave = waveforms.from_json(data.attrs["waveform"])
+        times = _on_edges(times, wave)
         _check_power(data, wave, times)
     else:
         if "power" not in data:
@@ -280,6 +282,14 @@ def _check_times(wave: waveforms.Waveform, times: Array, rise: Array) -> None:
                 f"data.time has {times[k]:g} s twice, with delta_T = {rise[k]:g} and {rise[k + 1]:g} K; a time may "
                 "stand twice only where the power jumps; take one out, or average them"
             )
+
+
+def _on_edges(times: Array, wave: waveforms.Waveform) -> Array:
+    """Times with those that round-off has moved from an edge of the power put on it: 20 us x 1e-6 is no 2e-5 s."""
+    hair = ROUND_OFF * float(np.abs(times[[0, -1]]).max())
+    edges = np.append(wave.breakpoints(times[0], times[-1] + 1e-3 * float(np.ptp(times))), np.inf)
+    near = edges[np.searchsorted(edges, times - hair)]  # the first that is not before
+    return np.where(np.abs(near - times) <= hair, near, times)
 
 
 def _check_power(data: xr.Dataset, wave: waveforms.Waveform, times: Array) -> None:

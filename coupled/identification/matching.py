@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 STEP = 1e-3  # of a logarithm, for the slopes of a search: far above what the step control of the integration leaves
+BENT = 0.7  # second over first difference, beyond which a side of a step holds a jump
 WIDE = 1e-2  # the same for deviations: edges move by several samples, whose lines between them make the misfit rough
 RTOL = 1e-5
 LONGEST = 40e-6  # s simulated for a trace that is longer, or
@@ -200,10 +201,12 @@ def deviations(what: Unknowns, targets: list[Target], x: Array) -> Array:
     free = np.flatnonzero(~at_bound(what, x))
     if free.size == 0:
         return found
-    slopes = []
-    for step in WIDE * np.eye(x.size)[free]:
-        above, below = (residuals(what, targets, wanted, x + sign * step) for sign in (1, -1))
-        slopes.append((above - below).ravel() / (2 * WIDE))
+
+    def left(x: Array) -> Array:
+        return residuals(what, targets, wanted, x).ravel()
+
+    middle = left(x)
+    slopes = [_slope(left, x, middle, int(k)) for k in free]
     U, size, Vt = np.linalg.svd(np.array(slopes).T, full_matrices=False)
     strong = size > WEAKEST
     loose = np.any(np.abs(Vt[~strong]) > MIXED, axis=0)
@@ -212,6 +215,20 @@ def deviations(what: Unknowns, targets: list[Target], x: Array) -> Array:
         found[free] = np.sqrt(_variance(what, targets, solve, x))
     found[free[loose]] = np.inf
     return found
+
+
+def _slope(of: Callable[[Array], Array], x: Array, middle: Array, k: int) -> Array:
+    """d ``of``/d x_k by differences about its value ``middle``.
+
+    The step is shorter where on one side a trace ends to pulse, or is read at twice its period.
+    """
+    slope = np.empty(0)
+    for step in (WIDE, STEP):
+        above, below = (of(x + sign * step * np.eye(x.size)[k]) for sign in (1, -1))
+        slope = (above - below) / (2 * step)
+        if np.linalg.norm(above + below - 2 * middle) < BENT * np.linalg.norm(above - below):
+            break
+    return slope
 
 
 def _variance(what: Unknowns, targets: list[Target], solve: Array, x: Array) -> Array:

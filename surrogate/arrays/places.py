@@ -10,6 +10,7 @@ import numpy as np
 
 from thermofem import HeatProblem, InputError, Part, Probe, assemble, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
+from thermofem.geometry.cross_section import MOST as MOST_DISTANCES
 from thermofem.geometry.neighbours import check_distance, check_uniform, footprint, reach
 from thermofem.heat.off_axis import off_axis_integral
 
@@ -135,6 +136,12 @@ def with_copies(rings: RingKinds, g: int, readers: Sequence[tuple[int, float]]) 
     own = rings.kinds[g]
     if not readers:
         return own.heat, ()
+    if len(readers) > MOST_DISTANCES:
+        raise InputError(
+            f"positions has rings at {len(readers)} different distances from each other; at most {MOST_DISTANCES} are "
+            "read",
+            "place them on a lattice, round the positions, or take fewer rings",
+        )
     names = tuple(f"copy {k + 1}" for k in range(len(readers)))
     clear = (footprint(own.heat.geometry) + reach(own.core)) * (1 + 1e-9)
     places = [d if kind == g else max(d, clear) for kind, d in readers]

@@ -221,6 +221,10 @@ def test_the_array_itself_is_saved_and_exported(array, tmp_path):
         assert not any(re.search(r" -?0\.0( |$)", line) for line in lines)
 
 
+GRID = 22e-6 * np.array([(k % 6, k // 6) for k in range(26)])
+SCATTERED = GRID + np.random.default_rng(1).uniform(-1e-6, 1e-6, GRID.shape)
+
+
 @pytest.mark.parametrize(
     ("positions", "words"),
     [
@@ -229,6 +233,8 @@ def test_the_array_itself_is_saved_and_exported(array, tmp_path):
         ([(0, 0), (0, 0)], "are 0 m apart"),
         ([0, 1, 2], r"positions has shape \(3,\); \(N, 2\) is needed"),
         ([(0, 0), (np.nan, 0)], "positions holds nan"),
+        # it named 325 probes, which nobody had given
+        (SCATTERED, "positions has rings at 325 different distances"),
     ],
 )
 def test_places_that_cannot_be_are_refused(ring, positions, words):

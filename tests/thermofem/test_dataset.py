@@ -53,6 +53,21 @@ def test_field_and_mean_agree(data):
     assert abs(data.r[hottest].item() - 7.955e-6) < 0.3e-6
 
 
+@pytest.mark.parametrize("width", [3e-6, 5e-6, 20e-6, 1.3e-6])
+@pytest.mark.parametrize("periodic", [False, True])
+def test_times_of_another_unit_keep_the_edges_of_the_power(width, periodic):
+    """20 us times 1e-6 lies just before the edge at 2e-5 s: the Dataset "contradicts the waveform attribute"."""
+    model = th.Foster(R=[2000.0, 5000.0], tau=[50e-9, 1e-6])
+    wave = th.SquareWave(2e-3, 2 * width, 0.5) if periodic else th.Pulse(2e-3, width)
+    t = th.waveforms.period_times(wave, 301) if periodic else np.linspace(0, 2 * width, 401)
+    rise = model.periodic_response(wave, 301) if periodic else model.response(wave, t)
+    held = th.dataset.build(t, rise, wave, periodic=periodic)
+    given = held.assign_coords(time=("time", t * 1e6, {"units": "us"}))
+    found, wanted = th.dataset.response_of(given), th.dataset.response_of(held)
+    np.testing.assert_allclose(found.times, wanted.times, rtol=1e-15)
+    np.testing.assert_array_equal(wave(found.times), wave(wanted.times))
+
+
 def test_power_that_contradicts_the_waveform_is_refused(data):
     core = data.sel(probe="core")
     with pytest.raises(th.InputError, match="contradicts the waveform attribute"):

@@ -233,3 +233,25 @@ def test_a_far_probe_does_not_rule_the_steps():
 def test_bad_input(arguments, words):
     with pytest.raises(th.InputError, match=words):
         integrate(three_poles(), th.Constant(1.0), **arguments)
+
+
+@pytest.mark.parametrize(
+    ("wave", "words"),
+    [
+        (th.PiecewiseCubic([0, 1e-6], [[-1e-3, 0, 0, 0]], repeat=True), "falls to -0.001 W; absorbed power heats"),
+        (th.Function(lambda t: 2e3 + 0 * t, period=1e-6), "did you mean 2e-3 for 2 mW"),
+        (th.Function(lambda t: 1e-3 * np.sin(2e6 * np.pi * t), period=1e-6), "falls to -0.001 W"),
+    ],
+)
+def test_smooth_powers_that_no_light_has_are_refused(wave, words):
+    """-1 mW cooled the core by 7.8 K; the compact models alone refused it."""
+    system = three_poles()
+    for run in (lambda: integrate(system, wave, [2e-6]), lambda: integrate_periodic(system, wave, 101)):
+        with pytest.raises(th.InputError, match=words):
+            run()
+
+
+def test_a_smooth_power_that_touches_zero_is_taken():
+    """Its coarse fit falls below zero by rtol of the peak, which is no negative power."""
+    wave = th.Function(lambda t: 1e-3 * np.sin(1e6 * np.pi * t) ** 2, period=1e-6)
+    assert integrate(three_poles(), wave, [3e-6], rtol=1e-2).outputs[0, 0] > 0

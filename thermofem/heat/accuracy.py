@@ -160,7 +160,7 @@ class MeshError:
         for heated, read in channels:
             i, j = names.index(heated), names.index(read)
             scale = np.array([v[j, i] for v in values]) if i == j else np.full(len(values), values[-1][j, i])
-            pair = np.sqrt(np.abs([share[j, j] * share[i, i] for share in shares]))
+            pair = np.sqrt(np.abs(shares[:, j] * shares[:, i]))
             whole = np.abs([total[j, i] for total in totals])
             if self.strong:
                 whole, pair = whole + pair @ self.unseen, pair * (1 + self.unseen)

@@ -145,7 +145,7 @@ class Enrichment:
         quadratic [shape (quadratic functions, s, n), K/W]: solutions of (K + s M) u = c.
         load [shape (cubic functions, n)]: c for the cubic functions.
         Returns [shape (s, n, n), K/W]: c_i^T x_j of the correction x.
-        Returns [shape (s, n, n, triangles), K/W]: its share in every triangle, without the surfaces.
+        Returns [shape (s, n, triangles), K/W]: the share of c_i^T x_i in every triangle, without the surfaces.
         """
         count, s = load.shape[1], np.asarray(np.repeat(shifts, load.shape[1]), dtype=float)
         u = quadratic.reshape(len(quadratic), -1)[self.quadratic]
@@ -164,12 +164,12 @@ class Enrichment:
         each = found[self.cubic.T]
         split = (*each.shape[:2], len(shifts), count)
         image = (blocks * each).sum(axis=1).reshape(split)
-        shares = np.einsum("itsa,itsb->sabt", each.reshape(split), image, optimize=True)
-        total = shares.sum(axis=-1)
+        each = each.reshape(split)
+        total = np.einsum("itsa,itsb->sab", each, image, optimize=True)
         if self.surface is not None:
             out = self.surface[:, self.functions.quadratic :] @ found
             total += np.einsum("isa,isb->sab", *(x.reshape(len(x), len(shifts), count) for x in (found, out)))
-        return total, shares
+        return total, np.einsum("itsa,itsa->sat", each, image)
 
     @cached_property
     def _blocks(self) -> tuple[Array, Array]:

@@ -119,8 +119,8 @@ def cauer(model: ThermalModel) -> Cauer:
     ------
     InputError
         a network that is not passive, or whose R are all zero; more than `MOST` poles, or so many so near each other
-        that R or C of the ladder are no floats (150 from 1 to 2 us reach 1e268 J/K). Poles of zero R are left out,
-        equal time constants merged.
+        that R or C of the ladder exceed 1e100 (150 from 1 to 2 us reach 1e268 J/K). Poles of zero R are left out, equal
+        time constants merged.
     """
     if isinstance(model, Cauer):
         return model
@@ -145,8 +145,10 @@ def cauer(model: ThermalModel) -> Cauer:
             resistance = top[0] / bottom[0]  # 1/rest = R + next Z
             top = (top - resistance * bottom)[1:]
             ladder_R.append(float(resistance))
-    if not 0 < min(*ladder_R, *ladder_C) <= max(*ladder_R, *ladder_C) < float("inf"):
-        raise checks.InputError(f"the {R.size} poles lie so near each other that their ladder has no floats; {FEWER}")
+    if not 0 < min(*ladder_R, *ladder_C) <= max(*ladder_R, *ladder_C) <= checks.LARGEST:
+        raise checks.InputError(
+            f"the {R.size} poles lie so near each other that the ladder exceeds {checks.LARGEST:g} K/W or J/K; {FEWER}"
+        )
     return Cauer(ladder_R, ladder_C, model.inputs, model.outputs, getattr(model, "origin", None))
 
 

@@ -134,17 +134,21 @@ def cubic_pieces(wave: Waveform, start: float, stop: float, *, tolerance: float 
     return Pieces(*fitted(wave, start, stop, tolerance))
 
 
-def heating_pieces(wave: Waveform, start: float, stop: float) -> Pieces:
+def heating_pieces(wave: Waveform, start: float, stop: float, *, tolerance: float = TOLERANCE) -> Pieces:
     """`cubic_pieces` of an absorbed power.
 
     Raises InputError: as `cubic_pieces`; a smooth power that is negative or above 10 W somewhere (other waveforms
         checked that when they were made).
     """
-    found = cubic_pieces(wave, start, stop)
+    found = cubic_pieces(wave, start, stop, tolerance=tolerance)
     if not getattr(wave, "piecewise_linear", False):
         low, high = bounds(found)
         if low < -UNDERSHOOT * max(abs(low), abs(high), getattr(wave, "peak", 0.0)):
-            raise checks.InputError(f"the power of the {type(wave).__name__} falls to {low:g} W; absorbed power heats")
+            if tolerance <= TOLERANCE:
+                raise checks.InputError(
+                    f"the power of the {type(wave).__name__} falls to {low:g} W; absorbed power heats"
+                )
+            heating_pieces(wave, start, stop)  # tells a negative power from the error of a coarse fit
         checks.power("power", max(high, 0.0), zero=True)
     return found
 
