@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -32,6 +32,7 @@ from thermofem import Foster, HeatProblem, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.display import shown
 from thermofem.models import HasModel
+from thermofem.models.state_space import LARGEST
 
 from .certificate import Pairs, reduce_pairs
 from .places import SAME, RingKinds, check_places, places_of, rings_of, with_copies
@@ -96,7 +97,7 @@ class ArrayReduction(HasModel):
         """One channel between two rings, counted from 0, as a Foster network; its R_i may be of either sign."""
         for name, ring in (("heated", heated), ("read", read)):
             checks.integer(name, ring, 0, self.rings - 1, hint="rings are counted from 0")
-        rate = -np.asarray(self.model.A).diagonal()
+        rate = -self.model.A.diagonal()
         residue = self.model.C[read] * self.model.B[:, heated]
         used = residue != 0
         return Foster(R=residue[used] / rate[used], tau=1 / rate[used])
@@ -256,6 +257,8 @@ def _assembled(sources: Sequence[Sources], rings: RingKinds, heaters: Sequence[s
                 used = share > 0
                 bounds[used, column] = np.maximum(bounds[used, column], pair.bound[rows][used])
                 poles[used, column] += np.count_nonzero(pair.read, axis=1)[rows][used]
+    from scipy.sparse import diags
+
     rate = np.concatenate(rates)
     B = np.zeros((rate.size, len(names)))
     start = 0
@@ -263,7 +266,9 @@ def _assembled(sources: Sequence[Sources], rings: RingKinds, heaters: Sequence[s
         B[start : start + len(b), column] = b
         start += len(b)
     outs = tuple(f"ring {i + 1}" for i in range(n))
-    model = StateSpace(np.eye(rate.size), -np.diag(rate), B, np.hstack(outputs), inputs=tuple(names), outputs=outs)
+    E, A = np.ones(rate.size), -rate
+    full = np.diag if rate.size <= LARGEST else partial(diags, format="csc")
+    model = StateSpace(full(E), full(A), B, np.hstack(outputs), inputs=tuple(names), outputs=outs)
     return model, bounds, poles
 
 
@@ -282,7 +287,7 @@ def _asymmetry(sources: Sequence[Sources], rings: RingKinds) -> float:
 def _is_passive(model: StateSpace) -> bool:
     """Whether no sum of the static shares of the fastest poles has a negative eigenvalue, see the module."""
     n = len(model.outputs)
-    rate = -np.asarray(model.A).diagonal()
+    rate = -model.A.diagonal()
     values, which = np.unique(rate, return_inverse=True)
     total, least = np.zeros((n, n)), np.inf
     for k in range(values.size - 1, -1, -1):
