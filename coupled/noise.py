@@ -28,6 +28,7 @@ from thermofem.waveforms import PiecewiseCubic
 
 from .inputs import bounds, pieces
 
+WIDER = 5.0  # bandwidth over linewidth
 OVERSAMPLED = 8  # samples in the shortest period: cubics between them err by 1e-3
 LONGER = 1.05  # of the record, so that its end does not resemble its start
 MOST = 2_000_000  # samples
@@ -78,7 +79,8 @@ def frequency_noise(linewidth: float, *, bandwidth: float, duration: float, seed
     linewidth : float, Hz
         between the half-maxima of the Lorentzian line.
     bandwidth, duration, seed
-        as for `intensity_noise`; the bandwidth must be well above the linewidth.
+        as for `intensity_noise`; the bandwidth must be five times the linewidth or more. The line is 10 % narrower
+        then, 5 % at ten times and 2 % at thirty times, between the quarters of its power.
 
     Raises
     ------
@@ -90,6 +92,11 @@ def frequency_noise(linewidth: float, *, bandwidth: float, duration: float, seed
     True
     """
     linewidth = checks.positive("linewidth", linewidth, unit="Hz", at_most=1e12, hint="1e5 is 100 kHz")
+    if checks.positive("bandwidth", bandwidth, unit="Hz") < WIDER * linewidth:
+        raise checks.InputError(
+            f"bandwidth = {bandwidth:g} Hz is less than {WIDER:g} times the linewidth ({linewidth:g} Hz): the line "
+            "would be narrower than that; take a larger bandwidth"
+        )
     return _wave(*_white(linewidth / np.pi, bandwidth, duration, seed, FREQUENCY))
 
 

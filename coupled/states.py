@@ -88,10 +88,12 @@ class State:
         return np.array([self.field.real, self.field.imag, self.carriers, *np.asarray(self.thermal)])
 
 
-def starting_point(initial: State | xr.Dataset | None, order: int, tau: ArrayLike | None = None) -> State:
+def starting_point(
+    initial: State | xr.Dataset | None, order: int, tau: ArrayLike | None = None, coefficient: float = 0.0
+) -> State:
     """The state a run begins with: cold, given, or where another run ended.
 
-    tau [s]: time constants of the model, which must be those that the other run was made with.
+    tau [s], coefficient [1/K]: of the model and its output map, which must be those of the other run.
     """
     if initial is None:
         return State.cold(order)
@@ -102,7 +104,14 @@ def starting_point(initial: State | xr.Dataset | None, order: int, tau: ArrayLik
             "go on with the model that the run was made with"
         )
     if not isinstance(initial, State) and tau is not None:
-        check_same_heat(initial.attrs.get("model_tau"), tau)
+        before = initial.attrs.get("model_tau")
+        check_same_heat(before, tau)
+        kept = checks.finite("initial.attrs['model_coefficient']", initial.attrs.get("model_coefficient", 0.0))
+        if before is not None and abs(kept - coefficient) > SAME * abs(coefficient):
+            raise checks.InputError(
+                f"initial was made with an output map of {kept:.4g} 1/K, and the model has {coefficient:.4g} 1/K: its "
+                "temperature would jump; go on with that model, or give a coupled.State"
+            )
     return state
 
 

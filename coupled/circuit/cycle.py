@@ -112,9 +112,13 @@ def circuit_limit_cycle(
 
 
 def _period(run: xr.Dataset, settle: float) -> float:
-    """Mean time in s between rises of the carriers that swing most through their middle, in the last half of a run."""
+    """Mean time in s between rises of the carriers that swing most through their middle, in the last half of a run.
+
+    Of a ring without carriers the energy counts.
+    """
     late = run.isel(time=run["time"].values > settle / 2)
     N, t = late.carriers.values, late["time"].values
+    N = np.where(N.max(axis=1, keepdims=True) > 0, N, late.energy.values)
     low, high = N.min(axis=1), N.max(axis=1)
     swing = (high - low) / np.maximum(high, 1e-300)
     k = int(np.argmax(swing))

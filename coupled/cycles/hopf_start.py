@@ -27,7 +27,7 @@ from .parameters import LASER, under_laser, value_of
 from .path import FreeParameters, Place, corrected, first_place, weights
 from .scheme import scheme
 
-SMALL = 0.02  # relative amplitude of the first cycle
+SMALL, FAINT = 0.02, 1e-3  # relative amplitude of the first cycle; of one still nearer to the Hopf point
 KIND = "Hopf curve"
 MOST = 400  # cycles of a branch
 
@@ -88,12 +88,15 @@ def small_cycle(p: CycleProblem, point: HopfPoint, r: float) -> Orbit:
     return Orbit(states[0].copy(), Y, tau, 2 * np.pi / point.omega, np.empty((0, 0)), np.inf)
 
 
-def born(family: FreeParameters, guess: Any) -> tuple[Place, Array]:
-    """A small cycle of a family beside a Hopf point, and the tangent of its branch away from it."""
+def born(family: FreeParameters, guess: Any, size: float = SMALL) -> tuple[Place, Array]:
+    """A small cycle of a family beside a Hopf point, and the tangent of its branch away from it.
+
+    size: relative amplitude of its carriers.
+    """
     p = family.base
     own = laser_of(guess, turned_by(p.rise, p.ring))
     point = hopf_point(p if (p.power, p.detuning) == own else under_laser(p, *own), guess)
-    for r in (SMALL, SMALL / 4):
+    for r in (size, size / 4):
         trial = small_cycle(family.base, point, r)
         unit = weights(family, trial)
         outward = np.concatenate([point.vector.real, np.zeros(2)])
@@ -120,6 +123,8 @@ def near_hopf(p: CycleProblem, guess: Any) -> Orbit:
         low, high = (ends[0], ends[1] + span) if wanted[name] < own[name] else (ends[0] - span, ends[1])
         if place is None:
             start, tangent = born(family, guess)
+            if (float(start.values[0]) - wanted[name]) * (wanted[name] - own[name]) > 0:  # beyond it already
+                start, tangent = born(family, guess, FAINT)
             found, why = follow_along(family, start, tangent, low, high, MOST)
         else:
             start = first_place(family, place.orbit) or place

@@ -69,7 +69,7 @@ class Orbit(NamedTuple):
 
 def has_carriers(ring: RingResonator) -> bool:
     """Whether light generates free carriers."""
-    return ring.tpa_coefficient > 0
+    return ring.g_tpa > 0
 
 
 def check_carriers(ring: RingResonator) -> None:

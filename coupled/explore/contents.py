@@ -86,6 +86,10 @@ def models_of(models: ThermalModel | Mapping[str, ThermalModel], parts: Parts = 
         models = {f"{type(models).__name__}{f', {order} poles' if order else ''}": models}
     if not 1 <= len(models) <= SERIES:
         raise checks.InputError(f"models has {len(models)} entries; give 1 to {SERIES}, by name")
+    for word, given, ports in zip(Parts._fields, parts, ("inputs", "outputs"), strict=True):
+        known = {str(one) for model in models.values() for one in getattr(bare(model), ports, ("core",))}
+        if given is not None:
+            checks.choice(word, given, known)
     return [model_of(str(name), model, parts) for name, model in models.items()]
 
 

@@ -139,7 +139,8 @@ def simulate(
     small, heat = picked.model, heating(picked, heaters, duration, rtol)
     if heat.powers and getattr(event, "quantity", "") == "delta_T":
         raise checks.InputError("event watches delta_T without the heaters; with heaters watch 'energy' or 'carriers'")
-    begin = starting_point(initial, small.order, attributes(small).get("model_tau"))
+    known = attributes(small)
+    begin = starting_point(initial, small.order, known.get("model_tau"), known.get("model_coefficient", 0.0))
     others = check_lasers(lasers)
     given = {"the power": light["input_power"], "the detuning": light["detuning"]}
     given |= {f"the power of {name}": wave for name, wave in heat.powers.items()}

@@ -222,10 +222,11 @@ def floor_of(rates: Rates, pump: float, thermal_resistance: float) -> Array:
     """Sizes of field, carriers and temperature, in internal units, below which errors are not relative to them.
 
     A thousandth of the values on resonance with the loss of the cold ring, but at most a thousandth of 1e23 carriers
-    per m^3 and of 10 K. These values are far below those that shift the resonance by its width.
+    per m^3, which is that of a ring whose light makes none, and of 10 K. These values are far below those that shift
+    the resonance by its width.
     """
     U = (pump / rates.loss) ** 2
-    N = rates.tau0 * (rates.a / rates.b if rates.b > 0 else 1.0) * rates.g * U**2
+    N = rates.tau0 * (rates.a / rates.b if rates.b > 0 else 1.0) * rates.g * U**2 if rates.g > 0 else 1.0
     dT = thermal_resistance * 2 * rates.absorbed * U
     tiny = 1e-27  # with no light at all, keeps 0/0 away
     return 1e-3 * np.array([max(np.sqrt(U), tiny), min(max(N, tiny), 1), min(max(dT, tiny), 10)])

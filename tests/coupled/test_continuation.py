@@ -161,6 +161,13 @@ def test_a_hopf_point_is_a_guess():
     near = coupled.limit_cycle(RING, FIVE, power=P, detuning=nu, guess=hopf)
     other = coupled.continue_cycle(RING, FIVE, "detuning", (nu, -5e9), power=P)  # from the large pulses at 0
     assert near.attrs["period"] == pytest.approx(float(other["period"][-1]), rel=1e-8)
+    # nearer than the first small cycle there was "no cycle on the branch"
+    close = [
+        coupled.limit_cycle(RING, FIVE, power=P, detuning=float(hopf["detuning"]) - off, guess=hopf)
+        for off in (1e6, 10e6)
+    ]
+    size = [float(np.ptp(one["carriers"].values)) for one in close]
+    assert size[1] / size[0] == pytest.approx(np.sqrt(10), rel=0.05)  # amplitudes go with the root of the distance
     with pytest.raises(th.InputError, match="has no size there"):
         coupled.limit_cycle(RING, FIVE, power=P, detuning=float(hopf["detuning"]), guess=hopf)
     with pytest.raises(th.InputError, match="a whole Hopf curve"):

@@ -234,6 +234,8 @@ def test_refused_models_say_what_to_do():
     quadratic = th.Quadratic(-np.eye(2) * 1e6, np.zeros((2, 2, 2)), np.zeros((2, 2)), np.ones(2), np.ones(2))
     with pytest.raises(th.InputError, match="is quadratic; the page runs"):
         coupled.explore(ring, quadratic)
+    with pytest.raises(th.InputError, match="heated = 'zz' is unknown; known: core"):  # it was passed by
+        coupled.explore(ring, th.Foster(R=[7e3], tau=[1e-6]), heated="zz")
     with pytest.raises(th.InputError, match="give 1 to 6"):
         coupled.explore(ring, {})
     with pytest.raises(th.InputError, match="heat is a ndarray"):

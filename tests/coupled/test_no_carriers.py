@@ -89,3 +89,40 @@ def test_hopf_curves_have_the_lyapunov_coefficient_of_rings_with_few_carriers():
         near = np.abs(np.log(other.energy.values[:, None] / curve.energy.values)).argmin(axis=0)
         # beside a change of sign the nearest point of the other curve may lie on its other side
         assert np.mean(np.sign(curve.lyapunov.values) == np.sign(other.lyapunov.values[near])) > 0.95
+
+
+def test_a_circuit_of_such_a_ring_has_its_fixed_points():
+    """It had none: round-off of the carriers was compared with 1e-30."""
+    ring = replace(coupled.borghi2021(), tpa_coefficient=0.0)
+    alone = coupled.steady_states(ring, HEAT, power=1e-3)
+    found = coupled.circuit_steady_states(coupled.bus([ring]), HEAT, inputs={"in": 1e-3})
+    assert found["energy"].values.ravel() == pytest.approx(alone["energy"].values, rel=1e-9, abs=0)
+
+
+def test_a_second_resonance_of_such_a_ring_takes_no_more_steps():
+    """Steps were rejected for carriers of 1e-30: 115 639 of them in 20 ns."""
+    ring = replace(coupled.borghi2021(), tpa_coefficient=0.0)
+    probe = coupled.Laser(1e-3, 0.0, resonance=replace(ring, frequency=ring.frequency + 1.5e12))
+    run = coupled.simulate(ring, HEAT, power=5e-3, duration=20e-9, lasers=probe)
+    assert run.attrs["steps"] + run.attrs["rejected_steps"] < 200
+
+
+def test_a_circuit_of_such_a_ring_has_its_cycle():
+    """It "comes to rest and has no pulses there"."""
+    times = np.linspace(3e-6, 4e-6, 20001)
+    want = energies(times)
+    waits = np.diff(coupled.runs.pulsing.crossings(times, want, (want.min() + want.max()) / 2))
+    drive = {"inputs": {"in": POWER}, "detuning": DETUNING}
+    found = coupled.circuit_limit_cycle(coupled.bus([RING]), HEAT, **drive, settle=4e-6)
+    assert found.attrs["period"] == pytest.approx(waits[-1], rel=1e-5)  # 50 ps between samples, on a cubic
+
+
+def test_the_rate_decides_whether_there_are_carriers():
+    """`tpa_coefficient` did, also where `with_rates` had set the rates."""
+    ring = coupled.borghi2021()
+    same = replace(ring.with_rates(eta_tpa=ring.eta_tpa, g_tpa=ring.g_tpa), tpa_coefficient=0.0)
+    model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
+    periods = [coupled.limit_cycle(one, model, power=6.31e-3).attrs["period"] for one in (ring, same)]
+    assert periods[1] == pytest.approx(periods[0], rel=1e-9)
+    with pytest.raises(th.InputError, match="no free carriers"):
+        coupled.limit_cycle(ring.with_rates(eta_tpa=0.0, g_tpa=0.0), model, power=6.31e-3)

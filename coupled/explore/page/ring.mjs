@@ -178,7 +178,7 @@ export function absorbedPower(U, N, system) {
 /** Sizes of field, carriers and temperature below which errors are absolute (coupled/window.py, floor_of). */
 export function floorOf(system, drive) {
   const U = (drive / system.loss) ** 2;
-  const N = system.tau0 * (system.b > 0 ? system.a / system.b : 1) * system.g * U ** 2;
+  const N = system.g > 0 ? system.tau0 * (system.b > 0 ? system.a / system.b : 1) * system.g * U ** 2 : 1;
   const dT = system.R * 2 * system.absorbed * U;
   const tiny = 1e-27;
   return [
