@@ -59,7 +59,10 @@ def modes(model: Any) -> Modes:
 def _of_state_space(model: StateSpace) -> Modes:
     """The poles of a linear system, each scaled to a temperature."""
     if model.order > MOST:
-        raise checks.InputError(f"a StateSpace of {model.order} states is not compact; surrogate.reduce it first")
+        raise checks.InputError(
+            f"a StateSpace of {model.order} states is too large for this format, which takes {MOST}",
+            "reduce finite elements (surrogate.reduce); of an array take fewer rings, a larger tolerance, or the format mat",
+        )
     rate, vectors = eigenmodes(model)
     B, C = vectors.T @ np.asarray(model.B), np.asarray(model.C) @ vectors
     scale = np.abs(C).max(axis=0)
