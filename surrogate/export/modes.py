@@ -61,7 +61,7 @@ def _of_state_space(model: StateSpace) -> Modes:
     if model.order > MOST:
         raise checks.InputError(
             f"a StateSpace of {model.order} states is too large for this format, which takes {MOST}",
-            "reduce finite elements (surrogate.reduce); of an array take fewer rings, a larger tolerance, or the format mat",
+            "reduce finite elements (surrogate.reduce); of an array take fewer rings, a larger tolerance, or to='mat'",
         )
     rate, vectors = eigenmodes(model)
     B, C = vectors.T @ np.asarray(model.B), np.asarray(model.C) @ vectors
