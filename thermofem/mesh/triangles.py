@@ -22,6 +22,7 @@ KEPT = 20_000  # triangles; of more, the facets are not kept for the next mesh
 MOST = 2**53  # of an index: larger floats skip whole numbers
 LARGEST = 1e3  # m, of a coordinate
 WIDE = 0.1  # m, the largest length of a geometry file
+ROUND_OFF = 1e-9  # of the size of a mesh: places this close are one
 FLAT = 1e-10  # height over longest side, of a triangle that has no area
 
 _thread = threading.local()
@@ -201,7 +202,8 @@ def _check_plane(mesh: Mesh) -> None:
     if len(_edges(joined)) < len(_edges(mesh.triangles)):  # points alone may be there twice: no heat flows through them
         raise InputError("two of its edges lie at the same place, so that the triangles there are not joined", hint)
     corners = mesh.points[mesh.triangles]
-    if not shapely.coverage_is_valid(shapely.polygons(np.concatenate([corners, corners[:, :1]], axis=1))):
+    shapes = shapely.polygons(np.concatenate([corners, corners[:, :1]], axis=1))
+    if not shapely.coverage_is_valid(shapes, gap_width=ROUND_OFF * np.ptp(mesh.points, axis=0).max()):
         raise InputError("its triangles overlap, or meet without sharing their points", hint)
 
 
