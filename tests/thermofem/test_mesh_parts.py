@@ -1,9 +1,10 @@
-"""Meshes of others: parts that do not quite meet."""
+"""Meshes of others: parts that do not quite meet, triangles the other way round, groups with two names."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from fuzz import hostile
 
 import thermofem as th
 
@@ -41,3 +42,19 @@ def test_parts_that_meet_in_one_point_at_a_small_angle_are_no_gap(angle, tmp_pat
     points = np.array([[0, 0], [1, angle / 2], [0, 1], [1, -angle / 2], [0, -1]])
     th.Mesh(1e-6 * points, [[0, 1, 2], [0, 4, 3]], [0, 1], ("high", "low")).save(tmp_path / "m.msh")
     assert len(th.mesh.load(tmp_path / "m.msh").points) == 5
+
+
+def test_clockwise_triangles_are_turned_round():
+    """They were kept, and the volume of the cone was -pi/3."""
+    given = np.array([[0, 2, 1]])
+    mesh = th.Mesh([[0, 0], [1, 0], [0, 1]], given, [0], ("a",))
+    assert mesh.volumes()["a"] == pytest.approx(np.pi / 3, rel=1e-15)  # a cone of radius and height 1 m
+    assert given.tolist() == [[0, 2, 1]]
+
+
+def test_a_group_with_two_names_is_refused(tmp_path):
+    """The last of the two counted."""
+    path = tmp_path / "m.msh"
+    path.write_text(hostile.TEXT_22.replace('2 9 "box"', '2 9 "box"\n2 9 "clad"'))
+    with pytest.raises(th.InputError, match=r"\$PhysicalNames names surface 9 twice"):
+        th.mesh.load(path)
