@@ -244,3 +244,12 @@ def test_heated_and_read_pick_a_channel_to_fit_and_to_judge(tmp_path):
         assert done.returncode == 2
         assert words in done.stderr
         assert len(done.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize(("claim", "value"), [("error_bound", -1), ("error_bound", 10**18), ("residual_K", -3.0)])
+def test_show_refuses_an_error_that_is_none(claim, value, tmp_path):
+    """A bound of -1 and one of 1e18 were shown as proven."""
+    path = surrogate.save_model(th.Foster([1e3], [1e-6]), tmp_path / "m.json", provenance={claim: value})
+    said = thermofem("show", path.name, cwd=tmp_path)
+    assert said.returncode == 2
+    assert f"provenance.{claim} = {value:g} must lie between 0 and" in said.stderr

@@ -112,6 +112,39 @@ def test_a_link_restores_the_view(page, browser, file):
     restored(browser, link, page)
 
 
+@pytest.mark.parametrize(("loaded", "own"), [(2000, 5000), (300000, 900000), (3000, 2e6)])
+def test_a_link_restores_both_quality_factors(browser, file, loaded, own):
+    """Either was judged beside the other of the ring, 6622 and 110173: 2000 and 5000 came back as 2000 and 110173."""
+    for link in (f"#loadedQ={loaded}&intrinsicQ={own}", f"#intrinsicQ={own}&loadedQ={loaded}"):
+        with opened(browser, file, link) as page:
+            state = page.evaluate("ringPage.state()")
+            assert (state["loadedQ"], state["intrinsicQ"]) == (loaded, own)
+            assert page.inner_text("#link-problem") == ""
+
+
+@pytest.mark.parametrize(
+    ("link", "words"),
+    [
+        ("loadedQ=9000&intrinsicQ=5000", "Loaded quality factor = 9000: The loaded quality factor must lie below"),
+        ("loadedQ=1&intrinsicQ=5000", "Intrinsic quality factor = 5000: The loaded quality factor must lie below"),
+        ("power=400", "Power in the bus = 400: Give a value from -40 to 27 dBm."),
+        ("power=", "Power in the bus = NaN: This is not a number."),
+        ("ring=99", "ring = 99: This page has no such setting."),
+        ("view=warm", "view = warm: This page has no such setting."),
+    ],
+)
+def test_what_a_link_holds_and_cannot_be_taken_is_said(browser, file, link, words):
+    """It was left out without a word."""
+    with opened(browser, file, f"#{link}&detuning=-3") as page:
+        state = page.evaluate("ringPage.state()")
+        assert (state["power"], state["loadedQ"], state["intrinsicQ"], state["detuning"]) == (8, None, None, -3)
+        assert words in page.inner_text("#link-problem")
+        page.fill("#power", "7")
+        assert page.inner_text("#link-problem") == ""
+        page.evaluate("location.hash = 'power=400'")  # a link that is followed inside the page
+        page.wait_for_function("document.getElementById('link-problem').textContent !== ''")
+
+
 def test_the_copied_script_gives_the_same_numbers(page, capsys):
     """Period, duty and swing of the last cycle of the same run, to the digits that the page prints."""
     page.fill("#loadedQ", "7000")

@@ -145,6 +145,32 @@ def test_unphysical_matrices_are_refused(tmp_path, matrices, reason):
         surrogate.load_model(path)
 
 
+@pytest.mark.parametrize("C", [[[-1.0, 0.0]], [[1.0, -0.9]]])
+def test_a_state_space_in_which_heat_cools_the_heated_part_is_refused(tmp_path, C):
+    """It was loaded and saved with R_th = -1555.6 K/W; a pole of negative R was taken, too, unlike in a Foster."""
+    E, A, B = np.diag([1e-11, 1e-10]), np.array([[-1e-3, 5e-4], [5e-4, -7e-4]]), np.array([[1.0], [0.0]])
+    path = surrogate.save_model(th.StateSpace(E, A, B, B.T), tmp_path / "m.json")
+    with pytest.raises(th.InputError, match="is negative: the network is not passive"):
+        surrogate.load_model(edited(path, C=C, provenance={}))
+    with pytest.raises(th.InputError, match="is negative: the network is not passive"):
+        surrogate.save_model(th.StateSpace(E, A, B, np.array(C)), tmp_path / "saved.json")
+    apart = th.StateSpace(E, A, B, np.array(C), inputs=("heater",))  # a transfer may be negative
+    assert surrogate.load_model(surrogate.save_model(apart, tmp_path / "saved.json")).inputs == ("heater",)
+
+
+def test_the_parts_of_a_network_are_those_of_its_file(tmp_path):
+    """They were not read: heater and far loaded as core and core, and a file without them was taken."""
+    path = surrogate.save_model(MODELS["SINDy network"](), tmp_path / "m.json")
+    content = json.loads(path.read_text())
+    for which, name in (("inputs", "heater"), ("outputs", "far")):
+        path.write_text(json.dumps({**content, which: [name]}))
+        with pytest.raises(th.InputError, match=rf"{which} = \['{name}'\]; a Network is heated and read at 'core'"):
+            surrogate.load_model(path)
+        path.write_text(json.dumps({key: value for key, value in content.items() if key != which}))
+        with pytest.raises(th.InputError, match=f"no '{which}'"):
+            surrogate.load_model(path)
+
+
 def test_unsymmetric_matrices_are_refused(tmp_path):
     model = th.StateSpace(np.eye(2), -np.array([[2.0, 0.5], [0.0, 1.0]]), np.ones((2, 1)), np.ones((1, 2)))
     with pytest.raises(th.InputError, match="not a symmetric"):

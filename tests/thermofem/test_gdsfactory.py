@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from functools import partial
 
 import pytest
 
@@ -74,6 +75,55 @@ def test_the_result_solves(needs_mesher):
 def test_bad_input_is_refused(component, options, reason):
     with pytest.raises(th.InputError, match=reason):
         th.from_gdsfactory(getattr(gf.components, component)(), **options)
+
+
+@pytest.mark.parametrize(
+    ("count", "names"),
+    [
+        (0, "straight mmi1x2 bend_euler spiral disk disk_heater coupler coupler_ring"),
+        (2, "ring_single_array"),
+        (3, "ring_crow"),
+    ],
+)
+def test_a_component_that_is_no_ring_is_refused(count, names):
+    """All of them became rings of the radius of their cross-section; a coupler ended in a TypeError of gdsfactory."""
+    for name in names.split():
+        with pytest.raises(th.InputError, match=f"component has {count} closed waveguides on layer WG"):
+            th.from_gdsfactory(getattr(gf.components, name)())
+
+
+def test_a_loop_that_is_no_ring_is_refused():
+    with pytest.raises(th.InputError, match=r"a loop of 193\.\d um, but its settings make a ring of"):
+        th.from_gdsfactory(gf.components.mzi())
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("ring_single", {}),
+        ("ring_single", {"cross_section": "rib"}),
+        ("ring_single", {"radius": 4}),
+        ("ring_double", {"radius": 5}),
+        ("ring_double_heater", {}),
+        ("ring_single_heater", {}),
+        ("ring_asymmetric", {}),
+        ("ring_single_pn", {}),
+        ("ring_double_pn", {}),
+    ],
+)
+def test_rings_with_buses_and_couplers_are_taken(name, options):
+    assert th.from_gdsfactory(getattr(gf.components, name)(**options)).parts[-1].name == "core"
+
+
+def test_another_width_is_a_registered_cross_section():
+    """An object or a partial ended in a ValueError of gdsfactory with 500 characters."""
+    narrow = partial(gf.cross_section.strip, width=0.45)
+    for given in (narrow, narrow()):
+        with pytest.raises(th.InputError, match=r"^cross_section of the component = .* register it first"):
+            th.from_gdsfactory(gf.components.ring_single(cross_section=given))
+    gf.get_active_pdk().register_cross_sections(narrow=narrow)
+    (core,) = th.from_gdsfactory(gf.components.ring_single(cross_section="narrow")).parts
+    assert core.outer_radius - core.inner_radius == pytest.approx(0.45e-6)
 
 
 def test_an_unknown_material_is_named():

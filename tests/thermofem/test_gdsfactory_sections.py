@@ -33,13 +33,23 @@ def section(width, layer, offset=0.0):
 CORE = section(0.5, (1, 0))
 
 
-def imported(monkeypatch, *sections):
+def region(*holes):
+    """Polygons as KLayout gives them, one for each length of a hole in nm."""
+    edges = [[SimpleNamespace(length=lambda part=hole / 4: part)] * 4 for hole in holes]
+    polygons = [SimpleNamespace(holes=lambda: 1, each_edge=lambda _, own=one: own) for one in edges]
+    return SimpleNamespace(each=lambda: polygons)
+
+
+def imported(monkeypatch, *sections, holes=(2e3 * math.pi * 9.75,)):
     """The cross-section of a ring of 10 um with these sections."""
     stand_in = ModuleType("gdsfactory")
     stand_in.get_cross_section = lambda _: SimpleNamespace(sections=sections, radius=10.0)
     stand_in.get_component = lambda *_, **__: SimpleNamespace(info={"length": 5 * math.pi})
     monkeypatch.setitem(sys.modules, "gdsfactory", stand_in)
-    ring = SimpleNamespace(settings={"cross_section": "drawn", "radius": 10.0}, name="ring")
+    ring = SimpleNamespace(
+        settings={"cross_section": "drawn", "radius": 10.0}, name="ring", kcl=SimpleNamespace(dbu=1e-3)
+    )
+    ring.get_region = lambda layer, merge: region(*holes)
     return th.from_gdsfactory(ring, SimpleNamespace(layers=LEVELS))
 
 
@@ -62,3 +72,17 @@ def test_sections_that_would_be_moved_or_dropped_are_refused(monkeypatch, sectio
     """The offset was ignored, and the second section on a level dropped: one heater over the core for two beside it."""
     with pytest.raises(th.InputError, match=words):
         imported(monkeypatch, *sections)
+
+
+@pytest.mark.parametrize(
+    ("holes", "words"),
+    [
+        ((), "component has 0 closed waveguides on layer"),
+        ((61e3, 61e3), "component has 2 closed waveguides on layer"),
+        ((191.8e3,), "a loop of 193.4 um, but its settings make a ring of 62.83 um"),
+    ],
+)
+def test_what_is_drawn_decides_whether_it_is_a_ring(monkeypatch, holes, words):
+    """A straight, a disk, an array of rings and an interferometer became rings of 10 um."""
+    with pytest.raises(th.InputError, match=words):
+        imported(monkeypatch, CORE, holes=holes)

@@ -8,13 +8,15 @@ from pathlib import Path
 from typing import Any
 
 from .. import files, quantity
-from ..checks import InputError
+from ..checks import InputError, between
 from . import options
 from .files import in_volts
 from .kinds import expect
 from .output import say
 
 MOST = 40  # poles on a card
+WIDEST = 100.0  # of an error bound, in R_th, and
+LARGEST = 1e9  # of a misfit, in K or in the swing: beyond, the file is damaged
 
 
 def show(model: options.Model) -> dict[str, Any]:
@@ -38,12 +40,12 @@ def _numbers(model: Any, provenance: dict[str, Any]) -> dict[str, Any]:
         "states": getattr(model, "order", None),
         "thermal_resistance": _resistance(model),
         "poles": _poles(model),
-        "error_bound": _number(provenance.get("error_bound")),
-        "residual": _number(provenance.get("residual_K")),
-        "relative_residual": _number(provenance.get("relative_residual")),
+        "error_bound": _number("error_bound", provenance.get("error_bound"), WIDEST),
+        "residual": _number("residual_K", provenance.get("residual_K"), LARGEST),
+        "relative_residual": _number("relative_residual", provenance.get("relative_residual"), LARGEST),
         "training": provenance.get("training") or provenance.get("source") or provenance.get("method"),
         "assumed": provenance.get("assumed"),
-        "largest_rise": _number(getattr(model, "largest_rise", None)),
+        "largest_rise": getattr(model, "largest_rise", None),
         "geometry": provenance.get("geometry"),
         "ports": provenance.get("ports"),
     }
@@ -73,8 +75,11 @@ def _resistance(model: Any) -> float | list[list[float]]:
     return gains
 
 
-def _number(value: Any) -> float | None:
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+def _number(name: str, value: Any, most: float) -> float | None:
+    """A number of the provenance; InputError where it is out of range, None where it is no number."""
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return None
+    return between(f"provenance.{name}", value, 0, most, hint="the model file is damaged")
 
 
 def _trusted(numbers: dict[str, Any]) -> str:

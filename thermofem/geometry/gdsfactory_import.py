@@ -16,6 +16,7 @@ from .parts import Boundary, Layer, Part, ring
 
 UM = 1e-6
 THIN = 1e-4  # um; levels closer than this touch
+SAME = 0.01  # of the length of a loop, which polygons on a grid of 1 nm change by 1e-3
 BACKGROUND = ("substrate", "box", "clad")
 MATERIALS = {"si": "Si", "sio2": "SiO2", "sin": "Si3N4", "tin": "TiN", "aluminum": "Al", "al": "Al", "air": "air"}
 
@@ -54,8 +55,9 @@ def from_gdsfactory(
     MissingLibraryError
         gdsfactory cannot be imported.
     InputError
-        a component that is no ring, a level that is missing, levels that do not touch, an unknown material, a section
-        beside the middle of the waveguide, or two different ones on one level.
+        a component without exactly one closed waveguide, or with one of another length than its settings make (a disk,
+        several rings), a cross-section that the PDK does not know by name, a level that is missing, levels that do not
+        touch, an unknown material, a section beside the middle of the waveguide, or two different ones on one level.
     """
     gf = _library()
     stack = layer_stack if layer_stack is not None else gf.get_active_pdk().layer_stack
@@ -65,11 +67,22 @@ def from_gdsfactory(
     checks.choice("setting of the component", "cross_section", settings, hint="is it a ring, such as ring_double?")
     levels, known = stack.layers, MATERIALS | {k.lower(): v for k, v in (materials or {}).items()}
     layers = _layers([_level(levels, name) for name in background], background, known)
+    drawn = _drawn(levels, core)
+    names = [key for key in ("cross_section", "cross_section_heater") if settings.get(key)]
+    sections = [section for key in names for section in _cross_section(gf, key, settings).sections]
+    guides = [section for section in sections if str(section.layer) == drawn]
+    if not guides:
+        raise checks.InputError(f"cross_section of the component has no section on level {core!r}, drawn on {drawn}")
+    length = _loop(component, guides[0])
     radius = _equivalent_radius(gf, settings)
+    if abs(length * UM - 2 * math.pi * radius) > SAME * length * UM:
+        raise checks.InputError(
+            f"component holds a loop of {length:.4g} um, but its settings make a ring of "
+            f"{2 * math.pi * radius / UM:.4g} um; build this CrossSection from th.Part"
+        )
     parts: list[Part] = []
-    names = [settings[key] for key in ("cross_section", "cross_section_heater") if settings.get(key)]
-    for section in [section for name in names for section in gf.get_cross_section(name).sections]:
-        name = core if section.layer == _drawn(levels, core) else _level_drawn_on(levels, section.layer)
+    for section in sections:
+        name = core if str(section.layer) == drawn else _level_drawn_on(levels, section.layer)
         _check_offset(section, name)
         part = _part(name, core, _level(levels, name), radius, section.width, known)
         same = next((other for other in parts if other.name == part.name), None)
@@ -83,6 +96,31 @@ def from_gdsfactory(
     parts.sort(key=lambda part: part.name == "core")  # the core overwrites the slab it stands on
     label = str(getattr(component, "function_name", None) or component.name)
     return CrossSection(label, outer_radius, layers, tuple(parts), bottom=Boundary("open"), outer=Boundary("open"))
+
+
+def _cross_section(gf: Any, key: str, settings: Mapping[str, Any]) -> Any:
+    """The cross-section that a setting of the component names; gdsfactory keeps a name in place of an object."""
+    try:
+        return gf.get_cross_section(settings[key])
+    except Exception:  # gdsfactory's error is a page of names
+        raise checks.InputError(
+            f"{key} of the component = {checks.shown(settings[key])} is no name that the active PDK knows, as where it "
+            "was given as an object or a partial",
+            'register it first, get_active_pdk().register_cross_sections(narrow=...), and give cross_section="narrow"',
+        ) from None
+
+
+def _loop(component: Any, guide: Any) -> float:
+    """Length in um of the only closed waveguide: the edge of its hole, which turns once, and pi times the width."""
+    checks.has("component", component, "get_region", hint="a gdsfactory ring component is needed, such as ring_double")
+    polygons = list(component.get_region(guide.layer, merge=True).each())
+    edges = [list(polygon.each_edge(k + 1)) for polygon in polygons for k in range(polygon.holes())]
+    if len(edges) != 1:
+        raise checks.InputError(
+            f"component has {len(edges)} closed waveguides on layer {guide.layer}; one is needed, as of ring_double"
+        )
+    inner = sum(edge.length() for edge in edges[0]) * component.kcl.dbu
+    return float(inner + math.pi * guide.width)
 
 
 def _check_offset(section: Any, name: str) -> None:
@@ -153,11 +191,17 @@ def _equivalent_radius(gf: Any, settings: Mapping[str, Any]) -> float:
     """Radius in m of the circle as long as the ring: L/(2 pi), with the length L of four bends and the straights."""
     radius = settings.get("radius")
     if radius is None:
-        radius = gf.get_cross_section(settings["cross_section"]).radius
+        radius = _cross_section(gf, "cross_section", settings).radius
     checks.positive("radius of the component", radius, unit="um")
     if "bend" not in settings:
         return float(radius) * UM
-    bend = gf.get_component(settings["bend"], radius=radius, cross_section=settings["cross_section"])
+    try:
+        bend = gf.get_component(settings["bend"], radius=radius, cross_section=settings["cross_section"])
+    except Exception as error:  # whatever a function of the PDK raises
+        raise checks.InputError(
+            f"bend of the component, {checks.shown(settings['bend'])}, cannot be made with its radius: "
+            f"{checks.one_line(str(error), most=100)}"
+        ) from None
     straights = 2 * (settings.get("length_x") or 0.0) + 2 * (settings.get("length_y") or 0.0)
     return (4 * float(bend.info["length"]) + straights) / (2 * math.pi) * UM
 

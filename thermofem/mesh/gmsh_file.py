@@ -65,6 +65,8 @@ def _names(section: bytes) -> dict[int, str]:
         if line.strip() and not row:
             raise InputError(f'its $PhysicalNames has the line {line.decode("utf-8", "replace")!r}; 2 1 "name" is one')
         if row and int(row[1]) == 2:
+            if int(row[2]) in found:
+                raise InputError(f"its $PhysicalNames names surface {int(row[2])} twice")
             found[int(row[2])] = row[3].decode("utf-8", "replace")
     return found
 

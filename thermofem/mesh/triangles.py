@@ -22,6 +22,7 @@ KEPT = 20_000  # triangles; of more, the facets are not kept for the next mesh
 MOST = 2**53  # of an index: larger floats skip whole numbers
 LARGEST = 1e3  # m, of a coordinate
 WIDE = 0.1  # m, the largest length of a geometry file
+ROUND_OFF = 1e-9  # of the size of a mesh: places this close are one
 FLAT = 1e-10  # height over longest side, of a triangle that has no area
 
 _thread = threading.local()
@@ -38,7 +39,7 @@ class Mesh:
     points : array, shape (n, 2), m
         (r, z).
     triangles : int array, shape (m, 3)
-        counterclockwise indices into ``points``.
+        indices into ``points``; clockwise triangles are turned round.
     region : int array, shape (m,)
         index into ``region_names``.
     region_names : tuple of str
@@ -94,7 +95,10 @@ class Mesh:
 def check_triangles(
     points: Any, triangles: Any, region: Any, names: tuple[str, ...]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
-    """The arrays; InputError unless every triangle has three finite points, r >= 0, an area and a named region."""
+    """The arrays, triangles counterclockwise.
+
+    InputError unless every triangle has three finite points, r >= 0, an area and a named region.
+    """
     points, triangles, region = (
         checks.numbers("points", points, most=np.inf),
         whole("triangles", triangles),
@@ -113,12 +117,12 @@ def check_triangles(
     if region.shape != (len(triangles),) or region.min() < 0 or region.max() >= len(names):
         raise InputError("every triangle of the mesh needs a region with a name")
     a, b, c = (points[triangles[:, k]] for k in range(3))
-    doubled = np.abs((b - a)[:, 0] * (c - a)[:, 1] - (c - a)[:, 0] * (b - a)[:, 1])
+    area = signed_areas(points, triangles)
     longest = np.maximum(np.maximum(((b - a) ** 2).sum(1), ((c - b) ** 2).sum(1)), ((a - c) ** 2).sum(1))
-    flat = doubled <= FLAT * longest
+    flat = 2 * np.abs(area) <= FLAT * longest
     if flat.any():
         raise InputError(f"triangle {int(np.argmax(flat))} of the mesh has no area ({int(flat.sum())} of them)")
-    return points, triangles, region
+    return points, np.where(area[:, None] < 0, triangles[:, ::-1], triangles), region
 
 
 def whole(name: str, value: Any) -> NDArray[np.int64]:
@@ -178,9 +182,6 @@ def trusted(path: str | Path) -> Mesh:
         points = checks.numbers("points", points, most=np.inf)
         if np.abs(points[:, 2]).max() > 1e-12 * np.abs(points).max():
             raise InputError("it has points out of the plane z = 0; gmsh's x and y are r and z here")
-        with np.errstate(over="ignore", invalid="ignore"):  # too far away, as `Mesh` says
-            turned = signed_areas(points, triangles) < 0
-        triangles[turned] = triangles[turned][:, ::-1]
         return Mesh(points[:, :2].copy(), triangles, np.searchsorted(used, tags), tuple(named[tag] for tag in used))
     except InputError as error:
         raise _of_file(path, error) from None
@@ -201,7 +202,8 @@ def _check_plane(mesh: Mesh) -> None:
     if len(_edges(joined)) < len(_edges(mesh.triangles)):  # points alone may be there twice: no heat flows through them
         raise InputError("two of its edges lie at the same place, so that the triangles there are not joined", hint)
     corners = mesh.points[mesh.triangles]
-    if not shapely.coverage_is_valid(shapely.polygons(np.concatenate([corners, corners[:, :1]], axis=1))):
+    shapes = shapely.polygons(np.concatenate([corners, corners[:, :1]], axis=1))
+    if not shapely.coverage_is_valid(shapes, gap_width=ROUND_OFF * np.ptp(mesh.points, axis=0).max()):
         raise InputError("its triangles overlap, or meet without sharing their points", hint)
 
 

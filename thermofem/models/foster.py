@@ -134,12 +134,18 @@ class Foster:
     def check_passive(self) -> None:
         """Raise InputError for a network that gives out heat it never took in; between two parts R may be negative."""
         R = np.asarray(self.R)
-        if self.inputs == self.outputs and not self.passive:
-            raise checks.InputError(
-                f"R = {R.min():g} K/W is negative: the network is not passive; fit_foster and reduce never give one"
-            )
+        if self.inputs == self.outputs:
+            check_residues(R)
         if not np.any(R > 0):
             raise checks.InputError("every R is zero: the model never warms up")
+
+
+def check_residues(R: Array, *, round_off: float = 0.0) -> None:
+    """Raise InputError where a part that is heated and read has a negative R, in K/W: heat would cool it."""
+    if R.min() < -round_off * np.abs(R).sum():
+        raise checks.InputError(
+            f"R = {R.min():g} K/W is negative: the network is not passive; fit_foster and reduce never give one"
+        )
 
 
 def linear_poles(model: Any, purpose: str) -> Foster:

@@ -15,7 +15,7 @@ from ..names import check_names
 from ..waveforms import Waveform
 from .contract import Delegates, warn_beyond
 from .foster import Foster
-from .json_fields import names, reader, table
+from .json_fields import names, parts, reader, table
 
 STATIC = 1e-3  # largest error of the static gain that passes
 
@@ -71,7 +71,8 @@ class Network(Delegates):
         return warn_beyond(self.poles.periodic_response(wave, samples), self.largest_rise)
 
     def to_json(self) -> dict[str, Any]:
-        """Fields of the model file."""
+        """Fields of the model file; InputError where the poles are not those of the first state."""
+        _check_parts(self.names, names(self))
         units = {"A": "1/s", "b": "K/J", "thermal_resistance": "K/W", "largest_rise": "K"}
         return {
             **names(self),
@@ -88,11 +89,21 @@ class Network(Delegates):
     def from_json(cls, content: Mapping[str, Any]) -> Network:
         """The network of a model file; it passes the `gate` again."""
         states, A, b = check_names("states", content["states"]), table(content, "A", 2), table(content, "b", 1)
+        _check_parts(states, parts(content))
         if A.shape != (len(states), len(states)) or b.shape != (len(states),):
             raise checks.InputError(f"A has shape {A.shape} and b {b.shape} for {len(states)} states")
         stated = checks.positive("thermal_resistance", content["thermal_resistance"], unit="K/W")
         poles = gate(A, b, stated, name=states[0])
         return cls(A, b, states, poles, checks.positive("largest_rise", content["largest_rise"], unit="K"))
+
+
+def _check_parts(states: tuple[str, ...], found: Mapping[str, Any]) -> None:
+    """Raise InputError unless the first state is the part that is heated and the one that is read."""
+    for which, given in found.items():
+        if tuple(given) != states[:1]:
+            raise checks.InputError(
+                f"{which} = {list(given)}; a Network is heated and read at {states[0]!r}, its first state"
+            )
 
 
 def gate(A: ArrayLike, b: ArrayLike, static: float, *, name: str = "core") -> Foster:

@@ -18,7 +18,7 @@ from ..names import check_names
 from ..transient.integration import integrate, integrate_periodic
 from ..transient.modal import Modal
 from .contract import at_times, check_single
-from .foster import Foster
+from .foster import Foster, check_residues
 from .json_fields import names, parts, reader, table
 
 if TYPE_CHECKING:
@@ -190,6 +190,7 @@ class StateSpace:
                 )
         tables = {name: matrix.toarray() for name, matrix in full.items()}
         _check_definite(tables["E"], tables["A"])
+        self.check_passive()
         if self.order > LARGEST:
             tables |= {name: full[name].diagonal() for name in ("E", "A")}
         units = {"E": "J/K", "A": "W/K", "B": "1", "C": "1"}
@@ -202,7 +203,19 @@ class StateSpace:
         E, A = (_square(content, name) for name in ("E", "A"))
         model = cls(E, A, table(content, "B", 2), table(content, "C", 2), **parts(content))
         _check_definite(E, A)
+        model.check_passive()
         return model
+
+    def check_passive(self) -> None:
+        """Raise InputError where a pole cools a part that is heated and read, as `Foster.check_passive`."""
+        own = [(self.outputs.index(part), i) for i, part in enumerate(self.inputs) if part in self.outputs]
+        if self.order > LARGEST:  # of a file: both are diagonal
+            rate, B, C = -self._sparse("A").diagonal(), self.B, self.C
+        else:
+            rate, modes = eigenmodes(self)
+            B, C = modes.T @ self.B, self.C @ modes
+        for j, i in own:
+            check_residues(C[j] * B[:, i] / rate, round_off=ROUND_OFF)
 
 
 def _square(content: Mapping[str, Any], name: str) -> Array:

@@ -87,6 +87,7 @@ export function takeAll(values, typing = null) {
 
 /** Write the state into the fields, but not into the one that is being typed in. */
 export function fill(typing = null) {
+  $("link-problem").textContent = "";
   for (const name of Object.keys(FIELDS)) {
     const value = valueOf(name, page.state, page.data);
     const [low, high] = span(name);

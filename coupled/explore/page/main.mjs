@@ -53,14 +53,16 @@ function start() {
   watchPlane();
   watchButtons();
   watchView();
-  restore();
-  addEventListener("hashchange", () => hashOf(stateOf(location.hash, data.start, data)) !== hashOf(page.state) && restore());
+  restore(location.hash);
+  addEventListener("hashchange", (event) => restore(new URL(event.newURL).hash));
 }
 
-/** The state of a link, or of the file. */
-function restore() {
-  page.state = stateOf(location.hash, page.data.start, page.data);
+/** The state of a link, or of the file; what a link holds and cannot be taken is said until something is moved. */
+function restore(hash) {
+  const { state, refused } = stateOf(hash, page.data.start, page.data);
+  page.state = state;
   fill();
+  $("link-problem").textContent = refused.length ? `Not taken from the link: ${refused.join(" ")}` : "";
   changed({ ring: true });
 }
 

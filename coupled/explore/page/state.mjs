@@ -125,21 +125,26 @@ export function hashOf(state) {
   return parts.join("&");
 }
 
-/** A state from the text of a link; what is unknown or out of range is left as it is in `fallback`. */
+/** The state of a link over `fallback`, and in words what of it cannot be taken. Numbers hold together, whichever comes first. */
 export function stateOf(hash, fallback, data) {
   const state = { ...fallback };
-  const given = new URLSearchParams(hash.replace(/^#/, ""));
-  const within = (name, length) => {
-    const value = Number(given.get(name));
-    if (given.has(name) && Number.isInteger(value) && value >= 0 && value < length) state[name] = value;
-  };
-  within("ring", data.rings.length);
-  within("model", data.models.length);
-  if (given.has("ring")) for (const name of RING_FIELDS) state[name] = null;
-  if (VIEWS.includes(given.get("view"))) state.view = given.get("view");
-  for (const name of ["intrinsicQ", "loadedQ", "power", "detuning", "lifetime", "duration", "p0", "p1", "p2", "h0", "h1", "h2"]) {
-    if (!FIELDS[name]) continue;
-    if (given.has(name) && given.get(name) !== "" && objection(name, Number(given.get(name)), state, data) === "") state[name] = Number(given.get(name));
+  const [values, refused] = [{}, []];
+  const lists = { ring: data.rings, model: data.models };
+  for (const [name, text] of new URLSearchParams(hash.replace(/^#/, ""))) {
+    const value = text.trim() === "" ? NaN : Number(text);
+    if (FIELDS[name]) values[name] = value;
+    else if (name === "view" && VIEWS.includes(text)) state.view = text;
+    else if (name in lists && Number.isInteger(value) && value in lists[name]) state[name] = value;
+    else refused.push(`${name} = ${text}: This page has no such setting.`);
+    if (name === "ring") for (const field of RING_FIELDS) state[field] = null;
   }
-  return state;
+  for (;;) {
+    const whole = { ...state, ...values };
+    const wrong = Object.keys(values).map((name) => [name, objection(name, values[name], whole, data)]).filter(([, problem]) => problem); // prettier-ignore
+    if (!wrong.length) return { state: whole, refused };
+    for (const [name, problem] of wrong) {
+      refused.push(`${FIELDS[name].label} = ${values[name]}: ${problem}`);
+      delete values[name];
+    }
+  }
 }
