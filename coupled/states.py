@@ -119,7 +119,7 @@ def check_same_heat(before: ArrayLike | None, tau: ArrayLike) -> None:
     """InputError where a run to go on from had other time constants [s]; one that states none is believed."""
     if before is None:
         return
-    kept, own = checks.numbers("initial.attrs['model_tau']", np.ravel(before)), np.ravel(tau)
+    kept, own = checks.array("initial.attrs['model_tau']", np.ravel(before)), np.ravel(tau)
     if kept.shape != own.shape or not np.allclose(kept, own, rtol=SAME, atol=0):
         raise checks.InputError(
             f"initial was made with other time constants ({kept[0]:.4g} s, ..) than the model ({own[0]:.4g} s, ..): "

@@ -9,6 +9,7 @@ import pytest
 import rattler_build
 from paths import ROOT
 
+import coupled
 import thermofem
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -42,3 +43,9 @@ def test_old_names_are_in_the_changelog():
     for old, new in thermofem._RENAMED.items():
         assert f"`th.{old}`" in deprecated
         assert f"`th.{new}`" in deprecated
+
+
+def test_an_old_and_a_new_name_together_are_refused():
+    """The old one won without a word."""
+    with pytest.raises(thermofem.InputError, match="tolerance and max_discrepancy are both given"):
+        coupled.FEM(None, max_discrepancy=1e-5, tolerance=1e-3)

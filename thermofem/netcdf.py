@@ -221,7 +221,7 @@ def in_si(data: xr.Dataset) -> xr.Dataset:
     """
     changed = {}
     for name, variable in data.variables.items():
-        field, given = _field(str(name)), variable.attrs.get("units")
+        field, given = known(str(name)), variable.attrs.get("units")
         if field is None:
             continue
         _check_valid(str(name), variable)
@@ -282,7 +282,7 @@ def _check_valid(name: str, variable: Any) -> None:
 
 def says_si(name: str, attrs: Mapping[str, Any]) -> bool:
     """Whether a variable needs no conversion: one of `quantity.VARIABLES` in its unit, or none of them."""
-    field = _field(name)
+    field = known(name)
     if field is None or "units" not in attrs:
         return field is None or _misnamed(attrs) is None
     return bool(np.all(attrs["units"] == field.unit))
@@ -302,13 +302,13 @@ def _line(given: str, field: quantity.Variable, name: str) -> tuple[float, float
     return (0.0 if "rise" in field.long_name else offset), factor
 
 
-def _field(name: str) -> quantity.Variable | None:
+def known(name: str) -> quantity.Variable | None:
     """Unit and long name of a variable; None for a name that is not ours."""
-    known = quantity.VARIABLES.get(name)
-    if known is None:
+    found = quantity.VARIABLES.get(name)
+    if found is None:
         prefix = next((p for p in _PREFIXES if name.startswith(p) and len(name) > len(p)), None)
-        known = quantity.VARIABLES[prefix[:-1]] if prefix else None
-    return known
+        found = quantity.VARIABLES[prefix[:-1]] if prefix else None
+    return found
 
 
 def checked_path(path: str | Path) -> Path:

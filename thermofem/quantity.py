@@ -68,6 +68,7 @@ VARIABLES: dict[str, Variable] = {
     "time": Variable("s", "time"),
     "power": Variable("W", "absorbed power"),
     "delta_T": Variable("K", "mean temperature rise"),
+    "final_rise": Variable("K", "temperature rise of the field at the end"),
     "temperature": Variable("K", "temperature"),
     "energy": Variable("J", "energy stored in the resonator"),
     "carriers": Variable("1/m^3", "free-carrier density"),

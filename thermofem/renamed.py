@@ -7,6 +7,8 @@ import warnings
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
+from .errors import InputError
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 
@@ -23,6 +25,8 @@ def keywords(**names: str) -> Callable[[F], F]:
         def call(*args: Any, **given: Any) -> Any:
             for old in names.keys() & given.keys():
                 warn(f"{function.__qualname__.removesuffix('.__init__')}: {old}", names[old])
+                if names[old] in given:
+                    raise InputError(f"{old} and {names[old]} are both given; {old} is the old name, leave it out")
                 given[names[old]] = given.pop(old)
             return function(*args, **given)
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from thermofem import checks
+from thermofem.arrays import Array
 from thermofem.checks import InputError
 from thermofem.contents import contents
 
@@ -59,14 +60,20 @@ def near(p: CycleProblem, trial: Orbit, pulses: int) -> Settled | None:
     return Settled(found, pulses)
 
 
+def check_whole(name: str, cycle: Any) -> Array:
+    """The states of a cycle of `limit_cycle`, shape (rows, states); InputError where rows were left out."""
+    states = checks.numbers(f"{name}['states']", cycle["states"].values)
+    tau = checks.array(f"{name}.attrs['mesh']", cycle.attrs["mesh"], increasing=True)
+    rows = (tau.size - 1) * scheme().c.size + 1
+    if states.shape[0] != rows or states.shape[1] < 4:
+        raise InputError(f"{name}['states'] has the shape {states.shape}; a whole cycle has {rows} rows of 4 or more")
+    return states
+
+
 def trial_of(p: CycleProblem, cycle: Any) -> Orbit:
     """Another cycle as a trial orbit; heat of another model is at its own periodic state under the power absorbed."""
     cycle = contents("guess", cycle, {"states": "time state"}, what="a cycle of coupled.limit_cycle", attrs=("period",))
-    states = checks.numbers("guess['states']", cycle["states"].values)
-    tau = checks.array("guess.attrs['mesh']", cycle.attrs["mesh"], increasing=True)
-    rows = (tau.size - 1) * scheme().c.size + 1
-    if states.shape[0] != rows or states.shape[1] < 4:
-        raise InputError(f"guess['states'] has the shape {states.shape}; a whole cycle has {rows} rows of 4 or more")
+    states, tau = check_whole("guess", cycle), np.asarray(cycle.attrs["mesh"], dtype=float)
     own, m = states.shape[1], p.units.size
     values = np.zeros((states.shape[0], m))
     values[:, : min(own, m)] = states[:, : min(own, m)] / p.units[: min(own, m)]

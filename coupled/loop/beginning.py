@@ -18,9 +18,11 @@ import numpy as np
 from thermofem import Quadratic, checks
 from thermofem.algebra.smooth_poles import cubic_pole_responses
 from thermofem.arrays import Array
+from thermofem.contents import contents, in_si
 from thermofem.solving import mesh_hash
 from thermofem.waveforms import Cubic
 
+from ..cycles.guess import check_whole
 from ..states import State
 from ..thermal import Compact
 from .corrector import FEM
@@ -59,7 +61,10 @@ def beginning(initial: xr.Dataset | None, corrector: Any, model: Compact) -> Beg
     if not isinstance(corrector, FEM):
         raise checks.InputError("initial goes with a HeatProblem or matrices; a corrector of your own keeps its state")
     if "final_light" in attrs and "final_rise" in variables:
-        light, field = np.asarray(attrs["final_light"], dtype=float), np.asarray(variables["final_rise"].values)
+        light = checks.array("initial.attrs['final_light']", attrs["final_light"])
+        if light.size != 3:
+            raise checks.InputError(f"initial.attrs['final_light'] has {light.size} numbers; 3 are needed")
+        field = checks.array("initial['final_rise']", in_si("initial", initial)["final_rise"].values)
         n = corrector.linear.order
         if field.shape != (n,):
             raise checks.InputError(f"initial has {field.size} temperatures and heat {n}; go on with the same mesh")
@@ -69,7 +74,10 @@ def beginning(initial: xr.Dataset | None, corrector: Any, model: Compact) -> Beg
         corrector.begin(field)
         states = None
     elif "mesh" in attrs and "states" in variables:
-        light, states = np.asarray(initial["states"].values[0][:3]), np.asarray(initial["states"].values[0][3:])
+        dims = {"states": "time state", "absorbed": "time", "time": "time"}
+        initial = contents("initial", initial, dims, what=KINDS, attrs=("period",))
+        first = check_whole("initial", initial)[0]
+        light, states = first[:3], first[3:]
         corrector.begin(_lifted(initial, corrector))
     else:
         raise checks.InputError(f"initial is a {type(initial).__name__} that is neither of these: {KINDS}")
@@ -93,7 +101,8 @@ def _lifted(cycle: xr.Dataset, fem: FEM) -> Array:
     """The field at the start of a cycle, K."""
     from scipy.interpolate import CubicSpline
 
-    time, power = cycle["time"].values, cycle["absorbed"].values.copy()
+    time = checks.array("initial['time']", cycle["time"].values, increasing=True)
+    power = np.array(checks.array("initial['absorbed']", cycle["absorbed"].values))
     power[-1] = power[0]
     wave = Cubic(time, power, CubicSpline(time, power, bc_type="periodic")(time, 1))
     period, basis, C = float(time[-1]), fem.basis, fem.linear.C

@@ -7,7 +7,7 @@ two-photon absorption and the Kerr effect of another resonance count twice. Lase
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -102,7 +102,7 @@ def run_several(
     ring: RingResonator,
     model: Compact,
     state: State,
-    fields: Array,
+    fields: Mapping[float, Array],
     lasers: Sequence[Laser],
     duration: float,
     *,
@@ -129,7 +129,7 @@ def run_several(
     modes = np.array([_mode(one, ring) for one in resonances])
     thermal, n = eq.internal_thermal(model), np.size(state.thermal)
     unit = np.concatenate([units(n), np.full(2 * len(resonances) - 2, eq.FJ**0.5)])
-    extra = fields if fields.size == 2 * len(resonances) - 2 else np.zeros(2 * len(resonances) - 2)
+    extra = np.ravel([fields.get(one.frequency, (0.0, 0.0)) for one in resonances[1:]])
     floor = floor_of(rates, math.sqrt(several.brightest(light)), model.thermal_resistance * eq.UW)
     longest = min(QUIET * rates.tau0, BEAT * 2 * math.pi / beat if beat else math.inf)
     call = uninterrupted
@@ -267,6 +267,18 @@ def ring_scatters(resonances: list[RingResonator]) -> bool:
     return any(one.scattering_rate > 0 for one in resonances)
 
 
-def further_fields(initial: State | xr.Dataset | None) -> Array:
-    """Fields of the other resonances where a run ended: Re and Im of each, sqrt(J)."""
-    return np.asarray(getattr(initial, "attrs", {}).get("final_fields", ()), dtype=float)
+def further_fields(initial: State | xr.Dataset | None) -> dict[float, Array]:
+    """Re and Im in sqrt(J) of the light where a run ended, by the frequency of each other resonance in Hz.
+
+    A resonance that no laser is on any more loses it within some lifetimes of its light, and is left out.
+    """
+    attrs = getattr(initial, "attrs", {})
+    if np.size(attrs.get("final_fields", ())) == 0:
+        return {}
+    fields = checks.array("initial.attrs['final_fields']", attrs["final_fields"])
+    places = checks.array("initial.attrs['final_resonances']", attrs.get("final_resonances", ()))
+    if fields.size != 2 * places.size:
+        raise checks.InputError(
+            f"initial has {fields.size} numbers of light on {places.size} other resonances; two of each are needed"
+        )
+    return dict(zip(places.tolist(), fields.reshape(-1, 2), strict=True))

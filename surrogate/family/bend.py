@@ -27,6 +27,7 @@ from .moved import MovedEngine
 from .solving import Solver
 
 TESTED = 4  # members, and the hottest one
+ASKED = 256  # corners of the box, among which the hottest member is looked for
 PULSE, TIMES = 3e-6, np.append(0.0, np.geomspace(1e-8, 1e-5, 31))  # s; during the pulse and after it
 SLOPE = 1e-4  # of a range: half the width of the differences of a
 
@@ -93,7 +94,8 @@ def bend_of(
     rows = np.vstack(
         [box.middle[None], box.corners(2 * box.size), box.draw((box.size + 1) * (box.size + 2), seed + 77)]
     )
-    hottest = max(rows, key=lambda row: member(row).thermal_resistance)  # where a map of one coefficient errs most
+    every = np.vstack([rows, box.corners(ASKED)])
+    hottest = max(every, key=lambda row: member(row).thermal_resistance)  # where a map of one coefficient errs most
     tests = np.vstack([box.draw(TESTED, seed + 7919), hottest])
     found = solver(coefficient_of, [(engine, row, channel, power) for row in rows], rows)
     there = [k for k, one in enumerate(found) if one is not None]

@@ -109,11 +109,10 @@ class Box:
         return self.at(shares[:count])
 
     def corners(self, most: int = CORNERS) -> Array:
-        """Corners of the box, all of them or ``most`` drawn at random, shape (n, p)."""
-        if 2**self.size <= most:
-            bits = (np.arange(2**self.size)[:, None] >> np.arange(self.size)) & 1
-        else:
-            bits = np.random.default_rng(0).integers(0, 2, (most, self.size))
+        """Corners of the box, all of them or ``most`` different ones drawn at random, shape (n, p)."""
+        every = 2**self.size
+        picked = np.arange(every) if every <= most else np.random.default_rng(0).choice(every, most, replace=False)
+        bits = (picked[:, None] >> np.arange(self.size)) & 1
         return np.where(bits, self.high, self.low)
 
     def geometry(self, values: Array) -> CrossSection:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -30,10 +31,13 @@ if TYPE_CHECKING:
 
     from .moved import MovedMembers
 
+log = logging.getLogger("thermofem")
+
 Model = Foster | OutputMap
 
 FAINT = 1e-12  # of R_th: poles with less are left out
 STEP = 1e-5  # of the range of a parameter: half the width of the differences of its matrices, exact to 1e-10
+FAR_CONTACT = 1e-8  # m^2 K/W; where another part is read than the heated one, derivatives below it have large errors
 CONTACT = 1e-11  # m^2 K/W; a smaller resistance has its derivatives: 1/R^2 magnifies what the functions leave of a jump
 COARSER = 0.7  # of the functions, in the comparison behind `Family.predicted_error`
 
@@ -246,6 +250,8 @@ class Family:
         """
         a, b = self._channel(heated, read)
         row = self.box.row(values)
+        for doubt in self._doubts(row, (a, b)):
+            log.warning("%s", doubt)
         modal = self.modal_derivative(row, (a, b))
         t = None if times is None else step_times(times)
         f = None if frequencies is None else checks.array("frequencies", frequencies, longest=MOST)
@@ -253,6 +259,21 @@ class Family:
         parameters = list(zip(self.names, row.tolist(), self.box.units, strict=True))
         data = dataset_of(parameters, (modal.resistance(), step, impedance), t, f)
         return data.assign_attrs(heated=self.ports[a], read=self.ports[b])
+
+    def _doubts(self, row: Array, channel: tuple[int, int] | None = None) -> tuple[str, ...]:
+        """Sentences on derivatives of a member, at parameters of shape (p,), that its functions do not hold.
+
+        The functions are trained on temperatures. Little of these depends on a contact that is nearly perfect, least
+        where another part is read than the heated one.
+        """
+        a, b = channel or self._channel(None, None)
+        small = [n for n, x, one in zip(self.names, row, self.box.contact, strict=True) if one and x < FAR_CONTACT]
+        if a == b or not small:
+            return ()
+        text = f"derivatives by {', '.join(small)} below {FAR_CONTACT:g} m^2*K/W, and standard errors from them, may be"
+        return (
+            f"{text} wrong by a large factor where {self.ports[b]!r} is read: take thermofem.derivatives of a mesh",
+        )
 
     def modal_derivative(self, row: Array, channel: tuple[int, int] | None = None) -> ModalDerivative:
         """The member in M-orthonormal modes, and derivatives of its matrices by central differences.

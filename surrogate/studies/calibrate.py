@@ -48,7 +48,8 @@ class Calibration:
         of neighbouring residuals: 0 for noise, within 2/sqrt(samples); near 1 where the geometry cannot explain the
         data.
     unseen : tuple of str
-        combinations of parameters that the data cannot tell apart, in words.
+        combinations of parameters that the data cannot tell apart, in words; contacts so small that the standard errors
+        do not hold.
     active : tuple of str
         parameters at an end of their range.
     certified : Certified
@@ -156,6 +157,7 @@ def calibrate(
     parts = np.split(left, np.cumsum([d.rise.size for d in responses])[:-1])
     covariance, unseen = _covariance(jacobian(x), parts, variance, noise is not None, family.names)
     found = values_of(x)
+    unseen = (*unseen, *family._doubts(span.at(x)))
     slope = _slope(span, x)
     errors = np.sqrt(np.diag(covariance)) * slope
     return Calibration(

@@ -66,6 +66,27 @@ def test_a_run_goes_on_after_it_was_written(tmp_path):
     assert a["delta_T"].values == pytest.approx(b["delta_T"].values, rel=1e-12)
 
 
+def test_a_beginning_in_other_units_is_the_same():
+    """mK counted as K: 6209 K instead of 6.2 K; a cycle without some rows began 15 K too hot."""
+    heat, network = coarse_fem(), surrogate.reduce(coarse_fem(), tolerance=1e-4)
+    run = coupled.cosimulate(RING, heat, power=20e-3, duration=5e-9)
+    cycle = coupled.limit_cycle(RING, NETWORK, power=MW)
+    scaled = run.assign(final_rise=(run["final_rise"].dims, 1e3 * run["final_rise"].values, {"units": "mK"}))
+    milli = cycle.assign(absorbed=("time", 1e3 * cycle["absorbed"].values, {"units": "mW"}))
+    drive = {"power": MW, "duration": 1e-9, "predictor": network}
+    for one, other in ((run, scaled), (cycle, milli)):
+        a, b = (coupled.cosimulate(RING, heat, initial=given, **drive) for given in (one, other))
+        assert float(b["delta_T"][0]) == pytest.approx(float(a["delta_T"][0]), rel=1e-9)
+    for bad, words in (
+        (cycle.isel(time=slice(0, -5)), "a whole cycle has"),
+        (run.assign_attrs(final_light="x"), "final_light"),
+        (run.assign_attrs(final_light=[1.0]), "3 are needed"),
+        (cycle.drop_vars("absorbed"), "without 'absorbed'"),
+    ):
+        with pytest.raises(th.InputError, match=words):
+            coupled.cosimulate(RING, heat, initial=bad, **drive)
+
+
 def test_what_cannot_be_a_beginning():
     drive = {"power": 1e-3, "duration": 5e-9}
     run = coupled.cosimulate(RING, coarse_fem(), **drive)

@@ -144,6 +144,24 @@ def test_a_run_goes_on_with_its_lasers():
         assert second.attrs[name] == pytest.approx(whole.attrs[name], rel=1e-6)
 
 
+def test_light_goes_on_at_its_own_resonance():
+    """Lasers in another order had each other's light; damaged light ended in a bare ValueError."""
+    lasers = [
+        coupled.Laser(1e-3, 0.0, NEXT),
+        coupled.Laser(0.2e-3, 0.0, replace(NEXT, frequency=NEXT.frequency + 1e12)),
+    ]
+    first = coupled.simulate(RING, NETWORK, power=1e-3, duration=1e-9, lasers=lasers)
+    options = {"power": 1e-3, "duration": 1e-12, "initial": first}
+    one, other = (coupled.simulate(RING, NETWORK, lasers=given, **options) for given in (lasers, lasers[::-1]))
+    began = one["probe_energy"].values[:, 0]
+    np.testing.assert_array_equal(other["probe_energy"].values[::-1, 0], began)
+    assert began == pytest.approx(first["probe_energy"].values[:, -1], rel=1e-9)
+    for bad in ("x", [1.0, 2.0, 3.0], [float("nan")] * 4):
+        damaged = first.assign_attrs(final_fields=bad)
+        with pytest.raises(th.InputError, match="initial"):
+            coupled.simulate(RING, NETWORK, lasers=lasers, **(options | {"initial": damaged}))
+
+
 def test_what_is_refused():
     drive = {"power": 1e-3, "duration": 1e-9}
     for arguments, words in (

@@ -314,3 +314,11 @@ def test_what_the_docs_and_the_example_describe_can_be_read(tmp_path):
     section = th.CrossSection.from_toml_text(campaign.geometry_of(campaign.cases()[-1].values))
     assert [p.outer_radius - p.inner_radius for p in section.parts[:2]] == pytest.approx([500e-9] * 2, rel=1e-9, abs=0)
     assert len(th.Campaign.from_toml(ROOT / "examples" / "campaign_200.toml").cases()) == 200
+
+
+@pytest.mark.parametrize("name", ["field", "window", "time_x", "delta_T_top", "period"])
+def test_a_varied_length_has_no_name_of_another_quantity(name):
+    """The campaign ran, and `th.load` then refused its index: "unit of variable 'field' = '0 m'"."""
+    variation = Variation(name, ("layer.box.thickness",), "m", values=(2e-6, 3e-6))
+    with pytest.raises(th.InputError, match=f"name = '{name}' is that of the .* in files"):
+        th.Campaign(th.strip_ring().to_toml(), (variation,), (STEP,))

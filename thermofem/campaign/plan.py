@@ -193,7 +193,8 @@ class Campaign:
     def _key(self, geometry: str) -> str:
         drives = [(d.name, waveforms.to_json(d.wave), d.times or d.samples) for d in self.drives]
         base = write_table(self._table) if self.variations else ""  # whose mesh is moved to fit each geometry
-        content = (FORMAT, __version__, geometry, base, drives, self.heated, self.read, self.accuracy, self.rtol)
+        names = [v.name for v in self.variations]  # which the results hold
+        content = (FORMAT, __version__, geometry, base, names, drives, self.heated, self.read, self.accuracy, self.rtol)
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
     def task(self, case: Case) -> Task:

@@ -11,6 +11,7 @@ import numpy as np
 from .. import checks, quantity, renamed, waveforms
 from ..checks import InputError
 from ..names import check_name
+from ..netcdf import known
 
 LARGEST = 1_000_000  # geometries of one campaign
 MOST = 300  # drives, and varied quantities: each drive takes some 20 ms and a group in the file of every geometry
@@ -92,6 +93,10 @@ def check_taken(variations: tuple[Variation, ...], drives: tuple[Drive, ...]) ->
     for variation in variations:
         if variation.name in _INDEX.split():
             raise InputError(f"vary: name = {variation.name!r} is taken by the index; choose another one")
+        if (own := known(variation.name)) and variation.unit != own.unit:
+            raise InputError(
+                f"vary: name = {variation.name!r} is that of the {own.long_name} ({own.unit}) in files; choose another"
+            )
         if variation.name in taken:
             of = taken[variation.name]
             raise InputError(f"vary: name = {variation.name!r} is taken by the drive {of!r}; choose another one")
