@@ -9,7 +9,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from thermofem import checks
-from thermofem.arrays import Array, ArrayLike
+from thermofem.arrays import Array
 from thermofem.models import Foster, ThermalModel
 from thermofem.models.lumped import second_order_parameters, second_order_poles
 
@@ -23,6 +23,7 @@ NEWTON = ("tau_th",)
 POLES = ("R", "tau")
 HEAT_CAPACITY = "heat_capacity"
 LIFETIMES = ("tau_n", "tau_p")
+FROM_ZERO = {"scattering_rate": 1e6, "kerr_coefficient": 1e-20}  # steps of numbers that may be 0
 SPAN = 4.0  # how far a value may go from its start, as a factor, where no bounds are given
 
 
@@ -105,7 +106,7 @@ def unknowns(
             start[name] = thermal[name]
         elif name in optical_names(ring):
             start[name] = number_of(ring, name)
-            check_counts("free", name, ring, start[name] * np.array([1.0, 1.001]))
+            check_counts("free", name, ring)
         else:
             raise checks.InputError(f"free holds {name!r}, which goes with another thermal model than the one given")
     checks.unique("free", free)
@@ -188,24 +189,27 @@ def optical_names(ring: RingResonator) -> set[str]:
     return own | {f.name for f in fields(ring.carriers)} | {"tau0"}
 
 
-def check_counts(what: str, name: str, ring: RingResonator, values: ArrayLike) -> None:
-    """InputError where a number of the ring changes nothing, as its light follows rates that `with_rates` has set.
+def check_counts(what: str, name: str, ring: RingResonator) -> None:
+    """InputError where a number of the ring changes nothing; ``what`` is the argument that holds its name."""
+    if idle(ring, name):
+        lumped = name == "lumped_fcd"
+        follows = "fcd" if lumped else ", ".join(rate for rate, _ in ring.rates)
+        hint = "ring.with_lumped_fcd() follows it" if lumped else "replace(ring, rates=()) follows its fields"
+        raise checks.InputError(f"{name!r} in {what} changes nothing: the ring follows {follows}", hint)
 
-    what: the argument that holds the name.
-    values: two different ones.
-    """
+
+def idle(ring: RingResonator, name: str) -> bool:
+    """Whether a number of the ring changes nothing, as its light follows rates that were set, or other dispersion."""
     from .kernels.equations import internal_rates
 
     def light(r: RingResonator) -> tuple[float, ...]:
         rates, dispersion = internal_rates(r)
         return (r.frequency, r.bus_rate, r.drop_bus_rate, *rates, *dispersion.flat)
 
-    one, other = (varied(ring, {name: float(value)}) for value in np.asarray(values))
-    if light(one) == light(other):
-        lumped = name == "lumped_fcd"
-        follows = "fcd" if lumped else ", ".join(rate for rate, _ in ring.rates)
-        hint = "ring.with_lumped_fcd() follows it" if lumped else "replace(ring, rates=()) follows its fields"
-        raise checks.InputError(f"{name!r} in {what} changes nothing: the ring follows {follows}", hint)
+    if not ring.rates and name != "lumped_fcd":
+        return False
+    value = number_of(ring, name)
+    return light(ring) == light(varied(ring, {name: value * 1.001 or FROM_ZERO.get(name, 1e-20)}))
 
 
 def varied(ring: RingResonator, values: Mapping[str, float]) -> RingResonator:

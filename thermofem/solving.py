@@ -16,7 +16,7 @@ from .models import StateSpace
 from .record import Record, as_dataset, column, joined
 from .transient.integration import integrate, integrate_periodic
 from .transient.trajectory import Trajectory
-from .waveforms import Waveform, period_times
+from .waveforms import Waveform, check_heating, period_times
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -90,6 +90,9 @@ def solve(
     if method == "auto" and isinstance(system, StateSpace):
         run = heat.modal(heated).run(system.C, wave, times, rtol=rtol, snapshots=field_times, ledger=ledger)
     if run is None:
+        kept = checks.array("field_times", field_times, increasing=True, empty=True)
+        ends = np.append(kept, checks.array("times", times, increasing=True))
+        check_heating(wave, float(ends.max()))
         factors = heat.discretization.factors
         run = integrate(
             system, wave, times, rtol=rtol, snapshots=field_times, ledger=ledger, factors=factors, progress=progress
@@ -143,6 +146,7 @@ def solve_periodic(
         times = period_times(wave, samples)
         run = heat.modal(heated).run(system.C, wave, times, rtol=rtol, ledger=ledger, periodic=True)
     if run is None:
+        check_heating(wave, wave.period or 0.0)
         factors = heat.discretization.factors
         run = integrate_periodic(system, wave, samples, rtol=rtol, ledger=ledger, factors=factors, progress=progress)
     elif progress:

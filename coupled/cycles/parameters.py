@@ -15,17 +15,16 @@ from ..resonator import RingResonator
 from ..ring_toml import UNITS
 from ..runs import window
 from ..thermal import Compact, compact
-from ..unknowns import LIFETIMES, check_counts, number_of, optical_names, varied
+from ..unknowns import FROM_ZERO, LIFETIMES, check_counts, idle, number_of, optical_names, varied
 from .orbit import CycleProblem, problem
 
 STEP = 1e-5  # of a number: its square is the truncation, 1e-16 over it the round-off
 LASER = {"power": "W", "detuning": "Hz"}
-FROM_ZERO = {"scattering_rate": 1e6, "kerr_coefficient": 1e-20}  # steps of numbers that may be 0
 
 
 def parameter_names(ring: RingResonator, model: Compact) -> list[str]:
     """Every name that `changed` knows; "R1" and "tau1" are those of the fastest pole of a network."""
-    own = sorted(optical_names(ring) - {"rates"})
+    own = sorted(name for name in optical_names(ring) if not idle(ring, name))
     shifts = [f"fcd{k + 1}" for k in range(len(ring.fcd))]
     order = 0 if isinstance(model, Quadratic) else _poles_of(model).order
     poles = [f"{name}{k + 1}" for name in ("R", "tau") for k in range(order)]
@@ -34,6 +33,8 @@ def parameter_names(ring: RingResonator, model: Compact) -> list[str]:
 
 def value_of(p: CycleProblem, name: str) -> float:
     """Return a number of a problem, in SI."""
+    if name in optical_names(p.ring):
+        check_counts("parameters", name, p.ring)
     checks.choice("a parameter", name, parameter_names(p.ring, p.model))
     if name in LASER:
         return float(getattr(p, name))
@@ -79,8 +80,6 @@ def slope(p: CycleProblem, name: str, states: Array) -> Array:
         raise checks.InputError(f"{name} is 0 and has no step for differences; give it a small value")
     both_ways = value != 0
     ends = [_flows(changed(p, name, value + step), states) for step in ((h, -h) if both_ways else (h, 2 * h))]
-    if not _pole(name)[0]:
-        check_counts("parameters", name, p.ring, [value + h, value + 2 * h])
     if both_ways:
         return np.asarray((ends[0] - ends[1]) / (2 * h))
     return np.asarray((4 * ends[0] - ends[1] - 3 * _flows(p, states)) / (2 * h))

@@ -80,8 +80,7 @@ def grid_of(
         own[name] = checks.array(f"vary[{name!r}]", values)
         if np.any(np.diff(own[name]) <= 0):
             raise checks.InputError(f"vary[{name!r}] must increase from value to value; sort it")
-        if own[name].size > 1:
-            check_counts("vary", name, ring, own[name][[0, -1]])
+        check_counts("vary", name, ring)
     axes = own | {name: axis for name, axis in laser.items() if axis.size > 1 or not own}
     if len(axes) != 2:
         raise checks.InputError(

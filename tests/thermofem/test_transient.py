@@ -245,8 +245,13 @@ def test_bad_input(arguments, words):
 )
 def test_smooth_powers_that_no_light_has_are_refused(wave, words):
     """-1 mW cooled the core by 7.8 K; the compact models alone refused it."""
-    system = three_poles()
-    for run in (lambda: integrate(system, wave, [2e-6]), lambda: integrate_periodic(system, wave, 101)):
+    system, heat = three_poles(), th.assemble(th.strip_ring(), accuracy=0.05)
+    for run in (
+        lambda: system.response(wave, [2e-6]),
+        lambda: system.periodic_response(wave, 101),
+        lambda: th.solve(heat, wave, [2e-6]),
+        lambda: th.solve_periodic(heat, wave, 101),
+    ):
         with pytest.raises(th.InputError, match=words):
             run()
 
@@ -254,4 +259,4 @@ def test_smooth_powers_that_no_light_has_are_refused(wave, words):
 def test_a_smooth_power_that_touches_zero_is_taken():
     """Its coarse fit falls below zero by rtol of the peak, which is no negative power."""
     wave = th.Function(lambda t: 1e-3 * np.sin(1e6 * np.pi * t) ** 2, period=1e-6)
-    assert integrate(three_poles(), wave, [3e-6], rtol=1e-2).outputs[0, 0] > 0
+    assert three_poles().response(wave, [3e-6], rtol=1e-2)[0] > 0

@@ -42,11 +42,17 @@ class NonlinearSystem(AtSmallPower, NonlinearEquations):
     def response(self, wave: waveforms.Waveform, times: ArrayLike, *, rtol: float = 1e-5) -> Array:
         """Rise in K from rest, by error-controlled integration (`transient.integrate`)."""
         check_single(self.linear)
-        return at_times(lambda t: integrate(self, wave, t, rtol=rtol).outputs[:, 0], times)
+
+        def run(t: Array) -> Array:
+            waveforms.check_heating(wave, float(t[-1]))
+            return integrate(self, wave, t, rtol=rtol).outputs[:, 0]
+
+        return at_times(run, times)
 
     def periodic_response(self, wave: waveforms.Waveform, samples: int, *, rtol: float = 1e-5) -> Array:
         """One period of the periodic state in K (`transient.integrate_periodic`)."""
         check_single(self.linear)
+        waveforms.check_heating(wave, wave.period or 0.0)
         return integrate_periodic(self, wave, samples, rtol=rtol).outputs[:, 0]
 
     def steady_state(self, power: float | Sequence[float]) -> Array:

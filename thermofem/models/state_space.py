@@ -156,6 +156,7 @@ class StateSpace:
         check_single(self)
 
         def run(t: Array) -> Array:
+            waveforms.check_heating(wave, float(t[-1]))
             found = self._modal.run(self.C, wave, t, rtol=rtol) or integrate(self, wave, t, rtol=rtol)
             return found.outputs[:, 0]
 
@@ -166,6 +167,7 @@ class StateSpace:
         check_single(self)
         self._check_settles()
         times = waveforms.period_times(wave, samples)
+        waveforms.check_heating(wave, float(times[-1]))
         run = self._modal.run(self.C, wave, times, rtol=rtol, periodic=True)
         return (run or integrate_periodic(self, wave, samples, rtol=rtol)).outputs[:, 0]
 

@@ -34,7 +34,17 @@ from .contract import KINDS, Waveform, words
 from .cubic import Cubic
 from .files import from_json, storable, to_json
 from .function import Function
-from .pieces import Pieces, bounds, cubic_pieces, heating_pieces, hermite, knots, linear_pieces, period_times
+from .pieces import (
+    Pieces,
+    bounds,
+    check_heating,
+    cubic_pieces,
+    heating_pieces,
+    hermite,
+    knots,
+    linear_pieces,
+    period_times,
+)
 from .piecewise_cubic import PiecewiseCubic
 from .pulse import Pulse
 from .sampled import Sampled
@@ -44,8 +54,8 @@ from .telegraph import Telegraph
 
 __all__ = [
     "KINDS", "Chirp", "Constant", "Cubic", "Function", "Pieces", "PiecewiseCubic", "Pulse", "Sampled", "SquareWave",
-    "Symbols", "Telegraph", "Waveform", "bounds", "cubic_pieces", "from_json", "heating_pieces", "hermite", "knots",
-    "linear_pieces", "period_times", "storable", "to_json", "words",
+    "Symbols", "Telegraph", "Waveform", "bounds", "check_heating", "cubic_pieces", "from_json", "heating_pieces",
+    "hermite", "knots", "linear_pieces", "period_times", "storable", "to_json", "words",
 ]  # fmt: skip
 
 for _found in pkgutil.iter_modules(__path__):  # a new file in this folder joins by itself

@@ -14,6 +14,7 @@ from .contract import Array, Waveform, check_cycles, check_wave, inside
 MANY = 8  # periods of a smooth wave, beyond which one is fitted and repeated
 MOST_SAMPLES = 10_000_000  # of a periodic state; more would not fit into memory
 TOLERANCE = 1e-8  # of a cubic fit, relative to the largest value: far below the rtol of every model's default
+COARSE = 1e-4  # the same, where only the sign of a power is asked
 UNDERSHOOT = 1e-6  # of the largest power: what a cubic fit may fall below zero where the power is zero
 _QUARTERS = np.array([[0.25], [0.75]])
 
@@ -151,6 +152,12 @@ def heating_pieces(wave: Waveform, start: float, stop: float, *, tolerance: floa
             heating_pieces(wave, start, stop)  # tells a negative power from the error of a coarse fit
         checks.power("power", max(high, 0.0), zero=True)
     return found
+
+
+def check_heating(wave: Waveform, stop: float) -> None:
+    """Raise InputError for a smooth power that no light has somewhere before ``stop`` in s, as `heating_pieces`."""
+    if stop > 0 and not getattr(wave, "piecewise_linear", False):
+        heating_pieces(wave, 0.0, stop, tolerance=COARSE)
 
 
 def knots(wave: Waveform, start: float, stop: float, *, tolerance: float) -> Array:
