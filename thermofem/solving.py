@@ -146,7 +146,7 @@ def solve_periodic(
         times = period_times(wave, samples)
         run = heat.modal(heated).run(system.C, wave, times, rtol=rtol, ledger=ledger, periodic=True)
     if run is None:
-        check_heating(wave, wave.period or 0.0)
+        check_heating(wave, getattr(wave, "period", None))
         factors = heat.discretization.factors
         run = integrate_periodic(system, wave, samples, rtol=rtol, ledger=ledger, factors=factors, progress=progress)
     elif progress:

@@ -93,13 +93,13 @@ def check_taken(variations: tuple[Variation, ...], drives: tuple[Drive, ...]) ->
     for variation in variations:
         if variation.name in _INDEX.split():
             raise InputError(f"vary: name = {variation.name!r} is taken by the index; choose another one")
+        if variation.name in taken:
+            of = taken[variation.name]
+            raise InputError(f"vary: name = {variation.name!r} is taken by the drive {of!r}; choose another one")
         if (own := known(variation.name)) and variation.unit != own.unit:
             raise InputError(
                 f"vary: name = {variation.name!r} is that of the {own.long_name} ({own.unit}) in files; choose another"
             )
-        if variation.name in taken:
-            of = taken[variation.name]
-            raise InputError(f"vary: name = {variation.name!r} is taken by the drive {of!r}; choose another one")
 
 
 @dataclass(frozen=True)

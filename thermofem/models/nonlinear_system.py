@@ -44,7 +44,7 @@ class NonlinearSystem(AtSmallPower, NonlinearEquations):
         check_single(self.linear)
 
         def run(t: Array) -> Array:
-            waveforms.check_heating(wave, float(t[-1]))
+            waveforms.check_heating(wave, float(t.max(initial=0.0)))
             return integrate(self, wave, t, rtol=rtol).outputs[:, 0]
 
         return at_times(run, times)
@@ -52,7 +52,7 @@ class NonlinearSystem(AtSmallPower, NonlinearEquations):
     def periodic_response(self, wave: waveforms.Waveform, samples: int, *, rtol: float = 1e-5) -> Array:
         """One period of the periodic state in K (`transient.integrate_periodic`)."""
         check_single(self.linear)
-        waveforms.check_heating(wave, wave.period or 0.0)
+        waveforms.check_heating(wave, getattr(wave, "period", None))
         return integrate_periodic(self, wave, samples, rtol=rtol).outputs[:, 0]
 
     def steady_state(self, power: float | Sequence[float]) -> Array:

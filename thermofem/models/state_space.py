@@ -156,7 +156,7 @@ class StateSpace:
         check_single(self)
 
         def run(t: Array) -> Array:
-            waveforms.check_heating(wave, float(t[-1]))
+            waveforms.check_heating(wave, float(t.max(initial=0.0)))
             found = self._modal.run(self.C, wave, t, rtol=rtol) or integrate(self, wave, t, rtol=rtol)
             return found.outputs[:, 0]
 

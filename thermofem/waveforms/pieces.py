@@ -154,9 +154,12 @@ def heating_pieces(wave: Waveform, start: float, stop: float, *, tolerance: floa
     return found
 
 
-def check_heating(wave: Waveform, stop: float) -> None:
-    """Raise InputError for a smooth power that no light has somewhere before ``stop`` in s, as `heating_pieces`."""
-    if stop > 0 and not getattr(wave, "piecewise_linear", False):
+def check_heating(wave: Waveform, stop: float | None) -> None:
+    """Raise InputError for a smooth power that no light has somewhere before ``stop`` in s, as `heating_pieces`.
+
+    What is no waveform is left to the function that needs one.
+    """
+    if stop and hasattr(wave, "breakpoints") and not getattr(wave, "piecewise_linear", False):
         heating_pieces(wave, 0.0, stop, tolerance=COARSE)
 
 
