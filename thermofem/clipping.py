@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import Array
+from .arrays import Array, runs_of
 
 FEWEST = 12  # rows at the extreme value
 MORE = 3  # times the rows of the value next to it: noise leaves fewer at an end
@@ -71,10 +71,7 @@ def _piled(y: Array, power: Array, at: NDArray[np.bool_], beside: int, resolutio
 
 def _longest(wanted: NDArray[np.bool_]) -> tuple[int, int]:
     """First row of the longest run of true values, and the row after its last."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], wanted, [False]])))
-    starts, stops = edges[::2], edges[1::2]
-    at = int(np.argmax(stops - starts))
-    return int(starts[at]), int(stops[at])
+    return max(runs_of(wanted), key=lambda run: run[1] - run[0])
 
 
 def _sudden(y: Array, step: Array, power: Array, first: int, stop: int, resolution: float) -> bool:

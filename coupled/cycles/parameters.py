@@ -35,7 +35,8 @@ def value_of(p: CycleProblem, name: str) -> float:
     """Return a number of a problem, in SI."""
     if name in optical_names(p.ring):
         check_counts("parameters", name, p.ring)
-    checks.choice("a parameter", name, parameter_names(p.ring, p.model))
+    else:
+        checks.choice("a parameter", name, parameter_names(p.ring, p.model))
     if name in LASER:
         return float(getattr(p, name))
     kind, number = _pole(name)

@@ -222,7 +222,7 @@ def _result(
         notes, spread = notes + apart, np.full(spread.size, np.nan)
     drawn = np.array(curves)
     units = {target.observed.unit for target in targets}
-    about = {"units": units.pop() if len(units) == 1 else "that of the trace", "long_name": "drop signal"}
+    about = {"units": units.pop() if len(units) == 1 else "unit of the trace", "long_name": "drop signal"}
     about = dataset.describe("drop") if about["units"] == "W" else about
     cycles = xr.Dataset(
         {

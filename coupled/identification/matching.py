@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 STEP = 1e-3  # of a logarithm, for the slopes of a search: far above what the step control of the integration leaves
-BENT = 0.7  # second over first difference, beyond which a side of a step holds a jump
+BENT = 0.7  # second over first difference, beyond which a side of a step holds a jump: 1 there, else 0.3 (measured)
 WIDE = 1e-2  # the same for deviations: edges move by several samples, whose lines between them make the misfit rough
 RTOL = 1e-5
 LONGEST = 40e-6  # s simulated for a trace that is longer, or

