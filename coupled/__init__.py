@@ -1,14 +1,40 @@
 """Optics, free carriers and heat of a silicon ring together: time traces and self-pulsing."""
 
-from importlib import import_module as _import_module
-from typing import TYPE_CHECKING as _TYPE_CHECKING
-from typing import Any as _Any
-
 from .carriers.lifetime import ConstantLifetime
+from .carriers.pump_probe import CarrierFit, carrier_decay, fit_carrier_decay
 from .carriers.shockley_read_hall import ShockleyReadHall
+from .circuit import (
+    Circuit,
+    Detector,
+    LaserPort,
+    Splitter,
+    Waveguide,
+    bus,
+    circuit_limit_cycle,
+    circuit_steady_states,
+    crow,
+    delay_loop,
+    scissor,
+    simulate_circuit,
+    spectrum,
+)
+from .cycles.continue_cycle import continue_cycle
+from .cycles.cycle_folds import cycle_fold_curves
+from .cycles.derivatives import cycle_derivatives
+from .cycles.limit_cycle import limit_cycle
+from .equilibria.boundaries import fold_curves, hopf_curves
+from .equilibria.steady import steady_states
+from .equilibria.transmission import power_for_drop, sweep, transmission
+from .equilibria.weight import van_vaerenbergh_q
 from .explore.page import explore
+from .identification.identify import Identification, identify
+from .identification.newton_traces import fit_newton_per_trace
 from .inputs import Sweep
 from .kernels.tableaus import Method
+from .loop.corrector import FEM, Corrector
+from .loop.cosimulate import NO_PREDICTOR, cosimulate
+from .maps.pulsing_map import overlap, pulsing_map
+from .maps.stability_map import stability_map
 from .noise import frequency_noise, intensity_noise
 from .parameters.borghi2021 import borghi2021
 from .parameters.vanvaerenbergh2012 import vanvaerenbergh2012
@@ -29,69 +55,3 @@ __all__ = [
     "pulsing_map", "scissor", "simulate", "simulate_circuit", "spectrum", "stability_map", "steady_states", "sweep",
     "transmission", "van_vaerenbergh_q", "vanvaerenbergh2012",
 ]  # fmt: skip
-
-if _TYPE_CHECKING:
-    from .carriers.pump_probe import CarrierFit, carrier_decay, fit_carrier_decay
-    from .circuit import (
-        Circuit,
-        Detector,
-        LaserPort,
-        Splitter,
-        Waveguide,
-        bus,
-        circuit_limit_cycle,
-        circuit_steady_states,
-        crow,
-        delay_loop,
-        scissor,
-        simulate_circuit,
-        spectrum,
-    )
-    from .cycles.continue_cycle import continue_cycle
-    from .cycles.cycle_folds import cycle_fold_curves
-    from .cycles.derivatives import cycle_derivatives
-    from .cycles.limit_cycle import limit_cycle
-    from .equilibria.boundaries import fold_curves, hopf_curves
-    from .equilibria.steady import steady_states
-    from .equilibria.transmission import power_for_drop, sweep, transmission
-    from .equilibria.weight import van_vaerenbergh_q
-    from .identification.identify import Identification, identify
-    from .identification.newton_traces import fit_newton_per_trace
-    from .loop.corrector import FEM, Corrector
-    from .loop.cosimulate import NO_PREDICTOR, cosimulate
-    from .maps.pulsing_map import overlap, pulsing_map
-    from .maps.stability_map import stability_map
-
-# imported when first used, so that a command which needs none of them starts fast
-_LATE = {
-    ".circuit": "Circuit Detector LaserPort Splitter Waveguide bus circuit_limit_cycle circuit_steady_states crow "
-    "delay_loop scissor simulate_circuit spectrum",
-    ".equilibria.boundaries": "fold_curves hopf_curves",
-    ".equilibria.steady": "steady_states",
-    ".equilibria.transmission": "power_for_drop sweep transmission",
-    ".equilibria.weight": "van_vaerenbergh_q",
-    ".identification.identify": "Identification identify",
-    ".identification.newton_traces": "fit_newton_per_trace",
-    ".loop.corrector": "FEM Corrector",
-    ".loop.cosimulate": "NO_PREDICTOR cosimulate",
-    ".maps.pulsing_map": "overlap pulsing_map",
-    ".maps.stability_map": "stability_map",
-    ".carriers.pump_probe": "CarrierFit carrier_decay fit_carrier_decay",
-    ".cycles.continue_cycle": "continue_cycle",
-    ".cycles.cycle_folds": "cycle_fold_curves",
-    ".cycles.derivatives": "cycle_derivatives",
-    ".cycles.limit_cycle": "limit_cycle",
-}
-_MODULES = {name: module for module, names in _LATE.items() for name in names.split()}
-
-
-def __getattr__(name: str) -> _Any:
-    """Import a name at its first use."""
-    if name in _MODULES:
-        return getattr(_import_module(_MODULES[name], __name__), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    """All public names, imported or not."""
-    return sorted({*globals(), *__all__})

@@ -14,7 +14,7 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array, ArrayLike
-from thermofem.display import shown
+from thermofem.data.display import shown
 from thermofem.waveforms import Pieces as Pieces
 from thermofem.waveforms import Waveform, cubic_pieces
 from thermofem.waveforms import bounds as bounds

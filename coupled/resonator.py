@@ -9,9 +9,10 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from thermofem import checks, dataset, toml_file
+from thermofem import checks
 from thermofem.constants import c, hbar
-from thermofem.display import shown
+from thermofem.data import dataset, toml_file
+from thermofem.data.display import shown
 
 from . import ring_toml
 from .carriers.lifetime import ConstantLifetime

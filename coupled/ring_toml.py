@@ -32,10 +32,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, TypeVar
 
-from thermofem import checks, toml_file
+from thermofem import checks
 from thermofem.checks import InputError
 from thermofem.constants import c, e, k
-from thermofem.toml_file import TABLE, TABLES, TEXT, read_table
+from thermofem.data import toml_file
+from thermofem.data.toml_file import TABLE, TABLES, TEXT, read_table
 
 from .carriers.lifetime import ConstantLifetime
 from .carriers.shockley_read_hall import ShockleyReadHall

@@ -14,7 +14,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from thermofem import quantity
+from thermofem.data import quantity
 from thermofem.geometry import toml_schema
 from thermofem.materials import library as materials
 from thermofem.materials import property_toml
@@ -271,7 +271,7 @@ def commands() -> str:
     """Every command with its arguments and options."""
     from typer.main import get_command
 
-    from thermofem.cli import app
+    from thermofem_cli import app
 
     text = COMMANDS
     for name, command in get_command(app).commands.items():

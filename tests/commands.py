@@ -12,7 +12,7 @@ from pathlib import Path
 from unittest import mock
 
 from thermofem import InputError
-from thermofem.cli import main
+from thermofem_cli import main
 
 WIDE = {"COLUMNS": "200"}
 

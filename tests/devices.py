@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 
 import surrogate
 import thermofem as th
-from thermofem import quantity
+from thermofem.data import quantity
 
 MEASURED = ROOT / "docs" / "measured.toml"
 DEVICES: list[dict[str, Any]] = tomllib.loads(MEASURED.read_text(encoding="utf-8"))["device"]

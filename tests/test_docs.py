@@ -66,7 +66,7 @@ def neighbours(folder: Path) -> None:
 def test_every_block_runs_and_prints_what_stands_there(page, tmp_path, monkeypatch, needs_mesher):
     from typer.testing import CliRunner
 
-    from thermofem.cli import app
+    from thermofem_cli import app
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "agg")
@@ -97,7 +97,7 @@ def test_every_block_runs_and_prints_what_stands_there(page, tmp_path, monkeypat
 def test_every_command_and_option_exists(page):
     from typer.main import get_command
 
-    from thermofem.cli import app
+    from thermofem_cli import app
 
     root = get_command(app)
     for name, *arguments in commands(page):

@@ -10,8 +10,8 @@ import pytest
 
 import coupled
 import thermofem as th
-from thermofem.columns import parse
-from thermofem.traces import read_trace
+from thermofem.data.columns import parse
+from thermofem.data.traces import read_trace
 
 GOOD = "".join(f"{k}e-7,{1e3 * (1 - np.exp(-k / 10)):.6f}\n" for k in range(1, 60))
 

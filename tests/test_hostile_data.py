@@ -17,10 +17,10 @@ from fuzz import hostile, hostile_tables
 
 import surrogate
 import thermofem as th
-from thermofem import files, netcdf
-from thermofem.cli import main
-from thermofem.cli.kinds import kind_of
-from thermofem.traces import read_trace
+from thermofem.data import files, netcdf
+from thermofem.data.traces import read_trace
+from thermofem_cli import main
+from thermofem_cli.kinds import kind_of
 
 MODEL = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
 STEP = th.Constant(1e-3)
@@ -136,7 +136,7 @@ def test_a_current_folder_that_was_deleted_is_named(tmp_path):
     words = ["export", str(tmp_path / "model.json"), "--to", "csv", "-o", "x.csv"]
     code = f"import os, sys; os.rmdir({str(gone)!r}); sys.argv[1:] = {words!r}; "
     run = subprocess.run(
-        [sys.executable, "-c", f"import thermofem.cli; {code}thermofem.cli.main()"],
+        [sys.executable, "-c", f"import thermofem_cli; {code}thermofem_cli.main()"],
         cwd=gone, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert run.returncode == 2

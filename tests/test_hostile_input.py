@@ -16,12 +16,13 @@ import pytest
 import coupled
 import surrogate
 import thermofem as th
+import thermofem_cli as cli
 from coupled.maps.journal import Journal
 from surrogate.family.archive import pack
-from thermofem import cli, trees
-from thermofem.cli.apart import check_apart
-from thermofem.cli.files import check_outputs
+from thermofem.data import trees
 from thermofem.mesh.triangles import load as load_mesh
+from thermofem_cli.apart import check_apart
+from thermofem_cli.files import check_outputs
 
 
 def test_a_key_that_stands_twice_is_refused():

@@ -23,9 +23,9 @@ from coupled.maps.pulsing_map import _Cell, _possible
 from thermofem.campaign import Campaign
 from thermofem.campaign.schema import fields
 from thermofem.campaign.store import ResultStore
-from thermofem.cli.kinds import kind_of
-from thermofem.traces import read_trace
+from thermofem.data.traces import read_trace
 from thermofem.waveforms import from_json
+from thermofem_cli.kinds import kind_of
 
 SECONDS = 20.0  # of one reader over one generator: pint's first use alone takes 2 to 8 on a busy machine
 

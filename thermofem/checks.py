@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from . import units
+from .data import units
 from .errors import Hint, InputError, MissingLibraryError, one_line, shown  # noqa: F401 - as checks.InputError
 
 if TYPE_CHECKING:  # NumPy is imported where it is used: --help and errors of usage do without it

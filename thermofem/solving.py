@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import checks, dataset
-from .heat.problem import HeatProblem
+from . import checks
+from .data import dataset
+from .data.record import Record, as_dataset, column, joined
+from .fem.problem import HeatProblem
 from .models import StateSpace
-from .record import Record, as_dataset, column, joined
 from .transient.integration import integrate, integrate_periodic
 from .transient.trajectory import Trajectory
 from .waveforms import Waveform, check_heating, period_times

@@ -17,9 +17,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import checks, quantity
+from . import checks
 from .arrays import Array
 from .checks import InputError
+from .data import quantity
 from .geometry.cross_section import CrossSection
 from .waveforms import Waveform, cubic_pieces
 from .waveforms import bounds as ends

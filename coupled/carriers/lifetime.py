@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import checks
-from thermofem.display import shown
+from thermofem.data.display import shown
 
 SHORTEST = 1e-15  # s: faster than any recombination, and its inverse is far from overflow
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array, ArrayLike, NDArray, runs_of
-from thermofem.contents import in_si
-from thermofem.display import shown
+from thermofem.data.contents import in_si
+from thermofem.data.display import shown
 
 from .shockley_read_hall import ShockleyReadHall
 
@@ -57,7 +57,7 @@ def carrier_decay(carriers: ShockleyReadHall, initial: float, times: ArrayLike) 
     """
     import xarray as xr
 
-    from thermofem import dataset
+    from thermofem.data import dataset
 
     hint = "densities are in 1/m^3 (1e17 cm^-3 is 1e23)"
     N0 = checks.positive("initial", initial, unit="1/m^3", at_most=1e28, hint=hint)

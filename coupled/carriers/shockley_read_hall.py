@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import checks
-from thermofem.display import shown
+from thermofem.data.display import shown
 
 from .lifetime import SHORTEST
 

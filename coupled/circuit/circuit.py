@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import checks, toml_file
-from thermofem.display import shown
+from thermofem import checks
+from thermofem.data import toml_file
+from thermofem.data.display import shown
 
 from ..resonator import RingResonator
 from . import file

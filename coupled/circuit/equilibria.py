@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import checks, dataset
+from thermofem import checks
 from thermofem.arrays import Array
+from thermofem.data import dataset
 
 from ..thermal import trusted
 from .circuit import Circuit

@@ -41,9 +41,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from thermofem import checks, toml_file
+from thermofem import checks
 from thermofem.checks import InputError
-from thermofem.toml_file import NUMBER, TABLES, TEXT, read_table
+from thermofem.data import toml_file
+from thermofem.data.toml_file import NUMBER, TABLES, TEXT, read_table
 
 from ..resonator import PUBLISHED, RingResonator
 from .parts import Detector, LaserPort, Splitter, Waveguide

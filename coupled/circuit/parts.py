@@ -15,7 +15,7 @@ import re
 from dataclasses import dataclass
 
 from thermofem import checks
-from thermofem.display import shown
+from thermofem.data.display import shown
 
 IN, OUT = ("in", "add"), ("through", "drop")  # of a ring
 SPLITTER_IN, SPLITTER_OUT = ("in 1", "in 2"), ("out 1", "out 2")

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import dataset
 from thermofem.arrays import Array
+from thermofem.data import dataset
 
 from ..runs.record import heater_powers
 from .circuit import Circuit

@@ -193,7 +193,7 @@ def _dataset(base: Any, places: list[Place], reasons: tuple[str, str]) -> xr.Dat
     """One curve in SI."""
     import xarray as xr
 
-    from thermofem import dataset
+    from thermofem.data import dataset
 
     power, detuning = np.array([place.values for place in places]).T
     others = [np.delete(mu, np.argmin(np.abs(mu - 1))) for mu in (nontrivial(place.orbit) for place in places)]

@@ -18,8 +18,8 @@ import numpy as np
 
 from thermofem import Quadratic, checks
 from thermofem.arrays import Array
+from thermofem.data.netcdf import PER
 from thermofem.models import ThermalModel
-from thermofem.netcdf import PER
 
 from ..arguments import check_detuning, check_power, check_ring, one_laser
 from ..equilibria.steady import provenance

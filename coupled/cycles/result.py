@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import dataset
+from thermofem.data import dataset
 
 from ..equilibria.steady import provenance
 from .closing import Settled, nontrivial

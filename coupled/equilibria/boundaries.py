@@ -386,7 +386,7 @@ def _dataset(plane: Plane, kind: str, U: Array, D: Array, omega: Array | None = 
     """One curve in SI."""
     import xarray as xr
 
-    from thermofem import dataset
+    from thermofem.data import dataset
 
     from ..kernels import equations as eq
 

@@ -86,7 +86,7 @@ def steady_states(
     """
     import xarray as xr
 
-    from thermofem import dataset
+    from thermofem.data import dataset
 
     check_ring(ring)
     power = check_power(power)

@@ -321,7 +321,7 @@ def _dataset(
     """Fixed points along a line, in SI."""
     import xarray as xr
 
-    from thermofem import dataset
+    from thermofem.data import dataset
 
     values = {"power": powers, "detuning": detunings} | observables(ring, at, U, D, powers)
     return xr.Dataset(

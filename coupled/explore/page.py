@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermofem import checks
-from thermofem.files import check_target, write_whole
+from thermofem.data.files import check_target, write_whole
+from thermofem.data.together import other_geometry
 from thermofem.models import ThermalModel
-from thermofem.together import other_geometry
 from thermofem.version import __version__
 
 from ..arguments import check_detuning, check_power, one_laser

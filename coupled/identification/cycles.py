@@ -18,14 +18,14 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array, Complex, NDArray
-from thermofem.contents import in_si
+from thermofem.data.contents import in_si
 
 from ..runs.pulsing import Regime, crossings, pulsing
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from thermofem.record import Record
+    from thermofem.data.record import Record
 
 
 HARMONICS = 32

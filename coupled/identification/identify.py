@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import checks, quantity, renamed
+from thermofem import checks, renamed
 from thermofem.arrays import Array
-from thermofem.display import shown
+from thermofem.data import quantity
+from thermofem.data.display import shown
 from thermofem.models import HasModel, ThermalModel
 
 from ..arguments import check_ring
@@ -190,7 +191,7 @@ def _result(
     """Put the result together."""
     import xarray as xr
 
-    from thermofem import dataset
+    from thermofem.data import dataset
 
     values, best = np.exp([x for x, _, _ in found]), int(np.argmin([m for _, m, _ in found]))
     ring, model = what.build(found[best][0])

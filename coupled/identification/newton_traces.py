@@ -77,7 +77,7 @@ def fit_newton_per_trace(
     """
     import xarray as xr
 
-    from thermofem import dataset
+    from thermofem.data import dataset
 
     check_ring(ring)
     what = unknowns(ring, ["tau_th", "heat_capacity"], bounds=bounds)

@@ -25,7 +25,7 @@ import numpy as np
 from thermofem import HeatProblem, checks, renamed
 from thermofem.algebra.krylov import CYCLES, krylov
 from thermofem.arrays import Array, ArrayLike
-from thermofem.display import card
+from thermofem.data.display import card
 from thermofem.models import Foster, NonlinearSystem, Quadratic, StateSpace, foster
 from thermofem.solving import check_fields, mesh_hash
 from thermofem.transient.deflation import FieldIntegrator

@@ -180,7 +180,7 @@ def _dataset(
 ) -> xr.Dataset:
     import xarray as xr
 
-    from thermofem import dataset
+    from thermofem.data import dataset
     from thermofem.solving import fields
 
     run = _joined(parts)

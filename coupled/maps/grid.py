@@ -43,7 +43,7 @@ class Grid:
 
     def coordinates(self) -> dict[str, Any]:
         """Coordinates of the Dataset."""
-        from thermofem import dataset
+        from thermofem.data import dataset
 
         about = {"power": dataset.describe("input_power"), "detuning": dataset.describe("detuning")}
         return {

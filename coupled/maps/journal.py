@@ -9,7 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from thermofem import checks, files, trees
+from thermofem import checks
+from thermofem.data import files, trees
 
 VERSION = 2  # of the lines: [row, cells, hash]
 

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermofem import Quadratic, checks, dataset, renamed
-from thermofem.contents import in_si
+from thermofem import Quadratic, checks, renamed
+from thermofem.data import dataset
+from thermofem.data.contents import in_si
+from thermofem.data.names import Words
+from thermofem.data.record import Record, as_dataset, recorded
 from thermofem.models import ThermalModel
-from thermofem.names import Words
-from thermofem.record import Record, as_dataset, recorded
 
 from ..arguments import check_duration, one_laser
 from ..bar import bar

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermofem import OutputMap, dataset
+from thermofem import OutputMap
+from thermofem.data import dataset
+from thermofem.data.record import Record, as_dataset, recorded
 from thermofem.models import ThermalModel
 from thermofem.models.contract import bare
-from thermofem.record import Record, as_dataset, recorded
 
 from ..arguments import one_laser
 from ..equilibria.steady import Internal, absorbable, internal, provenance

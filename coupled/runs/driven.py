@@ -16,7 +16,7 @@ from ..inputs import Pieces, add, joint, pieces
 if TYPE_CHECKING:
     import xarray as xr
 
-    from thermofem.record import Record
+    from thermofem.data.record import Record
 
 ATTRIBUTE = "varying"
 HAIR = 1e-9  # of the largest value: what a fit of cubics to a constant leaves

@@ -16,7 +16,7 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array, NDArray
-from thermofem.display import shown
+from thermofem.data.display import shown
 
 from ..arguments import detuning_in_time, power_in_time
 from ..inputs import Input, add, joint, pieces
@@ -230,7 +230,7 @@ def _incoming(light: Any, t: Array, resonances: int) -> NDArray[np.complex128]:
 
 def variables_of(found: Traces, resonances: list[RingResonator], light: dict[str, Any]) -> dict[str, tuple[Any, ...]]:
     """Variables of the Dataset: those of `simulate` on the first resonance, probe_* over the others."""
-    from thermofem import dataset
+    from thermofem.data import dataset
 
     U = np.abs(found.fields) ** 2
     bus = np.sqrt([[2 * one.bus_rate] for one in resonances])

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thermofem import checks, quantity
+from thermofem import checks
 from thermofem.arrays import Array, NDArray
-from thermofem.contents import in_si
-from thermofem.display import shown
-from thermofem.names import Words
-from thermofem.record import Record
+from thermofem.data import quantity
+from thermofem.data.contents import in_si
+from thermofem.data.display import shown
+from thermofem.data.names import Words
+from thermofem.data.record import Record
 
 from ..arguments import LONGEST
 from .driven import varies_in

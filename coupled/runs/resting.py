@@ -14,7 +14,7 @@ import numpy as np
 from thermofem import Foster, OutputMap, Quadratic
 from thermofem.arrays import Array
 from thermofem.checks import InputError
-from thermofem.record import Record
+from thermofem.data.record import Record
 
 from ..carriers.lifetime import ConstantLifetime
 from ..carriers.shockley_read_hall import ShockleyReadHall

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import Quadratic, checks, dataset
+from thermofem import Quadratic, checks
 from thermofem.arrays import ArrayLike, NDArray
+from thermofem.data import dataset
+from thermofem.data.record import Record, as_dataset, column
 from thermofem.models import ThermalModel
-from thermofem.record import Record, as_dataset, column
 
 from ..arguments import check_run, check_times, detuning_in_time, power_in_time
 from ..heaters import channels, heating

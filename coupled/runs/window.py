@@ -10,7 +10,7 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array, NDArray
-from thermofem.display import shown
+from thermofem.data.display import shown
 from thermofem.waveforms import Pieces, bounds
 
 from ..arguments import ROUND_OFF

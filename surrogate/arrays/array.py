@@ -30,7 +30,7 @@ import numpy as np
 
 from thermofem import Foster, HeatProblem, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
-from thermofem.display import shown
+from thermofem.data.display import shown
 from thermofem.models import HasModel
 from thermofem.models.state_space import LARGEST
 

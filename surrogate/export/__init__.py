@@ -57,7 +57,7 @@ def export_model(
     MissingLibraryError
         ``to="fmu"``, and the library that builds it is not installed.
     """
-    from thermofem.files import check_target
+    from thermofem.data.files import check_target
     from thermofem.models import HasModel, bare
 
     from .header import header

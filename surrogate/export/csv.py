@@ -7,7 +7,7 @@ import io
 from pathlib import Path
 from typing import Any
 
-from thermofem.files import write_whole
+from thermofem.data.files import write_whole
 
 from .header import comment
 from .modes import modes

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from thermofem import checks
-from thermofem.files import write_whole
+from thermofem.data.files import write_whole
 
 from .header import identifiers
 from .modes import Modes, modes

@@ -12,7 +12,7 @@ import numpy as np
 
 import thermofem
 from thermofem import ThermalModel
-from thermofem.names import ascii_lines, lines_of
+from thermofem.data.names import ascii_lines, lines_of
 
 MARK = "Thermal model of thermofem"  # how the header of every export begins
 MOST = 4000  # bytes of a file within which it stands

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from thermofem import Quadratic, StateSpace
-from thermofem.files import write_whole
+from thermofem.data.files import write_whole
 
 from .modes import modes
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from thermofem import Foster
 from thermofem.checks import InputError
-from thermofem.files import write_whole
+from thermofem.data.files import write_whole
 from thermofem.models.cauer import cauer
 
 from .circuit import PoleCircuit, network

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from thermofem.files import write_whole
+from thermofem.data.files import write_whole
 
 from .circuit import PoleCircuit, network
 from .header import comment, identifiers

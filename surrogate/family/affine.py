@@ -10,9 +10,9 @@ import numpy as np
 
 from thermofem import HeatProblem, Mesh
 from thermofem.arrays import Array, NDArray
+from thermofem.fem.interface import split
+from thermofem.fem.problem import on_mesh, resistances
 from thermofem.geometry.regions import Face
-from thermofem.heat.interface import split
-from thermofem.heat.problem import on_mesh, resistances
 from thermofem.mesh.generate import make_faces
 from thermofem.sizes import size_function, sizes
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofem.files import LARGEST_TEXT, digest, digest_tree
-from thermofem.netcdf import DAMAGE
+from thermofem.data.files import LARGEST_TEXT, digest, digest_tree
+from thermofem.data.netcdf import DAMAGE
 
 HASH = "hash"  # name of the array that holds it
 _DAMAGE = (EOFError, MemoryError, SyntaxError, struct.error, tokenize.TokenError, zipfile.BadZipFile, zlib.error)

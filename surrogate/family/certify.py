@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from thermofem import CrossSection, HeatProblem, StateSpace, assemble
-from thermofem.display import shown
+from thermofem.data.display import shown
 
 from ..reduction.reduce import Projected, project
 from .reduced import MemberModes, difference

@@ -13,11 +13,11 @@ import numpy as np
 
 from thermofem import Foster, OutputMap, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike
-from thermofem.display import shown
-from thermofem.heat.derivatives import MOST, dataset_of, step_times
-from thermofem.heat.projected import ModalDerivative
+from thermofem.data.display import shown
+from thermofem.data.netcdf import DAMAGE
+from thermofem.fem.derivatives import MOST, dataset_of, step_times
+from thermofem.fem.projected import ModalDerivative
 from thermofem.models.contract import OutsideTrainingWarning
-from thermofem.netcdf import DAMAGE
 
 from ..reduction.reduce import reduce
 from . import files

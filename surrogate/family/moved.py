@@ -9,7 +9,7 @@ import numpy as np
 
 from thermofem import HeatProblem, Mesh, assemble, checks
 from thermofem.arrays import Array
-from thermofem.heat.problem import on_mesh
+from thermofem.fem.problem import on_mesh
 from thermofem.mesh.motion import Motion
 
 from .box import Box

@@ -14,7 +14,7 @@ import numpy as np
 
 from thermofem import CrossSection, assemble, checks
 from thermofem.arrays import Array
-from thermofem.files import check_entries, make_folder, read_bytes, write_whole
+from thermofem.data.files import check_entries, make_folder, read_bytes, write_whole
 
 from . import archive
 from .affine import LineEngine

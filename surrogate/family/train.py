@@ -18,7 +18,7 @@ from thermofem import Campaign, Foster, checks, renamed
 from thermofem import __version__ as version
 from thermofem.arrays import Array
 from thermofem.campaign import schema
-from thermofem.toml_file import read
+from thermofem.data.toml_file import read
 
 from .affine import LineEngine
 from .bend import Bend, bend_of
@@ -191,8 +191,8 @@ def read_campaign(path: str | Path) -> Campaign:
     """
 
     def campaign(text: str) -> Campaign:
-        from thermofem import toml_file
-        from thermofem.toml_file import write_table
+        from thermofem.data import toml_file
+        from thermofem.data.toml_file import write_table
 
         table: dict[str, Any] = toml_file.parse(text)
         ranges = any("count" not in item and "values" not in item for item in table.get("vary", []))

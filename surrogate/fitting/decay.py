@@ -10,7 +10,7 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array, ArrayLike
-from thermofem.display import shown
+from thermofem.data.display import shown
 
 from .correlated import noise_along
 from .notes import EXPLAINED, cancelling, unseen_times

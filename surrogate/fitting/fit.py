@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import Foster, checks, renamed, trees
+from thermofem import Foster, checks, renamed
 from thermofem.arrays import Array
-from thermofem.dataset import at_probe, responses_of
-from thermofem.display import shown
+from thermofem.data import trees
+from thermofem.data.dataset import at_probe, responses_of
+from thermofem.data.display import shown
 from thermofem.models import HasModel
 from thermofem.models.lumped import (
     BORGHI2021_HEAT_CAPACITY,
@@ -81,7 +82,7 @@ class Fit(HasModel):
 
     def _repr_html_(self) -> str:
         """HTML for notebooks."""
-        from thermofem.display import card
+        from thermofem.data.display import card
 
         rows = [(k, f"{v:.4g} ± {self.standard_errors[k]:.1g}") for k, v in self.parameters.items()]
         rows.append(("misfit", f"{self.residual:.3g} K rms, {self.relative_residual:.2%} of the swing"))

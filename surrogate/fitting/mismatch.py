@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from thermofem.dataset import Response
+from thermofem.data.dataset import Response
 
 from .projection import FitProblem
 

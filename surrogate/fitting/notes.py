@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from thermofem import Foster, quantity
+from thermofem import Foster
 from thermofem.arrays import Array, ArrayLike, NDArray
+from thermofem.data import quantity
 
 from .projection import Optimum
 

@@ -24,10 +24,11 @@ from itertools import combinations
 
 import numpy as np
 
-from thermofem import checks, quantity
+from thermofem import checks
 from thermofem.algebra.poles import pole_responses
 from thermofem.arrays import Array
-from thermofem.dataset import Response
+from thermofem.data import quantity
+from thermofem.data.dataset import Response
 
 from .correlated import noise_along
 

@@ -26,8 +26,8 @@ import numpy as np
 
 from thermofem import Quadratic, Waveform, checks
 from thermofem.arrays import Array
-from thermofem.dataset import check_texts, response_of, warn_of
-from thermofem.display import shown
+from thermofem.data.dataset import check_texts, response_of, warn_of
+from thermofem.data.display import shown
 from thermofem.models import HasModel, Network, gate
 
 if TYPE_CHECKING:

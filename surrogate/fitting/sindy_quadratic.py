@@ -21,8 +21,8 @@ import numpy as np
 
 from thermofem import Quadratic, checks
 from thermofem.arrays import Array, NDArray
+from thermofem.data.together import check_together
 from thermofem.models.network import STATIC, gate
-from thermofem.together import check_together
 
 from .sindy import UNIT, SindyFit, fitted, half_width, read_probes, regress
 

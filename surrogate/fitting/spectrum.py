@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thermofem import Foster, checks, quantity
+from thermofem import Foster, checks
 from thermofem.arrays import Array
+from thermofem.data import quantity
 
 from .fit import Fit, Training
 

@@ -19,14 +19,14 @@ from thermofem import (
     ThermalModel,
     assemble,
     checks,
-    dataset,
     solve,
     waveforms,
 )
 from thermofem.arrays import Array, ArrayLike
-from thermofem.contents import contents
-from thermofem.dataset import describe
-from thermofem.display import shown
+from thermofem.data import dataset
+from thermofem.data.contents import contents
+from thermofem.data.dataset import describe
+from thermofem.data.display import shown
 from thermofem.models import NonlinearSystem, foster
 
 from ..fitting.fit import fit_foster, fit_newton, fit_second_order

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import Chirp, Constant, Pulse, SquareWave, Telegraph, ThermalModel, Waveform, checks, netcdf, waveforms
+from thermofem import Chirp, Constant, Pulse, SquareWave, Telegraph, ThermalModel, Waveform, checks, waveforms
 from thermofem.arrays import Array, ArrayLike
 from thermofem.constants import c
+from thermofem.data import netcdf
 
 from .swings import period_of, swing_over_period, swings
 

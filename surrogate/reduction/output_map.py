@@ -14,9 +14,9 @@ import numpy as np
 
 from thermofem import Foster, OutputMap, checks
 from thermofem.algebra.poles import pole_responses
-from thermofem.dataset import responses_of, warn_of
+from thermofem.data.dataset import responses_of, warn_of
+from thermofem.data.together import other_geometry
 from thermofem.models import NonlinearSystem
-from thermofem.together import other_geometry
 
 from .reduce import reduce
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thermofem import Foster, HeatProblem, checks
-from thermofem.heat.derivatives import project, tangents_of
-from thermofem.heat.projected import ModalDerivative
+from thermofem.fem.derivatives import project, tangents_of
+from thermofem.fem.projected import ModalDerivative
 
 from .reduce import Reduction
 

@@ -34,7 +34,7 @@ from thermofem import Quadratic
 from thermofem.algebra.factor import factorize
 from thermofem.algebra.krylov import symmetric_part
 from thermofem.arrays import Array
-from thermofem.display import shown
+from thermofem.data.display import shown
 from thermofem.models import HasModel, NonlinearSystem
 from thermofem.transient.curvature import cubic_form, operators
 

@@ -19,7 +19,7 @@ from thermofem import Foster, StateSpace, checks
 from thermofem.algebra.krylov import check_pair
 from thermofem.algebra.poles import pole_responses
 from thermofem.arrays import Array, ArrayLike
-from thermofem.display import shown
+from thermofem.data.display import shown
 from thermofem.models import HasModel
 from thermofem.waveforms import Waveform
 
@@ -70,7 +70,7 @@ class Reduction(HasModel):
 
     def _repr_html_(self) -> str:
         """HTML for notebooks."""
-        from thermofem.display import card
+        from thermofem.data.display import card
 
         bound = f"below {self.error_bound:.1e} of R_th at every frequency"
         return card("Reduction", [("error", bound), ("solves", str(self.solves))], self.model._repr_html_())

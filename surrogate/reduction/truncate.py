@@ -27,7 +27,7 @@ import numpy as np
 
 from thermofem import Foster, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike
-from thermofem.display import shown
+from thermofem.data.display import shown
 from thermofem.models import HasModel, check_single
 
 from .reduce import check_matrices, lifted, project

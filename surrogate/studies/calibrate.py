@@ -11,8 +11,8 @@ import numpy as np
 from thermofem import CrossSection, Foster, OutputMap, checks
 from thermofem.algebra.poles import pole_responses
 from thermofem.arrays import Array
-from thermofem.dataset import Response, at_probe, responses_of, warn_of
-from thermofem.display import shown
+from thermofem.data.dataset import Response, at_probe, responses_of, warn_of
+from thermofem.data.display import shown
 from thermofem.models.contract import warn_beyond
 
 from ..family import Certified, Family

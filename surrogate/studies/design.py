@@ -10,7 +10,7 @@ import numpy as np
 
 from thermofem import CrossSection, Foster, OutputMap, checks
 from thermofem.arrays import Array
-from thermofem.display import shown
+from thermofem.data.display import shown
 
 from ..family import Certified, Family
 from .pareto import front_of

@@ -10,7 +10,7 @@ import numpy as np
 
 from thermofem import Foster, OutputMap, checks
 from thermofem.arrays import Array, ArrayLike
-from thermofem.display import shown
+from thermofem.data.display import shown
 
 from ..family import Family
 

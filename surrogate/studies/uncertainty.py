@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from thermofem import checks, quantity, renamed
+from thermofem import checks, renamed
 from thermofem.arrays import Array
+from thermofem.data import quantity
 
 from ..family import Family
 from ..family.interpolant import interpolate_members

@@ -2,7 +2,7 @@
 
     python tests/audit/corners.py [count [first [accuracy]]]
 
-There dividing triangles or adding cubic functions finds little of the error (`thermofem.heat.singular`). The exact
+There dividing triangles or adding cubic functions finds little of the error (`thermofem.fem.singular`). The exact
 values are extrapolated: as a function of x = h^(2 lambda), h the size at the corner, Z is (a + b x)/(1 + c x), as that
 of a line with one wave in either direction.
 """
@@ -21,8 +21,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 import truth
 
 import thermofem as th
-from thermofem.heat.assembly import meshed
-from thermofem.heat.problem import HeatProblem
+from thermofem.fem.assembly import meshed
+from thermofem.fem.problem import HeatProblem
 from thermofem.mesh.refine import refined
 from thermofem.mesh.triangles import Mesh
 

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 import thermofem as th
 from thermofem.algebra.krylov import Rounds, rates
-from thermofem.heat.interface import split
-from thermofem.heat.matrices import build, properties
-from thermofem.heat.probes import probe_mean
-from thermofem.heat.problem import HeatProblem, resistances
-from thermofem.heat.surfaces import surfaces_of
+from thermofem.fem.interface import split
+from thermofem.fem.matrices import build, properties
+from thermofem.fem.probes import probe_mean
+from thermofem.fem.problem import HeatProblem, resistances
+from thermofem.fem.surfaces import surfaces_of
 from thermofem.mesh.refine import refined
 from thermofem.mesh.triangles import Mesh
 

@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 
 import surrogate
 import thermofem as th
-from thermofem.cli import app
-from thermofem.cli.bar import Bar
+from thermofem_cli import app
+from thermofem_cli.bar import Bar
 
 SAID: list[tuple[float, str]] = []  # share done, and the words beside the bar
 
@@ -18,7 +18,7 @@ SAID: list[tuple[float, str]] = []  # share done, and the words beside the bar
 @pytest.fixture(autouse=True)
 def terminal(monkeypatch):
     """Standard error as a terminal: elsewhere there is no bar."""
-    monkeypatch.setattr("thermofem.cli.bar.watched", lambda: True)
+    monkeypatch.setattr("thermofem_cli.bar.watched", lambda: True)
 
 
 class Listened(Bar):
@@ -42,7 +42,7 @@ def test_what_takes_long_says_how_far_it_is(module, arguments, last, tmp_path, m
     (tmp_path / "warm.toml").write_text(th.strip_ring().to_toml().replace('"Si"', '"Si(T)"'))  # stepped: k(T)
     surrogate.save_model(th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6]), tmp_path / "model.json")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(import_module(f"thermofem.cli.{module}"), "Bar", Listened)
+    monkeypatch.setattr(import_module(f"thermofem_cli.{module}"), "Bar", Listened)
     SAID.clear()
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 0, done.output

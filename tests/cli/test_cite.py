@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 import surrogate
 import thermofem as th
-from thermofem.cli import app
+from thermofem_cli import app
 
 
 def cited(*arguments):
@@ -67,7 +67,7 @@ def test_the_citation_file_names_this_version():
 def test_the_doctor_knows_every_requirement():
     import tomllib
 
-    from thermofem.cli.doctor import PACKAGES
+    from thermofem_cli.doctor import PACKAGES
 
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert {re.split(r"[>=<~!]", line)[0] for line in project["dependencies"]} == set(PACKAGES)

@@ -192,7 +192,7 @@ def test_a_film_that_cannot_be_written_is_refused_before_the_solve(name, words, 
     ],
 )
 def test_wrong_usage_is_one_line_too(arguments, said, monkeypatch, capsys):
-    from thermofem.cli import main
+    from thermofem_cli import main
 
     monkeypatch.setattr("sys.argv", ["thermofem", *arguments])
     with pytest.raises(SystemExit) as stop:

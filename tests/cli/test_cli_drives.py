@@ -12,7 +12,7 @@ from commands import thermofem
 import coupled
 import surrogate
 import thermofem as th
-from thermofem.cli import drives
+from thermofem_cli import drives
 
 
 @pytest.fixture

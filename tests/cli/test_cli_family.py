@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 import surrogate
 import thermofem as th
-from thermofem.cli import app
+from thermofem_cli import app
 
 CAMPAIGN = """
 [[vary]]

@@ -11,7 +11,7 @@ from commands import thermofem
 
 import surrogate
 import thermofem as th
-from thermofem import quantity
+from thermofem.data import quantity
 
 
 @pytest.fixture(scope="module")
@@ -132,7 +132,7 @@ def test_validate_trains_every_model_on_a_geometry(folder):
 @pytest.mark.slow
 def test_validate_judges_by_the_fem_with_its_laws_at_the_power():
     """1.7 % at 1 us and 3.1 % at 5 us are the errors of a linear model by an independent run, to 0.1 %."""
-    from thermofem.cli.validate import advice, judge, table
+    from thermofem_cli.validate import advice, judge, table
 
     text = th.strip_ring().to_toml().replace('"Si"', '"Si(T)"').replace('"SiO2"', '"SiO2(T)"')
     section = th.CrossSection.from_toml_text(text.replace('outer = "insulated"', 'outer = "open"'))

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 import surrogate
 import thermofem as th
-from thermofem.cli import app
+from thermofem_cli import app
 
 
 def run(*arguments):

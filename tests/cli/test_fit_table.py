@@ -14,9 +14,9 @@ from typer.testing import CliRunner
 import surrogate
 import thermofem as th
 from surrogate.plot import plot_fit
-from thermofem.cli import app
-from thermofem.clipping import clipping
-from thermofem.traces import read_trace
+from thermofem.data.clipping import clipping
+from thermofem.data.traces import read_trace
+from thermofem_cli import app
 
 MODEL = th.Foster(R=[2e3, 5e3], tau=[80e-9, 1.2e-6])
 WAVE = th.Pulse(1.3e-3, 4e-6)

@@ -17,11 +17,11 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.bar import bar
-from thermofem.cli import app
-from thermofem.cli.detuning import detuning_of
-from thermofem.cli.output import written
-from thermofem.cli.runs import doctor
 from thermofem.constants import c as C  # noqa: N812
+from thermofem_cli import app
+from thermofem_cli.detuning import detuning_of
+from thermofem_cli.output import written
+from thermofem_cli.runs import doctor
 
 RING = coupled.borghi2021()
 COMMANDS = get_command(app).commands
@@ -36,7 +36,7 @@ def test_doctor_gives_its_checks_as_numbers_and_its_exit_code(monkeypatch):
     assert numbers["checks"]["optional"]["ok"]  # nothing fails without these
     assert all(name in numbers["checks"]["optional"]["found"] for name in ("ffmpeg", "gdsfactory"))
     assert done.exit_code == (0 if numbers["passed"] else 1)
-    monkeypatch.setattr("thermofem.cli.doctor.CHECKS", {"python": lambda: ("", "3.11 or newer is needed")})
+    monkeypatch.setattr("thermofem_cli.doctor.CHECKS", {"python": lambda: ("", "3.11 or newer is needed")})
     done = CliRunner().invoke(app, ["doctor", "--json"])
     assert (json.loads(done.stdout)["passed"], done.exit_code) == (False, 1)
 
@@ -169,7 +169,7 @@ BEGUN = {
 @pytest.fixture
 def shell(tmp_path):
     """Environment of a shell that knows the command by its name."""
-    start = "import sys; sys.argv[0] = 'thermofem'; from thermofem.cli import main; main()"
+    start = "import sys; sys.argv[0] = 'thermofem'; from thermofem_cli import main; main()"
     (tmp_path / "thermofem").write_text(f'#!/bin/sh\nexec "{sys.executable}" -c "{start}" "$@"\n')
     (tmp_path / "thermofem").chmod(0o755)
     return {**os.environ, "PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"}

@@ -18,9 +18,9 @@ import coupled
 import surrogate
 import thermofem as th
 from surrogate.export import FORMATS
-from thermofem import files
-from thermofem.cli.files import check_outputs
-from thermofem.fields import files_of
+from thermofem.data import files
+from thermofem.data.fields import files_of
+from thermofem_cli.files import check_outputs
 
 MODEL = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
 SHORT = ("--duration", "3 us", "--accuracy", "0.05", "--samples", "9")
@@ -84,7 +84,7 @@ def test_a_series_that_cannot_be_listed_leaves_nothing(data, tmp_path, monkeypat
     def full(times, steps):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr("thermofem.fields._list_of_steps", full)
+    monkeypatch.setattr("thermofem.data.fields._list_of_steps", full)
     with pytest.raises(th.InputError, match=r"t\.pvd cannot be written: No space left"):
         th.write_fields(data, tmp_path / "t.pvd")
     assert not list(tmp_path.iterdir())
@@ -139,7 +139,7 @@ def test_a_folder_that_cannot_be_written_is_refused_before_the_work(protected, d
     """It was found when the work was done, which was lost."""
     from thermofem.plot import animate_field
 
-    monkeypatch.setattr("thermofem.fields._mesh", None)
+    monkeypatch.setattr("thermofem.data.fields._mesh", None)
     for write in (
         lambda: check_outputs([protected / "out.json"]),
         lambda: coupled.explore(coupled.borghi2021(), MODEL, protected / "ring.html"),

@@ -16,11 +16,11 @@ from commands import thermofem
 
 import surrogate
 import thermofem as th
-from thermofem import cli
+import thermofem_cli as cli
 from thermofem.campaign.store import ResultStore
-from thermofem.cli.apart import OUTPUTS, check_apart
-from thermofem.cli.used import USED
-from thermofem.cli.values import assigned
+from thermofem_cli.apart import OUTPUTS, check_apart
+from thermofem_cli.used import USED
+from thermofem_cli.values import assigned
 
 MODEL = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
 RING = 'base = "borghi2021"\n[carriers]\nlifetime = "10 ns"\n'
@@ -201,7 +201,7 @@ def test_rules_of_options_are_about_options_there_are(name):
 
 def test_optics_are_those_of_the_ring(folder):
     """A slope of tau_n, for a ring with a constant lifetime, was an AttributeError."""
-    from thermofem.cli.quantities import optics_of
+    from thermofem_cli.quantities import optics_of
 
     with pytest.raises(th.InputError, match="'tau_n' is unknown"):
         optics_of(None, ["tau_n/box=1"], "ring.toml")

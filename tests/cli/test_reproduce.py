@@ -19,9 +19,9 @@ from paths import ROOT
 import coupled
 import surrogate
 import thermofem as th
-from thermofem.cli.reproduce import Settings, run
-from thermofem.cli.reproduce.claims import RAISED, Claim, claims, marked_up, plain
-from thermofem.cli.reproduce.store import Result, StageStore, computes, key_of
+from thermofem_cli.reproduce import Settings, run
+from thermofem_cli.reproduce.claims import RAISED, Claim, claims, marked_up, plain
+from thermofem_cli.reproduce.store import Result, StageStore, computes, key_of
 
 pytestmark = pytest.mark.slow
 
@@ -29,7 +29,7 @@ TINY = Settings(grid=(4, 5), duration=8e-6, scan=1, fitted=5, run=8e-6, loop_eve
 CODE = """
 import sys
 from pathlib import Path
-from thermofem.cli.reproduce import Settings, run
+from thermofem_cli.reproduce import Settings, run
 run(Path(sys.argv[1]), {}, processes=int(sys.argv[2]))
 """
 LOWERED = {raised: ordinary for ordinary, raised in RAISED.items()}

@@ -7,11 +7,11 @@ import json
 import pytest
 
 import thermofem as th
-from thermofem.cli.reproduce import Settings, run
-from thermofem.cli.reproduce.plan import stages_of
-from thermofem.cli.reproduce.project import Project, WorkItem
-from thermofem.cli.reproduce.stages import Stage
-from thermofem.cli.reproduce.store import Result, StageStore
+from thermofem_cli.reproduce import Settings, run
+from thermofem_cli.reproduce.plan import stages_of
+from thermofem_cli.reproduce.project import Project, WorkItem
+from thermofem_cli.reproduce.stages import Stage
+from thermofem_cli.reproduce.store import Result, StageStore
 
 QUICK = Settings(quick=True)
 MODEL = th.Foster(R=[1e3], tau=[1e-6])

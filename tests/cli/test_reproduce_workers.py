@@ -12,12 +12,12 @@ from pathlib import Path
 import pytest
 
 import thermofem as th
-from thermofem.cli.reproduce import Settings
-from thermofem.cli.reproduce.claims import PLACE, claims
-from thermofem.cli.reproduce.plan import STAGES, stages_of
-from thermofem.cli.reproduce.project import Project, WorkItem
-from thermofem.cli.reproduce.sections import read
-from thermofem.cli.reproduce.workers import WORTH, chains_of, crew, share
+from thermofem_cli.reproduce import Settings
+from thermofem_cli.reproduce.claims import PLACE, claims
+from thermofem_cli.reproduce.plan import STAGES, stages_of
+from thermofem_cli.reproduce.project import Project, WorkItem
+from thermofem_cli.reproduce.sections import read
+from thermofem_cli.reproduce.workers import WORTH, chains_of, crew, share
 
 TASKS = [
     WorkItem("compute", "a", "", 1.0),

@@ -13,9 +13,9 @@ import pytest
 import surrogate
 import thermofem as th
 from surrogate.family.solving import Solver
-from thermofem import files
 from thermofem.campaign.store import ResultStore
-from thermofem.cli.reproduce import run
+from thermofem.data import files
+from thermofem_cli.reproduce import run
 
 MODEL = th.Foster(R=[2e3], tau=[5e-8])
 SWALLOWS = """

@@ -12,15 +12,15 @@ from commands import WIDE, process, thermofem
 
 import surrogate
 import thermofem as th
-from thermofem.cli import _unforeseen
+from thermofem_cli import _unforeseen
 
 SIMULATE = ("simulate", "m.json", "--duration", "0.1 us", "--figure", "run.png")
 WORKER = """
 import sys
 from multiprocessing import Pipe
 from pathlib import Path
-from thermofem.cli.reproduce import Settings
-from thermofem.cli.reproduce.workers import _work
+from thermofem_cli.reproduce import Settings
+from thermofem_cli.reproduce.workers import _work
 one, other = Pipe()
 one.close()
 _work(Path("out"), Settings(), other)
@@ -63,7 +63,7 @@ def test_processes_of_a_reproduction_draw_without_settings_too(folder):
 
 
 def test_commands_without_figures_load_no_matplotlib(folder):
-    asked = "import sys; sys.argv[1:] = ['show', 'm.json']; from thermofem.cli import main; main(); "
+    asked = "import sys; sys.argv[1:] = ['show', 'm.json']; from thermofem_cli import main; main(); "
     done = subprocess.run(
         [sys.executable, "-c", asked + "print('matplotlib' in sys.modules)"],
         cwd=folder, capture_output=True, text=True, check=True,
@@ -107,7 +107,7 @@ def test_byte_code_that_a_full_disk_cut_off_is_compiled_again(tmp_path):
     """Python before 3.13 stores what fits of it, and every later start ended in an unforeseen EOFError."""
     stored = {"PYTHONPYCACHEPREFIX": str(tmp_path), "PYTHONDONTWRITEBYTECODE": ""}
     assert process("--version", cwd=tmp_path, **stored).returncode == 0
-    (cut,) = tmp_path.rglob("thermofem/cli/group.*.pyc")
+    (cut,) = tmp_path.rglob("thermofem_cli/group.*.pyc")
     whole = cut.read_bytes()
     cut.write_bytes(whole[:300])
     assert process("--version", cwd=tmp_path, **stored).returncode == 0

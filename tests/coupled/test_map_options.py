@@ -18,7 +18,7 @@ from coupled.plot import plot_map
 from coupled.ring_toml import UNITS
 from coupled.thermal import long_enough
 from coupled.unknowns import optical_names
-from thermofem.cli import app
+from thermofem_cli import app
 
 RING = coupled.borghi2021()
 EXPERIMENT = surrogate.second_order(kappa=7.45e5, tau_f=71e-9, tau_s=1030e-9, eta=0.29)

@@ -10,7 +10,7 @@ from audit import verdicts
 import coupled
 import thermofem as th
 from coupled.runs.resting import Rest, rest_of_run, ring_in
-from thermofem import dataset
+from thermofem.data import dataset
 
 RING = coupled.borghi2021()
 NETWORK = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])

@@ -35,7 +35,7 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.maps.journal import Journal
-from thermofem.traces import read_trace
+from thermofem.data.traces import read_trace
 
 MAP = """
 import sys, thermofem as th, coupled
@@ -47,7 +47,7 @@ print("\\n".join(found["regime"].values.ravel().tolist()))
 REPRODUCE = """
 import sys
 from pathlib import Path
-from thermofem.cli.reproduce import Settings, run
+from thermofem_cli.reproduce import Settings, run
 size = Settings(grid=(4, 5), duration=8e-6, scan=1, fitted=5, run=8e-6, loop_every=3, runs=1, repeats=1, cycle=31)
 print(run(Path(sys.argv[1]), size, processes=2)["stages"])
 """
@@ -58,10 +58,10 @@ if __name__ == "__main__":
 """
 
 LIMITED = """
-import resource, sys, thermofem.cli
+import resource, sys, thermofem_cli
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)
 del sys.argv[1]
-thermofem.cli.main()
+thermofem_cli.main()
 """
 WRITERS = [
     "solve strip.toml -o out.nc --paraview out.xdmf --figure out.png", "campaign plan.toml -o out",

@@ -28,7 +28,7 @@ from targets import MODEL, small_family  # noqa: E402 - beside this file
 
 import surrogate  # noqa: E402
 import thermofem as th  # noqa: E402
-from thermofem import cli  # noqa: E402
+import thermofem_cli as cli  # noqa: E402
 
 LONGEST = 60  # CPU s of one call: a loaded machine takes no longer
 STUCK = 900  # s after which a call waits for something that does not come

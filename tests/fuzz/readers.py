@@ -33,14 +33,15 @@ import surrogate
 import thermofem as th
 from coupled import RingResonator, ring_toml
 from coupled import circuit as circuits
-from thermofem import files, waveforms
+from thermofem import waveforms
 from thermofem.campaign import Campaign
 from thermofem.campaign.schema import fields
-from thermofem.cli.kinds import kind_of
+from thermofem.data import files
+from thermofem.data.quantity import parse
+from thermofem.data.traces import read_trace
 from thermofem.models.network import gate
-from thermofem.quantity import parse
-from thermofem.traces import read_trace
 from thermofem.waveforms import from_json
+from thermofem_cli.kinds import kind_of
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = Path(tempfile.mkdtemp(prefix="fuzz-"))

@@ -12,7 +12,7 @@ from scipy.sparse.linalg import splu
 import surrogate
 import thermofem as th
 from surrogate.arrays.certificate import FLOOR
-from thermofem.heat import domain
+from thermofem.fem import domain
 
 PITCH = 20e-6
 SQUARE = [(0.0, 0.0), (PITCH, 0.0), (PITCH, PITCH), (0.0, PITCH), (3 * PITCH, 0.0)]

@@ -13,7 +13,7 @@ import surrogate
 import thermofem as th
 from surrogate.fitting.fit import Training
 from surrogate.fitting.projection import FitProblem, polish
-from thermofem.dataset import responses_of
+from thermofem.data.dataset import responses_of
 from thermofem.models.lumped import BORGHI2021_HEAT_CAPACITY, second_order_parameters
 
 

@@ -12,7 +12,7 @@ from fuzz import hostile
 
 import surrogate
 import thermofem as th
-from thermofem import files
+from thermofem.data import files
 
 MODEL = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
 MARKS = {"spice": "*", "verilog-a": "//", "csv": "#"}

@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 
 import surrogate
 import thermofem as th
-from thermofem import dataset
-from thermofem.cli import app
+from thermofem.data import dataset
+from thermofem_cli import app
 
 POLES = th.Foster(R=[800, 1500, 2200, 1800, 1200, 400], tau=[40e-9, 200e-9, 800e-9, 3e-6, 9e-6, 30e-6])
 SQUARE, PULSE = th.SquareWave(1e-3, 4e-6, 0.5), th.Pulse(1e-3, 4e-6)

@@ -11,7 +11,7 @@ import pytest
 from paths import ROOT
 
 import thermofem as th
-from thermofem.heat import domain, problem
+from thermofem.fem import domain, problem
 from thermofem.mesh import make
 
 

@@ -121,7 +121,7 @@ def test_planning_imports_little(tmp_path):
     path = write(tmp_path, 5)
     path.write_text("samples = 5\n" + path.read_text().replace("count = 5", ""))
     code = f"""
-import sys, thermofem.cli.campaign as command
+import sys, thermofem_cli.campaign as command
 command.Campaign.from_toml({str(path)!r}).cases()
 print([name for name in ("scipy.stats", "xarray", "skfem", "h5py") if name in sys.modules])"""
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -249,7 +249,7 @@ def test_dask_is_imported_nowhere_else():
     imports = re.compile(r"^\s*(from|import) (dask|distributed)\b", re.MULTILINE)
     users = [p.relative_to(package).as_posix() for p in package.rglob("*.py") if imports.search(p.read_text())]
     assert users == ["cli/campaign.py"]
-    code = "import sys, thermofem.cli.campaign; print('dask' in sys.modules, 'distributed' in sys.modules)"
+    code = "import sys, thermofem_cli.campaign; print('dask' in sys.modules, 'distributed' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False", "False"]
 

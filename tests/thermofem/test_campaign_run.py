@@ -126,7 +126,7 @@ def test_an_executor_that_breaks_is_one_line(tmp_path, monkeypatch):
 
 
 def start(folder: Path, *arguments: str) -> subprocess.Popen[str]:
-    code = "from thermofem.cli import main; main()"
+    code = "from thermofem_cli import main; main()"
     command = [sys.executable, "-c", code, "campaign", "campaign.toml", "-o", "out", *arguments]
     both = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
     return subprocess.Popen(command, cwd=folder, text=True, start_new_session=True, **both)
@@ -174,7 +174,7 @@ def test_a_full_disk_is_one_line_and_the_finished_work_stays(tmp_path):
     before = marks(tmp_path / "out")
     size = next((tmp_path / "out" / "results").glob("*.nc")).stat().st_size
     code = (
-        "import resource; from thermofem.cli import main\n"
+        "import resource; from thermofem_cli import main\n"
         f"resource.setrlimit(resource.RLIMIT_FSIZE, ({size // 2}, {size // 2}))\n"
         "import tempfile; main()"
     )

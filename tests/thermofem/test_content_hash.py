@@ -14,11 +14,11 @@ from commands import thermofem
 
 import surrogate
 import thermofem as th
-from thermofem import netcdf
 from thermofem.campaign import Drive
-from thermofem.cli.show import show
+from thermofem.data import netcdf
+from thermofem.data.record import Record, column
 from thermofem.models import files as model_files
-from thermofem.record import Record, column
+from thermofem_cli.show import show
 
 TIMES = np.linspace(0, 10e-6, 50)
 WORDS = "changed after thermofem wrote it"

@@ -17,9 +17,9 @@ from scipy.special import j1
 
 import thermofem as th
 from thermofem.algebra.factor import factorize
-from thermofem.heat import HeatProblem
-from thermofem.heat.matrices import build
-from thermofem.heat.surfaces import Surfaces, surface_terms
+from thermofem.fem import HeatProblem
+from thermofem.fem.matrices import build
+from thermofem.fem.surfaces import Surfaces, surface_terms
 from thermofem.transient import integrate
 
 SERIES = "infinite series (Carslaw and Jaeger)"

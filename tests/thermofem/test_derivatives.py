@@ -10,11 +10,11 @@ import skfem
 from skfem.quadrature import get_quadrature
 
 import thermofem as th
+from thermofem.data.toml_file import write_table
+from thermofem.fem.problem import on_mesh
+from thermofem.fem.velocity import vertex_velocities
 from thermofem.geometry.change import change
 from thermofem.geometry.paths import place
-from thermofem.heat.problem import on_mesh
-from thermofem.heat.velocity import vertex_velocities
-from thermofem.toml_file import write_table
 
 STRIP = th.assemble(th.strip_ring())
 TIMES = np.array([1e-9, 1e-7, 1e-5, 1e-3])

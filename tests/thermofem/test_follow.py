@@ -9,8 +9,8 @@ import pytest
 
 import thermofem as th
 from thermofem.campaign.template import filled
-from thermofem.heat import assembly
-from thermofem.heat.assembly import Leader, assemble_like
+from thermofem.fem import assembly
+from thermofem.fem.assembly import Leader, assemble_like
 
 
 @pytest.fixture(scope="module")

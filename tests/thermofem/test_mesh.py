@@ -455,7 +455,7 @@ def test_a_missing_mesher_is_an_import_error(monkeypatch):
 
 def test_importing_is_light():
     code = (
-        "import sys, thermofem.mesh, thermofem.geometry, thermofem.quantity\n"
+        "import sys, thermofem.mesh, thermofem.geometry, thermofem.data.quantity\n"
         "print({'gmsh', 'pygmsh', 'meshio', 'shapely', 'pint'} & sys.modules.keys())"
     )
     environment = {**os.environ, "PYTHONPATH": str(Path(mesh.__file__).resolve().parents[2])}

@@ -11,8 +11,8 @@ from sections import HEATER, says
 
 import thermofem as th
 from thermofem.checks import InputError
+from thermofem.fem.interface import split
 from thermofem.geometry import CrossSection
-from thermofem.heat.interface import split
 from thermofem.mesh import make, mesh_for
 from thermofem.mesh.motion import Motion, moved, quality
 

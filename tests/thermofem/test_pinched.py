@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import thermofem as th
-from thermofem.heat.interface import split
-from thermofem.heat.problem import on_mesh
+from thermofem.fem.interface import split
+from thermofem.fem.problem import on_mesh
 from thermofem.mesh.motion import moved
 from thermofem.mesh.pinched import parted
 from thermofem.mesh.triangles import Mesh

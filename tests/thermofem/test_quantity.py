@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from thermofem.checks import InputError
-from thermofem.quantity import VARIABLES, parse, write
+from thermofem.data.quantity import VARIABLES, parse, write
 
 
 @pytest.mark.parametrize(

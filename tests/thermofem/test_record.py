@@ -12,7 +12,7 @@ import xarray as xr
 import coupled
 import surrogate
 import thermofem as th
-from thermofem.record import Record, column
+from thermofem.data.record import Record, column
 
 TIMES = np.linspace(0, 2e-6, 1501)  # more than what is written deflated
 
@@ -72,7 +72,7 @@ def test_fast_commands_import_neither_xarray_nor_what_it_imports(command, needed
     surrogate.save_model(model, tmp_path / "model.json")
     step = th.Constant(2e-3)
     th.save(th.dataset.build.record(times, model.response(step, times), step), tmp_path / "heat.nc")
-    code = f"import sys, shlex; sys.argv = ['thermofem', *shlex.split({command!r})]; from thermofem.cli import app\n"
+    code = f"import sys, shlex; sys.argv = ['thermofem', *shlex.split({command!r})]; from thermofem_cli import app\n"
     code += "app(standalone_mode=False); print({'xarray', 'pandas', 'dask', 'pint', 'surrogate'} & {*sys.modules})"
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == str(needed or "set()")

@@ -7,8 +7,8 @@ import pytest
 import skfem
 
 import thermofem as th
-from thermofem.heat.interface import contacts, split
-from thermofem.heat.surfaces import Surfaces, surface_terms
+from thermofem.fem.interface import contacts, split
+from thermofem.fem.surfaces import Surfaces, surface_terms
 from thermofem.mesh import mesh_for
 
 ELEMENTS = {2: skfem.ElementTriP2(), 3: skfem.ElementTriP3()}

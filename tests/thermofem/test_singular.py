@@ -12,8 +12,8 @@ from test_pinched import CHECKERS, checkerboard
 
 import surrogate
 import thermofem as th
-from thermofem.heat import adaptive
-from thermofem.heat.singular import strong
+from thermofem.fem import adaptive
+from thermofem.fem.singular import strong
 
 
 def exponents(mesh, conductivity, held=()):

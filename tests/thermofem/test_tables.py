@@ -14,8 +14,8 @@ from paths import MEASURED
 
 import surrogate
 import thermofem as th
-from thermofem import columns, header_units
-from thermofem.tables import _edges, _with_jumps
+from thermofem.data import columns, header_units
+from thermofem.data.tables import _edges, _with_jumps
 from thermofem.waveforms import from_json
 
 TIMES = np.linspace(0, 10e-6, 101)
@@ -356,7 +356,7 @@ def test_a_clipped_trace_is_named_on_every_way_into_a_fit(tmp_path, caplog):
 @pytest.mark.parametrize("decays", [MODEL, th.Foster(R=[2000.0], tau=[1e-9])])
 def test_what_settles_is_not_called_clipped(wave, decays):
     """A solution without noise holds its last value for many rows; round-off and edges of the power are no noise."""
-    from thermofem.dataset import response_of
+    from thermofem.data.dataset import response_of
 
     for t in (np.linspace(0, 40e-6, 1601), np.geomspace(1e-9, 40e-6, 400)):
         y = decays.response(wave, t)

@@ -22,9 +22,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .. import checks, dataset, netcdf, waveforms
+from .. import checks, waveforms
 from ..arrays import Array
 from ..checks import InputError
+from ..data import dataset, netcdf
 from .store import ResultStore, write_file
 
 if TYPE_CHECKING:

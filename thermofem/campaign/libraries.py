@@ -14,7 +14,7 @@ with contextlib.suppress(ImportError):  # a worker says what is missing
     import skfem
 
     from .. import solving
-    from ..heat import assembly, domain, enrichment
+    from ..fem import assembly, domain, enrichment
 
     __all__ = [
         "assembly", "domain", "enrichment", "h5netcdf", "meshio", "qdldl", "scipy", "shapely", "skfem", "solving",

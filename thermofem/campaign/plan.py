@@ -16,12 +16,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .. import checks, renamed, toml_file, waveforms
+from .. import checks, renamed, waveforms
 from ..checks import InputError
-from ..display import shown
+from ..data import toml_file
+from ..data.display import shown
+from ..data.toml_file import write_table
 from ..geometry.paths import check_once, place
 from ..sizes import sizes
-from ..toml_file import write_table
 from ..version import __version__
 from . import schema
 from .vary import LARGEST, Drive, Value, Variation, check_number, check_taken

@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import checks
 from ..checks import InputError, shown
-from ..names import check_name
+from ..data.names import check_name
 
 KEY = re.compile(r"[0-9a-f]{16}")
 

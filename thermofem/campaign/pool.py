@@ -24,7 +24,7 @@ from threading import Condition, Lock
 from typing import Any
 
 from ..checks import InputError
-from ..files import check_here
+from ..data.files import check_here
 from .processes import contexts, deaf, one_thread
 
 DEATHS = 2  # of the worker that had a task to itself, before the task is given up

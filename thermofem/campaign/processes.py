@@ -25,7 +25,7 @@ THREADS = (
 )
 LOADED = ["thermofem.campaign.libraries", "thermofem.campaign.work"]
 _environment = Lock()
-COMMANDS = "thermofem.cli"  # imported again by every worker of a command, as part of its main module
+COMMANDS = "thermofem_cli"  # imported again by every worker of a command, as part of its main module
 
 
 def contexts(preload: tuple[str, ...] = ()) -> list[BaseContext]:

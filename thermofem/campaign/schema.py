@@ -16,10 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from .. import checks, quantity, toml_file, waveforms
+from .. import checks, waveforms
 from ..checks import InputError, shown
-from ..names import check_name, check_names
-from ..toml_file import ANY, FLAG, NUMBER, TABLE, TABLES, TEXT, read_table, write_table
+from ..data import quantity, toml_file
+from ..data.names import check_name, check_names
+from ..data.toml_file import ANY, FLAG, NUMBER, TABLE, TABLES, TEXT, read_table, write_table
 from .vary import LARGEST, Drive, Value, Variation, check_number
 
 _TOP = {

@@ -19,9 +19,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .. import files, trees, waveforms
+from .. import waveforms
 from ..checks import InputError
-from ..files import write_whole
+from ..data import files, trees
+from ..data.files import write_whole
 from .plan_file import check_plan
 
 if TYPE_CHECKING:

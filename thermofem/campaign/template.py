@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..record import Record
+from ..data.record import Record
 
 _worker = threading.local()
 _WRITABLE = 1  # flag of HDF5's H5LTopen_file_image: the image may be written to

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..checks import MissingLibraryError
-from ..record import Record
+from ..data.record import Record
 from .collect import NUMBERS, Row
 from .template import filled
 
 if TYPE_CHECKING:
-    from ..heat import HeatProblem
+    from ..fem import HeatProblem
     from .vary import Drive
 
 
@@ -115,8 +115,8 @@ def compute(task: Task) -> Outcome:
 
 
 def _assemble(task: Task) -> HeatProblem:
+    from ..fem.assembly import assemble_like
     from ..geometry import CrossSection
-    from ..heat.assembly import assemble_like
 
     heat = assemble_like(task.base, CrossSection.from_toml_text(task.geometry), task.accuracy)
     heat.channels(task.heated or heat.heated[0], task.read or None)

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import checks, toml_file
-from ..display import shown
+from .. import checks
+from ..data import toml_file
+from ..data.display import shown
 from ..materials.library import VOID, Material, find
 from . import paths, toml_schema
 from .neighbours import check_copies
@@ -124,7 +125,7 @@ class CrossSection:
 
     def _repr_html_(self) -> str:
         """HTML for notebooks."""
-        from ..display import section_card
+        from ..data.display import section_card
 
         return section_card(self)
 

@@ -9,10 +9,11 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import checks, quantity
-from ..display import shown
+from .. import checks
+from ..data import quantity
+from ..data.display import shown
+from ..data.names import check_name
 from ..materials.library import VOID
-from ..names import check_name
 
 VERTICAL = math.pi / 2
 THINNEST = 1e-10  # m; less than an atom is no continuum, and surely a slip

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from .. import checks, quantity
+from .. import checks
 from ..checks import InputError
+from ..data import quantity
 from ..materials.property_toml import with_value
 from . import toml_schema
 

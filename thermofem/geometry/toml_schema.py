@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .. import checks, quantity, toml_file
+from .. import checks
 from ..checks import InputError
+from ..data import quantity, toml_file
+from ..data.toml_file import ANY, FLAG, TABLE, TABLES, TEXT, read_table
 from ..materials.library import LIBRARY, Material
 from ..materials.property_toml import LAW_KEYS, PROPERTIES, read_property, write_property
-from ..toml_file import ANY, FLAG, TABLE, TABLES, TEXT, read_table
 from .parts import INSULATED, ISOTHERMAL, VERTICAL, Boundary, Interface, Layer, Part, Probe, ring
 
 if TYPE_CHECKING:

@@ -27,13 +27,13 @@ class _Listed(_ModuleType):
         return sum(1 for _ in self)
 
     def __repr__(self) -> str:
-        from ..display import materials_text
+        from ..data.display import materials_text
 
         return materials_text([find(name) for name in self])
 
     def _repr_html_(self) -> str:
         """HTML for notebooks."""
-        from ..display import materials_card
+        from ..data.display import materials_card
 
         return materials_card([find(name) for name in self])
 

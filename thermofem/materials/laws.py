@@ -15,7 +15,7 @@ import numpy as np
 
 from .. import checks
 from ..arrays import Array, ArrayLike
-from ..display import shown
+from ..data.display import shown
 
 COLDEST, HOTTEST = 1.0, 1e4  # K; no law is asked beyond
 QUIET = np.errstate(over="ignore", invalid="ignore")  # an iteration that diverges ends itself

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from .. import checks
-from ..display import shown
+from ..data.display import shown
 from .laws import CONSTANT, Law, PowerLaw, Table, is_constant
 
 VOID = "void"  # the name of what is not there: never meshed, its walls insulated

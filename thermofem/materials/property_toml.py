@@ -16,8 +16,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from .. import quantity
 from ..checks import InputError, finite
+from ..data import quantity
 from .laws import CONSTANT, Law, Polynomial, PowerLaw, Table
 from .library import Material
 

@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import checks, files
+from .. import checks
 from ..checks import InputError
-from ..display import shown
-from ..names import check_names
+from ..data import files
+from ..data.display import shown
+from ..data.names import check_names
 from . import gmsh_file
 
 KEPT = 20_000  # triangles; of more, the facets are not kept for the next mesh

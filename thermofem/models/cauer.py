@@ -22,8 +22,8 @@ import numpy as np
 
 from .. import checks
 from ..arrays import ArrayLike
-from ..display import shown
-from ..names import check_one
+from ..data.display import shown
+from ..data.names import check_one
 from .contract import Delegates, ThermalModel
 from .foster import Foster, linear_poles
 from .json_fields import columns, names, parts, reader, rows

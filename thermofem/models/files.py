@@ -21,8 +21,9 @@ from typing import Any
 
 import numpy as np
 
-from .. import checks, trees
-from ..files import digest_tree, read_text, write_whole
+from .. import checks
+from ..data import trees
+from ..data.files import digest_tree, read_text, write_whole
 from .cauer import Cauer
 from .contract import HasModel, ThermalModel, bare
 from .foster import Foster

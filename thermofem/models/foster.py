@@ -12,8 +12,8 @@ from .. import checks, waveforms
 from ..algebra.poles import pole_responses
 from ..algebra.system import LONGEST, SHORTEST
 from ..arrays import Array, ArrayLike, NDArray, in_pieces
-from ..display import model_html, shown
-from ..names import check_one
+from ..data.display import model_html, shown
+from ..data.names import check_one
 from .contract import at_times
 from .json_fields import columns, names, parts, reader, rows
 

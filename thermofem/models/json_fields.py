@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
-from ..names import check_names
+from ..data.names import check_names
 
 Kind = TypeVar("Kind")
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from .. import checks, waveforms
 from ..arrays import Array, ArrayLike
-from ..display import model_html, shown
+from ..data.display import model_html, shown
 from .contract import AtSmallPower, check_rise, warn_beyond
 from .foster import Foster
 from .json_fields import reader

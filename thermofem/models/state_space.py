@@ -13,8 +13,8 @@ from .. import checks, waveforms
 from ..algebra.factor import check_symmetric, factorize, singular_refused
 from ..algebra.krylov import REFUSAL, check_heat_flow
 from ..arrays import Array, ArrayLike, NDArray
-from ..display import model_html, shown
-from ..names import check_names
+from ..data.display import model_html, shown
+from ..data.names import check_names
 from ..transient.integration import integrate, integrate_periodic
 from ..transient.modal import Modal
 from .contract import at_times, check_single

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from .. import checks
-from ..display import shown
+from ..data.display import shown
 from .contract import TIME_HINT, Array, stored
 from .steps import Switched
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import checks
-from ..display import shown
+from ..data.display import shown
 from .contract import Array, seconds, stored
 
 

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from .. import checks, trees
+from .. import checks
+from ..data import trees
 from .contract import KINDS, Waveform
 from .piecewise_cubic import PiecewiseCubic
 

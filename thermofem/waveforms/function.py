@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import checks
-from ..display import shown
+from ..data.display import shown
 from .contract import TIME_HINT, Array, check_cycles, inside, seconds, spans, wrapped
 from .pieces import cubic_pieces
 

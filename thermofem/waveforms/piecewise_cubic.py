@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import checks
-from ..display import shown
+from ..data.display import shown
 from .adaptive import cubic
 from .contract import TIME_HINT, Array, Waveform, check_cycles, check_times, inside, known, seconds, stored, wrapped
 from .pieces import Pieces, cubic_pieces

@@ -1,0 +1,386 @@
+"""Training data as xarray Datasets: one schema, netCDF in and out.
+
+Dimensions and variables
+    time (s); delta_T (K) over time, and over probe where several parts are read; power (W) over time, continuous from
+    the right at jumps. Where the temperature field was kept: field (K) over field_time and vertex, with the coordinates
+    r, z (m) of the vertices and triangles over (triangle, corner).
+Attributes
+    schema, thermofem_version, kind ("transient", from rest, or "periodic"), waveform (JSON), heated, read, and what
+    made the data: geometry (TOML), mesh_hash, materials, solver settings, energy balance.
+
+Data measured or simulated elsewhere trains like our own once it has time, power and delta_T.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .. import checks, static_gain, waveforms
+from ..arrays import Array, ArrayLike
+from ..version import __version__
+from . import netcdf
+from .clipping import clipping
+from .files import write_whole
+from .header_units import unit_of
+from .quantity import VARIABLES
+from .record import Record, as_dataset, column, stored
+from .together import check_together
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+log = logging.getLogger("thermofem")
+
+SCHEMA = 1
+KINDS = ("transient", "periodic")
+FEWEST = 8  # samples that a training takes
+POSSIBLE = 1e-30, 1e12  # s or K: any time and rise, with squares and sums that floats hold
+CROPPED = 100.0  # of the span of a trace: how far its start may be off, where most of its rows were left out
+START, REST = "start_within", "rest_rows"  # attributes of a measured trace, see `Response`
+ROUND_OFF = 1e-14  # of the largest time, by which times in other units may miss an edge of the power
+TWICE = 1e-3  # of the swing, by which both rows of a jump of the power may differ: the temperature has none
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """A drive and the temperature rise under it, as the fits take them.
+
+    times, rise [s and K]
+    periodic: one period of the periodic state, not a transient from rest.
+    name: the drive in words.
+    thermal_resistance [K/W]: that the Dataset states.
+    doubts: what makes the data doubtful, see `static_gain.contradictions` and `clipping`.
+    start_within [s]: how far from t = 0 the heating may begin, of a measured trace; 0 where the start is known.
+    rest_rows: rows at rest whose mean was subtracted as the baseline, of a measured trace; infinite where it is known.
+    """
+
+    wave: waveforms.Waveform
+    times: Array
+    rise: Array
+    periodic: bool
+    name: str
+    thermal_resistance: float | None = None
+    doubts: tuple[str, ...] = ()
+    start_within: float = 0.0
+    rest_rows: float = float("inf")
+
+    @property
+    def swing(self) -> float:
+        """Largest minus smallest rise in K."""
+        return float(np.ptp(self.rise))
+
+
+@as_dataset
+def build(
+    times: ArrayLike,
+    delta_T: ArrayLike,
+    wave: waveforms.Waveform,
+    *,
+    periodic: bool = False,
+    read: tuple[str, ...] = ("core",),
+    attributes: Mapping[str, Any] | None = None,
+) -> Record:
+    """Dataset in the schema of this module.
+
+    times [shape (n,), s]
+    delta_T [shape (n,) or (n, probes), K]
+    read: names of the probes.
+    attributes: provenance.
+    Raises InputError: times that do not increase, numbers that are not finite, a rise of another length, no waveform;
+        more than one period where ``periodic``.
+    """
+    checks.has("wave", wave, "breakpoints", hint="a waveform is needed; e.g. th.Pulse(power=2e-3, width=20e-6)")
+    read = checks.instances("read", read, str)
+    attributes = checks.mapping("attributes", attributes)
+    times, rise = checks.array("times", times, increasing=True), checks.numbers("delta_T", delta_T)
+    if rise.shape not in ((times.size,), (times.size, len(read))):
+        raise checks.InputError(
+            f"delta_T has shape {rise.shape}; a value for each of {times.size} times is needed, or for each of "
+            f"{len(read)} probes at each time"
+        )
+    if checks.flag("periodic", periodic):
+        _check_one_period("times", times, wave)
+    several = rise.ndim == 2
+    variables = {
+        "delta_T": column(("time", "probe") if several else "time", rise, describe("delta_T")),
+        "power": column("time", wave(times), describe("power")),
+    }
+    coordinates = {"time": column("time", times, describe("time"))}
+    if several:
+        coordinates["probe"] = column("probe", list(read), {"long_name": "part whose mean is read"})
+    attrs = {
+        **stamp("periodic" if periodic else "transient"),
+        "waveform": waveforms.to_json(waveforms.storable(wave, float(times[-1]))),
+        "read": ", ".join(read),
+        **attributes,
+    }
+    return Record(variables, coordinates, attrs)
+
+
+def stamp(kind: str) -> dict[str, Any]:
+    """Attributes of every Dataset: schema, version of the code, and kind."""
+    return {"schema": SCHEMA, "thermofem_version": __version__, "kind": kind}
+
+
+def describe(name: str) -> dict[str, str]:
+    """Attributes of one field, as xarray's plots read them."""
+    return {"units": VARIABLES[name].unit, "long_name": VARIABLES[name].long_name}
+
+
+def at_probe(data: xr.Dataset, read: str | None = None) -> xr.Dataset:
+    """One probe of a Dataset, whose attributes ``read`` and ``thermal_resistance`` become those of that probe.
+
+    read: name of the probe; default the one that ``data.sel(probe=...)`` has picked, if any.
+    Raises InputError: a name that is none of the probes', thermal resistances that are no numbers.
+    """
+    if read is not None:
+        several = "probe" in getattr(data, "dims", ())
+        names = [str(n) for n in data["probe"].values] if several else [str(data.attrs.get("read", read))]
+        checks.choice("read", read, names)
+        data = data.sel(probe=read) if several else data
+    if "probe" not in getattr(data, "coords", {}) or data["probe"].ndim:
+        return data
+    name, names = str(data["probe"].values), [n.strip() for n in str(data.attrs.get("read", "")).split(",")]
+    if name not in names or len(names) == 1:
+        return data
+    gains = np.ravel(data.attrs.get("thermal_resistances", ()))
+    attrs = {key: value for key, value in data.attrs.items() if not key.startswith("thermal_resistance")}
+    if gains.size == len(names):
+        gain = gains[names.index(name)].item()
+        attrs["thermal_resistance"] = checks.finite("data.attrs['thermal_resistances']", gain)
+    picked = data.copy()
+    picked.attrs = {**attrs, "read": name}
+    return picked
+
+
+def response_of(data: xr.Dataset) -> Response:
+    """Read the drive and the response from a Dataset.
+
+    Raises InputError: not a Dataset with time, power and delta_T; several probes; numbers that are not finite; no
+        heating at all; a time that stands twice with two temperatures; a temperature that contradicts the
+        ``thermal_resistance``.
+    """
+    for name in ("time", "delta_T"):
+        if name not in getattr(data, "variables", {}):
+            raise checks.InputError(f"data has no variable {name!r}; a training Dataset holds time, power and delta_T")
+    data = netcdf.in_si(data)
+    check_texts(data)
+    data = at_probe(data)
+    times = checks.array("data.time", data["time"].values, increasing=True)
+    if odd := [str(dim) for dim in data["delta_T"].dims if dim not in ("time", "probe")]:
+        pick = f"pick one with data.isel({odd[0]}=0), and give that"
+        raise checks.InputError(f"data.delta_T has a dimension {odd[0]!r} beside time; {pick}")
+    if data["delta_T"].ndim != 1:
+        raise checks.InputError("data.delta_T has several probes; pick one with data.sel(probe='core'), or --read core")
+    rise = checks.array("data.delta_T", data["delta_T"].values)
+    if times.size < FEWEST:
+        raise checks.InputError(f"data has {times.size} samples; at least {FEWEST} are needed to train anything")
+    if np.ptp(rise) <= 0:
+        raise checks.InputError("data.delta_T is constant; training needs a temperature that varies")
+    checks.between("the span of data.time", np.ptp(times), *POSSIBLE, unit="s", hint="is time in another unit?")
+    checks.between("the largest of data.delta_T", np.max(np.abs(rise)), *POSSIBLE, unit="K")
+    checks.between("the swing of data.delta_T", np.ptp(rise), *POSSIBLE, unit="K")
+    if "waveform" in data.attrs:
+        wave = waveforms.from_json(data.attrs["waveform"])
+        times = _on_edges(times, wave)
+        _check_power(data, wave, times)
+    else:
+        if "power" not in data:
+            raise checks.InputError(
+                "data has neither power nor a waveform attribute; a model needs to know what heated it"
+            )
+        wave = waveforms.Sampled(times, data["power"].values)
+    _check_times(wave, times, rise)
+    periodic = checks.choice("data.attrs['kind']", data.attrs.get("kind", "transient"), KINDS) == "periodic"
+    if periodic:
+        _check_one_period("data.time", times, wave)
+    doubts = static_gain.contradictions(data, wave, times, rise, periodic=periodic)
+    if clipped := clipping(rise, unit_of(data.attrs.get("assumed", "")), times=times, power=wave(times)):
+        doubts = (*doubts, clipped)
+    words = f"{waveforms.words(wave)}, {'periodic state' if periodic else 'from rest'}"
+    gain = static_gain.static_gain(data)
+    if periodic:
+        return Response(wave, times, rise, periodic, words, gain, doubts)
+    within = _estimated(data, START, 0.0, CROPPED * float(np.ptp(times)))
+    rest = _estimated(data, REST, np.inf, POSSIBLE[1])
+    if 0 < rest < 1:
+        raise checks.InputError(f"data.attrs[{REST!r}] = {rest:g} is no number of rows; 0, or 1 and more, is needed")
+    return Response(wave, times, rise, periodic, words, gain, doubts, min(within, float(times[-1]) / FEWEST), rest)
+
+
+def _check_one_period(name: str, times: Array, wave: waveforms.Waveform) -> None:
+    """InputError where the times of a periodic state run on beyond one period, as closed forms and weights do not."""
+    if wave.period is not None and times[-1] > wave.period * (1 + 1e-9):
+        held = f"a periodic state is one period of {wave.period:g} s"
+        raise checks.InputError(f"{name} runs to {times[-1]:g} s; {held}", "leave the later periods out")
+
+
+def _estimated(data: xr.Dataset, name: str, known: float, most: float) -> float:
+    """An attribute of a measured trace, of which the start or the baseline was found from the trace itself."""
+    name, value = f"data.attrs[{name!r}]", data.attrs.get(name)
+    return known if value is None else checks.between(name, value, 0, most)
+
+
+def check_texts(data: xr.Dataset) -> None:
+    """InputError where an attribute that names or describes is no text: a file may hold an array in its place."""
+    for name in ("kind", "heated", "read", "geometry", "materials"):
+        if not isinstance(data.attrs.get(name), str | None):
+            raise checks.InputError(f"data.attrs[{name!r}] = {checks.shown(data.attrs[name])} is no text")
+
+
+def responses_of(data: xr.Dataset | Sequence[xr.Dataset]) -> list[Response]:
+    """`response_of` of one Dataset, or of every one of a list.
+
+    Raises
+    ------
+    InputError
+        an empty list; a trace that stands twice, which would make the standard errors too small; traces of two
+        channels.
+    """
+    datasets: Any = data if isinstance(data, list | tuple) else [data]
+    responses = [_response(k, datasets) for k in range(len(datasets))]
+    if not responses:
+        raise checks.InputError("data is empty; give at least one Dataset")
+    seen: dict[bytes, int] = {}
+    for k, response in enumerate(responses):
+        first = seen.setdefault(response.times.tobytes() + response.rise.tobytes(), k)
+        if first < k:
+            raise checks.InputError(f"data[{k}] is the same trace as data[{first}]; give every trace once")
+    doubts = check_together([at_probe(one) for one in datasets])
+    return [replace(one, doubts=(*one.doubts, *doubts)) for one in responses]
+
+
+def _response(k: int, datasets: Sequence[Any]) -> Response:
+    """`response_of` of one Dataset of a list; the error says which one, as ``data[1]``."""
+    try:
+        return response_of(datasets[k])
+    except checks.InputError as error:
+        if len(datasets) == 1:
+            raise
+        raise checks.InputError(f"data[{k}]: {error.rule}", error.hint) from None
+
+
+def warn_of(responses: Sequence[Response]) -> None:
+    """Log the doubts about the data as warnings, each sentence once."""
+    for doubt in dict.fromkeys(doubt for response in responses for doubt in response.doubts):
+        log.warning("%s", doubt)
+
+
+def _check_times(wave: waveforms.Waveform, times: Array, rise: Array) -> None:
+    """InputError where a time stands twice, but at a jump of the power with one temperature on both sides."""
+    for k in np.flatnonzero(np.diff(times) == 0):
+        jump = wave(times[k]) != wave.before(times[k])
+        if not jump or abs(rise[k + 1] - rise[k]) > TWICE * np.ptp(rise) or (k and times[k - 1] == times[k]):
+            raise checks.InputError(
+                f"data.time has {times[k]:g} s twice, with delta_T = {rise[k]:g} and {rise[k + 1]:g} K; a time may "
+                "stand twice only where the power jumps; take one out, or average them"
+            )
+
+
+def _on_edges(times: Array, wave: waveforms.Waveform) -> Array:
+    """Times with those that round-off has moved from an edge of the power put on it: 20 us x 1e-6 is no 2e-5 s."""
+    hair = ROUND_OFF * float(np.abs(times[[0, -1]]).max())
+    edges = np.append(wave.breakpoints(times[0], times[-1] + 1e-3 * float(np.ptp(times))), np.inf)
+    near = edges[np.searchsorted(edges, times - hair)]  # the first that is not before
+    return np.where(np.abs(near - times) <= hair, near, times)
+
+
+def _check_power(data: xr.Dataset, wave: waveforms.Waveform, times: Array) -> None:
+    """InputError where the power variable contradicts the waveform attribute; at a jump either side will do."""
+    if "power" not in data:
+        return
+    power, right, left = checks.array("data.power", data["power"].values), wave(times), wave.before(times)
+    if power.size != times.size:
+        raise checks.InputError(f"data.power has {power.size} values for {times.size} times; one for each is needed")
+    scale = max(float(np.max(np.abs(right))), np.finfo(float).tiny)
+    wrong = np.minimum(np.abs(power - right), np.abs(power - left)) > 1e-6 * scale
+    if np.any(wrong):
+        at = int(np.argmax(wrong))
+        raise checks.InputError(
+            f"data.power[{at}] = {power[at]:g} W contradicts the waveform attribute ({right[at]:g} W); drop one of them"
+        )
+
+
+def save(data: xr.Dataset | Record, path: str | Path) -> Path:
+    """Write a Dataset as netCDF, whole or not at all; returns the path.
+
+    Raises
+    ------
+    InputError
+        no Dataset, or the folder does not exist or cannot be written.
+    """
+    if isinstance(data, Record):
+        content = data.to_netcdf()
+        return write_whole(path, lambda p: p.write_bytes(content))
+    checks.has("data", data, "data_vars", hint="a Dataset is needed; surrogate.save_model writes models")
+    import h5netcdf
+    from xarray.backends import H5NetCDFStore
+
+    attrs = {key: value for key, value in data.attrs.items() if key != netcdf.HASH}
+    if not netcdf.packed(data):
+        attrs = netcdf.signed(data.variables, attrs)
+    data = data.copy()
+    data.attrs = attrs
+    encoding = {name: {"zlib": True} for name, v in data.data_vars.items() if v.size > 1000}
+    whole = io.BytesIO()  # in memory first: HDF5 swallows the error of a disk that fills up while it closes a file
+    with h5netcdf.File(whole, "w") as file:  # `to_netcdf` loads all of dask for its locks, where that is installed
+        try:
+            data.dump_to_store(H5NetCDFStore(file), encoding=encoding)
+        except (TypeError, ValueError, OverflowError) as error:  # of objects that are neither numbers nor text
+            raise checks.InputError(f"data cannot be written as netCDF: {' '.join(str(error).split())}") from None
+    return write_whole(path, lambda p: p.write_bytes(whole.getbuffer()))
+
+
+def load(path: str | Path) -> xr.Dataset:
+    """Read a Dataset written by `save`, into memory; time, power and the other known variables come in SI.
+
+    Where values, units or attributes were changed after `save` wrote them, the log says so.
+
+    Raises
+    ------
+    InputError
+        no such file, not netCDF, or written by a newer schema; values that lie in other files or that the file cannot
+        hold; a unit of a known variable that is unknown or of another dimension.
+    """
+    import xarray as xr
+
+    path = netcdf.checked_path(path)
+    damage = ""
+    with netcdf.opened_half():
+        try:
+            with xr.open_dataset(path, engine="h5netcdf", **netcdf.OPEN) as opened:
+                data = opened.load()
+        except netcdf.DAMAGE as error:
+            damage = (str(error) or type(error).__name__).splitlines()[0]
+    if damage:
+        raise checks.InputError(f"{path} cannot be read as netCDF ({damage}); is it complete?")
+    schema = data.attrs.get("schema", SCHEMA)
+    if not checks.whole(schema):
+        raise checks.InputError(f"{path} has schema {checks.shown(schema)}, which is no number")
+    if schema > SCHEMA:
+        raise checks.InputError(f"{path} has schema {schema}; this version reads up to {SCHEMA}, update thermofem")
+    data.attrs, whole = netcdf.unsigned(data.variables, data.attrs)
+    if whole is False:
+        log.warning("%s was changed after thermofem wrote it: values, units or attributes are not those of then", path)
+    try:
+        return netcdf.in_si(data)
+    except checks.InputError as error:
+        raise checks.InputError(f"{path}: {error}") from None
+
+
+def load_record(path: str | Path) -> Record | xr.Dataset:
+    """`load`, as a Record where the file is as `save` wrote it: importing xarray takes longer than a fit."""
+    path = netcdf.checked_path(path)
+    found = None
+    with netcdf.opened_half(), contextlib.suppress(*netcdf.DAMAGE):
+        found = stored(path)
+    plain = found is not None and checks.whole(found.attrs.get("schema", SCHEMA))
+    return found if found is not None and plain and found.attrs.get("schema", SCHEMA) <= SCHEMA else load(path)
