@@ -116,7 +116,6 @@ def simulate_circuit(
     checks.instance("circuit", circuit, Circuit, hint="it must be a Circuit, such as coupled.bus([ring])")
     duration = check_duration(duration)
     rtol = checks.between("rtol", rtol, 1e-13, 1e-1, hint="1e-6 gives traces to better than 1e-5")
-    checks.progress(progress)
     check_delays(circuit)
     duration = float(duration)
     drives: dict[str, Any] = {"inputs": inputs, "heaters": heaters, "detuning": detuning, "duration": duration}

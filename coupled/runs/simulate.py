@@ -134,7 +134,6 @@ def simulate(
     wanted = NO_TIMES if times is None else check_times(times, duration)
     if checks.flag("adiabatic", adiabatic) and not (event is None and method is None):
         raise checks.InputError("adiabatic goes with neither event nor method; it has a method of its own")
-    checks.progress(progress)
     chosen = check_method(method) or (Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
     picked = channels(model, heaters, heated, read)
     small, heat = picked.model, heating(picked, heaters, duration, rtol)

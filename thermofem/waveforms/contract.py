@@ -109,7 +109,6 @@ def known(what: str, t: Array, first: float, last: float, hint: str = "") -> Arr
 
 def seconds(t: ArrayLike) -> Array:
     """The times that a waveform is asked for, as floats; InputError where they are none."""
-    checks.bare("t", t)
     try:
         found = np.asarray(t)
     except (TypeError, ValueError, MemoryError):  # a list of lists, a Dataset, an endless range

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
-from ..data import trees
+from ..data import files
 from .contract import KINDS, Waveform
 from .piecewise_cubic import PiecewiseCubic
 
@@ -43,7 +43,7 @@ def to_json(wave: Waveform) -> str:
 def from_json(text: str) -> Any:
     """Rebuild a waveform from `to_json`; InputError when the text is not one."""
     try:
-        fields = trees.from_json(text)
+        fields = files.from_json(text)
         kind = KINDS[checks.choice("waveform kind", fields.pop("kind"), KINDS)]
         return kind(**fields)
     except (checks.InputError, KeyError, TypeError, AttributeError) as error:
