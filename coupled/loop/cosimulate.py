@@ -10,8 +10,7 @@ import numpy as np
 from thermofem import Foster, HeatProblem, OutputMap, Quadratic, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.models import NonlinearSystem, ThermalModel
-from thermofem.waveforms import Function, PiecewiseCubic, Waveform
-from thermofem.waveforms.contract import KINDS
+from thermofem.waveforms import KINDS, Function, PiecewiseCubic, Waveform
 
 from ..arguments import check_run, detuning_in_time, one_laser, power_in_time
 from ..heaters import power_of

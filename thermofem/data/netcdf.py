@@ -18,7 +18,7 @@ import numpy as np
 import xarray as xr
 
 from .. import checks
-from ..checks import InputError, shown
+from ..checks import InputError, one_line, shown
 from .files import regular, write_whole
 from .variables import in_si
 
@@ -73,7 +73,7 @@ def load(path: str | Path) -> xr.Dataset:
         raise InputError(f"{path} cannot be read as netCDF ({what}); is it complete?") from None
     schema = data.attrs.get("schema", SCHEMA)
     if not np.isscalar(schema) or schema not in range(SCHEMA + 1):
-        raise InputError(f"{path} has schema {shown(schema)}; this version reads up to {SCHEMA}, update thermofem")
+        raise InputError(f"{path} has schema {one_line(str(schema), most=80)}; this version reads up to {SCHEMA}, update thermofem")
     data.attrs, same = unsigned(data.variables, data.attrs)
     if same is False:
         log.warning("%s was changed after thermofem wrote it: values, units or attributes are not those of then", path)
