@@ -26,7 +26,7 @@ from coupled import Method
 from coupled.kernels import equations as eq
 from coupled.kernels.interrupts import new_watch
 from coupled.kernels.rosenbrock import LaserPieces, integrate
-from coupled.kernels.tableaus import tableau
+from coupled.kernel.tableaus import tableau
 
 Array = NDArray[np.float64]
 

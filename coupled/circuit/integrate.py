@@ -20,7 +20,7 @@ from ..kernels.control import (
     after_rejection,
 )
 from ..kernels.equations import Array
-from ..kernels.tableaus import Tableau
+from ..kernel.tableaus import Tableau
 from . import course as heat_course
 from . import equations, kernel, poles, waves
 from .course import Course, advance, extrapolate

@@ -20,7 +20,7 @@ import numpy as np
 
 from ..kernels.compiling import compiled, inlined_lean
 from ..kernels.equations import Array
-from ..kernels.tableaus import Tableau
+from ..kernel.tableaus import Tableau
 from .layout import Heat
 
 ROUND_OFF = 1e-14  # entries of Gamma nu^n, which are of order 1, below which the sum ends

@@ -12,7 +12,7 @@ from thermofem.checks import InputError
 from ..heaters import turned_by
 from ..kernels.collocation import Ring
 from ..kernels.interrupts import new_watch, uninterrupted
-from ..kernels.tableaus import Method, tableau
+from ..kernel.tableaus import Method, tableau
 from ..resonator import RingResonator
 from ..runs import window
 from ..thermal import Compact

@@ -15,7 +15,7 @@ from thermofem.arrays import Array
 from thermofem.checks import InputError
 
 from ..kernels.interrupts import new_watch, uninterrupted
-from ..kernels.tableaus import Method, tableau
+from ..kernel.tableaus import Method, tableau
 from ..runs.window import check_end
 from .closing import Settled, close, refined, swing
 from .orbit import TRACE_RTOL, CycleProblem

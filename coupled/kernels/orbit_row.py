@@ -20,7 +20,7 @@ from .kinds import order
 from .orbit_return import near
 from .orbit_start import FIRST, FLAT, Transient, proceed
 from .orbits import close
-from .tableaus import Tableau
+from ..kernel.tableaus import Tableau
 
 SURE = 0.98  # a multiplier above which the rest of an error is magnified too much
 CLOSE_ENOUGH, STEPS = 1e-7, 12  # of Newton's method where it is

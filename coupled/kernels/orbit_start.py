@@ -12,7 +12,7 @@ from .control import DONE
 from .equations import Array
 from .orbit_measure import digest
 from .orbit_return import integrated
-from .tableaus import Tableau
+from ..kernel.tableaus import Tableau
 
 FIRST, LONGEST_PART = 4e3, 1e5  # ns
 LONGEST_SEEN = 1e6  # ns, of a part after one that moves without three pulses: a period may be a quarter of that

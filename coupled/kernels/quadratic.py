@@ -17,7 +17,7 @@ from .algebra import follows, inverse, solve
 from .compiling import compiled
 from .equations import Array, Rates, absorbed_power, dispersion, optics, optics_jacobian
 from .kinds import QuadraticHeat, flow
-from .tableaus import Tableau
+from ..kernel.tableaus import Tableau
 
 
 @compiled

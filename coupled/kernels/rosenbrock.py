@@ -44,7 +44,7 @@ from .control import (
 from .equations import Array, Rates, dispersion, optics, optics_jacobian
 from .kinds import read, rise_of, weigh
 from .laser import LaserPieces, largest_power, light
-from .tableaus import Tableau
+from ..kernel.tableaus import Tableau
 
 
 @compiled

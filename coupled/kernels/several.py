@@ -30,7 +30,7 @@ from .control import DONE, STEP_TOO_SMALL, STOPPED, TOO_MANY_STEPS, dense_output
 from .equations import Array, Rates, dispersion
 from .kinds import flow, read, rise_of, spread, weigh
 from .laser import largest_power
-from .tableaus import Tableau
+from ..kernel.tableaus import Tableau
 
 LOSS, ABSORBED, FCA, TPA, G, SHIFT, TURN, KERR = range(8)
 

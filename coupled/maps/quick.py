@@ -12,7 +12,7 @@ from thermofem import checks
 
 from ..equilibria.steady import Internal, absorbable, internal
 from ..kernels.interrupts import new_watch
-from ..kernels.tableaus import Method, tableau
+from ..kernel.tableaus import Method, tableau
 from ..resonator import RingResonator
 from ..runs import window
 from ..runs.pulsing import Pulsing, Regime, classify, lasting

@@ -17,7 +17,7 @@ from coupled import Method, State, Sweep
 from coupled.inputs import Pieces, bounds, pieces
 from coupled.kernels import equations as eq
 from coupled.kernels.rosenbrock import light, step
-from coupled.kernels.tableaus import tableau
+from coupled.kernel.tableaus import tableau
 from coupled.runs.window import advance, laser_of
 
 NS, MW, GHZ = 1e-9, 1e-3, 1e9

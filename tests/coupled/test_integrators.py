@@ -30,7 +30,7 @@ from coupled.kernels.rosenbrock import (
     step,
     step_error,
 )
-from coupled.kernels.tableaus import tableau
+from coupled.kernel.tableaus import tableau
 
 POWER = 10**0.8 * 1e-3
 FLOOR = np.array([1e-3, 1e-4, 1e-3])  # sqrt(fJ), 1e23/m^3, K

@@ -15,7 +15,7 @@ import thermofem as th
 from coupled import Method
 from coupled.kernels import equations as eq
 from coupled.kernels import quadratic, rosenbrock
-from coupled.kernels.tableaus import tableau
+from coupled.kernel.tableaus import tableau
 from coupled.runs import lasers, window
 from coupled.thermal import compact
 
