@@ -15,7 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.tri import Triangulation
 
-from . import checks, renamed
+from . import checks
 from .checks import InputError, choice, positive
 from .data.contents import contents
 from .data.fields import check_field
@@ -93,7 +93,6 @@ def plot_field(data: xr.Dataset, ax: Axes | None = None, *, at: int = 0, half_wi
     return ax
 
 
-@renamed.keywords(progress="on_frame")
 def animate_field(
     data: xr.Dataset,
     path: str | FilePath,

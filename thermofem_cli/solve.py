@@ -171,7 +171,7 @@ def _title(data: Record) -> str:
     a = data.attrs
     of = "" if "," in a["read"] or a["read"] == a["heated"] else f"{a['read']}, "
     part = a["heated"] if a["read"] == a["heated"] else f"{of}{a['heated']} heated"
-    drive = waveforms.words(waveforms.from_json(a["waveform"])).replace(" us", " µs")
+    drive = waveforms.from_json(a["waveform"]).words.replace(" us", " µs")
     return f"{part}: {drive}" + (", one period of the periodic state" if a["kind"] == "periodic" else ", from rest")
 
 

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import Foster, HeatProblem, OutputMap, Quadratic, StateSpace, checks, renamed
+from thermofem import Foster, HeatProblem, OutputMap, Quadratic, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.models import NonlinearSystem, ThermalModel
-from thermofem.waveforms import Function, PiecewiseCubic, Waveform
-from thermofem.waveforms.contract import KINDS
+from thermofem.waveforms import KINDS, Function, PiecewiseCubic, Waveform
 
 from ..arguments import check_run, detuning_in_time, one_laser, power_in_time
 from ..heaters import power_of
@@ -36,7 +35,6 @@ INTEGER = 63  # bits of the largest integer of a file, beside its sign
 FIRST = 0.25e-6  # s, about the first window
 
 
-@renamed.keywords(tolerance="max_discrepancy")
 @one_laser
 def cosimulate(
     ring: RingResonator,

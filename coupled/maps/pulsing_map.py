@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermofem import Quadratic, checks, renamed
+from thermofem import Quadratic, checks
 from thermofem.data import dataset
 from thermofem.data.contents import in_si
 from thermofem.data.names import Words
@@ -59,7 +59,6 @@ class _Cell(NamedTuple):
     reason: str
 
 
-@renamed.keywords(progress="show_bar")
 @as_dataset
 @one_laser
 def pulsing_map(

@@ -11,7 +11,7 @@ import numpy as np
 from thermofem import checks
 from thermofem.arrays import Array, NDArray
 from thermofem.data.display import shown
-from thermofem.waveforms import Pieces, bounds
+from thermofem.piecewise import Pieces, bounds
 
 from ..arguments import ROUND_OFF
 from ..inputs import add, joint, pieces

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import Campaign, Foster, checks, renamed
+from thermofem import Campaign, Foster, checks
 from thermofem import __version__ as version
 from thermofem.arrays import Array
 from thermofem.campaign import schema
@@ -40,7 +40,6 @@ NOTHING = 1e-9  # relative change of a response over the range of a parameter th
 SAFETY = 1.5  # on floor and factor of the predicted error
 
 
-@renamed.keywords(progress="report")
 def train_family(
     campaign: Campaign | str | Path,
     tolerance: float = 1e-3,

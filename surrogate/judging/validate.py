@@ -14,6 +14,7 @@ from thermofem import Chirp, Constant, Pulse, SquareWave, Telegraph, ThermalMode
 from thermofem.arrays import Array, ArrayLike
 from thermofem.constants import c
 from thermofem.data import netcdf
+from thermofem.piecewise import bounds
 
 from .swings import period_of, swing_over_period, swings
 
@@ -250,7 +251,7 @@ def compare(
         swing = swings(reference, periods, power, duty)
         words = [error_curve(m, swing, periods, power, duty).attrs["validity"] for m in models.values()]
         variables["validity"] = ("model", words, {"long_name": "range of validity on the period"})
-    return xr.Dataset(variables, coords={"model": list(models), "drive": [waveforms.words(d) for d in drives]})
+    return xr.Dataset(variables, coords={"model": list(models), "drive": [d.words for d in drives]})
 
 
 def square_waves(
@@ -318,7 +319,7 @@ def _answer(model: ThermalModel, drive: Waveform) -> Array:
 def _largest(drive: Waveform) -> float:
     """Largest power of a drive, W."""
     stop = drive.period if drive.period is not None else _length(drive)
-    return waveforms.bounds(waveforms.heating_pieces(drive, 0.0, stop))[1]
+    return bounds(waveforms.heating_pieces(drive, 0.0, stop))[1]
 
 
 def _length(drive: Waveform) -> float:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from thermofem import checks, renamed
+from thermofem import checks
 from thermofem.arrays import Array
 from thermofem.data import quantity
 
@@ -24,7 +24,6 @@ NEEDED = "a distribution of scipy.stats with its numbers is needed"
 OUTSIDE = 1e-3  # share of the samples that may leave the box; they are held at its edge
 
 
-@renamed.keywords(layer="interpolate")
 def uncertainty(
     family: Family,
     distributions: Mapping[str, Any],

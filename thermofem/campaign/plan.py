@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .. import checks, renamed, waveforms
+from .. import checks, waveforms
 from ..checks import InputError
 from ..data import toml_file
 from ..data.display import shown
@@ -111,12 +111,6 @@ class Campaign:
             raise InputError(f"{len(self)} geometries are more than {LARGEST}; take fewer values or draw from ranges")
         first = next(self._values())
         self.geometry_of(first)  # a path that leads nowhere raises here
-
-    @property
-    def schedules(self) -> tuple[Drive, ...]:
-        """The old name of ``drives``."""
-        renamed.warn("Campaign.schedules", "Campaign.drives")
-        return self.drives
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Campaign:
@@ -235,6 +229,3 @@ class Campaign:
         from .run import run
 
         return run(self, directory, executor, workers=workers, retry_failed=retry_failed, report=report)
-
-
-Campaign.__init__ = renamed.keywords(schedules="drives")(Campaign.__init__)  # type: ignore[method-assign]

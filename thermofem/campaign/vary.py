@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import checks, renamed, waveforms
+from .. import checks, waveforms
 from ..checks import InputError
 from ..data import quantity
 from ..data.names import check_name
@@ -136,6 +136,3 @@ class Drive:
         if self.times:
             return checks.array(f"drive {self.name!r}: times", self.times, increasing=True)
         return waveforms.period_times(self.wave, self.samples)
-
-
-__getattr__ = renamed.objects(__name__, Schedule=Drive)

@@ -205,7 +205,7 @@ def response_of(data: xr.Dataset) -> Response:
     doubts = static_gain.contradictions(data, wave, times, rise, periodic=periodic)
     if clipped := clipping(rise, unit_of(data.attrs.get("assumed", "")), times=times, power=wave(times)):
         doubts = (*doubts, clipped)
-    words = f"{waveforms.words(wave)}, {'periodic state' if periodic else 'from rest'}"
+    words = f"{wave.words}, {'periodic state' if periodic else 'from rest'}"
     gain = static_gain.static_gain(data)
     if periodic:
         return Response(wave, times, rise, periodic, words, gain, doubts)
