@@ -129,9 +129,7 @@ class Drive(NamedTuple):
     def constant(cls, power: float, detuning: float, duration: float) -> Drive:
         """One ring under constant light: ``power`` = 2 gamma_e P, fJ/ns^2, and detuning in rad/ns."""
         edges = np.array([0.0, duration])
-        P, none, turn = (
-            Polynomials(edges, np.array([[[value, 0.0, 0.0, 0.0]]])) for value in (power, 0.0, detuning)
-        )
+        P, none, turn = (Polynomials(edges, np.array([[[value, 0.0, 0.0, 0.0]]])) for value in (power, 0.0, detuning))
         return cls(edges, P, none, turn, np.ones((1, 1), dtype=complex), max(power, 1e-300))
 
 
@@ -205,9 +203,7 @@ class Problem:
             raise InputError(f"fcd has {rings.dispersion.shape[1]} terms; at most 8 are possible")
         kernel = self._c
         kernel.rings, kernel.fields, kernel.terms = R, F, rings.dispersion.shape[1]
-        kernel.method = _Method(
-            len(m.a), m.order, m.gamma, *(self._at(x) for x in (m.a, m.c, m.dense, m.at, m.slope))
-        )
+        kernel.method = _Method(len(m.a), m.order, m.gamma, *(self._at(x) for x in (m.a, m.c, m.dense, m.at, m.slope)))
         for name in ("modes", "carriers", "dispersion", "floor"):
             setattr(kernel, name, self._at(getattr(rings, name)))
         kernel.bend = self._at(np.full(R, rings.bend))
@@ -269,7 +265,6 @@ class Problem:
         longest: float = np.inf,
         event: Crossing | None = None,
         keep_steps: bool = False,
-        max_steps: int = MAX_STEPS,
         progress: Callable[[float], None] | None = None,
     ) -> Run:
         """Integrate from ``y`` through the whole drive, on whose edges steps end.
@@ -290,7 +285,7 @@ class Problem:
         crossings: list[float] = []
         budget, began, looks = 1000, time.perf_counter(), 10.0
         while True:
-            loop.budget, loop.room = min(budget, max_steps + 1 - loop.accepted - loop.rejected), len(steps)
+            loop.budget, loop.room = min(budget, MAX_STEPS + 1 - loop.accepted - loop.rejected), len(steps)
             status = self._call(
                 "ring_integrate", c.byref(loop), _pointer(y), _pointer(rows), _L(len(rows)), _pointer(at), _L(wanted),
                 _pointer(steps) if keep_steps else None,
@@ -300,9 +295,9 @@ class Problem:
                 budget = int(budget * min(max(RETURN / max(elapsed, 1e-6), 0.5), 8.0)) + 1
                 if progress:
                     progress(loop.t)
-                if loop.accepted + loop.rejected > max_steps:
+                if loop.accepted + loop.rejected > MAX_STEPS:
                     raise InputError(
-                        f"duration: the run takes more than {max_steps} steps at rtol = {rtol:g} (they reach "
+                        f"duration: the run takes more than {MAX_STEPS} steps at rtol = {rtol:g} (they reach "
                         f"{loop.t * 1e-9:g} s); shorten it or loosen rtol"
                     )
             elif status == FULL:
