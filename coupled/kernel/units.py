@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from thermofem.arrays import Array
-
 from thermofem import Foster, OutputMap
+from thermofem.arrays import Array
 
 from .integrator import Drive, PoleHeat, Problem, QuadraticHeat, Rings
 from .tableaus import Method
