@@ -13,7 +13,7 @@ from thermofem.arrays import Array, ArrayLike
 
 from ..arguments import check_duration, check_times
 from ..inputs import Input
-from ..kernels.tableaus import Method, tableau
+from ..kernel.tableaus import Method, tableau
 from ..runs.simulate import check_method
 from ..runs.window import LONG, MAX_STEPS, check_end
 from ..states import check_same_heat
