@@ -13,10 +13,9 @@ import skfem
 from numpy.typing import NDArray
 
 from .. import checks
-from ..checks import InputError
+from ..checks import InputError, check_names
 from ..data import files
 from ..data.display import shown
-from ..data.names import check_names
 from . import gmsh_file
 
 MOST = 2**53  # of an index: larger floats skip whole numbers
