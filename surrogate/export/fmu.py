@@ -326,7 +326,8 @@ def _script(path: Path, run: Demonstration) -> str:
     file, stem = plain_name(path.name), path.stem
     return f'''"""{run.power * 1e3:.9g} mW at {run.detuning / 1e9:.9g} GHz from cold.
 
-Writes {stem}_demo.csv: time in s, drop power in W. Needs FMPy (pip install fmpy). The unit integrates at rtol = 1e-6: periods within 1e-5; {run.reason()}.
+Writes {stem}_demo.csv: time in s, drop power in W. Needs FMPy (pip install fmpy).
+The unit integrates at rtol = 1e-6: periods within 1e-5; {run.reason()}.
 """
 
 import numpy as np
