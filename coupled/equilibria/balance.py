@@ -25,7 +25,7 @@ from scipy.optimize import elementwise
 from thermofem.arrays import Array, ArrayLike, NDArray
 from thermofem.models import ThermalModel
 
-from ..kernels.equations import EPSILON, Rates, internal_rates
+from ..kernel.units import EPSILON, Rates, internal_rates
 from ..resonator import RingResonator
 from ..thermal import Compact, compact
 from .heat_at_rest import Heat, heat_of

@@ -31,7 +31,7 @@ from thermofem.data import dataset
 from thermofem.models import ThermalModel
 
 from ..arguments import check_axis, check_ring
-from ..kernels.equations import FJ, NS, UW, internal_pump
+from ..kernel.units import FJ, NS, UW, internal_pump
 from ..resonator import RingResonator
 from ..thermal import trusted
 from .balance import InternalRing, absorbable, balance, energy, farthest_s, internal_ring

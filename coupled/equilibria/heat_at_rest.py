@@ -16,7 +16,7 @@ from numpy.polynomial import chebyshev
 from thermofem import Foster, OutputMap, Quadratic, checks
 from thermofem.arrays import Array, NDArray
 
-from ..kernels.equations import FJ, NS, UW
+from ..kernel.units import FJ, NS, UW
 from ..thermal import Compact
 
 TERMS = (16, 32, 64, 128, 256)

@@ -8,7 +8,7 @@ import numpy as np
 
 from thermofem.arrays import Array
 
-from ..kernels.equations import DENSITY, FJ, NS, UW
+from ..kernel.units import DENSITY, FJ, NS, UW
 from ..resonator import RingResonator, origin
 from ..thermal import Compact, attributes
 from .balance import InternalRing, balance

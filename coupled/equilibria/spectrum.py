@@ -20,7 +20,7 @@ import numpy as np
 
 from thermofem.arrays import Array, ArrayLike, NDArray
 
-from ..kernels.equations import Rates
+from ..kernel.units import Rates
 from .balance import InternalRing, balance, dispersion, fixed_points
 
 REAL = 1e-6  # |Im|/|lambda| below which an eigenvalue is real: a double one splits by the root of round-off

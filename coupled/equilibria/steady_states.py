@@ -15,7 +15,7 @@ from ..arguments import check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
 from ..circuit.fixed_points import circuit_steady_states
 from ..heaters import constant
-from ..kernels.equations import internal_detuning, internal_pump
+from ..kernel.units import internal_detuning, internal_pump
 from ..resonator import RingResonator
 from ..thermal import trusted
 from .balance import absorbable, fixed_points, internal_ring

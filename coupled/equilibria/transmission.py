@@ -16,7 +16,7 @@ from thermofem.models import ThermalModel
 from ..arguments import MOST_POINTS, check_detuning, check_power, check_ring
 from ..circuit.circuit import Circuit
 from ..circuit.low_power import low_power_transmission
-from ..kernels.equations import FJ, NS, UW, internal_pump, internal_rates
+from ..kernel.units import FJ, NS, UW, internal_pump, internal_rates
 from ..resonator import RingResonator
 from ..thermal import NEEDED, trusted
 from .balance import (

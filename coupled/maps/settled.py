@@ -20,8 +20,8 @@ from ..cycles.scheme import scheme
 from ..cycles.start import RestError, longest_of, pursued, rest_words
 from ..equilibria.balance import absorbable, internal_ring
 from ..equilibria.spectrum import stable_points
+from ..kernel.tableaus import Method, tableau
 from ..kernels.interrupts import uninterrupted
-from ..kernels.tableaus import Method, tableau
 from ..runs.pulsing import DUTY_LEVEL, Regime
 from .grid import Point
 

@@ -18,7 +18,7 @@ from ..equilibria.balance import absorbable, internal_ring
 from ..equilibria.observables import provenance
 from ..equilibria.spectrum import survey
 from ..heaters import constant
-from ..kernels.equations import NS, internal_detuning, internal_pump
+from ..kernel.units import NS, internal_detuning, internal_pump
 from ..resonator import RingResonator
 from ..thermal import Compact, compact, warn_at_top
 from .grid import Grid, grid_of

@@ -12,7 +12,7 @@ from thermofem.models import ThermalModel
 from thermofem.models.contract import bare
 
 from ..equilibria.balance import absorbable, balance, fixed_points, internal_ring
-from ..kernels.equations import internal_detuning, internal_pump
+from ..kernel.units import internal_detuning, internal_pump
 from ..thermal import Compact, trusted
 from .grid import Grid, Point
 

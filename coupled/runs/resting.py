@@ -21,7 +21,7 @@ from ..carriers.shockley_read_hall import ShockleyReadHall
 from ..equilibria.balance import InternalRing, absorbable, fixed_points, internal_ring
 from ..equilibria.observables import observables
 from ..heaters import turned_by
-from ..kernels.equations import internal_detuning, internal_pump
+from ..kernel.units import internal_detuning, internal_pump
 from ..resonator import RingResonator
 from ..states import State
 from ..thermal import Compact, compact
