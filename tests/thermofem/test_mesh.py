@@ -9,9 +9,9 @@ import warnings
 from dataclasses import replace
 from pathlib import Path
 
+import hostile
 import numpy as np
 import pytest
-from fuzz import hostile
 from hypothesis import assume, given, settings
 from sections import HEATER, STRIP, core, on_oxide, random_parts
 
