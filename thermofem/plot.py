@@ -187,8 +187,9 @@ def plot_cross_section(
     part = next(p for p in geometry.parts if p.heated)
     centre, half = (part.inner_radius + part.outer_radius) / 2e-6, half_width * 1e6
     middle = (part.bottom + part.height / 2) * 1e6
-    ax.set(xlim=(max(0.0, centre - half), centre + half), ylim=(middle - 0.75 * half, middle + 0.75 * half))
-    ax.set(xlabel="r (µm)", ylabel="z (µm)", title=geometry.name)
+    low = max(geometry.inner_end * 1e6, centre - half)
+    ax.set(xlim=(low, centre + half), ylim=(middle - 0.75 * half, middle + 0.75 * half))
+    ax.set(xlabel="r (µm)" if geometry.kind == "ring" else "x (µm)", ylabel="z (µm)", title=geometry.name)
     ax.set_aspect("equal")
     handles = [plt.Rectangle((0, 0), 1, 1, facecolor=c, edgecolor=INK, linewidth=0.6) for c in colours.values()]
     handles.append(plt.Rectangle((0, 0), 1, 1, **_UNMESHED))
@@ -206,7 +207,7 @@ def plot_preview(geometry: CrossSection, mesh: Mesh) -> Axes:
     low, high = min(p.bottom for p in geometry.parts), max(geometry.top_z, *(p.top for p in geometry.parts))
     inner, outer = min(p.inner_radius for p in geometry.parts), max(p.outer_radius for p in geometry.parts)
     room = max(0.3 * (high - low), 0.3 * (outer - inner), 1.5e-6)
-    left.set_xlim(max(inner - room, 0) * 1e6, (outer + room) * 1e6)
+    left.set_xlim(max(inner - room, geometry.inner_end) * 1e6, (outer + room) * 1e6)
     left.set_ylim(max(low - room, geometry.bottom_z) * 1e6, (high + 0.8 * room) * 1e6)
     size = max(heated.outer_radius - heated.inner_radius, heated.height)
     plot_cross_section(geometry, mesh, right, half_width=min(max(2.5 * size, 1e-6), 10e-6))
