@@ -128,7 +128,7 @@ MEASURED = """
 Only numbers that were seen there are listed. A straight shifter is closed to a ring of its length, which changes the
 π power by under 4 %. π power = λ/(2 L dn/dT R_th); ratio = computed over published. The range is what the computed
 figure becomes when one unknown goes from end to end; what else is assumed stands in the
-linked geometry file. `python tests/devices.py` computes the figures from these
+linked geometry file. `python tests/support/devices.py` computes the figures from these
 files; `tests/surrogate/test_published_devices.py` holds them.
 
 Static figures come within 30 % of the laboratory. Times and bandwidths do not. A computed step has a slow tail of heat

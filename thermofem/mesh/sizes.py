@@ -24,10 +24,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from . import checks
+from .. import checks
 
 if TYPE_CHECKING:
-    from .geometry.cross_section import CrossSection
+    from ..geometry.cross_section import CrossSection
 
 LARGEST = 4e-6  # m, near the heat
 REACH = 0.3e-6  # m, the size of a core: where the field around it begins to smooth out
