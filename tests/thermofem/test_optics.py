@@ -203,3 +203,102 @@ def surrogate_gain(heat):
     import surrogate
 
     return surrogate.reduce(heat.channels("core", "light"), tolerance=1e-3).model.thermal_resistance
+
+
+# an independent code: ring of R 3 um (0.3 %), nitride of R 20 um (two digits)
+@pytest.mark.parametrize(
+    ("geometry", "quality", "within"),
+    [(th.strip_ring(radius=3e-6), 7.95e7, 0.01), (nitride(1e-6, 0.4e-6, radius=20e-6), 4.8e5, 0.02)],
+    ids=["strip", "nitride"],
+)
+def test_quality_factor_of_a_bend(geometry, quality, within):
+    assert th.light(geometry, wavelength=1.55e-6).mode("TE0").q_radiation == pytest.approx(quality, rel=within)
+
+
+def test_a_wide_bend_loses_nothing_that_can_be_told():
+    assert th.light(th.strip_ring(), wavelength=1.55e-6).mode("TE0").q_radiation == math.inf
+
+
+# Xiao et al. 2012, as quoted in femwell's documentation: silicon 3.48, 500 x 220 nm on oxide of 1.46 in air, 1.55 um;
+# film-mode matching at R = 2 um: Re n_eff 2.39433, log10 Im n_eff -6.48982; the methods there differ by 1e-2
+def test_a_published_bend_in_air():
+    text = """outer_radius = "20 um"
+    layer = [{name = "substrate", material = "glass", thickness = "5 um"},
+             {name = "box", material = "glass", thickness = "3 um", datum = true}]
+    [[part]]
+    name = "core"
+    material = "silicon"
+    radius = "2 um"
+    width = "500 nm"
+    bottom = "0 nm"
+    height = "220 nm"
+    heated = true
+    [material.glass]
+    index = 1.46
+    conductivity = "1.4 W/m/K"
+    density = "2200 kg/m^3"
+    specific_heat = "700 J/kg/K"
+    [material.silicon]
+    index = 3.48
+    conductivity = "130 W/m/K"
+    density = "2330 kg/m^3"
+    specific_heat = "700 J/kg/K"
+    """
+    mode = th.light(th.CrossSection.from_toml_text(text), wavelength=1.55e-6, order=3).mode("TE0")
+    assert mode.n_eff == pytest.approx(2.39433, abs=3e-4)
+    imaginary = mode.n_g / (2 * mode.q_radiation)
+    assert math.log10(imaginary) == pytest.approx(-6.48982, abs=0.02)
+
+
+def test_leak_into_the_substrate(caplog):
+    geometry = th.strip_ring(box=1e-6, radius=50e-6, outer_radius=80e-6)
+    mode = th.light(geometry, wavelength=1.55e-6).mode("TE0")
+    assert mode.substrate_loss == pytest.approx(0.01724, rel=0.02)  # an independent code, 1 %
+    th.light(th.strip_ring(box=0.5e-6), wavelength=1.55e-6).mode("TE0")
+    assert "substrate" in caplog.text
+    assert "dB/cm" in caplog.text
+
+
+def with_material(name, text):
+    return th.CrossSection.from_toml_text(th.strip_ring().to_toml() + f"\n[material.{name}]\n{text}\n")
+
+
+def test_index_laws_of_a_file_survive_a_round_trip():
+    law = (
+        'index = { sellmeier = [[0.6961663, "0.0684043 um"], [0.4079426, "0.1162414 um"], [0.8974794, "9.896161 um"]] }'
+    )
+    geometry = with_material("SiO2", law)
+    assert th.CrossSection.from_toml_text(geometry.to_toml()) == geometry
+    assert geometry.material_of("box").index.index(1.55e-6) == pytest.approx(1.4440236, abs=1e-7)  # Malitson 1965
+    table = (
+        'index = { wavelength = ["1.5 um", "1.54 um", "1.56 um", "1.6 um"], values = [1.4446, 1.4441, 1.4439, 1.4434] }'
+    )
+    geometry = with_material("SiO2", table + '\nthermo_optic = "1e-5 1/K"\ntwo_photon = "0.1 cm/GW"')
+    assert th.CrossSection.from_toml_text(geometry.to_toml()) == geometry
+    assert geometry.material_of("box").two_photon == pytest.approx(1e-12)
+
+
+# published group indices at 1.55 um: Salzberg and Villa 1957, Malitson 1965, Luke et al. 2015
+@pytest.mark.parametrize(
+    ("name", "n", "n_g"), [("Si", 3.4777238, 3.605295), ("SiO2", 1.4440236, 1.462596), ("Si3N4", 1.99628, 2.039573)]
+)
+def test_library_indices(name, n, n_g):
+    law = th.materials[name].index
+    assert law.index(1.55e-6) == pytest.approx(n, abs=1e-6)
+    assert law.group_index(1.55e-6) == pytest.approx(n_g, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("geometry", "wavelength", "word"),
+    [
+        (th.strip_ring(width=120e-9), 1.55e-6, "guides no mode"),
+        (th.strip_ring(), 1.2e-6, "wavelength"),
+        (th.strip_ring(), 1.55, "wavelength"),
+        (th.heated_ring(cladding=0.3e-6), 1.55e-6, "heater"),
+        (with_material("Si", "index = 1.2"), 1.55e-6, "guides no mode"),
+    ],
+    ids=["narrow", "law", "unit", "metal", "index"],
+)
+def test_what_cannot_be_lit(geometry, wavelength, word):
+    with pytest.raises(th.InputError, match=word):
+        th.light(geometry, wavelength=wavelength).mode("TE0")

@@ -33,7 +33,7 @@ def radiation_q(mode: Mode) -> float:
     if math.isinf(mode.radius):
         return math.inf
     light: Light = mode.light  # type: ignore[assignment]
-    aside = max(ASIDE, light.reach(mode.n_eff, 1e-5))
+    aside = max(ASIDE, light.reach(mode.n_eff, 1e-7))
     outer = max(2e-6, 0.15 * mode.radius + ASIDE)
     low, high = light.outline[:, 1].min() - aside - DEPTH, light.outline[:, 1].max() + aside + DEPTH
     covered = light.geometry.top_z > light.outline[:, 1].max()  # else air begins there
@@ -50,7 +50,7 @@ def substrate_loss(mode: Mode) -> float:
     away = [far for name, far in light.limits[1].items() if material_of(light.geometry, name).index is not None]
     if not away:
         return 0.0
-    aside = max(ASIDE, light.reach(mode.n_eff, 1e-5))
+    aside = max(ASIDE, light.reach(mode.n_eff, 1e-7))
     left, right, _, top = light.box(aside + DEPTH, aside + DEPTH, 0.0, aside)
     bottom = light.outline[:, 1].min() - min(away) - DEPTH - 0.5e-6
     beta = _beta(mode, (left, right, bottom, top), (DEPTH, DEPTH, DEPTH, 0.0), math.inf, (bottom, top))
