@@ -13,7 +13,7 @@ import coupled
 import surrogate
 import thermofem as th
 from surrogate.plot import plot_crosstalk
-from thermofem.plot_style import CYCLE
+from thermofem.plot import CYCLE
 
 plt.rcParams["axes.prop_cycle"] = plt.cycler(color=CYCLE)  # the colours of all figures
 

@@ -20,6 +20,7 @@ from .geometry import (
     from_gdsfactory,
     heated_ring,
     rib_ring,
+    straight_guide,
     strip_ring,
 )
 from .materials import Material, Polynomial, PowerLaw, Table, silicon_film
@@ -48,5 +49,5 @@ __all__ = [
     "Sampled", "SquareWave", "StateSpace", "Symbols", "Table", "Telegraph", "ThermalModel", "Waveform", "assemble",
     "checks", "dataset", "derivatives", "disc", "discretize", "from_gdsfactory", "heated_ring", "light", "load",
     "materials", "open_campaign", "read_csv", "rib_ring", "save", "silicon_film", "solve", "solve_periodic",
-    "strip_ring", "waveforms", "write_fields",
+    "straight_guide", "strip_ring", "waveforms", "write_fields",
 ]  # fmt: skip

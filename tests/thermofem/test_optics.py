@@ -64,7 +64,7 @@ def test_a_disc_counts_from_its_edge():
 
 
 def test_names_of_the_guided_modes():
-    light = th.light(th.strip_ring(width=500e-9, radius=1e-3, outer_radius=1.05e-3), wavelength=1.55e-6)
+    light = th.light(th.straight_guide(width=500e-9), wavelength=1.55e-6)
     assert [mode.name for mode in light.modes] == ["TE0", "TM0", "TE1"]
     # NGSolve, to the digits given, for the straight guide
     assert [mode.n_eff for mode in light.modes[1:]] == pytest.approx([1.7713, 1.4927], abs=3e-4)
@@ -104,6 +104,18 @@ def test_quantities_of_the_same_guide(borghi):
     assert borghi.confinement["Si"] == pytest.approx(1.067713, rel=1e-3)
     assert borghi.confinement["SiO2"] == pytest.approx(0.303438, rel=6e-3)
     assert borghi.thermo_optic == pytest.approx(4.69443e-5, rel=1e-3)
+
+
+def test_a_straight_guide_has_the_volumes_of_its_length():
+    """NGSolve's integrals over 49.98 um."""
+    mode = th.light(th.straight_guide(length=49.98e-6), wavelength=1.555e-6).mode("TE0")
+    assert mode.volume(2) == pytest.approx(5.381543e-18 * 49.98 / (2 * math.pi * 7.955), rel=1e-3)
+    assert mode.volume(3, length=2 * math.pi * 7.955e-6) == pytest.approx(4.869608e-18, rel=1e-3)
+    assert mode.confinement["SiO2"] == pytest.approx(0.303438, rel=1e-3)
+    assert mode.core_fraction(2) == pytest.approx(0.9927098, abs=1e-4)
+    heat = mode.light.geometry
+    lit = th.assemble(heat).with_light(mode)
+    assert lit.thermal_resistance("core", "light") == pytest.approx(lit.thermal_resistance("core"), rel=2e-3)
 
 
 def test_group_index_is_the_sum_of_the_materials(borghi):

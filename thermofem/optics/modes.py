@@ -175,7 +175,7 @@ class Mode:
         power : int
             2 or 3.
         length : float, m
-            of a straight guide; a ring has 2 pi R.
+            2 pi R of a ring, and the length of a straight section, where it is not given.
         dispersion : bool
             n n_g of the material in place of n^2 in the numerators: the stored energy with dispersion; silicon +7 %.
         spread_carriers : bool
@@ -207,9 +207,10 @@ class Mode:
         return self.integral(inside) / UM**2 * self._length(length)
 
     def _length(self, length: float | None) -> float:
-        if length is None and math.isinf(self.radius):
-            raise InputError("length is missing: the volume of a straight guide needs its length in m")
-        return checks.positive("length", length, unit="m") if length is not None else 2 * math.pi * self.radius
+        if length is not None:
+            return checks.positive("length", length, unit="m")
+        own = None if self.light is None else self.light.geometry.length
+        return own or 2 * math.pi * self.radius
 
     @cached_property
     def error(self) -> float:
@@ -259,8 +260,10 @@ class Light:
 
     @property
     def centre(self) -> float:
-        """r of the window's x = 0 in m: of the core's centre; of a full disc or its rim, of the edge."""
+        """r or x of the window's x = 0 in m: of the core's centre; of a full disc or its rim, of the edge."""
         p = self._part
+        if p.x is not None:
+            return p.x
         filled = any(
             (q.material, q.bottom, q.top) == (p.material, p.bottom, p.top)
             and math.isclose(q.outer_radius, p.inner_radius, rel_tol=1e-9)
@@ -271,7 +274,7 @@ class Light:
     @property
     def radius(self) -> float:
         """R in m; inf for a straight guide."""
-        return math.inf if getattr(self.geometry, "kind", "ring") == "straight" else self.centre
+        return math.inf if self.geometry.kind == "straight" else self.centre
 
     @cached_property
     def core_index(self) -> float:

@@ -26,6 +26,8 @@ def light_integral(mode: Mode, basis: Any) -> Array:
     weight = mode.thermal_density * mode.space.arc * mode.space.dx
     hot = np.flatnonzero(weight.any(axis=1))  # air has no heat and no triangles
     places = mode.space.points[:, hot].reshape(2, -1) / UM + np.array([[light.centre], [0.0]])
+    if light.geometry.mirrored:
+        places[0] = np.abs(places[0])
     cells = _containing(basis.mesh, places)
     local = basis.mesh.mapping().invF(places[:, :, None], tind=cells)[:, :, 0]
     values = np.array([basis.elem.lbasis(local, k)[0] for k in range(basis.Nbfun)])

@@ -12,7 +12,7 @@ from ..arrays import Array, NDArray
 from ..checks import InputError
 from ..geometry.regions import Face, outlines
 from ..materials.library import VOID, Material, find
-from ..sizes import size_function, sizes
+from ..mesh.sizes import size_function, sizes
 
 if TYPE_CHECKING:
     from ..geometry import CrossSection, Part
@@ -39,14 +39,16 @@ class Window:
 
     @classmethod
     def of(cls, geometry: CrossSection, mesh: Mesh, keep: NDArray[np.bool_], radius: float) -> Window:
-        """The triangles ``keep`` of a mesh in m, points doubled along contacts joined."""
+        """The triangles ``keep`` of a mesh in m, points doubled along contacts joined; both halves of a mirrored one."""
         import skfem
 
-        points, place = np.unique(mesh.points, axis=0, return_inverse=True)
-        used, corners = np.unique(place.ravel()[mesh.triangles[keep]], return_inverse=True)
-        about = (points[used] - [radius, 0.0]) * UM
-        grid = skfem.MeshTri(np.ascontiguousarray(about.T), np.ascontiguousarray(corners.reshape(-1, 3).T))
-        there, region = np.unique(mesh.region[keep], return_inverse=True)
+        corners, of = mesh.points[mesh.triangles[keep]], mesh.region[keep]
+        if geometry.mirrored:
+            corners, of = np.concatenate([corners, corners * [-1.0, 1.0]]) + 0.0, np.tile(of, 2)
+        points, place = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
+        about = (points - [radius, 0.0]) * UM
+        grid = skfem.MeshTri(np.ascontiguousarray(about.T), np.ascontiguousarray(place.reshape(-1, 3).T))
+        there, region = np.unique(of, return_inverse=True)
         names = tuple(mesh.region_names[k] for k in there)
         return cls(grid, region.ravel(), names, tuple(material_of(geometry, name) for name in names))
 
@@ -68,7 +70,7 @@ def material_of(geometry: CrossSection, region: str) -> Material:
 
 def window(geometry: CrossSection, mesh: Mesh, box: Box, radius: float, accuracy: float) -> Window:
     """The heat mesh cut to a box by its centroids, or triangles drawn there where the heat mesh has gaps."""
-    left, right, bottom, top = box
+    left, right, bottom, top = box = _half(geometry, box)
     r, z = mesh.points[mesh.triangles].mean(axis=1).T
     keep = (r > left) & (r < right) & (z > bottom) & (z < top)
     if _gaps(geometry, box):
@@ -91,15 +93,20 @@ def drawn(
     from ..mesh.generate import make_faces
 
     size = size_function(geometry, sizes(accuracy))
-    faces = _clipped(geometry, box)
+    faces = _clipped(geometry, box := _half(geometry, box))
     if beyond is not None:
         new = dict(zip(box[2:], beyond, strict=True))
         faces = [
             Face(f.owner, tuple(np.array([(r, new.get(z, z)) for r, z in ring]) for ring in f.rings)) for f in faces
         ]
     both = size if largest is None else lambda r, z: min(size(r, z), largest(r, z))
-    mesh = make_faces(faces, both, geometry.name)
+    mesh = make_faces(faces, both, geometry.name, geometry.depth)
     return Window.of(geometry, mesh, np.ones(len(mesh.triangles), dtype=bool), radius)
+
+
+def _half(geometry: CrossSection, box: Box) -> Box:
+    """The box, or its half where the heat problem solves one half."""
+    return (0.0, *box[1:]) if geometry.mirrored else box
 
 
 def _gaps(geometry: CrossSection, box: Box) -> bool:
@@ -157,7 +164,8 @@ def limits(geometry: CrossSection, part: Part, wavelength: float) -> tuple[Box, 
     corners = part.outline()
     (left, bottom), (right, top) = corners.min(axis=0), corners.max(axis=0)
     own = index_of(geometry.material_of(part.name), wavelength, part.name)
-    box, away = [0.02 * left, geometry.outer_radius, geometry.bottom_z, np.inf], {}
+    axis = 0.02 * left if geometry.kind == "ring" else -geometry.outer_radius
+    box, away = [axis, geometry.outer_radius, geometry.bottom_z, np.inf], {}
     layers = {layer.name for layer in geometry.layers}
     for name, outline in outlines(geometry).items():
         material = geometry.material_of(name)
@@ -176,6 +184,8 @@ def limits(geometry: CrossSection, part: Part, wavelength: float) -> tuple[Box, 
             away[name] = float(gaps[side])
             nearer = max if side in (0, 2) else min
             box[side] = nearer(box[side], (r1, r0, z1, z0)[side])
+    if geometry.mirrored:
+        box[0] = -box[1]
     return (float(box[0]), float(box[1]), float(box[2]), float(box[3])), away
 
 

@@ -1,0 +1,57 @@
+"""Coefficients of the Rosenbrock methods, read from tableaus.json, which names their sources."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from importlib.resources import files
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofem.checks import Words
+
+Array = NDArray[np.float64]
+
+
+class Method(Words):
+    """Which Rosenbrock method integrates; both are L-stable, with error estimate and dense output."""
+
+    RODAS4 = "rodas4"
+    """Order 4, 6 stages, dense output of order 3; the cheaper one down to rtol = 1e-6."""
+    RODAS5P = "rodas5p"
+    """Order 5, 8 stages, dense output of order 4; keeps its order on stiff problems, so the better one below."""
+
+
+class Tableau(NamedTuple):
+    """One method as `rosenbrock` takes it.
+
+    With s stages k_1 .. k_s,
+
+        (1/(gamma h) - J) k_i = f(t + at_i h, y + sum_j a_ij k_j) + sum_j (c_ij/h) k_j + slope_i h df/dt,     j < i
+        y(t + h) = y + sum_j a_sj k_j + k_s,    error estimate k_s
+        y(t + x h) = (1 - x) y(t) + x [y(t + h) + (1 - x) (d_1 + x (d_2 + x d_3))],    d_m = sum_j dense_mj k_j
+    """
+
+    order: int
+    gamma: float
+    a: Array
+    c: Array
+    dense: Array
+    at: Array
+    slope: Array
+
+
+@cache
+def tableau(method: Method) -> Tableau:
+    """Return the coefficients of ``method``; arrays of shape (s, s), (s, s), (3, s), (s,) and (s,).
+
+    With Gamma = (1/gamma - c)^-1, ``at`` are the row sums of a Gamma and ``slope`` those of Gamma (Hairer and Wanner,
+    Section IV.7, Eq. 7.25).
+    """
+    table = json.loads(files(__package__).joinpath("tableaus.json").read_text())[method.value]
+    a, c, dense = (np.array(table[name]) for name in ("a", "c", "dense"))
+    inverse = np.linalg.inv(np.eye(len(c)) / table["gamma"] - c)
+    at, slope = (a @ inverse).sum(axis=1), inverse.sum(axis=1)
+    return Tableau(table["order"], table["gamma"], a, c, dense, at, np.where(np.abs(slope) < 1e-9, 0.0, slope))
