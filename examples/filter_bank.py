@@ -42,7 +42,7 @@ for power, style, name in ((naive, ":", "crosstalk left out"), (corrected, "-", 
     shift = ring.thermal_shift * (by_heater @ power) / (2 * np.pi)
     rings = [replace(ring, frequency=ring.frequency - float(df)) for df in shift]
     circuit = replace(coupled.bus(rings), frequency=ring.frequency)
-    lines = coupled.spectrum(circuit, detunings).transmission
+    lines = coupled.transmission(circuit, detuning=detunings).transmission
     for k in range(N):
         label = name if k == 0 else None
         axes[1].plot(detunings * 1e-9, lines.sel(port=f"drop {k + 1}"), style, color=f"C{k}", lw=1, label=label)

@@ -58,9 +58,9 @@ RESULTS = {
     "hopf_curves": lambda heat: coupled.hopf_curves(RING, MODEL, POWERS, np.linspace(-5e10, 2e10, 20))[0],
     "carrier_decay": lambda heat: coupled.carrier_decay(RING.carriers, 1e23, np.linspace(0, 1e-7, 9)),
     "simulate_circuit": circuit,
-    "spectrum": lambda heat: coupled.spectrum(coupled.bus([RING, RING]), DETUNINGS),
-    "circuit_steady_states": lambda heat: coupled.circuit_steady_states(
-        coupled.bus([RING, RING]), MODEL, inputs={"in": 1e-4}, starts=3
+    "spectrum": lambda heat: coupled.transmission(coupled.bus([RING, RING]), detuning=DETUNINGS),
+    "circuit_steady_states": lambda heat: coupled.steady_states(
+        coupled.bus([RING, RING]), MODEL, power={"in": 1e-4}, starts=3
     ),
 }
 
