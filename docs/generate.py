@@ -64,7 +64,8 @@ WORDS: dict[str, dict[str, str]] = {
         "name": "**required**",
         "part": "**required**; the shell lies around it, or the copy is one of it",
         "shell": "thickness of the shell; either this or `distance`",
-        "distance": "from the axis to the centre of a copy of the part: what a neighbouring ring reads; in a straight section from the part itself, along x",
+        "distance": "from the axis to the centre of a copy of the part: what a neighbouring ring reads; in a straight "
+        "section from the part itself, along x",
     },
     "[boundary]": {
         "bottom": "`isothermal` (default), `insulated`, `open` or `{ convection = ... }`",
@@ -128,7 +129,7 @@ MEASURED = """
 Only numbers that were seen there are listed. Heaters of phase shifters are straight sections.
 π power = λ/(2 L dn/dT R_th); ratio = computed over published. The range is what the computed
 figure becomes when one unknown goes from end to end; what else is assumed stands in the
-linked geometry file. `python tests/devices.py` computes the figures from these
+linked geometry file. `python tests/support/devices.py` computes the figures from these
 files; `tests/surrogate/test_published_devices.py` holds them.
 
 Static figures come within 30 % of the laboratory. Of nine times and bandwidths heat alone brings one within a factor

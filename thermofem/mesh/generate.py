@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import InputError, MissingLibraryError
-from ..sizes import size_function, sizes
 from .library import gmsh_problem
+from .sizes import size_function, sizes
 from .triangles import Mesh
 
 if TYPE_CHECKING:

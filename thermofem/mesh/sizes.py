@@ -1,0 +1,209 @@
+"""Sizes of the triangles from the wanted accuracy.
+
+With d the distance to the outlines of the heated parts and d_c that to one of their corners,
+
+    size(r, z) = min(h + slope d, h_c + slope d_c, max(4 um, d/10))        (4 um and h grow in large domains: `fitted`)
+
+The heat flux is singular where conductivities meet at a corner, and so h_c decides the accuracy. Outlines and corners
+of other parts and of voids count in the same way with h and h_c multiplied by 1 + d/(0.3 um): what is far from the heat
+sees a smoother field. Corners on an insulated surface have the stronger singularity, and 0.15 h_c. h_c is at most the
+distance to the next corner: thin parts far away, and the neck where two parts nearly touch, conduct as they should.
+
+Copies of parts off the axis are read far from the heat, where mostly the last term bounds the sizes. With them it is
+multiplied by f = slope(accuracy)/slope(1e-3), about the fourth root of the accuracy, as the error of a smooth field
+needs; and at a distance e from a copy's centre line, L away from the heated parts there, size <= f L/4 + slope e.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import checks
+
+if TYPE_CHECKING:
+    from ..geometry.cross_section import CrossSection
+
+LARGEST = 4e-6  # m, near the heat
+REACH = 0.3e-6  # m, the size of a core: where the field around it begins to smooth out
+THICKNESS, EXTENT = 450e-9 * 220e-9 / 1340e-9, math.sqrt(450e-9 * 220e-9)  # m, of the reference core: see `fitted`
+EXPOSED = 0.15  # an insulated surface makes the singularity r^(1/2) instead of r^(2/3): h_c is reduced to this
+THICK, WIDE = 60.0, 500e-6  # times the reference core, and m: sizes grow in proportion beyond both, see `fitted`
+
+MANY = 60  # outlines or corners; fewer take less time one by one (measured)
+
+Segment = tuple[float, float, float, float, float]  # r, z, dr, dz in m and dr^2 + dz^2
+Corner = tuple[float, float, float]  # r, z and size in m
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Element sizes: ``h`` in m on an outline, growing by ``slope`` per length, ``h_c`` in m at a corner.
+
+    ``largest`` in m near the heat.
+    """
+
+    h: float
+    slope: float
+    h_c: float
+    largest: float = LARGEST
+
+
+def sizes(accuracy: float) -> Sizes:
+    """Sizes for a relative error of R_th and of every value of the step response from 1 ns on.
+
+    For a core of 450 x 220 nm; `fitted` adapts them. A power law through 45 nm, .5, 10 nm at 1e-3 and 30 nm, .3, 2 nm
+    at 1e-4. Measured with quadratic triangles against meshes for 1e-5, the largest error at 1, 3 ns and of R_th over 18
+    cross-sections (wide, thick and small cores, rib, disc, heater, air-clad, trenches, undercuts, trapezoid, thin
+    oxide, thermal contact, nitride): 1.0e-2, 7.5e-4, 8.2e-5 for 1e-2, 1e-3, 1e-4. Against an independent high-order
+    solution R_th of the reference strip is off 3.1e-4 at 1e-3.
+
+    Raises InputError: accuracy outside 1e-5 .. 0.05.
+    """
+    hint = "it is the wanted relative error of the thermal resistance and the step response"
+    decades = -3 - math.log10(checks.between("accuracy", accuracy, 1e-5, 0.05, hint=hint))
+    decades *= 0.85 if decades < 0 else 1.0  # corners and layers that are hardly resolved give less than the power law
+    return Sizes(h=45e-9 * (2 / 3) ** decades, slope=0.5 * (3 / 5) ** decades, h_c=10e-9 * (1 / 5) ** decades)
+
+
+def fitted(geometry: CrossSection, at: Sizes) -> Sizes:
+    """Sizes for the heated parts of a geometry, scaled from those for the reference core of 450 x 220 nm.
+
+    The early step errs in the layer of cold material around a part, by h^4 perimeter/area; R_th errs at its corners,
+    by a share of the part's extent. In domains beyond `WIDE`, sizes grow with a core thicker than `THICK`: an
+    unresolved layer as thin as h is then too small a share of the heat to matter.
+    """
+    faces = [face for face in geometry.subdivision.faces if face.owner in geometry.heated]
+    areas = np.array([face.area for face in faces])
+    perimeters = np.array([_perimeter(face.edges(), mirrored=geometry.mirrored) for face in faces])
+    areas = areas * (2 if geometry.mirrored else 1)
+    thickness, extent = float((areas / perimeters).min()) / THICKNESS, float(np.sqrt(areas).min()) / EXTENT
+    grown = max(1.0, min(thickness / THICK, geometry.outer_radius / WIDE))
+    h = at.h * grown * min(thickness, 16.0) ** 0.25
+    return Sizes(h=h, slope=at.slope, h_c=at.h_c * min(extent, 2.0), largest=LARGEST * grown)
+
+
+def _perimeter(edges: NDArray[np.float64], *, mirrored: bool) -> float:
+    """Length of a face's outline in m; of a mirrored section with that of its image, without the mirror plane."""
+    lengths = np.linalg.norm(np.diff(edges, axis=1), axis=-1)[:, 0]
+    return float(2 * lengths[edges[:, :, 0].any(axis=1)].sum() if mirrored else lengths.sum())
+
+
+def size_function(geometry: CrossSection, at: Sizes) -> Callable[[float, float], float]:
+    """The element size in m at (r, z) in m.
+
+    The mesher asks a few thousand times, one point at a time: plain floats, and arrays from `MANY` outlines on.
+    """
+    at = fitted(geometry, at)
+    heated, other = _outline(geometry, heated=True), _outline(geometry, heated=False)
+    corners = _corners(geometry, heated, other, at.h_c)
+    groups: dict[float, list[tuple[float, float]]] = {}
+    for r, z, corner_size in corners:
+        groups.setdefault(corner_size, []).append((r, z))
+    grouped = [] if len(corners) > MANY else list(groups.items())
+    at_r, at_z, at_size = np.array(corners if len(corners) > MANY else np.empty((0, 3))).T
+    to_heated, to_other = _to_nearest(heated), _to_nearest(other)
+    slope, h, largest, sqrt = at.slope, at.h, at.largest, math.sqrt
+    copies = _copies(geometry)
+    far = min(1.0, at.slope / sizes(1e-3).slope) if copies else 1.0
+    edge = max(part.outer_radius for part in geometry.parts if part.heated)
+
+    def size(r: float, z: float) -> float:
+        d = to_heated(r, z)
+        smallest = min(h + slope * d, far * max(largest, d / 10))
+        if other:
+            smallest = min(smallest, h * (1 + d / REACH) + slope * to_other(r, z))
+        for inner, outer, middle in copies:
+            x = min(max(r, inner), outer)
+            smallest = min(smallest, far * (x - edge) / 4 + slope * math.hypot(r - x, z - middle))
+        for corner_size, points in grouped:
+            if corner_size < smallest:
+                square = min([(r - x) * (r - x) + (z - y) * (z - y) for x, y in points])
+                smallest = min(smallest, corner_size + slope * sqrt(square))
+        if at_size.size:
+            smallest = min(smallest, float((at_size + slope * np.hypot(at_r - r, at_z - z)).min()))
+        return smallest
+
+    return size
+
+
+def _copies(geometry: CrossSection) -> list[Corner]:
+    """Inner and outer radius and middle height in m of every copy off the axis."""
+    parts = {part.name: part for part in geometry.parts}
+    copies = [(probe.distance, parts[probe.part]) for probe in geometry.probes if probe.distance is not None]
+    return [(d - part.outer_radius, d + part.outer_radius, part.bottom + part.height / 2) for d, part in copies]
+
+
+def _outline(geometry: CrossSection, *, heated: bool) -> list[Segment]:
+    """Outlines of the heated parts, or of all others and of voids, without edges on the axis and the outer side."""
+    cut = geometry.subdivision
+    parts = {part.name for part in geometry.parts if part.heated == heated}
+    edges = [face.edges() for face in cut.faces if face.owner in parts]
+    if not heated:
+        edges.append(cut.sides["wall"])
+    edge = np.concatenate([*edges, np.empty((0, 2, 2))])
+    r, z = edge.mean(axis=1).T
+    (r0, z0), (dr, dz) = edge[:, 0].T, (edge[:, 1] - edge[:, 0]).T
+    kept = ~(cut.on_side("axis", r, z) | cut.on_side("outer", r, z))
+    return list(map(tuple, np.stack([r0, z0, dr, dz, dr**2 + dz**2], axis=1)[kept].tolist()))
+
+
+def _corners(geometry: CrossSection, heated: Sequence[Segment], other: Sequence[Segment], h_c: float) -> list[Corner]:
+    """Ends of the outlines, each with its element size; not a convex corner in the open, where the field is smooth."""
+    cut = geometry.subdivision
+    turns: dict[tuple[float, float], list[float]] = {}
+    for face in cut.faces:
+        for ring in face.rings:
+            before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
+            for point, turn in zip(ring.tolist(), before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0], strict=True):
+                turns.setdefault((point[0], point[1]), []).append(float(turn))
+    lines = np.array([s[:4] for s in (*heated, *other)]).reshape(-1, 4)
+    ends = np.unique(np.concatenate([lines[:, :2], lines[:, :2] + lines[:, 2:]]), axis=0)
+    everywhere = np.array(sorted(turns))
+    side = {name: cut.on_side(name, *everywhere.T) for name in ("axis", "outer", "top", "wall")}
+    corners = []
+    for k, (r, z) in enumerate(everywhere.tolist()):
+        is_end = np.hypot(r - ends[:, 0], z - ends[:, 1]).min(initial=math.inf) < 1e-9 * geometry.outer_radius
+        if not is_end or side["axis"][k] or side["outer"][k]:
+            continue
+        in_the_open = side["top"][k] or side["wall"][k]
+        if in_the_open and len(turns[r, z]) == 1 and turns[r, z][0] > 0:
+            continue
+        share = EXPOSED if in_the_open else 1.0
+        away = np.hypot(r - ends[:, 0], z - ends[:, 1])
+        nearest = float(away[away > 1e-9 * geometry.outer_radius].min(initial=math.inf))
+        corners.append((r, z, min(h_c * share * (1 + _distance(heated, r, z) / REACH), nearest)))
+    return corners
+
+
+def _to_nearest(segments: Sequence[Segment]) -> Callable[[float, float], float]:
+    """`_distance` to some segments; with arrays from `MANY` on."""
+    if len(segments) <= MANY:
+        return lambda r, z: _distance(segments, r, z)
+    r0, z0, dr, dz, square = np.array(segments).T
+
+    def distance(r: float, z: float) -> float:
+        x, y = r - r0, z - z0
+        share = np.clip((x * dr + y * dz) / square, 0.0, 1.0)
+        return float(np.hypot(x - share * dr, y - share * dz).min())
+
+    return distance
+
+
+def _distance(segments: Sequence[Segment], r: float, z: float) -> float:
+    nearest = math.inf
+    for r0, z0, dr, dz, square in segments:
+        x, y = r - r0, z - z0
+        along = x * dr + y * dz
+        if along > 0:
+            share = along / square if along < square else 1.0
+            x, y = x - share * dr, y - share * dz
+        distance = x * x + y * y
+        if distance < nearest:
+            nearest = distance
+    return math.sqrt(nearest)
