@@ -20,7 +20,7 @@ import thermofem as th
 from thermofem.data import files, netcdf
 from thermofem.data.traces import read_trace
 from thermofem_cli import main
-from thermofem_cli.kinds import kind_of
+from thermofem_cli.command_files import kind_of
 
 MODEL = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
 STEP = th.Constant(1e-3)

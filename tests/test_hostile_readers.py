@@ -25,7 +25,7 @@ from thermofem.campaign.schema import fields
 from thermofem.campaign.store import ResultStore
 from thermofem.data.traces import read_trace
 from thermofem.waveforms import from_json
-from thermofem_cli.kinds import kind_of
+from thermofem_cli.command_files import kind_of
 
 SECONDS = 20.0  # of one reader over one generator: pint's first use alone takes 2 to 8 on a busy machine
 

@@ -101,54 +101,6 @@ def test_no_circles_between_rooms(package):
     assert list(graphlib.TopologicalSorter(graph).static_order())
 
 
-def test_imports_stay_light():
-    """A bare import loads none of the heavy libraries, so that scripts and --help answer at once."""
-    heavy = "gmsh, pygmsh, meshio, skfem, shapely, matplotlib, pint, xarray, numba, pysindy, pymoo, dask, numpy, rich"
-    code = f"import sys, thermofem, thermofem_cli; print([m for m in '{heavy}'.split(', ') if m in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
-
-
-@pytest.mark.parametrize("command", ["simulate m.json", "explore m.json"])
-@pytest.mark.slow
-def test_a_command_of_stored_machine_code_loads_no_compiler(tmp_path, command):
-    """Neither Numba's registries, which a compilation needs, nor SciPy's linear algebra: together half of a start."""
-    save_model(Foster(R=[600, 1500, 2000, 2200], tau=[20e-9, 100e-9, 400e-9, 2e-6]), tmp_path / "m.json")
-    heavy = "numba.np.arraymath, scipy.linalg, scipy.constants, surrogate, xarray, pint, pydantic, rich"
-    code = (
-        f"import shlex, sys, thermofem_cli; sys.argv = shlex.split({'thermofem ' + command!r}); thermofem_cli.main();"
-        f"print([m for m in '{heavy}'.split(', ') if m in sys.modules])"
-    )
-    for _ in range(2):  # the first run stores the code where it is not
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path)
-        if done.stdout.splitlines()[-1] == "[]":
-            break
-    assert done.stdout.splitlines()[-1] == "[]"
-
-
-@pytest.mark.parametrize("arguments", ["--help", "simulate --help", "solv", "simulate m.json --bad", "--version"])
-def test_help_and_wrong_usage_import_no_library(arguments):
-    """Nor do they convert through pydantic, which typer imports for a value."""
-    code = (
-        f"import sys, thermofem_cli; sys.argv = 'thermofem {arguments}'.split()\n"
-        "try:\n    thermofem_cli.main()\n"
-        "finally:\n    print([m for m in ('numpy', 'rich', 'pydantic') if m in sys.modules])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.stdout.splitlines()[-1] == "[]"
-
-
-def test_a_solve_loads_no_reader_of_every_mesh_format(tmp_path):
-    """Neither meshio, nor f2py, which SciPy imports with every other name of NumPy."""
-    code = (
-        "import sys, thermofem_cli; sys.argv = 'thermofem solve --samples 2 --duration 1ns'.split();"
-        "thermofem_cli.main(); print([m for m in ('meshio', 'rich', 'xarray', 'pint', 'numpy.f2py.f2py2e')"
-        " if m in sys.modules])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path)
-    assert done.stdout.splitlines()[-1] == "[]"
-
-
 @pytest.mark.parametrize("name", [m for m in MODULES if ".cli" not in m])
 def test_docstring_examples_run(name):
     module = importlib.import_module(name)

@@ -305,12 +305,6 @@ def test_bad_options_say_what_fits(arguments, words, tmp_path, monkeypatch):
     assert sorted(tmp_path.iterdir()) == before
 
 
-def test_every_command_takes_the_shared_options():
-    for command in get_command(app).commands.values():
-        options = {option.name for option in command.params}
-        assert {"json_", "quiet", "verbose", "threads"} <= options, command.name
-
-
 @pytest.mark.parametrize("name", ["out[red]1.json", "[bold]x.json", "a[/b].json"])
 def test_a_path_is_no_markup(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -41,7 +41,7 @@ from thermofem.data.quantity import parse
 from thermofem.data.traces import read_trace
 from thermofem.models.network import gate
 from thermofem.waveforms import from_json
-from thermofem_cli.kinds import kind_of
+from thermofem_cli.command_files import kind_of
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = Path(tempfile.mkdtemp(prefix="fuzz-"))
