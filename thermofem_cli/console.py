@@ -21,7 +21,7 @@ from rich.console import Console, RenderableType
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.text import Text
 
-from thermofem.data import quantity, trees
+from thermofem.data import files, quantity
 from thermofem.errors import one_line
 
 PASSES = 7  # of `solve_periodic` over the period, six to eight as a rule: scale of its bar
@@ -74,7 +74,7 @@ def show(table: RenderableType) -> None:
 
 def print_numbers(numbers: Mapping[str, Any]) -> None:
     """Print what a command returns, in SI, as one JSON object."""
-    print(json.dumps(trees.plain({"command": settings.command, **numbers}), allow_nan=False, default=str))
+    print(json.dumps(files.plain({"command": settings.command, **numbers}), allow_nan=False, default=str))
 
 
 def watched() -> bool:

@@ -91,9 +91,11 @@ def detuning_of(text: str, ring: RingResonator, name: str = "--detuning") -> flo
 
     Raises InputError: neither a frequency nor a length, or a wavelength that is no distance.
     """
-    if not re.fullmatch(r"\s*[-+\d.eE ]+(f|p|n|u|µ|m)?m\s*", text):
+    try:
+        distance = quantity.parse(text, "m", name=name)
+    except InputError:
         return quantity.parse(text, "Hz", name=name)
-    distance, wavelength = quantity.parse(text, "m", name=name), C / ring.frequency
+    wavelength = C / ring.frequency
     if not abs(distance) < 0.1 * wavelength:
         raise InputError(
             f"{name} = {text!r} must be a distance from the resonance at {wavelength * 1e9:.6g} nm, not a wavelength",

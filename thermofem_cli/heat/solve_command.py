@@ -160,7 +160,7 @@ def _draw(data: xr.Dataset, path: Path) -> None:
     a = data.attrs
     of = "" if "," in a["read"] or a["read"] == a["heated"] else f"{a['read']}, "
     part = a["heated"] if a["read"] == a["heated"] else f"{of}{a['heated']} heated"
-    drive = waveforms.words(waveforms.from_json(a["waveform"])).replace(" us", " µs")
+    drive = waveforms.from_json(a["waveform"]).words.replace(" us", " µs")
     begun = ", one period of the periodic state" if a["kind"] == "periodic" else ", from rest"
     ax = plot.plot_response(data)
     ax.set_title(f"{part}: {drive}{begun}", fontsize="small", loc="left")

@@ -10,7 +10,6 @@ import typer
 import thermofem as th
 from thermofem import checks
 from thermofem.data import quantity
-from thermofem.data.names import of_file
 from thermofem.errors import InputError
 
 from .. import options
@@ -94,7 +93,7 @@ def _loaded(paths: list[Path], heated: str | None, read: str | None) -> dict[str
 
     for path in paths:
         expect(path, "model", "geometry")
-    names = [of_file(path.stem) for path in paths]
+    names = [path.stem for path in paths]
     checks.unique("MODELS", names, hint="models are named after the files")
     models = {name: surrogate.load_model(path) for name, path in zip(names, paths, strict=True)}
     for model in models.values():

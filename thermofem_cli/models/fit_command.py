@@ -10,8 +10,7 @@ import typer
 
 import thermofem as th
 from thermofem import checks
-from thermofem.data import files, quantity, trees
-from thermofem.data.names import of_file
+from thermofem.data import files, quantity
 from thermofem.errors import InputError
 
 from .. import options
@@ -83,7 +82,7 @@ def fit(
             with working("training"):
                 found = _trained(kind, training, order, transfer or None)
     provenance = {**found.provenance, **({"assumed": assumed} if assumed else {})}
-    surrogate.save_model(found.model, output, provenance=trees.plain(provenance))
+    surrogate.save_model(found.model, output, provenance=files.plain(provenance))
     _print(found, kind, "V" if in_volts(assumed) else "K")
     if figure is not None:
         _draw(found, training[0], figure)
@@ -186,7 +185,7 @@ def _training(
             note(f"{path.name}: {line}")
         for line in trace.warnings:
             note(f"{path.name}: warning: {line}")
-        assumed += [f"{of_file(path.name)}: {line}" for line in (*trace.notes, *trace.warnings)]
+        assumed += [f"{path.name}: {line}" for line in (*trace.notes, *trace.warnings)]
         training.append(trace.data)
     return training, assumed
 

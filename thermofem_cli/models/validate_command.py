@@ -13,7 +13,6 @@ import thermofem as th
 from thermofem import checks
 from thermofem.data import quantity
 from thermofem.data.files import IMAGES
-from thermofem.data.names import of_file
 from thermofem.errors import InputError
 
 from .. import options
@@ -91,7 +90,7 @@ def _models(
     check_outputs([output, figure], images=[figure], inputs=[*models, reference])
     if output.suffix.lower() in IMAGES:
         raise InputError(f"--output = {output} takes the curves (.nc); --figure {output} draws them")
-    names = [of_file(path.stem) for path in models]
+    names = [path.stem for path in models]
     checks.unique("MODELS", names, hint="curves are named after the files")
     judge, curves = _channel(reference, heated, read), {}
     for name, path in zip(names, models, strict=True):
