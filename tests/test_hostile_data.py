@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import subprocess
 import sys
 import warnings
 
@@ -127,22 +126,6 @@ def test_an_interrupt_as_soon_as_a_file_is_there_leaves_none(tmp_path, monkeypat
     with pytest.raises(KeyboardInterrupt):
         files.write_whole(tmp_path / "out.txt", lambda path: path.write_text("x"))
     assert not list(tmp_path.iterdir())
-
-
-def test_a_current_folder_that_was_deleted_is_named(tmp_path):
-    gone = tmp_path / "gone"
-    gone.mkdir()
-    surrogate.save_model(th.Foster(R=[1e3], tau=[1e-6]), tmp_path / "model.json")
-    words = ["export", str(tmp_path / "model.json"), "--to", "csv", "-o", "x.csv"]
-    code = f"import os, sys; os.rmdir({str(gone)!r}); sys.argv[1:] = {words!r}; "
-    run = subprocess.run(
-        [sys.executable, "-c", f"import thermofem_cli; {code}thermofem_cli.main()"],
-        cwd=gone, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert run.returncode == 2
-    assert run.stderr.startswith("thermofem: error: ")
-    assert run.stderr.count("\n") == 1
-    assert "current folder was deleted" in run.stderr
 
 
 def test_a_group_that_holds_itself_under_many_names_is_refused_at_once(tmp_path, monkeypatch):

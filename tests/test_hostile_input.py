@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 import tracemalloc
-import warnings
 import zipfile
 from pathlib import Path
 
@@ -16,13 +14,10 @@ import pytest
 import coupled
 import surrogate
 import thermofem as th
-import thermofem_cli as cli
 from coupled.maps.journal import Journal
 from surrogate.family.archive import pack
 from thermofem.data import files
 from thermofem.mesh.triangles import load as load_mesh
-from thermofem_cli.apart import check_apart
-from thermofem_cli.files import check_outputs
 
 
 def test_a_key_that_stands_twice_is_refused():
@@ -73,36 +68,6 @@ def test_a_family_whose_header_is_deep_is_refused(tmp_path):
     path.write_bytes(pack({"header": np.array("[" * 100_000)}))
     with pytest.raises(th.InputError, match="nested more than 40 deep"):
         surrogate.load_family(path)
-
-
-def test_a_lack_of_memory_is_one_line(monkeypatch, capsys):
-    def hungry(**_):
-        raise MemoryError("Unable to allocate 298. GiB")
-
-    monkeypatch.setattr(cli, "app", hungry)
-    with pytest.raises(SystemExit) as left:
-        cli.main()
-    assert left.value.code == 2
-    assert capsys.readouterr().err.splitlines() == [
-        "thermofem: error: it needs more memory than there is (Unable to allocate 298. GiB)"
-    ]
-
-
-def test_warnings_of_libraries_stay_off_the_screen(monkeypatch, capsys):
-    def noisy(**_):
-        with warnings.catch_warnings():
-            warnings.simplefilter("always")
-            warnings.warn("overflow encountered in reduce", RuntimeWarning, stacklevel=1)
-            warnings.warn("far above its training", th.OutsideTrainingWarning, stacklevel=1)
-
-    def show(message, *_, **__):
-        print(message, file=sys.stderr)
-
-    monkeypatch.setattr(warnings, "showwarning", show)
-    monkeypatch.setattr(sys, "warnoptions", [])
-    monkeypatch.setattr(cli, "app", noisy)
-    cli.main()
-    assert capsys.readouterr().err.splitlines() == ["far above its training"]
 
 
 STEP, SQUARE = th.Constant(2e-3), th.SquareWave(2e-3, 2e-6, 0.3)
@@ -261,31 +226,6 @@ def test_no_guess_is_made_of_two_letters():
 def test_a_loop_of_links_is_one_line(tmp_path):
     loop = tmp_path / "loop"
     loop.symlink_to(loop)
-    check_outputs([tmp_path / "out.json"])
-    check_apart({"model": loop, "output": tmp_path / "out.json"})
     for reader in FILE_READERS.values():
         with pytest.raises(th.InputError):
             reader(loop)
-    check_apart({"model": loop, "output": loop})  # no file to write over
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["solve", "--pulse", ""], "--pulse is empty"),
-        (["solve", "--read", "core", "--read", " "], "--read is empty"),
-        (["solve", "-o", ""], "--output is empty"),
-        (["solve", ""], "GEOMETRY is empty"),
-        (["fit", "d.nc", "--order", "3"], "--order = 3 goes with --kind foster"),
-        (["explore", "m.json", "--channel", "nope"], "--heated = 'nope' is unknown"),
-    ],
-)
-def test_an_option_that_is_empty_or_without_use_is_refused(arguments, words, monkeypatch, capsys, tmp_path):
-    """An empty --pulse made a step, and unknown parts were ignored, in silence."""
-    monkeypatch.chdir(tmp_path)
-    surrogate.save_model(POLES, "m.json")
-    monkeypatch.setattr(sys, "argv", ["thermofem", *arguments])
-    with pytest.raises(SystemExit) as left:
-        cli.main()
-    assert left.value.code == 2
-    assert words in capsys.readouterr().err

@@ -15,8 +15,6 @@ from pathlib import Path
 import pytest
 from paths import ROOT
 
-from thermofem.models import Foster, save_model
-
 SOURCES = [path for package in ("thermofem", "surrogate", "coupled") for path in sorted((ROOT / package).rglob("*.py"))]
 MODULES = [".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__") for path in SOURCES]
 

@@ -56,17 +56,17 @@ def naming(options: str) -> Iterator[None]:
 def heating(power: str, pulse: str | None, square: str | None, duty: float | None) -> th.Waveform:
     """Waveform of --power, --pulse, --square and --duty: a step, unless one of the others is given."""
     watts = quantity.not_negative(power, "W", name="--power")
-    if pulse and square:
+    if pulse is not None and square is not None:
         raise InputError(f"--pulse {pulse} and --square {square} exclude each other; give one")
-    if duty is not None and not square:
+    if duty is not None and square is None:
         raise InputError(f"--duty {duty} goes with --square: a pulse or a step has no duty cycle")
     if duty is not None:
         checks.between("--duty", duty, 0, 1, hint="the duty cycle is the fraction of the period that is on")
-    if pulse:
+    if pulse is not None:
         width = quantity.positive(pulse, "s", name="--pulse")
         with naming(f"--power {power} with --pulse {pulse}"):
             return th.Pulse(watts, width)
-    if square:
+    if square is not None:
         period, share = quantity.positive(square, "s", name="--square"), 1 / 3 if duty is None else duty
         with naming(f"--power {power} with --square {square}"):
             return th.SquareWave(watts, period, share)

@@ -8,7 +8,6 @@ import re
 import numpy as np
 import pytest
 from fuzz import hostile_tables
-from typer.main import get_command
 from typer.testing import CliRunner
 
 import surrogate

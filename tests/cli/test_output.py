@@ -1,4 +1,4 @@
-"""What all commands share: numbers as JSON, exit codes, quiet output, detunings in GHz or pm, completion in the shell."""
+"""What all commands share: numbers as JSON, exit codes, quiet output, detunings, completion in the shell."""
 
 from __future__ import annotations
 

@@ -159,13 +159,12 @@ def test_a_full_disk_is_one_line_and_no_file(tmp_path):
 @pytest.mark.slow
 def test_ctrl_c_is_one_line_and_exit_code_130(folder):
     """Promise 6, of a run that would take minutes."""
-    command = [sys.executable, "-m", "thermofem", "simulate", "model.json", "--duration", "100 ms"]
-    start = "import os, signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); os.execv(sys.argv[1], sys.argv[1:])"
-    with subprocess.Popen(
-        [sys.executable, "-c", start, *command], stderr=subprocess.PIPE, text=True, cwd=folder
-    ) as run:
-        time.sleep(15)  # imports and, once on a machine, compilation
-        os.kill(run.pid, signal.SIGINT)
-        _, said = run.communicate(timeout=20)
-    assert (run.returncode, said) == (130, "thermofem: interrupted\n")
+    run = [sys.executable, "-m", "thermofem", "simulate", "model.json", "--duration", "100 ms"]
+    hear = "import os, signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    command = [sys.executable, "-c", f"{hear}os.execv(sys.argv[1], sys.argv[1:])", *run]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=folder) as running:
+        time.sleep(15)  # imports
+        os.kill(running.pid, signal.SIGINT)
+        _, said = running.communicate(timeout=20)
+    assert (running.returncode, said) == (130, "thermofem: interrupted\n")
     assert not (folder / "traces.nc").exists()

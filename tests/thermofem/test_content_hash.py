@@ -18,7 +18,7 @@ from thermofem.campaign import Drive
 from thermofem.data import netcdf
 from thermofem.data.record import Record, column
 from thermofem.models import files as model_files
-from thermofem_cli.show import show
+from thermofem_cli.results.show_command import show
 
 TIMES = np.linspace(0, 10e-6, 50)
 WORDS = "changed after thermofem wrote it"

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -53,29 +50,6 @@ def test_a_file_as_it_was_written_is_read_without_xarray(tmp_path):
     assert not isinstance(th.dataset.load(path), Record)  # to be converted
     data.dataset().assign_attrs(content_hash="0" * 32).to_netcdf(path, engine="h5netcdf")
     assert not isinstance(th.dataset.load(path), Record)  # changed: the log says so
-
-
-@pytest.mark.parametrize(
-    ("command", "needed"),
-    [
-        ("solve --samples 11 -o heat.nc", set()),
-        ("simulate model.json --duration '1 us' -o run.nc", set()),
-        ("explore -o ring.html", {"surrogate"}),
-        ("stability model.json --points '2, 2'", set()),
-        ("map model.json --points '2, 2' --duration '200 ns'", set()),
-        ("fit heat.nc", {"surrogate"}),
-    ],
-)
-@pytest.mark.slow
-def test_fast_commands_import_neither_xarray_nor_what_it_imports(command, needed, tmp_path):
-    model, times = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6]), np.geomspace(1e-9, 1e-5, 41)
-    surrogate.save_model(model, tmp_path / "model.json")
-    step = th.Constant(2e-3)
-    th.save(th.dataset.build(times, model.response(step, times), step), tmp_path / "heat.nc")
-    code = f"import sys, shlex; sys.argv = ['thermofem', *shlex.split({command!r})]; from thermofem_cli import app\n"
-    code += "app(standalone_mode=False); print({'xarray', 'pandas', 'dask', 'pint', 'surrogate'} & {*sys.modules})"
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == str(needed or "set()")
 
 
 def test_models_are_trained_on_a_record_as_on_its_dataset():

@@ -42,7 +42,7 @@ def export(
     expect(model, "model")
     loaded, provenance = surrogate.load_model(model), surrogate.load_provenance(model)
     target = output or model.with_suffix(ending)  # a folder such as "." has no name to put an ending to
-    check_outputs([target])
+    check_outputs([target], inputs=[model])
     if output is None and target.exists() and not is_export(target):
         raise InputError(f"{target} exists and is no export of thermofem; give -o and a name, this one to replace it")
     surrogate.export_model(loaded, target, to=to, provenance=provenance, fmi=fmi)
