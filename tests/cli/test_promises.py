@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import os
-import shutil
 import signal
 import subprocess
 import sys
 import time
 import xml.etree.ElementTree as ET
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -144,16 +142,6 @@ def test_names_in_a_series_for_paraview_are_escaped(tmp_path):
     assert done.returncode == 0, done.stderr
     listing = ET.parse(tmp_path / f"{name}.pvd")
     assert [entry.get("file") for entry in listing.iter("DataSet")] == [f"{name}_0000.vtu"]
-
-
-def test_a_full_disk_is_one_line_and_no_file(tmp_path):
-    """Promise 2: a file whole or not at all. /dev/full takes no byte."""
-    if not Path("/dev/full").exists():
-        pytest.skip("a device of Linux")
-    shutil.copy("/dev/null", tmp_path / "model.json")
-    surrogate.save_model(MODEL, tmp_path / "model.json")
-    (tmp_path / "out").symlink_to("/dev/full")
-    assert "out" in refused("export", "model.json", "--to", "csv", "-o", "out", cwd=tmp_path)
 
 
 @pytest.mark.slow
