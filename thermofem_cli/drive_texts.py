@@ -15,6 +15,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from scipy.constants import c
+
 import thermofem as th
 from thermofem import checks
 from thermofem.data import quantity
@@ -23,7 +25,6 @@ from thermofem.errors import InputError
 if TYPE_CHECKING:
     from coupled import Laser, RingResonator
 
-C = 299792458.0  # m/s
 PAIR = re.compile(r"([-+\d.eE]+\s*[^\s\d,]+)\s+([-+\d.eE]+\s*\S+)")
 FORMS = "AMOUNT, AMOUNT square PERIOD [duty SHARE], AMOUNT pulse WIDTH [at START] or AMOUNT sine FREQUENCY"
 
@@ -95,13 +96,13 @@ def detuning_of(text: str, ring: RingResonator, name: str = "--detuning") -> flo
         distance = quantity.parse(text, "m", name=name)
     except InputError:
         return quantity.parse(text, "Hz", name=name)
-    wavelength = C / ring.frequency
+    wavelength = c / ring.frequency
     if not abs(distance) < 0.1 * wavelength:
         raise InputError(
             f"{name} = {text!r} must be a distance from the resonance at {wavelength * 1e9:.6g} nm, not a wavelength",
             'e.g. "80 pm"',
         )
-    return float(C / (wavelength + distance) - ring.frequency)
+    return float(c / (wavelength + distance) - ring.frequency)
 
 
 def pair(text: str, name: str) -> list[str]:

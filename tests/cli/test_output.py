@@ -10,6 +10,7 @@ import sys
 
 import pytest
 from commands import thermofem
+from scipy.constants import c as C  # noqa: N812
 from typer.testing import CliRunner
 
 import coupled
@@ -21,7 +22,6 @@ from thermofem_cli.drive_texts import detuning_of
 
 RING = coupled.borghi2021()
 MODEL = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
-C = 299792458.0  # m/s
 
 
 def test_doctor_gives_its_checks_as_numbers_and_its_exit_code(monkeypatch):
