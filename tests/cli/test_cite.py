@@ -64,15 +64,6 @@ def test_the_citation_file_names_this_version():
     assert f"version: {th.__version__}\n" in text
 
 
-def test_the_doctor_knows_every_requirement():
-    import tomllib
-
-    from thermofem_cli.results.doctor_command import PACKAGES
-
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    assert {re.split(r"[>=<~!]", line)[0] for line in project["dependencies"]} == set(PACKAGES)
-
-
 @pytest.mark.parametrize("materials", ["not JSON", "[1, 2]", '"silicon"'])
 def test_a_damaged_record_of_materials_is_named(tmp_path, materials):
     file = tmp_path / "run.nc"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import platform
+import re
 import sys
 from collections.abc import Callable
 from typing import Any
@@ -16,11 +17,6 @@ from thermofem.mesh import find_committed, gmsh_problem
 
 from .. import options
 from ..console import show
-
-PACKAGES = (
-    "scikit-fem", "meshio", "pygmsh", "gmsh", "shapely", "numpy", "scipy", "qdldl", "numba", "xarray", "h5netcdf",
-    "h5py", "pint", "typer", "rich", "matplotlib", "contourpy", "pymoo", "pysindy", "scikit-learn", "cvxpy",
-)  # fmt: skip
 
 
 def doctor(
@@ -49,8 +45,12 @@ def _python() -> tuple[str, str | None]:
 
 
 def _packages() -> tuple[str, str | None]:
+    try:
+        requirements = importlib.metadata.requires("thermofem") or []
+    except importlib.metadata.PackageNotFoundError:
+        return "thermofem runs from a checkout and is not installed", None
     found, missing = [], []
-    for name in PACKAGES:
+    for name in (re.split(r"[^\w.-]", line)[0] for line in requirements if "extra ==" not in line):
         try:
             found.append(f"{name} {importlib.metadata.version(name)}")
         except importlib.metadata.PackageNotFoundError:
