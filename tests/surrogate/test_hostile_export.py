@@ -12,7 +12,6 @@ import pytest
 
 import surrogate
 import thermofem as th
-from thermofem.data import files
 
 MODEL = th.Foster(R=[2e3, 5e3], tau=[5e-8, 1e-6])
 MARKS = {"spice": "*", "verilog-a": "//", "csv": "#"}

@@ -6,12 +6,7 @@ Most geometries here differ in materials only: their outline is the reference st
 from __future__ import annotations
 
 import re
-
-import re
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -205,16 +200,6 @@ def test_names_that_are_not_there_stop_before_the_first_geometry(tmp_path, threa
     with pytest.raises(th.InputError, match="did you mean 'core'"):
         make(2, read=("cor",)).run(tmp_path, threads)
     assert not marks(tmp_path)
-
-
-def test_dask_is_imported_nowhere_else():
-    package = Path(th.__file__).parent
-    imports = re.compile(r"^\s*(from|import) (dask|distributed)\b", re.MULTILINE)
-    users = [p.relative_to(package).as_posix() for p in package.rglob("*.py") if imports.search(p.read_text())]
-    assert users == ["cli/campaign.py"]
-    code = "import sys, thermofem_cli.campaign; print('dask' in sys.modules, 'distributed' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["False", "False"]
 
 
 @pytest.mark.parametrize(

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import inspect
 import xml.etree.ElementTree as ET
-from enum import Enum
 from html import escape
-from typing import Protocol
 
 import numpy as np
 import pytest
 from surrogate_systems import strip
 
-import coupled
 import surrogate
 import thermofem as th
 
