@@ -16,7 +16,6 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array, NDArray
-from thermofem.data.display import shown
 
 from ..arguments import detuning_in_time, power_in_time
 from ..inputs import Input, add, joint, pieces
@@ -34,7 +33,6 @@ BEAT = 0.1  # of a beat, that a step may last
 QUIET = 0.1  # of the carriers' lifetime
 
 
-@shown
 @dataclass(frozen=True)
 class Laser:
     """A further laser on a ring.
