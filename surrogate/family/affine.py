@@ -10,11 +10,11 @@ import numpy as np
 
 from thermofem import HeatProblem, Mesh
 from thermofem.arrays import Array, NDArray
-from thermofem.fem.interface import split
-from thermofem.fem.problem import on_mesh, resistances
+from thermofem.fem.contacts import split
+from thermofem.fem.heat_problem import on_mesh, resistances
 from thermofem.geometry.regions import Face
-from thermofem.mesh.generate import make_faces
-from thermofem.mesh.sizes import size_function, sizes
+from thermofem.mesh.element_sizes import size_function, sizes
+from thermofem.mesh.gmsh_mesher import make_faces
 
 from .box import Box
 from .laws import values

@@ -8,7 +8,7 @@ import numpy as np
 
 from thermofem import Boundary
 from thermofem.arrays import Array
-from thermofem.fem.interface import PERFECT
+from thermofem.fem.contacts import PERFECT
 from thermofem.materials.laws import PowerLaw
 from thermofem.materials.library import Material
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from thermofem import CrossSection
 from thermofem.arrays import Array, NDArray
-from thermofem.geometry.change import Change
+from thermofem.geometry.parameters import Change
 from thermofem.geometry.regions import outlines
 from thermofem.materials.library import VOID
 

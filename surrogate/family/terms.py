@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from thermofem.arrays import Array, NDArray
-from thermofem.fem.matrices import maps, reference
+from thermofem.fem.weak_forms import maps, reference
 
 from .box import Box
 from .laws import Values, values

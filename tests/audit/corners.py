@@ -22,8 +22,8 @@ import truth
 
 import thermofem as th
 from thermofem.fem.assembly import meshed
-from thermofem.fem.problem import HeatProblem
-from thermofem.mesh.refine import refined
+from thermofem.fem.heat_problem import HeatProblem
+from thermofem.fem.mesh_refinement import refined
 from thermofem.mesh.triangles import Mesh
 
 AT_CORNER = 10  # divisions there, the last `FITTED` of which are extrapolated

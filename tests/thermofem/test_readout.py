@@ -134,8 +134,8 @@ def test_one_command_fits_a_trace_behind_an_interferometer(tmp_path):
     light = 1.7 * th.MZI(bias=0.7, visibility=0.9, shift=0.4)(rise) + noise
     table = np.column_stack([times * 1e6, light])
     np.savetxt(tmp_path / "trace.csv", table, delimiter=",", header="time (us),light (V)", comments="")
-    options = ["--readout mzi --order 1 --power", "10 mW", "--pulse", "20 us", "--start", "0 us", "--phase", "0.4 rad/K", "--json -o"]
-    words = [word for k, text in enumerate(options) for word in ([text] if k % 2 else text.split())]
+    words = ["--readout", "mzi", "--order", "1", "--power", "10 mW", "--pulse", "20 us", "--start", "0 us"]
+    words += ["--phase", "0.4 rad/K", "--json", "-o"]
     command = [sys.executable, "-m", "thermofem_cli", "fit", str(tmp_path / "trace.csv"), *words]
     done = subprocess.run([*command, str(tmp_path / "m.json")], capture_output=True, text=True, check=True)
     found = json.loads(done.stdout)

@@ -14,8 +14,9 @@ with contextlib.suppress(ImportError):  # a worker says what is missing
     import skfem
 
     from .. import solving
-    from ..fem import assembly, domain, enrichment
+    from ..fem import assembly, cubic_enrichment, domain_truncation
 
     __all__ = [
-        "assembly", "domain", "enrichment", "h5netcdf", "meshio", "qdldl", "scipy", "shapely", "skfem", "solving",
+        "assembly", "cubic_enrichment", "domain_truncation", "h5netcdf", "meshio", "qdldl", "scipy", "shapely", "skfem",
+        "solving",
     ]  # fmt: skip

@@ -20,8 +20,8 @@ from .. import checks, waveforms
 from ..checks import InputError
 from ..data import files
 from ..data.files import to_toml
-from ..geometry.paths import check_once, place
-from ..mesh.sizes import sizes
+from ..geometry.parameters import check_once, place
+from ..mesh.element_sizes import sizes
 from ..version import __version__
 from . import schema
 from .vary import LARGEST, Drive, Value, Variation, check_number, check_taken
