@@ -17,9 +17,9 @@ from matplotlib.tri import Triangulation
 
 from . import checks
 from .checks import InputError, choice, positive
-from .data.contents import contents
 from .data.fields import check_field
 from .data.files import check_image, check_target, write_whole
+from .data.variables import contents
 from .plot_models import plot_model as plot_model
 from .plot_models import plot_step as plot_step
 from .plot_style import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, VERMILION, WIDTH, takes
