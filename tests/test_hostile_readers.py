@@ -21,8 +21,8 @@ from coupled.circuit import file as circuit_file
 from coupled.maps.journal import Journal
 from coupled.maps.pulsing_map import _Cell, _possible
 from thermofem.campaign import Campaign
-from thermofem.campaign.schema import fields
-from thermofem.campaign.store import ResultStore
+from thermofem.campaign.campaign_file import fields
+from thermofem.campaign.collection import Folder
 from thermofem.data.traces import read_trace
 from thermofem.waveforms import from_json
 from thermofem_cli.kinds import kind_of
@@ -49,7 +49,7 @@ READERS = {
     "campaign": lambda text, folder: Campaign(**fields(text, folder)),
     "ring": as_file(coupled.RingResonator.from_toml, "ring.toml"),
     "waveform": lambda text, folder: from_json(text),
-    "plan": lambda text, folder: as_file(lambda path: ResultStore(path.parent).read_plan(), "plan.json")(text, folder),
+    "plan": lambda text, folder: as_file(lambda path: Folder(path.parent).read_plan(), "plan.json")(text, folder),
     "journal": as_file(lambda path: Journal(path, {"a": 1}).close(), "map.jsonl"),
     "table": as_file(lambda path: th.read_csv(path, time="1", temperature="2", power=1e-3), "table.csv"),
     "trace": as_file(lambda path: read_trace(path, th.Constant(1e-3)), "table.csv"),
@@ -202,7 +202,7 @@ def test_a_varied_quantity_may_not_have_a_name_of_the_index(name, tmp_path):
 
 def test_a_damaged_result_is_not_taken_over(tmp_path):
     """Whatever bytes of a result change, it is not believed; undamaged it is."""
-    store = ResultStore(tmp_path)
+    store = Folder(tmp_path)
     with store.opened():
         content = th.save(th.dataset.build([0, 1e-6], [0, 1.0], th.Constant(1e-3)), tmp_path / "x.nc").read_bytes()
         key = "0123456789abcdef"

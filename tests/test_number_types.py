@@ -15,7 +15,7 @@ import xarray as xr
 import coupled
 import surrogate
 import thermofem as th
-from thermofem.campaign.vary import Variation
+from thermofem.campaign import Variation
 
 RING = coupled.borghi2021()
 MODEL = th.Foster([2000.0, 5800.0], [56e-9, 1.2e-6])

@@ -11,10 +11,7 @@ from typing import Any
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-from thermofem.campaign import Campaign, Summary
-from thermofem.campaign.collect import domain_errors
-from thermofem.campaign.processes import begin
-from thermofem.campaign.store import ResultStore
+from thermofem.campaign import Campaign, Summary, open_campaign
 from thermofem.checks import InputError, MissingLibraryError
 
 from .kinds import expect
@@ -26,9 +23,6 @@ def run(file: Path, output: Path, *, workers: int | None, scheduler: str | None,
     if scheduler and workers:
         raise InputError(f"--workers {workers} and --scheduler {scheduler} exclude each other; the cluster has its own")
     expect(file, "campaign")
-    ResultStore(output).check_apart(file)
-    if scheduler is None and not (output / "index.nc").exists():  # of a finished campaign it would be in vain
-        begin()
     campaign = Campaign.from_toml(file)
     terminal = console()
     what, rate = TextColumn("{task.description}", markup=False), TextColumn("{task.fields[rate]}")
@@ -45,7 +39,7 @@ def run(file: Path, output: Path, *, workers: int | None, scheduler: str | None,
         )
     found = f"{summary.finished} finished in {summary.seconds:.0f} s, {summary.reused} were there already"
     say(f"{summary.total} geometries: {found}, {summary.failed} failed")
-    cut = int((domain_errors(output) > campaign.accuracy).sum())
+    cut = int((open_campaign(output)["domain_error"] > campaign.accuracy).sum())
     if cut:
         note(
             f"{cut} have domain_error above accuracy = {campaign.accuracy:g}: their bottom or outer side is too near: "

@@ -57,12 +57,9 @@ def family(
         stack.enter_context(working("training"))
         pool = None
         if workers > 1:
-            from thermofem.campaign.pool import Pool
-            from thermofem.campaign.processes import begin
-            from thermofem.campaign.work import follow_parent
+            from thermofem.campaign.workers import processes
 
-            begin(MEMBERS)
-            pool = stack.enter_context(Pool(workers, follow_parent, MEMBERS))
+            pool = stack.enter_context(processes(workers))
         hot = None if power is None else quantity.parse(power, "W", name="--power")
         found = surrogate.train_family(file, tolerance, executor=pool, folder=folder, power=hot)
     found.save(output)

@@ -36,12 +36,12 @@ def reproduce(
 
     Started again, it goes on where it was, however it ended.
     """
-    from thermofem.campaign.processes import cpus
+    import os
 
     from .output import threads_wanted
     from .reproduce import Settings, run
 
-    return run(output, Settings(quick=quick), processes=threads_wanted() or cpus())
+    return run(output, Settings(quick=quick), processes=threads_wanted() or os.cpu_count() or 1)
 
 
 def doctor() -> dict[str, Any]:

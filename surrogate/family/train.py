@@ -17,7 +17,7 @@ import numpy as np
 from thermofem import Campaign, Foster, checks
 from thermofem import __version__ as version
 from thermofem.arrays import Array
-from thermofem.campaign import schema
+from thermofem.campaign import campaign_file as schema
 from thermofem.data.files import read_toml
 
 from .affine import LineEngine

@@ -35,7 +35,7 @@ from coupled import RingResonator, ring_toml
 from coupled import circuit as circuits
 from thermofem import waveforms
 from thermofem.campaign import Campaign
-from thermofem.campaign.schema import fields
+from thermofem.campaign.campaign_file import fields
 from thermofem.data import files
 from thermofem.data.quantity import parse
 from thermofem.data.traces import read_trace

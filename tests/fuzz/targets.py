@@ -14,7 +14,7 @@ from scipy import stats
 import coupled
 import surrogate
 import thermofem as th
-from thermofem.campaign.vary import Variation
+from thermofem.campaign import Variation
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # the lists of the other tests
 

@@ -23,9 +23,8 @@ from surrogate.family.moved import MovedEngine
 from surrogate.family.reduced import MemberModes, Small
 from surrogate.family.solving import Solver
 from surrogate.family.train import _idle
-from thermofem.campaign.pool import Pool
-from thermofem.campaign.vary import Variation
-from thermofem.campaign.work import follow_parent
+from thermofem.campaign import Variation
+from thermofem.campaign.workers import processes
 
 MARKS = [np.array([float(k)]) for k in range(4)]
 
@@ -80,7 +79,7 @@ def test_an_executor_that_breaks_is_one_line(tmp_path):
 
 @pytest.mark.slow
 def test_a_member_that_kills_its_process_is_left_out(caplog):
-    with Pool(2, follow_parent) as pool:
+    with processes(2) as pool:
         found = Solver("key", pool)(die, [(float(k),) for k in (0, 1, 2, 3)], MARKS)
     assert [one is None for one in found] == [False, False, True, False]
     assert "WorkerDiedError: the worker process died 2 times" in caplog.text

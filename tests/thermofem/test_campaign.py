@@ -65,8 +65,7 @@ def test_the_index_is_the_same_from_rows_kept_and_from_files(tmp_path, threads):
     two = (STEP, Drive("unknowns", th.SquareWave(2e-3, 1e-6, 1 / 3), samples=31))  # a drive may be called like this
     bad = make(3, bad=1)
     th.Campaign(bad.geometry, bad.variations, two, read=("core", "box")).run(tmp_path, threads)
-    kept = xr.load_dataset(tmp_path / "index.nc", engine="h5netcdf")
-    training = xr.load_dataset(tmp_path / "training.nc", engine="h5netcdf")
+    kept, training = th.load(tmp_path / "index.nc"), th.load(tmp_path / "training.nc")
     shared = [name for name in kept.variables if name in training.variables]
     assert training[shared].equals(kept.isel(case=[0, 2])[shared])
     (tmp_path / "index.nc").unlink()

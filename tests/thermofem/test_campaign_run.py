@@ -133,7 +133,9 @@ def test_a_folder_that_cannot_be_used(tmp_path, threads):
         make(2).run(tmp_path / "out", threads, report=again)
 
 
-@pytest.mark.parametrize("probes", [{"heated": "nosuch"}, {"heated": "box"}, {"read": ("core", "core")}, {"read": ("cor",)}])
+@pytest.mark.parametrize(
+    "probes", [{"heated": "nosuch"}, {"heated": "box"}, {"read": ("core", "core")}, {"read": ("cor",)}]
+)
 def test_a_wrong_probe_stops_before_the_first_geometry(probes, tmp_path, threads):
     with pytest.raises(th.InputError, match=next(iter(probes))):
         replace(make(2), **probes).run(tmp_path / "out", threads)

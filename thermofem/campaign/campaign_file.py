@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks, waveforms
-from ..checks import InputError, shown
-from ..checks import check_name, check_names
+from ..checks import InputError, check_name, check_names, shown
 from ..data import files, quantity
 from ..data.files import ANY, FLAG, NUMBER, TABLE, TABLES, TEXT, read_table, to_toml
 from .variations import Drive, Value, Variation

@@ -27,7 +27,7 @@ import h5py
 import numpy as np
 import xarray as xr
 
-from .. import checks, waveforms
+from .. import waveforms
 from ..arrays import Array
 from ..data import dataset, files, netcdf
 from ..data.variables import describe
@@ -166,9 +166,10 @@ def write_collections(folder: Folder, rows: Mapping[str, Row]) -> None:
 
     rows: results that are in memory already, by the key of their geometry; the others are read from their files.
     """
-    index = _index(folder, folder.read_plan(), rows)
+    plan = folder.read_plan()
+    index = _index(folder, plan, rows)
     netcdf.save(index, folder.directory / "index.nc")
-    netcdf.save(_training(index), folder.directory / "training.nc")
+    netcdf.save(_training(index, [v["name"] for v in plan["variations"]]), folder.directory / "training.nc")
 
 
 def _index(folder: Folder, plan: dict[str, Any], rows: Mapping[str, Row]) -> xr.Dataset:
@@ -210,17 +211,17 @@ def _index(folder: Folder, plan: dict[str, Any], rows: Mapping[str, Row]) -> xr.
     for name, long_name in NUMBERS.items():
         over_case(name, (), (), {"units": "1", "long_name": long_name})
     attrs = {**dataset.stamp("campaign"), "campaign": plan["name"], "geometry": plan["geometry"]}
-    return xr.Dataset(data, coords, {**attrs, "varied": [v["name"] for v in plan["variations"]]})
+    return xr.Dataset(data, coords, attrs)
 
 
-def _training(index: xr.Dataset) -> xr.Dataset:
+def _training(index: xr.Dataset, names: list[str]) -> xr.Dataset:
     """The finished geometries with the varied quantities as a matrix in SI; a word is its place in the alphabet."""
     data = index.isel(case=np.flatnonzero(index["status"].values == "finished")).drop_vars(["status", "reason"])
-    names = list(np.atleast_1d(index.attrs["varied"]))
     columns = []
     for name in names:
         values = data[name].values
-        columns.append(np.searchsorted(np.unique(values.astype(str)), values.astype(str)) if values.dtype == object else values)
+        words = values.astype(str)
+        columns.append(np.searchsorted(np.unique(words), words) if values.dtype == object else values)
     units = [str(data[name].attrs.get("units", "1")) for name in names]
     matrix = np.array(columns, dtype=float).reshape(len(names), data.sizes["case"]).T
     return data.assign(

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from .. import checks
 from ..data import files, netcdf
 from ..errors import InputError, MissingLibraryError
 from ..fem import HeatProblem

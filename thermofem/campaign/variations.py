@@ -90,7 +90,9 @@ class Drive:
 
     def __post_init__(self) -> None:
         if not checks.check_name("drive", self.name).isidentifier() or self.name in RESULT:
-            raise InputError(f"drive name = {self.name!r} is not usable", f"take letters, digits and _, not {RESULT[0]}")
+            raise InputError(
+                f"drive name = {self.name!r} is not usable", f"take letters, digits and _, not {RESULT[0]}"
+            )
         self.kept  # noqa: B018  an impossible sampling raises here, not in a thousand workers
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
 import signal
@@ -52,10 +53,17 @@ def completed(
 
 
 def _in_pool(count: int, function: Callable[[T], Any], waiting: deque[T]) -> Iterator[tuple[T, Future[Any]]]:
-    """`_windowed` in processes of our own, which end with it."""
-    pool = ProcessPoolExecutor(count, timeout=IDLE, env=ONE_THREAD, initializer=_begin)
-    try:
+    """`_windowed` in processes of our own."""
+    with processes(count) as pool:
         yield from _windowed(pool, function, waiting, 2 * count)
+
+
+@contextlib.contextmanager
+def processes(count: int | None = None) -> Iterator[Executor]:
+    """Worker processes as an Executor, one for each CPU by default; they end with the block, at once after an error."""
+    pool = ProcessPoolExecutor(count or os.cpu_count(), timeout=IDLE, env=ONE_THREAD, initializer=_begin)
+    try:
+        yield pool
     except BaseException:
         pool.shutdown(kill_workers=True)
         raise
@@ -63,7 +71,7 @@ def _in_pool(count: int, function: Callable[[T], Any], waiting: deque[T]) -> Ite
 
 
 def _begin() -> None:
-    """Set up a worker: Ctrl-C reaches every process of a terminal, and the parent alone answers it by ending its workers.
+    """Set up a worker. Ctrl-C reaches every process of a terminal; the parent alone answers it, and ends its workers.
 
     What a worker would warn of stands in its result.
     """
