@@ -22,7 +22,7 @@ from ..data import files
 from ..data.variables import known
 from ..errors import InputError
 from ..geometry.paths import check_once, place
-from ..sizes import sizes
+from ..mesh.sizes import sizes
 from ..version import __version__
 from . import campaign_file
 from .variations import Drive, Value, Variation
