@@ -20,13 +20,8 @@ import numpy as np
 
 import surrogate
 import thermofem as th
-<<<<<<< HEAD
 from thermofem.campaign import Drive, Variation
-from thermofem.plot_style import CYCLE
-=======
-from thermofem.campaign.vary import Drive, Variation
 from thermofem.plot import CYCLE
->>>>>>> main
 
 plt.rcParams["axes.prop_cycle"] = plt.cycler(color=CYCLE)  # the colours of all figures
 

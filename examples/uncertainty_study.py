@@ -23,13 +23,8 @@ from scipy import stats
 import coupled
 import surrogate
 import thermofem as th
-<<<<<<< HEAD
 from thermofem.campaign import Drive, Variation
-from thermofem.plot_style import CYCLE
-=======
-from thermofem.campaign.vary import Drive, Variation
 from thermofem.plot import CYCLE
->>>>>>> main
 
 plt.rcParams["axes.prop_cycle"] = plt.cycler(color=CYCLE)  # the colours of all figures
 

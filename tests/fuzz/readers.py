@@ -24,20 +24,6 @@ import hostile
 from reading import READERS, valid
 
 import thermofem as th
-<<<<<<< HEAD
-from coupled import RingResonator, ring_toml
-from coupled import circuit as circuits
-from thermofem import waveforms
-from thermofem.campaign import Campaign
-from thermofem.campaign.campaign_file import fields
-from thermofem.data import files
-from thermofem.data.quantity import parse
-from thermofem.data.traces import read_trace
-from thermofem.models.network import gate
-from thermofem.waveforms import from_json
-from thermofem_cli.kinds import kind_of
-=======
->>>>>>> main
 
 WORDS = [
     *hostile.BREAKS, *hostile.ODD, *hostile.numbers(), "1", "-1", "0.5", "1e-9", "-0.0", "1e-30", "true", "null", '""',
