@@ -34,7 +34,7 @@ def export(
     from surrogate.export.header import is_export
     from thermofem import checks
 
-    _, ending = FORMATS[checks.choice("--to", to, FORMATS)]
+    ending = FORMATS[checks.choice("--to", to, FORMATS)]
     expect(model, "model")
     loaded, provenance = surrogate.load_model(model), surrogate.load_provenance(model)
     target = output or model.with_suffix(ending)  # a folder such as "." has no name to put an ending to

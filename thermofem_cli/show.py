@@ -55,10 +55,10 @@ def _numbers(model: Any, provenance: dict[str, Any]) -> dict[str, Any]:
 
 def _poles(model: Any) -> list[dict[str, float]] | None:
     """R and tau of each pole; of a model of several ports tau alone; None where the model has no independent poles."""
-    from surrogate.export.modes import modes
+    from surrogate.export.poles import poles_of
 
     try:
-        found = modes(getattr(model, "linear", model))
+        found = poles_of(getattr(model, "linear", model))
     except InputError:
         return None
     if found.B.shape[1] == found.C.shape[0] == 1:
