@@ -17,7 +17,7 @@ from commands import thermofem
 import surrogate
 import thermofem as th
 import thermofem_cli as cli
-from thermofem.campaign.store import ResultStore
+from thermofem.campaign.collection import Folder
 from thermofem_cli.apart import OUTPUTS, check_apart
 from thermofem_cli.used import USED
 from thermofem_cli.values import assigned
@@ -264,7 +264,7 @@ def test_a_campaign_writes_over_no_file_of_others(name, folder):
 
 
 def test_a_plan_that_was_damaged_is_written_again(folder):
-    store = ResultStore(folder / "made")
+    store = Folder(folder / "made")
     with store.opened():
         for content in (b"", b"\0\xff{", b'{"name": "x", "cas', b'{"cases": []}'):
             store.plan.write_bytes(content)
@@ -304,7 +304,7 @@ def test_optics_without_light_are_refused(folder):
 
 def test_a_full_disk_is_named_where_the_hashes_are_written(folder):
     """The line was written when the file closed, after the result: "No space left on device: standard output"."""
-    store = ResultStore(folder / "made")
+    store = Folder(folder / "made")
     with store.opened():
         os.symlink("/dev/full", store.ledger)
         with pytest.raises(th.InputError, match=r"results\.sha256 cannot be written: No space left"):

@@ -13,7 +13,7 @@ import pytest
 import surrogate
 import thermofem as th
 from surrogate.family.solving import Solver
-from thermofem.campaign.store import ResultStore
+from thermofem.campaign.collection import Folder
 from thermofem.data import files
 from thermofem_cli.reproduce import run
 
@@ -157,7 +157,7 @@ def test_a_linked_folder_of_results_is_not_followed(tmp_path):
     (tmp_path / "other").mkdir()
     (tmp_path / "rings").mkdir()
     (tmp_path / "rings" / "results").symlink_to(tmp_path / "other")
-    store = ResultStore(tmp_path / "rings")
+    store = Folder(tmp_path / "rings")
     with pytest.raises(th.InputError, match="results is a link"), store.opened():
         pass
 
