@@ -15,7 +15,6 @@ from .circuit import (
     crow,
     delay_loop,
     scissor,
-    simulate_circuit,
     spectrum,
 )
 from .cycles.continue_cycle import continue_cycle
@@ -52,6 +51,6 @@ __all__ = [
     "circuit_steady_states", "continue_cycle", "cosimulate", "crow", "cycle_derivatives", "cycle_fold_curves",
     "delay_loop", "explore", "fit_carrier_decay", "fit_newton_per_trace", "fold_curves", "frequency_noise",
     "hopf_curves", "identify", "intensity_noise", "limit_cycle", "overlap", "power_for_drop", "pulsing",
-    "pulsing_map", "scissor", "simulate", "simulate_circuit", "spectrum", "stability_map", "steady_states", "sweep",
+    "pulsing_map", "scissor", "simulate", "spectrum", "stability_map", "steady_states", "sweep",
     "transmission", "van_vaerenbergh_q", "vanvaerenbergh2012",
 ]  # fmt: skip

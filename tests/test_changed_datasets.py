@@ -99,7 +99,7 @@ def takers(tmp_path_factory):
     curve = coupled.transmission(RING, SECOND_ORDER, power=5e-3, detuning=(-120e9, 20e9))
     decay = coupled.carrier_decay(RING.carriers, 1e23, np.linspace(0, 3e-7, 40))
     pair = coupled.bus([RING, RING])
-    two = coupled.simulate_circuit(pair, SECOND_ORDER, inputs={"in": power}, duration=2e-7)
+    two = coupled.simulate(pair, SECOND_ORDER, power={"in": power}, duration=2e-7)
     periods = np.geomspace(1e-7, 1e-5, 7)
     error = surrogate.period_error(lumped, SECOND_ORDER, periods)
     judged = surrogate.judge({"Newton": lumped}, SECOND_ORDER, periods=periods)
@@ -137,8 +137,8 @@ def takers(tmp_path_factory):
         ("plot_branch", branch, coupled.plot.cycles.plot_branch),
         ("plot_carrier_decay", decay, own.plot_carrier_decay),
         ("fit_carrier_decay", decay, lambda d: coupled.fit_carrier_decay(d, RING.carriers)),
-        ("simulate_circuit", two,
-         lambda d: coupled.simulate_circuit(pair, SECOND_ORDER, inputs={"in": power}, duration=1e-9, initial=d)),
+        ("simulate", two,
+         lambda d: coupled.simulate(pair, SECOND_ORDER, power={"in": power}, duration=1e-9, initial=d)),
         ("plot_rings", two, coupled.plot.circuit.plot_rings),
         ("plot_ports", two, coupled.plot.circuit.plot_ports),
         ("valid_range", error, surrogate.valid_range),

@@ -137,7 +137,7 @@ def test_what_names_no_file_no_part_and_no_numbers(call, words, heat, tmp_path, 
         (lambda: surrogate.square_waves(periods=2.5), "periods = 2.5 must be a whole number"),
         (lambda: surrogate.fit_decay([0, 1e-6], [1, 0], order=1.5), "order = 1.5 must be a whole number from 1 to 5"),
         (
-            lambda: coupled.circuit_limit_cycle(coupled.bus(RING), MODEL, inputs={"in": 1e-3}, samples=10.5),
+            lambda: coupled.circuit_limit_cycle(coupled.bus(RING), MODEL, power={"in": 1e-3}, samples=10.5),
             "samples = 10.5 must be a whole number",
         ),
         (lambda: coupled.fit_carrier_decay(DATA, 3), "material is a int; coupled.borghi2021"),

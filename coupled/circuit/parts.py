@@ -94,7 +94,7 @@ class Splitter:
 @shown
 @dataclass(frozen=True)
 class LaserPort:
-    """Where light comes in; its power is given to `simulate_circuit` under its name.
+    """Where light comes in; its power is given to `simulate` under its name.
 
     Parameters
     ----------

@@ -100,7 +100,7 @@ def advance(
     (absorbed, absorbed_slope) of one row a step is as near as the steps themselves.
     """
     drive, (heat, bend) = drive_of(ring, start, stop, power, detuning, offset), eq.internal_heat(model)
-    rings = eq.internal_rings([ring], math.sqrt(drive.brightest), model.thermal_resistance * eq.UW)
+    rings = eq.internal_rings([ring], math.sqrt(drive.brightest[0]), model.thermal_resistance * eq.UW)
     unit, (rates, _) = eq.units(np.size(state.thermal)), eq.internal_rates(ring)
     chosen = method or (Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
     run = Problem(rings._replace(bend=bend), heat, drive, chosen).integrate(
@@ -157,11 +157,30 @@ def drive_of(ring: RingResonator, start: float, stop: float, power: Any, detunin
     edges = joint(P, nu, dT)
     turning = add([nu.times(2 * np.pi * eq.NS), dT.times(ring.thermal_shift * eq.NS)])
     squared = P.times(2 * ring.bus_rate * eq.NS / eq.UW)
-    ends = np.array([start, stop]) / eq.NS
-    return Drive(
-        edges / eq.NS, table([squared]), Polynomials(ends, np.zeros((1, 1, 1))), table([turning]), np.ones((1, 1)),
-        max(float(np.abs(squared.on(edges).coefficients[:, 0]).max()), abs(float(squared.ends[-1])), 1e-300),
-    )  # fmt: skip
+    none = Polynomials(np.array([start, stop]) / eq.NS, np.zeros((1, 1, 1)))
+    return Drive(edges / eq.NS, table([squared]), none, table([turning]), np.ones((1, 1)), np.array([largest(squared)]))
+
+
+def values(functions: Polynomials, times: Array) -> Array:
+    """Values of the kernel's functions at times in s, shape (functions, m)."""
+    t = times / eq.NS
+    k = np.clip(np.searchsorted(functions.edges, t, side="right") - 1, 0, len(functions.coefficients) - 1)
+    u = (t - functions.edges[k])[:, None] ** np.arange(functions.coefficients.shape[2])
+    return np.asarray(np.einsum("mft,mt->fm", functions.coefficients[k], u))
+
+
+def integral(rates: Polynomials) -> Polynomials:
+    """The integrals of functions from the first edge on."""
+    c, h = rates.coefficients, np.diff(rates.edges)
+    n = np.arange(1, c.shape[2] + 1)
+    ends = np.cumsum((c / n * h[:, None, None] ** n).sum(axis=2), axis=0)
+    starts = np.vstack([np.zeros(c.shape[1]), ends[:-1]])
+    return Polynomials(rates.edges, np.concatenate([starts[:, :, None], c / n], axis=2))
+
+
+def largest(power: Pieces) -> float:
+    """Largest power at the breakpoints; above 0 in the dark, too."""
+    return max(float(np.abs(power.coefficients[:, 0]).max()), abs(float(power.ends[-1])), 1e-300)
 
 
 def table(functions: Sequence[Pieces]) -> Polynomials:

@@ -26,7 +26,7 @@ def three(**options) -> coupled.Circuit:
 def run(circuit, **options):
     wave = th.SquareWave(power=2e-3, period=0.5e-9, duty=0.5)
     given = {"inputs": {"one": wave, "two": 3e-3}, "duration": DURATION, "rtol": 1e-9, "times": TIMES}
-    return coupled.simulate_circuit(circuit, SECOND_ORDER, **(given | options))
+    return coupled.simulate(circuit, SECOND_ORDER, **(given | options))
 
 
 def test_separate_parts_run_alone_and_come_back_in_their_places(monkeypatch):
@@ -79,7 +79,7 @@ def test_rings_of_different_heat_along_one_bus_against_lsoda():
     names = ("one", "two", "three", "four")
     model = th.StateSpace(np.eye(8), -np.diag(rate), B, B.T, inputs=names, outputs=names)
     inputs, times = {"in": 4e-3}, np.linspace(0, 40e-9, 41)
-    found = coupled.simulate_circuit(circuit, model, inputs=inputs, duration=40e-9, rtol=1e-9, times=times)
+    found = coupled.simulate(circuit, model, power=inputs, duration=40e-9, rtol=1e-9, times=times)
     f, heat = parts_of_run(circuit, model, inputs, 40e-9)
     start = np.zeros(4 * (3 + heat.gain.shape[1]))
     exact = solve_ivp(f, (0, 40), start, method="LSODA", rtol=1e-11, atol=1e-13, t_eval=times[1:] * 1e9)
@@ -95,7 +95,7 @@ def test_a_step_that_ends_in_no_number_in_any_ring_is_refused():
     from coupled.circuit.kernel import step_error, workspace
     from coupled.circuit.system import system_of
 
-    parts = system_of(three(), SECOND_ORDER, inputs={"one": 1e-3}, duration=1e-9)
+    parts = system_of(three(), SECOND_ORDER, power={"one": 1e-3}, duration=1e-9)
     w = workspace(parts.rings, parts.states, False, 6, 6)
     for values in (w.start, w.after, w.weight):
         values[:] = 1.0

@@ -293,7 +293,7 @@ def _circuits() -> dict[str, Call]:
         "scissor": (coupled.scissor, {"rings": [RING, RING]}),
         "delay_loop": (coupled.delay_loop, {"ring": RING, "delay": 1e-10}),
         "spectrum": (coupled.spectrum, {"circuit": circuit, "detunings": [0.0, 1e9]}),
-        "simulate_circuit": (partial(coupled.simulate_circuit, duration=2e-9), given),
+        "simulate": (partial(coupled.simulate, duration=2e-9), given),
         "circuit_steady_states": (coupled.circuit_steady_states, {**given, "starts": 2}),
     }
 
