@@ -26,8 +26,8 @@ Call = Callable[[float], Any]
 
 def circuit_run(coupled: Any) -> Callable[..., Any]:
     """`simulate` of a circuit in either version."""
-    if hasattr(coupled, "simulate_circuit"):
-        return lambda circuit, model, power, **more: coupled.simulate_circuit(circuit, model, inputs=power, **more)
+    if hasattr(coupled, "simulate"):
+        return lambda circuit, model, power, **more: coupled.simulate(circuit, model, power=power, **more)
     return lambda circuit, model, power, **more: coupled.simulate(circuit, model, power=power, **more)
 
 
@@ -37,7 +37,7 @@ def cases(count: int) -> Iterator[tuple[str, Call]]:
     import thermofem as th
 
     rng, base, run = np.random.default_rng(7), coupled.borghi2021(), circuit_run(coupled)
-    for k in range(count):
+    for _ in range(count):
         ring = replace(base, gamma_e=base.gamma_e * rng.uniform(0.5, 2), gamma_i=base.gamma_i * rng.uniform(0.5, 2))
         n = int(rng.integers(1, 15))
         model = th.Foster(R=rng.uniform(0.2, 1, n) * 8e3 / n, tau=np.sort(10 ** rng.uniform(-7.7, -5, n)))
@@ -79,7 +79,7 @@ def cases(count: int) -> Iterator[tuple[str, Call]]:
         at = {"detuning": nu, "duration": end / 2, "times": t / 2}
         circuits = {
             "bus": coupled.bus(rings, phase=1.0, loss=0.1),
-            "loops": coupled.crow(rings[:3], coupling=40e9) if False else coupled.scissor(rings[:3], phase=1.0),
+            "loops": coupled.scissor(rings[:3], phase=1.0),
             "delay": coupled.bus(rings[:2], phase=1.0, delay=0.3e-9),
             "delay loop": coupled.delay_loop(ring, 0.5e-9, loss=1.0, phase=0.4),
         }
@@ -87,7 +87,7 @@ def cases(count: int) -> Iterator[tuple[str, Call]]:
             yield name, lambda r, c=circuit, m=model, P=P, at=at: run(c, m, {c.lasers[0].name: P}, rtol=r, **at)
         stream = {"average": True, **at}
         slow = replace(circuits["bus"], detectors=[replace(d, bandwidth=2e9) for d in circuits["bus"].detectors])
-        yield "detectors", lambda r, c=slow, m=model, P=P, at=stream: run(c, m, {"in": square}, rtol=r, **at)
+        yield "detectors", lambda r, c=slow, m=model, P=square, at=stream: run(c, m, {"in": P}, rtol=r, **at)
         pair = th.StateSpace(
             np.eye(2 * n), np.kron(np.eye(2), A), np.kron(np.eye(2), np.ones((n, 1))) * np.tile(model.gain, 2)[:, None],
             np.kron([[1, 0.1], [0.1, 1]], np.ones((1, n))), inputs=("ring 1", "ring 2"), outputs=("ring 1", "ring 2"),

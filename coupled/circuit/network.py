@@ -161,7 +161,7 @@ def network_of(light: Light, *, corner: Array, energies: bool, hair: float) -> N
     return Network(
         light=ORDERED if order.size else LOOPS,
         own=np.diag(M),
-        sequence=order if order.size else np.arange(len(M)),
+        sequence=(order if order.size else np.arange(len(M))).astype(np.int32),
         between=None if taken is not None else between,
         taken=taken,
         sent=sent,

@@ -51,7 +51,7 @@ def run_circuit(
     times: Any,
     average: bool,
     method: Method | None,
-    initial: xr.Dataset | None,
+    initial: Any,
     progress: Callable[[float], None] | None,
 ) -> xr.Dataset:
     """As of `simulate`, whose docstring says what a circuit is given and returns."""

@@ -72,11 +72,11 @@ class System:
 
     def scaled(self, share: float) -> System:
         """The same under a ``share`` of the light's power."""
-        edges, c = self.drive.power
-        return replace(self, drive=self.drive._replace(power=self.drive.power._replace(coefficients=share * c)))
+        power = self.drive.power._replace(coefficients=share * self.drive.power.coefficients)
+        return replace(self, drive=self.drive._replace(power=power))
 
     def waves(self, fields: Array, times: Array) -> Array:
-        """Observed waves in sqrt(W), shape (Q, m), of fields in sqrt(J), shape (N, m), without delays; at times in s."""
+        """Observed waves in sqrt(W), (Q, m), of fields in sqrt(J), (N, m), at times in s, without delays."""
         power, phase = values(self.drive.power, times) * eq.UW, values(self.drive.phase, times)
         lasers = np.sqrt(np.maximum(power, 0)) * np.exp(1j * phase)
         return np.asarray(self.light.seen_ring @ fields + self.light.seen_laser @ lasers)

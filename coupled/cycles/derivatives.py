@@ -18,11 +18,11 @@ import numpy as np
 
 from thermofem import Quadratic, checks
 from thermofem.arrays import Array
-from thermofem.data.netcdf import PER
+from thermofem.data.variables import PER
 from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring, one_laser
-from ..equilibria.steady import provenance
+from ..equilibria.observables import provenance
 from ..heaters import constant
 from ..resonator import RingResonator
 from ..runs.pulsing import DUTY_LEVEL

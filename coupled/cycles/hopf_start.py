@@ -16,7 +16,7 @@ import numpy as np
 from thermofem import checks
 from thermofem.arrays import Array, NDArray
 from thermofem.checks import InputError
-from thermofem.data.contents import contents
+from thermofem.data.variables import contents
 
 from ..arguments import check_detuning, check_power
 from ..heaters import turned_by
@@ -60,13 +60,12 @@ def laser_of(guess: Any, turn: float = 0.0) -> tuple[float, float]:
 
 def hopf_point(p: CycleProblem, guess: Any) -> HopfPoint:
     """The Hopf point of a problem that a point of a Hopf curve names by its energy and frequency."""
-    from ..equilibria import balance
-    from ..equilibria.steady import absorbable, internal
+    from ..equilibria.balance import absorbable, balance, internal_ring
     from ..kernels import equations as eq
 
-    at = internal(p.ring, p.model, absorbable(p.ring, p.power))
+    at = internal_ring(p.ring, p.model, absorbable(p.ring, p.power))
     U, frequency = float(guess["energy"]) / eq.FJ, float(guess["frequency"])
-    shift = balance.balances(np.array([U]), at.rates, at.fcd, at.static)[3, 0]
+    shift = float(balance(U, at).shift)
     y, J = at_rest(p, at, U, shift - p.at.detuning)
     values, vectors = np.linalg.eig(J)
     omega = 2 * np.pi * eq.NS * frequency

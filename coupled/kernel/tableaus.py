@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofem.data.names import Words
+from thermofem.checks import Words
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ class Method(Words):
 
 
 class Tableau(NamedTuple):
-    """One method as `rosenbrock` takes it.
+    """One method as the kernel takes it.
 
     With s stages k_1 .. k_s,
 

@@ -18,7 +18,7 @@ import numpy as np
 from thermofem import Quadratic, checks
 from thermofem.algebra.smooth_poles import cubic_pole_responses
 from thermofem.arrays import Array
-from thermofem.data.contents import contents, in_si
+from thermofem.data.variables import contents, in_si
 from thermofem.solving import mesh_hash
 from thermofem.waveforms import Cubic
 

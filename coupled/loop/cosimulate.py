@@ -111,7 +111,6 @@ def cosimulate(
         "max_discrepancy", max_discrepancy, 1e-8, 1, unit="K", hint="1e-3 K gives periods to about 1e-4"
     )
     light = {"input_power": power_in_time(power, duration), "detuning": detuning_in_time(detuning, duration)}
-    checks.progress(progress)
     kept = checks.array("field_times", field_times, increasing=True, empty=True)
     if kept.size and not 0 <= kept[0] <= kept[-1] <= duration:
         raise checks.InputError(f"field_times must lie between 0 and the duration of {duration:g} s")

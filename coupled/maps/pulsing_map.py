@@ -14,16 +14,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermofem import Quadratic, checks
+from thermofem.checks import Words
 from thermofem.data import dataset
-from thermofem.data.contents import in_si
-from thermofem.data.names import Words
 from thermofem.data.record import Record, as_dataset, recorded
+from thermofem.data.variables import in_si
 from thermofem.models import ThermalModel
 
 from ..arguments import check_duration, one_laser
 from ..bar import bar
 from ..cycles.orbit import check_carriers, has_carriers
-from ..equilibria.steady import provenance
+from ..equilibria.observables import provenance
 from ..heaters import constant
 from ..kernels.interrupts import new_watch
 from ..resonator import RingResonator
@@ -289,7 +289,6 @@ def _cell(
 def _pool(executor: Executor | None) -> Iterator[Executor]:
     """The caller's executor, left open, or threads of our own."""
     if executor is not None:
-        checks.executor(executor)
         yield executor
         return
     with ThreadPoolExecutor(os.cpu_count()) as pool:  # the integration releases the interpreter's lock

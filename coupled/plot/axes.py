@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermofem.checks import InputError
-from thermofem.data.contents import contents
-from thermofem.plot_style import BLUE as LIGHT
-from thermofem.plot_style import VERMILION as HEAT
+from thermofem.data.variables import contents
+from thermofem.plot import BLUE as LIGHT
+from thermofem.plot import VERMILION as HEAT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -14,12 +14,13 @@ import numpy as np
 from thermofem import Foster, OutputMap, Quadratic
 from thermofem.arrays import Array
 from thermofem.checks import InputError
-from thermofem.data.record import Record
 
 from ..carriers.lifetime import ConstantLifetime
 from ..carriers.shockley_read_hall import ShockleyReadHall
-from ..equilibria.steady import Internal, absorbable, fixed_points, internal, observables
+from ..equilibria.balance import InternalRing, absorbable, fixed_points, internal_ring
+from ..equilibria.observables import observables
 from ..heaters import turned_by
+from ..kernel.units import internal_detuning, internal_pump
 from ..resonator import RingResonator
 from ..states import State
 from ..thermal import Compact, compact
@@ -60,14 +61,20 @@ class Rest(NamedTuple):
 
 
 def rest_of(
-    ring: RingResonator, model: Compact, power: float, detuning: float, *, rise: float = 0.0, at: Internal | None = None
+    ring: RingResonator,
+    model: Compact,
+    power: float,
+    detuning: float,
+    *,
+    rise: float = 0.0,
+    at: InternalRing | None = None,
 ) -> Rest:
     """Return the fixed points at a power in W and a detuning in Hz; heaters add ``rise`` in K.
 
     Raises InputError: as `steady_states`.
     """
-    at = at or internal(ring, model, absorbable(ring, power))
-    U, D = fixed_points(ring, at, power, detuning + turned_by(rise, ring))
+    at = at or internal_ring(ring, model, absorbable(ring, power))
+    U, D, _ = fixed_points(internal_pump(ring, power), internal_detuning(detuning + turned_by(rise, ring)), at)
     seen = observables(ring, at, U, D, np.full(U.size, power))
     return Rest(seen["energy"], seen["delta_T"] + rise, seen["growth_rate"])
 
@@ -100,7 +107,7 @@ def rest_near(ring: RingResonator, model: Quadratic, state: State, power: float,
     return Rest(*(np.array([value]) for value in (U * eq.FJ, model.C @ y[3:], growth)))
 
 
-def rest_of_run(run: xr.Dataset | Record) -> Rest | None:
+def rest_of_run(run: xr.Dataset) -> Rest | None:
     """Return the fixed points under the light at the end of a run; None where its attributes do not tell them.
 
     They do not for traces that are not of `simulate`, and for several lasers.
@@ -126,7 +133,7 @@ def rest_of_run(run: xr.Dataset | Record) -> Rest | None:
         return None
 
 
-def resistance_of_run(run: xr.Dataset | Record) -> float | None:
+def resistance_of_run(run: xr.Dataset) -> float | None:
     """Return R_th in K/W of the linear model of a run with one laser and no heater; None for all others."""
     if {"model_coefficient", "heater_rise", "lasers"} & {*run.attrs}:
         return None
@@ -144,6 +151,6 @@ def ring_in(text: str) -> RingResonator:
     return RingResonator(**fields | pairs | {"carriers": kind(**fields["carriers"])})
 
 
-def _last(run: xr.Dataset | Record, name: str) -> float:
+def _last(run: xr.Dataset, name: str) -> float:
     """Value of an input, such as the power, at the end of a run."""
     return float(run[name].values[-1] if name in run.variables else run.attrs[name])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,16 +18,13 @@ from ..inputs import add, joint, pieces
 from ..kernel import units as eq
 from ..kernel.integrator import Crossing, Drive, Polynomials, Problem
 from ..kernel.tableaus import Method
+from ..kernel.units import floor_of as floor_of
+from ..kernel.units import units as units
 from ..resonator import RingResonator
 from ..states import State
 from ..thermal import Compact
 
-if TYPE_CHECKING:
-    from ..kernels.equations import Rates
-
 MAX_STEPS = 20_000_000  # ten seconds of work and 800 MB of accepted steps
-LONG = 1e-4  # s; shorter runs are done in well under a second, at the sharpest rtol
-MANY = 50_000  # steps that the light takes at least, or edges, from which a shorter run takes a second, too
 QUANTITIES = ("energy", "carriers", "delta_T")
 NO_TIMES = np.empty(0)
 
@@ -158,7 +155,14 @@ def drive_of(ring: RingResonator, start: float, stop: float, power: Any, detunin
     turning = add([nu.times(2 * np.pi * eq.NS), dT.times(ring.thermal_shift * eq.NS)])
     squared = P.times(2 * ring.bus_rate * eq.NS / eq.UW)
     none = Polynomials(np.array([start, stop]) / eq.NS, np.zeros((1, 1, 1)))
-    return Drive(edges / eq.NS, table([squared]), none, table([turning]), np.ones((1, 1)), np.array([largest(squared)]))
+    return Drive(
+        edges / eq.NS,
+        table([squared]),
+        none,
+        table([turning]),
+        np.ones((1, 1), dtype=complex),
+        np.array([largest(squared)]),
+    )
 
 
 def values(functions: Polynomials, times: Array) -> Array:
@@ -190,6 +194,15 @@ def table(functions: Sequence[Pieces]) -> Polynomials:
     return Polynomials(edges / eq.NS, coefficients * eq.NS ** np.arange(coefficients.shape[2]))
 
 
+def constant_laser(start: float, stop: float, pump: float, detuning: float) -> Any:
+    """A laser that does not change; times in s, pump and detuning in internal units."""
+    from ..kernels.rosenbrock import LaserPieces
+
+    zero = [0.0, 0.0, 0.0]
+    edges = np.array([start / eq.NS, stop / eq.NS])
+    return LaserPieces(edges, np.array([[pump * pump, *zero]]), np.array([[detuning, *zero]]))
+
+
 def check_end(counts: NDArray[np.int64], reached: float, duration: float, rtol: float) -> None:
     """Raise if an integration did not reach its end; ``reached`` in ns, ``duration`` in s."""
     from ..kernels import control
@@ -210,27 +223,6 @@ def check_end(counts: NDArray[np.int64], reached: float, duration: float, rtol: 
             f"the integration found no step small enough at t = {reached * 1e-9:g} s: light and heat run away, or the "
             "rise is at the top of an output map; look at the model's largest numbers"
         )
-
-
-def floor_of(rates: Rates, pump: float, thermal_resistance: float) -> Array:
-    """Sizes of field, carriers and temperature, in internal units, below which errors are not relative to them.
-
-    A thousandth of the values on resonance with the loss of the cold ring, but at most a thousandth of 1e23 carriers
-    per m^3, which is that of a ring whose light makes none, and of 10 K. These values are far below those that shift
-    the resonance by its width.
-    """
-    U = (pump / rates.loss) ** 2
-    N = rates.tau0 * (rates.a / rates.b if rates.b > 0 else 1.0) * rates.g * U**2 if rates.g > 0 else 1.0
-    dT = thermal_resistance * 2 * rates.absorbed * U
-    tiny = 1e-27  # with no light at all, keeps 0/0 away
-    return 1e-3 * np.array([max(np.sqrt(U), tiny), min(max(N, tiny), 1), min(max(dT, tiny), 10)])
-
-
-def units(order: int) -> Array:
-    """SI value of one internal unit of every state."""
-    from ..kernels import equations as eq
-
-    return np.concatenate([np.array([eq.FJ**0.5, eq.FJ**0.5, eq.DENSITY]), np.ones(order)])
 
 
 def _absorbed_slope(rows: Array, drive: Drive, rates: eq.Rates) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 
 from thermofem import Foster, checks
 from thermofem.arrays import Array
-from thermofem.data import trees
+from thermofem.data import files
 from thermofem.data.dataset import at_probe, responses_of
 from thermofem.data.display import shown
 from thermofem.models import HasModel
@@ -96,7 +96,7 @@ class Fit(HasModel):
             "method": "fit",
             "training": list(self.training),
             "parameters": dict(self.parameters),
-            "standard_errors": trees.plain(self.standard_errors),
+            "standard_errors": files.plain(self.standard_errors),
             "residual_K": self.residual,
             "relative_residual": self.relative_residual,
             "notes": list(self.notes),

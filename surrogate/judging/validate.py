@@ -9,11 +9,11 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.constants import c
 
 from thermofem import Chirp, Constant, Pulse, SquareWave, Telegraph, ThermalModel, Waveform, checks, waveforms
 from thermofem.arrays import Array, ArrayLike
-from thermofem.constants import c
-from thermofem.data import netcdf
+from thermofem.data.variables import in_si
 from thermofem.piecewise import bounds
 
 from .swings import period_of, swing_over_period, swings
@@ -123,7 +123,7 @@ def valid_range(curve: xr.Dataset, *, within: float = 0.1) -> tuple[float, float
     within = checks.positive("within", within, hint="0.1 is ten percent")
     if not {"period", "relative_error"} <= set(getattr(curve, "variables", ())):
         raise checks.InputError(f"curve is a {type(curve).__name__} without period errors; period_error makes one")
-    period, error = netcdf.in_si(curve)["period"], curve["relative_error"]
+    period, error = in_si("curve", curve)["period"], curve["relative_error"]
     x = np.log(checks.array("curve.period", np.atleast_1d(period.values), increasing=True))
     if error.dtype.kind not in "fiu" or error.size != x.size:
         raise checks.InputError("curve.relative_error needs one number for each period; pick one model of several")

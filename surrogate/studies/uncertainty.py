@@ -110,7 +110,7 @@ def _checked(
     for name, one in distributions.items():
         if not callable(getattr(one, "ppf", None)):
             raise checks.InputError(f"{name} is a {type(one).__name__}", NEEDED)
-    if not checks.whole(samples) or not 2 <= samples <= MOST or samples & (samples - 1):
+    if not isinstance(samples, int) or not 2 <= samples <= MOST or samples & (samples - 1):
         raise checks.InputError(f"samples = {checks.shown(samples)} must be a power of two, at most {MOST}")
     return names
 

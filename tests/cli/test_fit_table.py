@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import re
 
+import hostile_tables
 import numpy as np
 import pytest
-from fuzz import hostile_tables
 from typer.main import get_command
 from typer.testing import CliRunner
 

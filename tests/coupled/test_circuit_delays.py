@@ -20,7 +20,7 @@ def test_every_round_in_a_loop_of_one_splitter_is_a_step(delay, rtol):
     circuit = Circuit({"idle": RING}, [loop], [LaserPort("in", "s.in 1")], (), [Splitter("s", cross)])
     near = np.arange(1, 12)[:, None] + [-0.01, -1e-3, 1e-3, 3e-3, 0.1]
     times = np.unique(np.concatenate([near.ravel(), np.linspace(0.0013, 11.9, 301)])) * delay
-    drive = {"inputs": {"in": P}, "duration": 12 * delay, "rtol": rtol}
+    drive = {"power": {"in": P}, "duration": 12 * delay, "rtol": rtol}
     run = coupled.simulate(circuit, SECOND_ORDER, times=times, **drive)
     inside = [0j]
     for _ in range(12):
@@ -95,7 +95,7 @@ def test_a_front_at_a_dark_ring_takes_the_sharpest_rtol():
         Waveguide("ring 1.through", "ring 1.add", loss=2.0, phase=0.8, delay=3 * delay),
     ]
     circuit = Circuit({"ring 1": RING}, ways, [LaserPort("in", "s.in 1")], (), [Splitter("s", 0.5)])
-    drive = {"inputs": {"in": P}, "duration": 50 * delay, "times": np.linspace(2.1, 49.9, 20) * delay}
+    drive = {"power": {"in": P}, "duration": 50 * delay, "times": np.linspace(2.1, 49.9, 20) * delay}
     sharp = coupled.simulate(circuit, SECOND_ORDER, rtol=1e-13, **drive).energy.values
     for rtol in (1e-12, 1e-9):
         run = coupled.simulate(circuit, SECOND_ORDER, rtol=rtol, **drive)
@@ -173,6 +173,6 @@ def test_a_resonance_of_a_loop_without_loss_has_no_spectrum(cross):
     """NumPy's "Singular matrix" ended it, and 1e-16 of the power into the loop made a wrong one."""
     loop = Waveguide("s.out 1", "s.in 1", delay=1e-11)
     circuit = Circuit({"idle": RING}, [loop], [LaserPort("in", "s.in 2")], (), [Splitter("s", cross)])
-    with pytest.raises(th.InputError, match=r"detunings\[1\] = 0 Hz is a resonance of a loop of waveguides without"):
-        coupled.spectrum(circuit, [-1e9, 0.0])
-    assert np.isfinite(coupled.spectrum(circuit, [-1e9, 1e9]).transmission).all()
+    with pytest.raises(th.InputError, match=r"detuning\[1\] = 0 Hz is a resonance of a loop of waveguides without"):
+        coupled.transmission(circuit, detuning=[-1e9, 0.0])
+    assert np.isfinite(coupled.transmission(circuit, detuning=[-1e9, 1e9]).transmission).all()

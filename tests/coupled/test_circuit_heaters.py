@@ -53,7 +53,7 @@ def test_a_spike_between_two_edges_heats():
 
 def test_a_heater_takes_what_the_heater_of_a_ring_takes():
     """Lists, which add; powers that no heater has are refused."""
-    circuit, run = coupled.bus(RING), {"inputs": {}, "duration": 2e-6, "times": np.linspace(0, 2e-6, 9), "rtol": 1e-8}
+    circuit, run = coupled.bus(RING), {"power": {}, "duration": 2e-6, "times": np.linspace(0, 2e-6, 9), "rtol": 1e-8}
     bias, pulse = th.Constant(1e-3), th.Pulse(2e-3, width=0.3e-6, start=0.5e-6)
     each = [coupled.simulate(circuit, heated(), heaters={"heater": w}, **run) for w in (bias, pulse)]
     both = coupled.simulate(circuit, heated(), heaters={"heater": [1e-3, pulse]}, **run)
@@ -67,7 +67,7 @@ def test_a_heater_takes_what_the_heater_of_a_ring_takes():
 
 def test_a_run_goes_on_under_a_function():
     """A sine in two halves, the second from the heat of the first, against a whole one."""
-    circuit, run = coupled.bus(RING), {"inputs": {"in": 1e-3}, "detuning": -20e9, "rtol": 1e-9}
+    circuit, run = coupled.bus(RING), {"power": {"in": 1e-3}, "detuning": -20e9, "rtol": 1e-9}
     period, times = 1e-6, np.linspace(0, 2e-6, 21)
     wave = th.Function(lambda t: 2e-3 * (1 + np.sin(2 * np.pi * t / period)))
     whole = coupled.simulate(circuit, heated(), heaters={"heater": wave}, duration=2e-6, times=times, **run)

@@ -6,10 +6,10 @@ import csv
 import logging
 from pathlib import Path
 
+import hostile_tables
 import numpy as np
 import pytest
 from commands import says_one_line
-from fuzz import hostile_tables
 from paths import MEASURED
 
 import surrogate

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from .. import checks, waveforms
-from ..checks import InputError
+from ..checks import InputError, check_name
 from ..data import quantity
-from ..data.names import check_name
-from ..data.netcdf import known
+from ..data.variables import known
 
 LARGEST = 1_000_000  # geometries of one campaign
 MOST = 300  # drives, and varied quantities: each drive takes some 20 ms and a group in the file of every geometry

@@ -21,7 +21,6 @@ from ..waveforms import Constant, Sampled, Waveform
 from . import dataset, files, quantity
 from .columns import Columns, in_si, measured, parse, text_of, times_in_si
 from .header_units import check_scale, header_unit
-from .names import of_file
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -94,7 +93,7 @@ def read_csv(
         rise = _numbers(table, "temperature", temperature, given) - (_scalar("ambient", ambient, "K") or 0.0)
         watts = _numbers(table, "power", power, given) if isinstance(power, str) else None
         t, first = _clock(table, t, _scalar("start", start, "s"))
-        wave = _wave(power) if watts is None else _sampled(t, watts[first:], edges, of_file(path.name))
+        wave = _wave(power) if watts is None else _sampled(t, watts[first:], edges, path.name)
         if abs(rise[first]) > _ABSOLUTE:
             above = "" if ambient is None else f" above ambient = {ambient!r}"
             raise InputError(
@@ -105,7 +104,7 @@ def read_csv(
         raise InputError(f"{path}: {error}") from None
     columns = f"time: {time}, temperature: {temperature}" + (f", power: {power}" if isinstance(power, str) else "")
     origin = {
-        "source": of_file(path.name),
+        "source": path.name,
         "source_sha256": hashlib.sha256(content).hexdigest(),
         "source_columns": columns,
     }

@@ -30,7 +30,6 @@ from . import dataset, files, quantity
 from .clipping import clipping
 from .columns import Columns, in_si, measured, parse, text_of, times_in_si
 from .header_units import OF_TEMPERATURES, OF_TIMES, VOLTS, check_scale, header_unit, unit_of
-from .names import of_file
 from .tables import LARGEST
 
 if TYPE_CHECKING:
@@ -117,7 +116,7 @@ def read_trace(
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     about: dict[str, str | float] = {
-        "source": of_file(path.name),
+        "source": path.name,
         "source_sha256": hashlib.sha256(content).hexdigest(),
         "source_columns": f"time: {table.names[columns[0]]}, temperature: {table.names[columns[1]]}",
         "assumed": "; ".join([*said, *warned]),

@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import checks
-from .arrays import Array
-from .checks import InputError
-from .data import quantity
-from .geometry.cross_section import CrossSection
-from .piecewise import bounds
-from .waveforms import Waveform
+from .. import checks
+from ..arrays import Array
+from ..checks import InputError
+from ..geometry.cross_section import CrossSection
+from ..piecewise import bounds
+from ..waveforms import Waveform
+from . import quantity
 
 if TYPE_CHECKING:
     import xarray as xr
