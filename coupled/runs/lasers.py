@@ -15,7 +15,6 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array, NDArray
-from thermofem.data.display import shown
 
 from ..arguments import detuning_in_time, power_in_time
 from ..inputs import Input, add, joint, pieces
@@ -34,7 +33,6 @@ if TYPE_CHECKING:
 BEAT = 0.1  # of a beat, that a step may last
 
 
-@shown
 @dataclass(frozen=True)
 class Laser:
     """A further laser on a ring.

@@ -12,7 +12,6 @@ from thermofem import checks
 from thermofem.arrays import Array, NDArray
 from thermofem.checks import Words
 from thermofem.data import quantity
-from thermofem.data.display import shown
 from thermofem.data.variables import in_si
 
 from ..arguments import LONGEST
@@ -52,7 +51,6 @@ class Regime(Words):
     """Power, detuning or a heater varies in the half of the trace that is judged: what is seen is the answer to it."""
 
 
-@shown
 @dataclass(frozen=True)
 class Pulsing:
     """Result of `pulsing`.

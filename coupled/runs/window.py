@@ -10,7 +10,6 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array, NDArray
-from thermofem.data.display import shown
 from thermofem.piecewise import Pieces, bounds
 
 from ..arguments import ROUND_OFF
@@ -29,7 +28,6 @@ QUANTITIES = ("energy", "carriers", "delta_T")
 NO_TIMES = np.empty(0)
 
 
-@shown
 class Event(NamedTuple):
     """A quantity ("energy" in J, "carriers" in 1/m^3 or "delta_T" in K) that rises through a level.
 
