@@ -23,7 +23,7 @@ from .values import assigned
 if TYPE_CHECKING:
     from surrogate import Family
 
-MEMBERS = ("surrogate.family.solving",)  # what solves them in a worker process
+MEMBERS = ("surrogate.family.snapshots",)  # what solves them in a worker process
 FamilyFile = Annotated[Path, typer.Argument(metavar="FAMILY", help="Family file of thermofem family.")]
 Fix = Annotated[list[str] | None, typer.Option(help="Keep a parameter, e.g. 'radius=7 um'; may be repeated.")]
 Period = Annotated[str | None, typer.Option(help="Settled period of self-pulsing, e.g. '900 ns'.")]
@@ -70,8 +70,8 @@ def family(
         f"{found.size} functions ({found.engine}); error over {found.error.count} rings not seen: "
         f"worst {found.error.worst:.1e}, median {found.error.median:.1e}"
     )
-    if found.bend is not None:
-        say(f"k(T) up to {quantity.write(found.bend.power, 'W')}: error {found.bend.error:.1e}")
+    if found.output_maps is not None:
+        say(f"k(T) up to {quantity.write(found.output_maps.power, 'W')}: error {found.output_maps.error:.1e}")
     say(f"wrote {output}")
     error = {"worst": found.error.worst, "median": found.error.median, "count": found.error.count}
     return {
@@ -79,7 +79,7 @@ def family(
         "functions": found.size,
         "engine": found.engine,
         "error": error,
-        "error_hot": None if found.bend is None else found.bend.error,
+        "error_hot": None if found.output_maps is None else found.output_maps.error,
         **_ranges(found),
     }
 

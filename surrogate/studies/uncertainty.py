@@ -12,7 +12,7 @@ from thermofem.arrays import Array
 from thermofem.data import quantity
 
 from ..family import Family
-from ..family.interpolant import interpolate_members
+from ..family.interpolation import interpolate_members
 from .quantities import Optics, Property, Quantity, word
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ import pytest
 
 import surrogate
 import thermofem as th
-from surrogate.family.solving import Solver
+from surrogate.family.snapshots import Solver
 from thermofem.campaign.store import ResultStore
 from thermofem.data import files
 from thermofem_cli.reproduce import run
