@@ -31,7 +31,7 @@ def export(
     """Write a model for a circuit simulator (spice, verilog-a), a system simulator (fmu), as matrices or as a table."""
     import surrogate
     from surrogate.export import FORMATS
-    from surrogate.export.header import is_export
+    from surrogate.export.export_header import is_export
     from thermofem import checks
 
     ending = FORMATS[checks.choice("--to", to, FORMATS)]

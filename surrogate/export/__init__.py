@@ -13,8 +13,8 @@ from thermofem import checks
 from thermofem.data.files import check_target
 from thermofem.models import HasModel, bare
 
-from . import fmu, spice, tables, verilog_a
-from .header import header
+from . import fmu, matrices_and_poles, spice, verilog_a
+from .export_header import header
 from .ring_rates import demonstration
 
 if TYPE_CHECKING:
@@ -105,6 +105,6 @@ def export_model(
         case "fmu":
             return fmu.write(model, path, lines, ring, run, fmi=fmi, platforms=platforms)
         case "mat":
-            return tables.write_mat(model, path, lines)
+            return matrices_and_poles.write_mat(model, path, lines)
         case _:
-            return tables.write_csv(model, path, lines)
+            return matrices_and_poles.write_csv(model, path, lines)

@@ -23,7 +23,7 @@ from thermofem.checks import InputError
 from thermofem.data.files import write_whole
 from thermofem.models.cauer import cauer
 
-from .header import comment, identifiers, plain_name
+from .export_header import comment, identifiers, plain_name
 from .poles import RCNetwork, lit_part, rc_network
 from .ring_rates import DURATION, EPSILON, Demonstration, RingRates, ring_rates
 from .spice_circuit import circuit_subcircuit, heated_by_light

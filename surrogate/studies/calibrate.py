@@ -18,7 +18,7 @@ from thermofem.models.contract import warn_beyond
 from ..family import Certified, Family
 from ..family.parameter_box import Box
 from ..fitting.correlated import noise_along
-from .search import Ranges, family_over, inside
+from .inverse_search import Ranges, family_over, inside
 
 if TYPE_CHECKING:
     import xarray as xr
