@@ -10,11 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.colors import LogNorm
 
 from thermofem import checks
+from thermofem.data.dataset import response_of
+from thermofem.data.header_units import unit_of
 from thermofem.data.variables import contents
-from thermofem.plot import BLUE, CYCLE, INK, SKY, WIDTH, takes
+from thermofem.plot import BLUE, CYCLE, INK, SKY, VERMILION, WIDTH, takes, time_unit
 from thermofem.plot import axes as _axes
+from thermofem.waveforms import period_times
 
 from .judging.validate import valid_range
 
@@ -22,22 +26,8 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
-    from .reduction.reduce import Reduction
-from thermofem.data.dataset import response_of
-from thermofem.data.header_units import unit_of
-from thermofem.plot import VERMILION, time_unit
-from thermofem.waveforms import period_times
-
-if TYPE_CHECKING:
-    import xarray as xr
-from typing import TYPE_CHECKING
-
-from matplotlib.colors import LogNorm
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from .arrays.array_reduction import ArrayReduction
+    from .reduction.reduce import Reduction
 
 CURVES = "a mapping from names to Datasets of surrogate.period_error"
 CURVE = "Datasets of surrogate.period_error"
