@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 
 from thermofem import CrossSection, HeatProblem, StateSpace, assemble, checks
 from thermofem.arrays import Array
-from thermofem.data.display import shown
 from thermofem.data.files import LARGEST, digest, digest_tree, make_folder, read_bytes, write_whole
 from thermofem.data.netcdf import DAMAGE
 
@@ -86,7 +85,6 @@ FINER = 0.2  # accuracy of the member's own mesh over the tolerance of the famil
 FINEST, REDUCTION = 2e-5, 1e-2  # accuracy of the finest mesh made; tolerance of the reduction over that of the family
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class Certified:
     """A member checked on its own mesh.
