@@ -17,7 +17,7 @@ from scipy.io import savemat
 from thermofem import Quadratic, StateSpace
 from thermofem.data.files import write_whole
 
-from .header import comment
+from .export_header import comment
 from .poles import poles_of
 
 

@@ -18,7 +18,7 @@ from thermofem.algebra import krylov
 from thermofem.algebra.factor import Pencil
 from thermofem.arrays import Array, NDArray
 
-from .certificate import Projection
+from .error_bound import Projection
 
 EXHAUSTED = 1e-13  # of the ports outside the basis: round-off
 FAR = 200.0  # between two shifts: beyond, the bound in their middle is three times the error (measured)

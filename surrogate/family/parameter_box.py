@@ -102,7 +102,7 @@ class Box:
         return np.asarray(np.where(self.logarithmic, np.log(at / low) / np.log(high / low), linear))
 
     def draw(self, count: int, seed: int) -> Array:
-        """Points of a scrambled Sobol sequence, shape (count, p)."""
+        """SurfacePoints of a scrambled Sobol sequence, shape (count, p)."""
         from scipy.stats import qmc
 
         shares = qmc.Sobol(self.size, seed=np.random.default_rng(seed)).random_base2(int(np.ceil(np.log2(count))))

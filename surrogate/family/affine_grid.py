@@ -1,4 +1,4 @@
-"""The lines that layers and parts draw: r and z as piecewise linear functions of reference coordinates.
+"""Where a family is affine: outlines on lines across r and z, and the properties of many members at once.
 
 Every outline that runs along r or z lies on a line; its position is linear in the parameters. Between two lines
 
@@ -16,13 +16,15 @@ from functools import cached_property
 
 import numpy as np
 
-from thermofem import CrossSection
+from thermofem import Boundary, CrossSection
 from thermofem.arrays import Array, NDArray
+from thermofem.fem.interface import PERFECT
 from thermofem.geometry.change import Change
 from thermofem.geometry.regions import outlines
-from thermofem.materials.library import VOID
+from thermofem.materials.laws import PowerLaw
+from thermofem.materials.library import VOID, Material
 
-from .box import Box
+from .parameter_box import Box
 
 SAME = 1e-13  # m; lines nearer than this, which move alike, are one
 VERTICAL = 1e-9  # of a length: a wall that leans less runs along z
@@ -30,7 +32,7 @@ CLOSE = 1e-6  # m; at most this far from a heated part a line moves along with i
 VARIES = 1.1  # a gap that changes by less over the box needs no such line
 
 
-class NotAlongLinesError(ValueError):
+class NotAffineError(ValueError):
     """The parameters do not move outlines along lines in a fixed order; the reason in words."""
 
 
@@ -80,13 +82,13 @@ class CellGrid:
     def of(cls, box: Box) -> CellGrid:
         """Lines of the geometry in the middle of the box.
 
-        Raises NotAlongLinesError: a wall that leans, a shell, or lines that meet inside the box.
+        Raises NotAffineError: a wall that leans, a shell, or lines that meet inside the box.
         """
         base, half = box.base, np.maximum(box.high - box.middle, box.middle - box.low)
         if base.kind == "straight":
-            raise NotAlongLinesError("the terms of a family on lines have the weight 2 pi r of a ring")
+            raise NotAffineError("the terms of a family on lines have the weight 2 pi r of a ring")
         if base.probes:
-            raise NotAlongLinesError("shells around parts and copies off the axis do not follow lines")
+            raise NotAffineError("shells around parts and copies off the axis do not follow lines")
         r, z = _lines(base, box.changes)
         ranges = box.low - box.middle, box.high - box.middle
         heated = [part for part in base.parts if part.heated]
@@ -107,7 +109,7 @@ def _lines(base: CrossSection, changes: Sequence[Change]) -> tuple[Axis, Axis]:
                 length = np.abs(outline).max()
                 apart = abs(outline[a, axis] - outline[b, axis])
                 if apart > VERTICAL * length or np.any(np.abs(velocity[:, a, axis] - velocity[:, b, axis]) > 1e-12):
-                    raise NotAlongLinesError(f"the walls of {name!r} lean")
+                    raise NotAffineError(f"the walls of {name!r} lean")
                 position[axis].append(float(outline[a, axis]))
                 slope[axis].append(velocity[:, a, axis])
     return Axis(np.array(position[0]), np.array(slope[0])), Axis(np.array(position[1]), np.array(slope[1]))
@@ -125,7 +127,7 @@ def _ordered(axis: Axis, ranges: tuple[Array, Array], half: Array) -> Axis:
     base, slope = base[kept], slope[kept]
     low, _ = _gaps(Axis(base, slope), ranges)
     if low.min(initial=np.inf) <= SAME:
-        raise NotAlongLinesError(f"two outlines near {base[int(low.argmin())]:g} m meet inside the box")
+        raise NotAffineError(f"two outlines near {base[int(low.argmin())]:g} m meet inside the box")
     return Axis(base, slope)
 
 
@@ -164,3 +166,80 @@ def _owners(base: CrossSection, r: Array, z: Array) -> list[list[str | None]]:
         return None
 
     return [[owner(x, y) for y in (z[:-1] + z[1:]) / 2] for x in (r[:-1] + r[1:]) / 2]
+
+
+@dataclass(frozen=True, eq=False)
+class Properties:
+    """Properties at the ambient temperature, each of shape (n,) or ().
+
+    k_r, k_z, capacity [dict from material to array; W/(m K) and J/(m^3 K)]
+    contact [dict from part to array; m^2 K/W]
+    convection [dict from side to array; W/(m^2 K)]
+    """
+
+    k_r: dict[str, Array]
+    k_z: dict[str, Array]
+    capacity: dict[str, Array]
+    contact: dict[str, Array]
+    convection: dict[str, Array]
+
+
+def member_properties(box: Box, rows: Array) -> Properties:
+    """Properties for members with the parameters ``rows``, shape (n, p)."""
+    base, paths = box.base, [v.paths for v in box.campaign.variations]
+    used = box.materials
+    given: dict[str, dict[str, Array]] = {name: {} for name in used}
+    contact: dict[str, Array] = {}
+    for interface in base.interfaces:
+        contact[interface.part] = contact.get(interface.part, 0.0) + np.full(len(rows), interface.resistance)
+    convection = {
+        side: np.full(len(rows), h)
+        for side in ("bottom", "top", "outer")
+        if (h := getattr(base, side).exchange(base.ambient))
+    }
+    ambient = np.full(len(rows), base.ambient)
+    for column, each in zip(rows.T, paths, strict=True):
+        for path in each:
+            kind, *middle = path.split(".")
+            if path == "ambient":
+                ambient = column
+            elif kind == "material":
+                split = 2 if len(middle) > 2 and middle[-2] in ("conductivity", "specific_heat") else 1
+                name = ".".join(middle[:-split])
+                if name in given:
+                    given[name][".".join(middle[-split:])] = column
+            elif kind == "interface":
+                name = ".".join(middle[:-1])
+                first = next(interface for interface in reversed(base.interfaces) if interface.part == name)
+                contact[name] = contact[name] - first.resistance + column
+            elif kind == "boundary":
+                given_side: Boundary = getattr(base, middle[0])
+                convection[middle[0]] = column * (given_side.exchange(base.ambient) / given_side.coefficient)
+    contact = {name: np.maximum(value, PERFECT) for name, value in contact.items()}
+    k_r, k_z, capacity = {}, {}, {}
+    for name, material in used.items():
+        k_r[name], k_z[name], capacity[name] = _material(material, given[name], ambient)
+    return Properties(k_r, k_z, capacity, contact, convection)
+
+
+def _material(material: Material, given: dict[str, Array], T0: Array) -> tuple[Array, Array, Array]:
+    """k_r, k_z and rho c_p of one material with some of its numbers replaced by arrays."""
+
+    def factor(kind: str) -> Array:
+        law = getattr(material, f"{kind}_law")
+        if not isinstance(law, PowerLaw):
+            return np.asarray(law.factor(T0))
+        exponent = given.get(f"{kind}.exponent", law.exponent)
+        reference = given.get(f"{kind}.reference", law.reference)
+        return np.asarray((T0 / reference) ** exponent)
+
+    def number(kind: str) -> Array | float:
+        names = (kind, f"{kind}.value", f"{kind}.r")
+        return next((given[name] for name in names if name in given), getattr(material, kind))
+
+    along_r = number("conductivity")
+    along_z = material.conductivity_z if material.conductivity_z is not None else along_r
+    along_z = given.get("conductivity.z", along_z)
+    k = factor("conductivity")
+    c = number("density") * number("specific_heat") * factor("specific_heat")
+    return np.asarray(along_r * k), np.asarray(along_z * k), np.broadcast_to(c, T0.shape)

@@ -16,15 +16,13 @@ from thermofem.data.files import from_json, read_bytes, write_whole
 from thermofem.data.netcdf import DAMAGE
 from thermofem.data.quantity import SI
 
-from . import archive
-from .affine import Coefficients
-from .bend import Bend
-from .box import Box
-from .lines import Axis, CellGrid
-from .moved import MovedEngine, MovedMembers
-from .reduced import LineTerms
-from .surfaces import Compressed, Points
-from .terms import Cells
+from .affine_grid import Axis, CellGrid
+from .affine_matrices import Cells, Coefficients
+from .interpolation import OutputMaps
+from .parameter_box import Box
+from .projection import AffineMembers, MovedMeshEngine, MovedMeshMembers
+from .snapshots import pack, unpack
+from .surface_weights import SampledWeights, SurfacePoints
 
 if TYPE_CHECKING:
     from .family import Family
@@ -49,10 +47,10 @@ def save(family: Family, path: str | Path) -> Path:
         "engine": family.engine,
         "provenance": family.provenance,
     }
-    if family.bend is not None:
-        content["bend"] = {"power": family.bend.power, "error": family.bend.error}
+    if family.output_maps is not None:
+        content["output_maps"] = {"power": family.output_maps.power, "error": family.output_maps.error}
     arrays: dict[str, Any] = {"low": family.box.low, "high": family.box.high}
-    if isinstance(family.members, LineTerms):
+    if isinstance(family.members, AffineMembers):
         content["owner"], content["statics"] = family.members.coefficients.grid.owner, family.members.statics
         arrays |= _line_arrays(family.members)
         if family.members.coefficients.surface is not None:
@@ -67,9 +65,9 @@ def save(family: Family, path: str | Path) -> Path:
         content["regions"], content["accuracy"] = list(mesh.region_names), family.members.moved.accuracy
         arrays |= {"points": mesh.points, "triangles": mesh.triangles, "region": mesh.region}
         arrays |= {"basis": family.members.basis}
-    if family.bend is not None:
-        arrays |= {"bend_shares": family.bend.shares, "bend_coefficients": family.bend.coefficients}
-    whole = archive.pack({"header": np.array(json.dumps(content)), **arrays})
+    if family.output_maps is not None:
+        arrays |= {"map_shares": family.output_maps.shares, "map_coefficients": family.output_maps.coefficients}
+    whole = pack({"header": np.array(json.dumps(content)), **arrays})
     return write_whole(path, lambda p: p.write_bytes(whole))
 
 
@@ -79,7 +77,7 @@ def _check_arrays(arrays: dict[str, Array]) -> None:
             raise ValueError(f"{name} holds what is no finite number")
 
 
-def _line_arrays(members: LineTerms) -> dict[str, Any]:
+def _line_arrays(members: AffineMembers) -> dict[str, Any]:
     c = members.coefficients
     arrays = {
         "r_base": c.grid.r.base,
@@ -118,7 +116,7 @@ def read(path: str | Path) -> dict[str, Any]:
     """
     raw = read_bytes(path, "family")
     try:
-        arrays = archive.unpack(raw)
+        arrays = unpack(raw)
         content = from_json(str(arrays.pop("header")))
         if content["format"] != FORMAT:
             raise ValueError("another format")
@@ -137,12 +135,14 @@ def _fields(content: dict[str, Any], arrays: dict[str, Array]) -> dict[str, Any]
     box = _box(content, arrays)
     inputs, outputs = (check_names(kind, content[kind]) for kind in ("inputs", "outputs"))
     ports = tuple(dict.fromkeys((*inputs, *outputs)))
-    lines = content["engine"].startswith("lines")
-    hot = content.get("bend")
+    lines = content["engine"].startswith("affine")
+    hot = content.get("output_maps")
     error = content["error"]
-    bend = None
+    output_maps = None
     if hot is not None:
-        bend = Bend(float(hot["power"]), arrays["bend_shares"], arrays["bend_coefficients"], float(hot["error"]))
+        output_maps = OutputMaps(
+            float(hot["power"]), arrays["map_shares"], arrays["map_coefficients"], float(hot["error"])
+        )
     return {
         "box": box,
         "inputs": inputs,
@@ -154,7 +154,7 @@ def _fields(content: dict[str, Any], arrays: dict[str, Array]) -> dict[str, Any]
             **{name: checks.between(name, error[name], 0, checks.LARGEST) for name in ("worst", "median")},
             "count": checks.integer("count", error["count"], 1, np.inf),
         },
-        "bend": bend,
+        "output_maps": output_maps,
         "provenance": dict(content["provenance"]),
     }
 
@@ -183,7 +183,7 @@ def _box(content: dict[str, Any], arrays: dict[str, Array]) -> Box:
     return Box(campaign, names, low, high, logarithmic)
 
 
-def _lines(content: dict[str, Any], a: dict[str, Any], box: Box) -> LineTerms:
+def _lines(content: dict[str, Any], a: dict[str, Any], box: Box) -> AffineMembers:
     grid = CellGrid(Axis(a["r_base"], a["r_slope"]), Axis(a["z_base"], a["z_slope"]), content["owner"])
     surface = None
     if "surface" in content:
@@ -191,13 +191,13 @@ def _lines(content: dict[str, Any], a: dict[str, Any], box: Box) -> LineTerms:
         fields = {name: a[f"surface_{name}"] for name in _POINTS}
         kind, material = (np.array(s[name], dtype=object) for name in ("kind", "material"))
         parts = [tuple(part) for part in s["parts"]]
-        surface = Compressed(Points(kind=kind, material=material, parts=parts, **fields), a["modes"])
+        surface = SampledWeights(SurfacePoints(kind=kind, material=material, parts=parts, **fields), a["modes"])
     stiffness, capacity = ((a[f"{x}_kind"], a[f"{x}_ratio"]) for x in ("stiffness", "capacity"))
     coefficients = Coefficients(box, grid, Cells.of(grid, box), stiffness, capacity, surface)
     statics = checks.integer("statics", content["statics"], 1, a["ports"].shape[-1])
-    return LineTerms(coefficients, a["K"], a["M"], a["ports"], a["volumes"], statics)
+    return AffineMembers(coefficients, a["K"], a["M"], a["ports"], a["volumes"], statics)
 
 
-def _moved(content: dict[str, Any], a: dict[str, Any], box: Box, ports: tuple[str, ...]) -> MovedMembers:
+def _moved(content: dict[str, Any], a: dict[str, Any], box: Box, ports: tuple[str, ...]) -> MovedMeshMembers:
     mesh = Mesh(a["points"], a["triangles"], a["region"], tuple(content["regions"]))
-    return MovedMembers(MovedEngine.on(box, float(content["accuracy"]), mesh), a["basis"], ports)
+    return MovedMeshMembers(MovedMeshEngine.on(box, float(content["accuracy"]), mesh), a["basis"], ports)

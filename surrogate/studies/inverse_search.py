@@ -14,7 +14,7 @@ from thermofem.campaign import Variation
 from thermofem.geometry.change import change
 
 from ..family import Family, train_family
-from .quantities import Optics, Property, Quantity, word
+from .targets import Optics, Property, Quantity, word
 
 Ranges = Mapping[str, tuple[float, float]]
 

@@ -1,4 +1,4 @@
-"""Pictures of compact models and their errors; and of what fits miss.
+"""Pictures of compact models, their fits and errors, and of arrays of rings.
 
 Every function draws into ``ax`` (a new figure by default), labels its axes with units, and returns the Axes.
 """
@@ -10,22 +10,24 @@ from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.colors import LogNorm
 
 from thermofem import checks
+from thermofem.data.dataset import response_of
+from thermofem.data.header_units import unit_of
 from thermofem.data.variables import contents
-from thermofem.plot import BLUE, CYCLE, INK, SKY, WIDTH, takes
+from thermofem.plot import BLUE, CYCLE, INK, SKY, VERMILION, WIDTH, takes, time_unit
 from thermofem.plot import axes as _axes
+from thermofem.waveforms import period_times
 
-from ..judging.validate import valid_range
-from .array import plot_crosstalk as plot_crosstalk
-from .array import plot_time_scales as plot_time_scales
-from .fit import plot_fit as plot_fit
+from .judging.validate import valid_range
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
-    from ..reduction.reduce import Reduction
+    from .arrays.array_reduction import ArrayReduction
+    from .reduction.reduce import Reduction
 
 CURVES = "a mapping from names to Datasets of surrogate.period_error"
 CURVE = "Datasets of surrogate.period_error"
@@ -143,3 +145,89 @@ def plot_certificate(rom: Reduction, ax: Axes | None = None) -> Axes:
 def _cycle(count: int) -> Sequence[str]:
     """Enough colours, repeated where there are more lines than colours."""
     return [CYCLE[i % len(CYCLE)] for i in range(count)]
+
+
+RATIOS = 5  # times the median gap: the mean gap beyond which samples are in equal ratios
+FINE = 4001  # samples of a period, between which a periodic state is a straight line
+
+
+def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
+    """Data and model against time above, their difference below; samples in equal ratios on a logarithmic axis.
+
+    fit [reduction or thermal model]
+    data: the data of the fit, or any other of `thermofem.solve` or `thermofem.read_csv`.
+    ax: for the traces and for the residual.
+    """
+    model = takes("fit", getattr(fit, "model", fit), "response", what="a fit, a reduction or a thermal model")
+    takes("data", data, "time", "delta_T", what="a Dataset of th.solve or th.read_csv, with time and delta_T")
+    response = response_of(data)
+    if response.periodic:
+        times = period_times(response.wave, FINE)
+        rise = np.interp(response.times, times, model.periodic_response(response.wave, FINE))
+    else:
+        rise = np.asarray(model.response(response.wave, response.times))
+    if ax is None:
+        layout: dict[str, Any] = {"sharex": True, "height_ratios": [3, 1], "layout": "constrained"}
+        _, ax = plt.subplots(2, 1, figsize=(WIDTH, 4.2), **layout)
+    upper, lower = ax
+    factor, unit = time_unit(float(response.times[-1]))
+    rise_unit = unit_of(data.attrs.get("assumed", ""))
+    t, missed = response.times * factor, rise - response.rise
+    upper.plot(t, response.rise, color=INK, linewidth=2.6, alpha=0.4, label="data")
+    upper.plot(t, rise, color=VERMILION, linewidth=1.2, label="model")
+    gaps = np.diff(t)
+    if not response.periodic and gaps.mean() > RATIOS * np.median(gaps):
+        upper.set(xscale="log")
+        lower.set(xscale="log")
+    rise_label = "temperature rise (K)" if rise_unit == "K" else "rise of the voltage (V)"
+    upper.set(ylabel=rise_label, xlim=(t[t > 0][0] if upper.get_xscale() == "log" else t[0], t[-1]))
+    upper.legend(frameon=False, fontsize="small")
+    rms = float(np.sqrt(np.mean(missed**2)))
+    of = response.name.replace(" us", " µs")
+    upper.set_title(
+        f"{of}: residual {rms:.2g} {rise_unit} rms, {rms / response.swing:.2%} of the swing", fontsize="small"
+    )
+    lower.axhline(0, color=INK, linewidth=0.6)
+    lower.plot(t, missed, color=VERMILION, linewidth=1)
+    lower.set(xlabel=f"time ({unit})", ylabel=f"residual ({rise_unit})")
+    return np.array([upper, lower])
+
+
+def plot_crosstalk(array: ArrayReduction, ax: Axes | None = None) -> Axes:
+    """Steady rise of every ring (rows) per watt in every input (columns), in K/mW, colours logarithmic."""
+    takes("array", array, "crosstalk", "positions", what="the result of surrogate.reduce_array")
+    ax = _axes(ax)
+    matrix = array.crosstalk / 1e3
+    picture = ax.imshow(matrix, cmap="magma_r", norm=LogNorm(vmin=matrix.min() / 2, vmax=matrix.max()), aspect="equal")
+    if matrix.size <= 64:
+        luma = picture.to_rgba(matrix)[..., :3] @ (0.299, 0.587, 0.114)  # ITU-R BT.601
+        for (i, j), value in np.ndenumerate(matrix):
+            colour = "white" if luma[i, j] < 0.5 else INK
+            ax.text(j, i, f"{value:.2g}", ha="center", va="center", fontsize="small", color=colour)
+    ax.set_xticks(range(len(array.model.inputs)), array.model.inputs, rotation=60, ha="right", fontsize="small")
+    ax.set_yticks(range(array.rings), array.model.outputs, fontsize="small")
+    ax.set(xlabel="heated", ylabel="read")
+    ax.figure.colorbar(picture, ax=ax, label="steady rise (K/mW)")
+    return ax
+
+
+def plot_time_scales(array: ArrayReduction, ax: Axes | None = None) -> Axes:
+    """Step of every pair against time (us), relative to its own end; dots where half of it is reached."""
+    takes("array", array, "crosstalk", "positions", what="the result of surrogate.reduce_array")
+    ax = _axes(ax)
+    between = np.linalg.norm(array.positions[:, None] - array.positions, axis=-1)
+    first = np.unique(np.round(between, 12), return_index=True)[1]
+    times = np.geomspace(1e-8, 1e-3, 200)
+    for k, index in enumerate(first[:: max(1, first.size // 8)]):
+        i, j = np.unravel_index(index, between.shape)
+        channel = array.channel(int(j), int(i))
+        share = k / max(1, min(first.size, 8) - 1)
+        colour = VERMILION if k == 0 else plt.get_cmap("viridis")(0.85 * share)
+        name = "own ring" if k == 0 else f"{between[i, j] * 1e6:.3g} µm"
+        ax.plot(times * 1e6, channel.step_response(times) / channel.thermal_resistance, color=colour, label=name)
+        ax.plot(array.half_times[i, j] * 1e6, 0.5, "o", color=colour, markersize=4)
+    ax.axhline(0.5, color=BLUE, linewidth=0.5, linestyle=":")
+    ax.set(xscale="log", xlabel="time (µs)", ylabel="rise / steady rise", xlim=(1e-2, 1e3))
+    ax.xaxis.set_major_formatter("{x:g}")
+    ax.legend(frameon=False, fontsize="small", title="distance")
+    return ax

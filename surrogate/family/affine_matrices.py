@@ -1,4 +1,13 @@
-"""The engine for parameters that move outlines along lines: sums of fixed matrices, milliseconds a member."""
+"""The affine engine: matrices of a member as sums of fixed matrices, with coefficients that depend on the parameters.
+
+On cell (i, j), with r = a_i + b_i rho and z = c_j + d_j zeta,
+
+    K = 2 pi sum_ij [k_r (d_j/b_i) (a_i K^rr0 + b_i K^rr1) + k_z (b_i/d_j) (a_i K^zz0 + b_i K^zz1)] + surfaces
+    M = 2 pi sum_ij rho c_p b_i d_j (a_i M^0 + b_i M^1)
+
+where the superscript 1 has the weight rho. Heating and reading are sums of the same kind over the volume of a region.
+Surfaces (convection, open sides, contacts) are in `surface_weights`.
+"""
 
 from __future__ import annotations
 
@@ -11,18 +20,125 @@ import numpy as np
 from thermofem import HeatProblem, Mesh
 from thermofem.arrays import Array, NDArray
 from thermofem.fem.interface import split
+from thermofem.fem.matrices import maps, reference
 from thermofem.fem.problem import on_mesh, resistances
 from thermofem.geometry.regions import Face
 from thermofem.mesh.generate import make_faces
 from thermofem.mesh.sizes import size_function, sizes
 
-from .box import Box
-from .laws import values
-from .lines import CellGrid
-from .surfaces import SAMPLES, Compressed, Points, points
-from .terms import Cells, element_terms, merged
+from .affine_grid import CellGrid, Properties, member_properties
+from .parameter_box import Box
+from .surface_weights import SAMPLES, SampledWeights, SurfacePoints, points
 
-PROPERTIES = ("ambient", "material", "interface", "boundary")  # kinds of paths that `laws.values` reads
+ALIKE = 1e-12  # two coefficients whose ratio is constant to this over the box are one
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """Cells of a grid that are meshed.
+
+    i, j [shape (c,)]: interval across r and z.
+    """
+
+    i: NDArray[np.intp]
+    j: NDArray[np.intp]
+    owner: list[str]
+    material: list[str]
+
+    @classmethod
+    def of(cls, grid: CellGrid, box: Box) -> Cells:
+        """Number them."""
+        found = [(i, j, name) for i, column in enumerate(grid.owner) for j, name in enumerate(column) if name]
+        i, j, owner = zip(*found, strict=True)
+        return cls(np.array(i), np.array(j), list(owner), [box.base.material_of(name).name for name in owner])
+
+    @cached_property
+    def _materials(self) -> tuple[list[str], NDArray[np.intp]]:
+        """Every material once, and which one each cell has."""
+        names = list(dict.fromkeys(self.material))
+        return names, np.array([names.index(m) for m in self.material])
+
+    def properties(self, at: Properties) -> tuple[Array, Array, Array]:
+        """2 pi times k_r, k_z and rho c_p of every cell, each of shape (n or 1, c)."""
+        names, index = self._materials
+        k_r, k_z, c = (2 * np.pi * np.array([x[m] for m in names])[index].T for x in (at.k_r, at.k_z, at.capacity))
+        return k_r, k_z, c
+
+    def coefficients(
+        self, grid: CellGrid, box: Box, rows: Array, at: Properties | None = None
+    ) -> tuple[Array, Array, Array]:
+        """Coefficients of stiffness (n, 4 c), capacity (n, 2 c) and volume (n, 2 c) for parameters (n, p)."""
+        k_r, k_z, c = self.properties(at or member_properties(box, rows))
+        a, b, d = self.cell_maps(grid, rows - box.middle)
+        volume = self.volume(a, b, d)
+        return self.stiffness(k_r, k_z, a, b, d), np.concatenate([c, c], axis=1) * volume / (2 * np.pi), volume
+
+    def cell_maps(self, grid: CellGrid, offset: Array) -> tuple[Array, Array, Array]:
+        """a, b and d of every cell, each of shape (n, c)."""
+        a, b = grid.r.maps(offset)
+        return a[:, self.i], b[:, self.i], grid.z.maps(offset)[1][:, self.j]
+
+    @staticmethod
+    def stiffness(k_r: Array, k_z: Array, a: Array, b: Array, d: Array) -> Array:
+        """Coefficients of the stiffness, shape (n, 4 c)."""
+        ratio = d / b
+        along_r, along_z = k_r * ratio, k_z / ratio
+        return np.concatenate([along_r * a, along_r * b, along_z * a, along_z * b], axis=1)
+
+    @staticmethod
+    def volume(a: Array, b: Array, d: Array) -> Array:
+        """Coefficients of volumes, shape (n, 2 c)."""
+        area = 2 * np.pi * b * d
+        return np.concatenate([area * a, area * b], axis=1)
+
+
+def element_terms(basis: Any) -> tuple[Array, Array, Array]:
+    """Matrices of every triangle: stiffness (4, t, b, b) as rr0, rr1, zz0, zz1; capacity (2, t, b, b); load (2, t, b).
+
+    Without the factor 2 pi; the weight is 1 or the radius.
+    """
+    J, r = maps(basis.mesh)
+    det = J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]
+    inverse = np.array([[J[1, 1], -J[0, 1]], [-J[1, 0], J[0, 0]]]) / det
+    integrals, t, n = reference(basis), basis.nelems, basis.Nbfun
+    stiffness, capacity, load = [], [], []
+    for along in (0, 1):
+        metric = np.abs(det) * inverse[:, None, along] * inverse[None, :, along]
+        for weight in (np.ones_like(r), r):
+            share = (metric[:, :, None] * weight).reshape(-1, t)
+            stiffness.append((share.T @ integrals.stiffness).reshape(t, n, n))
+    for weight in (np.ones_like(r), r):
+        share = np.abs(det) * weight
+        capacity.append((share.T @ integrals.mass).reshape(t, n, n))
+        load.append(share.T @ integrals.load)
+    return np.array(stiffness), np.array(capacity), np.array(load)
+
+
+def group_proportional(samples: Array) -> tuple[NDArray[np.intp], Array]:
+    """Group the coefficients that are multiples of each other: group of each, and its ratio to the first of the group.
+
+    ``samples`` has shape (n, q): q coefficients at n random members.
+    """
+    size = np.linalg.norm(samples, axis=0)
+    kind, ratio = np.full(samples.shape[1], -1), np.zeros(samples.shape[1])
+    count = 0
+    for k in range(samples.shape[1]):
+        if kind[k] >= 0:
+            continue
+        if size[k] == 0:
+            kind[k], ratio[k] = count, 1.0
+            count += 1
+            continue
+        unit = samples[:, k] / size[k]
+        rest = np.flatnonzero((kind < 0) & (size > 0))
+        off = np.linalg.norm(samples[:, rest] / size[rest] - unit[:, None], axis=0)
+        alike = rest[off < ALIKE]
+        kind[alike], ratio[alike] = count, size[alike] / size[k]
+        count += 1
+    return kind, ratio
+
+
+PROPERTIES = ("ambient", "material", "interface", "boundary")  # kinds of paths that `member_properties` reads
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +154,7 @@ class Coefficients:
     cells: Cells
     stiffness: tuple[NDArray[np.intp], Array]
     capacity: tuple[NDArray[np.intp], Array]
-    surface: Compressed | None
+    surface: SampledWeights | None
 
     def __call__(self, rows: Array) -> tuple[Array, Array, Array]:
         """Coefficients of K (n, q), of M (n, m) and of volumes (n, 2 c) for parameters (n, p)."""
@@ -55,9 +171,9 @@ class Coefficients:
         if (fixed := self._fixed) is not None:
             k_r, k_z, c = fixed
         else:
-            at = values(self.box, rows)
-            k_r, k_z, c = self.cells.laws(at)
-        a, b, d = self.cells.places(self.grid, rows - self.box.middle)
+            at = member_properties(self.box, rows)
+            k_r, k_z, c = self.cells.properties(at)
+        a, b, d = self.cells.cell_maps(self.grid, rows - self.box.middle)
         K = self.cells.stiffness(k_r, k_z, a, b, d)[:, self._firsts[0]]
         if self.surface is not None:
             K = np.concatenate([K, self.surface.points.weights(self.grid, self.box, rows, at)], axis=1)
@@ -69,7 +185,7 @@ class Coefficients:
         paths = [path for v in self.box.campaign.variations for path in v.paths]
         if self.surface is not None or any(path.split(".")[0] in PROPERTIES for path in paths):
             return None
-        return self.cells.laws(values(self.box, self.box.middle[None]))
+        return self.cells.properties(member_properties(self.box, self.box.middle[None]))
 
     @cached_property
     def _firsts(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -78,13 +194,13 @@ class Coefficients:
         return first[0], first[1]
 
 
-class LineEngine:
+class AffineEngine:
     """Full and reduced matrices of a family on lines.
 
     accuracy: of the reference mesh.
     """
 
-    name = "lines"
+    name = "affine"
 
     def __init__(self, box: Box, accuracy: float) -> None:
         self.box, self.grid, self.accuracy = box, CellGrid.of(box), accuracy
@@ -119,14 +235,18 @@ class LineEngine:
         return on_mesh(self.box.geometry(row), moved, self.accuracy)
 
     @cached_property
-    def _sampled(self) -> tuple[Coefficients, Points, Any]:
+    def _sampled(self) -> tuple[Coefficients, SurfacePoints, Any]:
         rows = self.box.draw(SAMPLES, seed=1)
         stiffness, capacity, _ = self.cells.coefficients(self.grid, self.box, rows)
         every, traces = points(self.reference, self.cell, self.cells.i, self.cells.j)
         surface = None
         if len(every.kind):
-            surface = Compressed.of(every, every.weights(self.grid, self.box, rows, values(self.box, rows)))
-        found = Coefficients(self.box, self.grid, self.cells, merged(stiffness), merged(capacity), surface)
+            surface = SampledWeights.of(
+                every, every.weights(self.grid, self.box, rows, member_properties(self.box, rows))
+            )
+        found = Coefficients(
+            self.box, self.grid, self.cells, group_proportional(stiffness), group_proportional(capacity), surface
+        )
         return found, every, traces
 
     @property

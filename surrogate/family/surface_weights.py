@@ -19,19 +19,25 @@ from thermofem import HeatProblem
 from thermofem.arrays import Array, NDArray
 from thermofem.fem.interface import resistances
 
-from .box import Box
-from .laws import Values
-from .lines import CellGrid
+from .affine_grid import CellGrid, Properties
+from .parameter_box import Box
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # as scikit-fem integrates facets of quadratic triangles
 GAUSS, WEIGHT = (1 + _NODES) / 2, _WEIGHTS / 2
 RANK = 1e-13  # singular values below this share of the first are round-off
 SAMPLES = 300
-ARRAYS = ("kind", "ends", "gauss", "interval", "material", "outward")  # fields of `Points` with a row for each point
+ARRAYS = (
+    "kind",
+    "ends",
+    "gauss",
+    "interval",
+    "material",
+    "outward",
+)  # fields of `SurfacePoints` with a row for each point
 
 
 @dataclass(frozen=True, eq=False)
-class Points:
+class SurfacePoints:
     """Quadrature points on surfaces, in the reference geometry.
 
     kind [shape (q,)]: "convection SIDE" (also of an isothermal side under a contact resistance), "open" or "contact".
@@ -51,12 +57,12 @@ class Points:
     outward: Array
     parts: list[tuple[str, ...]]
 
-    def pick(self, chosen: NDArray[np.intp]) -> Points:
+    def pick(self, chosen: NDArray[np.intp]) -> SurfacePoints:
         """Some of the points."""
         arrays = {name: getattr(self, name)[chosen] for name in ARRAYS}
-        return Points(**arrays, parts=[self.parts[k] for k in chosen])
+        return SurfacePoints(**arrays, parts=[self.parts[k] for k in chosen])
 
-    def weights(self, grid: CellGrid, box: Box, rows: Array, at: Values) -> Array:
+    def weights(self, grid: CellGrid, box: Box, rows: Array, at: Properties) -> Array:
         """w at every point for parameters of shape (n, p); shape (n, q)."""
         offset = rows - box.middle
         place = []
@@ -71,7 +77,7 @@ class Points:
         measure = 2 * np.pi * r * length * WEIGHT[self.gauss]
         return measure * self._exchange(grid, box, offset, at, r, z)
 
-    def _exchange(self, grid: CellGrid, box: Box, offset: Array, at: Values, r: Array, z: Array) -> Array:
+    def _exchange(self, grid: CellGrid, box: Box, offset: Array, at: Properties, r: Array, z: Array) -> Array:
         """Heat per area and kelvin at every point."""
         h = np.zeros(r.shape)
         for q, kind in enumerate(self.kind):
@@ -87,7 +93,7 @@ class Points:
         return h
 
     @staticmethod
-    def _series(side: str, parts: tuple[str, ...], at: Values) -> Any:
+    def _series(side: str, parts: tuple[str, ...], at: Properties) -> Any:
         """Resistance in m^2 K/W from a part to the ambient of a side."""
         own = 1 / at.convection[side] if side in at.convection else 0.0
         return own + sum(at.contact[part] for part in parts)
@@ -101,7 +107,9 @@ def _source(grid: CellGrid, box: Box, offset: Array) -> Array:
     return np.asarray((positions[:, low] + positions[:, high]) / 2)
 
 
-def points(heat: HeatProblem, cell: NDArray[np.intp], i: NDArray[np.intp], j: NDArray[np.intp]) -> tuple[Points, Any]:
+def points(
+    heat: HeatProblem, cell: NDArray[np.intp], i: NDArray[np.intp], j: NDArray[np.intp]
+) -> tuple[SurfacePoints, Any]:
     """Quadrature points of a heat problem on the reference mesh, and the sparse traces U, shape (q, unknowns).
 
     cell [shape (triangles,)]
@@ -128,14 +136,14 @@ def points(heat: HeatProblem, cell: NDArray[np.intp], i: NDArray[np.intp], j: ND
     if not found:
         none = np.empty(0, dtype=np.intp)
         ends, pairs = np.empty((0, 2, 2)), np.empty((0, 2), dtype=np.intp)
-        return Points(none, ends, none, pairs, none, np.empty((0, 2)), []), csr_matrix((0, d.basis.N))
+        return SurfacePoints(none, ends, none, pairs, none, np.empty((0, 2)), []), csr_matrix((0, d.basis.N))
     arrays = {name: np.concatenate([getattr(one, name) for one in found]) for name in ARRAYS}
-    every = Points(**arrays, parts=[part for one in found for part in one.parts])
+    every = SurfacePoints(**arrays, parts=[part for one in found for part in one.parts])
     return every, vstack(traces).tocsr()
 
 
 def _trace(basis: Any, facets: NDArray[np.intp]) -> Any:
-    """Values of all functions at the three Gauss points of each facet, sparse, shape (3 f, n)."""
+    """Properties of all functions at the three Gauss points of each facet, sparse, shape (3 f, n)."""
     from scipy.sparse import csr_matrix
 
     x = GAUSS
@@ -155,7 +163,7 @@ def _on(
     j: NDArray[np.intp],
     kind: str,
     other: NDArray[np.intp] | None = None,
-) -> Points:
+) -> SurfacePoints:
     grid = heat.discretization.basis.mesh
     beside = grid.f2t[0, facets]
     ends = np.moveaxis(grid.p[:, grid.facets[:, facets]], (0, 1, 2), (2, 1, 0))  # (f, end, axis)
@@ -171,7 +179,7 @@ def _on(
     parts = [tuple(name for name in pair if name in limit) for pair in zip(*owners, strict=True)]
     material = np.array([heat.geometry.material_of(name).name for name in owners[0]])
     interval = np.stack([i[cell[beside]], j[cell[beside]]], axis=1)
-    return Points(
+    return SurfacePoints(
         kind=np.repeat(np.full(len(facets), kind, dtype=object), 3),
         ends=np.repeat(ends, 3, axis=0),
         gauss=np.tile(np.arange(3), len(facets)),
@@ -183,14 +191,14 @@ def _on(
 
 
 @dataclass(frozen=True, eq=False)
-class Compressed:
+class SampledWeights:
     """Weights from a few of their points: w = modes @ weights at those points."""
 
-    points: Points
+    points: SurfacePoints
     modes: Array
 
     @classmethod
-    def of(cls, every: Points, samples: Array) -> Compressed:
+    def of(cls, every: SurfacePoints, samples: Array) -> SampledWeights:
         """Choose points from weights at many members, shape (n, q)."""
         from scipy.linalg import qr
 
