@@ -92,7 +92,7 @@ def in_volts(assumed: Any) -> bool:
     """Whether a model was trained on a voltage without the sensitivity of the thermometer; ``assumed`` of its file."""
     if not isinstance(assumed, list):
         return False
-    from thermofem.data.header_units import VOLTS
+    from thermofem.data.column_units import VOLTS
 
     return any(VOLTS in str(line) for line in assumed)
 

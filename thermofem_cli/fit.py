@@ -10,7 +10,7 @@ import typer
 
 from thermofem import checks
 from thermofem.checks import InputError
-from thermofem.data import files, quantity, trees
+from thermofem.data import files, trees
 from thermofem.data.names import of_file
 
 from . import options
@@ -50,6 +50,11 @@ def fit(
         str | None, typer.Option(help="Volts per kelvin of the thermometer, e.g. '10 mV/K'; default: 1 V/K.")
     ] = None,
     start: Annotated[str | None, typer.Option(help="When the heating began; default: found in the trace.")] = None,
+    columns_: Annotated[
+        str | None, typer.Option("--columns", help="Columns of time and temperature by number, e.g. 4,5.")
+    ] = None,
+    units: Annotated[str | None, typer.Option(help="Units of the two columns, e.g. 'us,mV'.")] = None,
+    fall: Annotated[bool, typer.Option("--fall", help="The rows fall after a long heating, or that of --pulse.")] = False,
     transfer: Annotated[bool, typer.Option(help=TRANSFER)] = False,
     baseline: Annotated[str | None, typer.Option(help="Temperature at rest; default: the mean before.")] = None,
     heated: Annotated[str | None, typer.Option(help="Part that was heated.")] = None,
@@ -71,7 +76,7 @@ def fit(
     if figure is not None and len(data) > 1:
         raise InputError(f"--figure shows one file; {len(data)} are given")
     columns = {"time": time, "temperature": temperature, "sensitivity": sensitivity, "start": start}
-    columns["baseline"] = baseline
+    columns |= {"baseline": baseline, "columns": columns_, "units": units, "fall": fall or None}
     drive = {"power": power, "pulse": pulse, "square": square, "duty": duty}
     training, assumed = _training(data, columns, drive)
     with about(data):
@@ -159,7 +164,7 @@ def _sindy(training: list[Data]) -> Any:
 def _training(paths: list[Path], columns: dict[str, str | None], drive: dict[str, Any]) -> tuple[list[Data], list[str]]:
     """Training data of every file, and what was assumed for tables."""
     from thermofem.data import dataset
-    from thermofem.data.traces import read_trace
+    from thermofem.data.measured_trace import read_trace
 
     for path in paths:
         expect(files.regular(path), "data", "table")
@@ -172,13 +177,9 @@ def _training(paths: list[Path], columns: dict[str, str | None], drive: dict[str
     if drive["power"] is None:
         raise InputError(
             f'{tables[0]} holds {TABLE}: say what was applied, --power "1.3 mW" with --pulse "4 us" or --square; '
-            "with a column of power, thermofem.read_csv makes training data of it"
+            "with a column of power, thermofem.read_trace makes training data of it"
         )
     wave = waveform(drive["power"], drive["pulse"], drive["square"], drive["duty"])
-    at = None if columns["start"] is None else quantity.parse(columns["start"], "s", name="--start")
-    level = None if columns["baseline"] is None else quantity.parse(columns["baseline"], "K", name="--baseline")
-    of_voltage = _sensitivity(columns["sensitivity"])
-    time, temperature = columns["time"], columns["temperature"]
     training: list[Data] = []
     assumed: list[str] = []
     for path in paths:
@@ -186,25 +187,13 @@ def _training(paths: list[Path], columns: dict[str, str | None], drive: dict[str
             training.append(dataset.load_record(path))
             continue
         with working(f"reading {path.name}"):
-            trace = read_trace(
-                path, wave, time=time, temperature=temperature, sensitivity=of_voltage, start=at, baseline=level
-            )
-        for line in trace.notes:
+            trace = read_trace(path, wave, **columns)
+        lines = trace.attrs["assumed"].split("\n")
+        for line in lines:
             note(f"{path.name}: {line}")
-        for line in trace.warnings:
-            note(f"{path.name}: warning: {line}")
-        assumed += [f"{of_file(path.name)}: {line}" for line in (*trace.notes, *trace.warnings)]
-        training.append(trace.data)
+        assumed += [f"{of_file(path.name)}: {line}" for line in lines]
+        training.append(trace)
     return training, assumed
-
-
-def _sensitivity(text: str | None) -> float | None:
-    if text is None:
-        return None
-    value = quantity.parse(text, "V/K", name="--sensitivity")
-    if value == 0:
-        raise InputError(f"--sensitivity = {text!r} must not be zero")
-    return value
 
 
 def _print(found: Any, kind: str, kelvin: str) -> None:

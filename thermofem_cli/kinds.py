@@ -56,7 +56,7 @@ def kind_of(path: Path) -> str | None:
             return "model" if isinstance(loaded, dict) and "format" in loaded else None
     except (OSError, InputError):
         return None
-    return "table" if path.suffix.lower() in (".csv", ".txt", ".dat") else None
+    return "table" if any(b"0" <= bytes([c]) <= b"9" for c in first) or path.suffix.lower() not in (".msh", ".py") else None
 
 
 def _of_netcdf(path: Path) -> str | None:
