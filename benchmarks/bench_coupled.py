@@ -23,10 +23,10 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled import Method
+from coupled.kernel.tableaus import tableau
 from coupled.kernels import equations as eq
 from coupled.kernels.interrupts import new_watch
 from coupled.kernels.rosenbrock import LaserPieces, integrate
-from coupled.kernels.tableaus import tableau
 
 Array = NDArray[np.float64]
 

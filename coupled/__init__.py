@@ -30,7 +30,7 @@ from .explore.page import explore
 from .identification.identify import Identification, identify
 from .identification.newton_traces import fit_newton_per_trace
 from .inputs import Sweep
-from .kernels.tableaus import Method
+from .kernel.tableaus import Method
 from .loop.corrector import FEM, Corrector
 from .loop.cosimulate import NO_PREDICTOR, cosimulate
 from .maps.pulsing_map import overlap, pulsing_map

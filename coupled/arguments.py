@@ -10,7 +10,7 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array, ArrayLike
-from thermofem.waveforms import bounds
+from thermofem.piecewise import bounds
 
 from .inputs import pieces
 from .resonator import RingResonator

@@ -18,7 +18,7 @@ from thermofem.algebra.smooth_poles import cubic_pole_responses
 from thermofem.arrays import Array
 from thermofem.models import ThermalModel
 from thermofem.models.contract import bare
-from thermofem.waveforms import bounds, hermite
+from thermofem.piecewise import bounds, hermite
 
 from .inputs import Pieces, add, pieces
 from .resonator import RingResonator

@@ -8,31 +8,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array, ArrayLike
-from thermofem.data.display import shown
-from thermofem.waveforms import Pieces as Pieces
-from thermofem.waveforms import Waveform, cubic_pieces
-from thermofem.waveforms import bounds as bounds
-from thermofem.waveforms.contract import spans
-from thermofem.waveforms.lines import Lines
+from thermofem.piecewise import Pieces as Pieces
+from thermofem.piecewise import bounds as bounds
+from thermofem.waveforms import Samples, Waveform
 
 Input: TypeAlias = "float | Waveform | Pieces | Sequence[Any]"
 DEGREE = 3
 DEEPEST = 10  # lists in lists
 
 
-@spans
-@shown
 @dataclass(frozen=True, eq=False)
-class Sweep(Lines):
+class Sweep(Samples, stored=False):
     """A detuning (or another signed quantity) that is linear between given samples, such as a swept laser.
 
-    Keeps the contract of `thermofem.waveforms`; two samples at one time make a jump.
+    Two samples at one time make a jump.
 
     Parameters
     ----------
@@ -47,11 +42,10 @@ class Sweep(Lines):
 
     times: ArrayLike
     values: ArrayLike
-    what: ClassVar[str] = "values"
 
     def __post_init__(self) -> None:
         values = checks.array("values", self.values)
-        self.check_samples(values)
+        self._check(values)
         object.__setattr__(self, "values", values)
 
 
@@ -77,8 +71,8 @@ def pieces(name: str, value: Any, start: float, stop: float) -> Pieces:
             raise checks.InputError(f"{name} is a polynomial with coefficients {c.shape}; at most cubic, and scalar")
         coefficients = np.vstack([c[::-1], np.zeros((DEGREE + 1 - len(c), c.shape[1]))]).T
         return _window(name, Pieces(np.asarray(value.x, dtype=float), coefficients), start, stop)
-    if hasattr(value, "breakpoints"):
-        return cubic_pieces(value, start, stop)
+    if isinstance(value, Waveform):
+        return value.pieces(start, stop)
     return Pieces(whole, np.array([[checks.finite(name, value), 0.0, 0.0, 0.0]]))
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from thermofem import checks
 from thermofem.constants import c, hbar
-from thermofem.data import dataset, toml_file
+from thermofem.data import dataset, files
 from thermofem.data.display import shown
 
 from . import ring_toml
@@ -303,7 +303,7 @@ class RingResonator:
         InputError
             a file that cannot be read, an unknown or missing key, a wrong unit, or a number out of range.
         """
-        return toml_file.read(path, "ring", cls.from_text)
+        return files.read_toml(path, "ring", cls.from_text)
 
     @classmethod
     def from_text(cls, text: str) -> RingResonator:

@@ -35,8 +35,8 @@ from typing import Any, TypeVar
 from thermofem import checks
 from thermofem.checks import InputError
 from thermofem.constants import c, e, k
-from thermofem.data import toml_file
-from thermofem.data.toml_file import TABLE, TABLES, TEXT, read_table
+from thermofem.data import files
+from thermofem.data.files import TABLE, TABLES, TEXT, read_table
 
 from .carriers.lifetime import ConstantLifetime
 from .carriers.shockley_read_hall import ShockleyReadHall
@@ -102,7 +102,7 @@ def read_text(text: str, ring: type[Ring], published: Mapping[str, Callable[[], 
     ring [type]: `RingResonator`.
     published: the rings that "base" may name.
     """
-    table = toml_file.parse(text)
+    table = files.from_toml(text)
     if table.keys() & {"layer", "part", "outer_radius"}:
         raise InputError(
             "this describes a cross-section; a ring file holds the optics: Q factors, perimeter, mode area"

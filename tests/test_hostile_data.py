@@ -164,7 +164,7 @@ def test_damaged_groups_of_a_file_are_one_line(tmp_path):
         path.write_bytes(content)
         assert kind_of(path) in ("data", "result", None)
         says_one_line(lambda: th.load(path))
-        says_one_line(lambda: th.dataset.load_record(path))
+        says_one_line(lambda: th.dataset.load(path))
 
 
 @pytest.mark.parametrize(

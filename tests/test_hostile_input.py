@@ -19,7 +19,7 @@ import thermofem as th
 import thermofem_cli as cli
 from coupled.maps.journal import Journal
 from surrogate.family.archive import pack
-from thermofem.data import trees
+from thermofem.data import files
 from thermofem.mesh.triangles import load as load_mesh
 from thermofem_cli.apart import check_apart
 from thermofem_cli.files import check_outputs
@@ -28,7 +28,7 @@ from thermofem_cli.files import check_outputs
 def test_a_key_that_stands_twice_is_refused():
     """The last one would win in silence: of two R_th, nobody knows which one is meant."""
     with pytest.raises(th.InputError, match="the key 'R' twice"):
-        trees.from_json('{"poles": [{"R": 1, "tau": 1e-6, "R": 100}]}')
+        files.from_json('{"poles": [{"R": 1, "tau": 1e-6, "R": 100}]}')
 
 
 @pytest.mark.parametrize("line", ["{} = 1", "[{}]", "[[{}]]", "x = {{ {} = 1 }}"])
@@ -39,14 +39,14 @@ def test_a_long_dotted_name_is_refused_before_it_takes_memory(line, word, dot):
     tracemalloc.start()
     try:
         with pytest.raises(th.InputError, match="nested more than 40 deep"):
-            trees.from_toml(line.format(dot.join([word] * 1500)))
+            files.from_toml(line.format(dot.join([word] * 1500)))
         assert tracemalloc.get_traced_memory()[1] < 1_000_000  # 1500**2 / 2 pointers are 9 MB
     finally:
         tracemalloc.stop()
 
 
 def test_text_with_dots_and_quotes_is_still_read():
-    assert trees.from_toml('a.b."c.d".e = "1.5. One. Two. \\" 3."\nf = [1.0, 2.5]')["f"] == [1.0, 2.5]
+    assert files.from_toml('a.b."c.d".e = "1.5. One. Two. \\" 3."\nf = [1.0, 2.5]')["f"] == [1.0, 2.5]
 
 
 @pytest.mark.parametrize("name", ["kind", "heated", "read", "geometry"])

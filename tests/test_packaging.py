@@ -15,7 +15,7 @@ pytestmark = pytest.mark.slow
 
 USE = """
 import thermofem as th
-from coupled.kernels.tableaus import Method, tableau
+from coupled.kernel.tableaus import Method, tableau
 print(th.__file__, th.assemble(th.strip_ring(), accuracy=1e-3).unknowns, tableau(Method.RODAS4).order)
 """
 

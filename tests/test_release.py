@@ -9,7 +9,6 @@ import pytest
 import rattler_build
 from paths import ROOT
 
-import coupled
 import thermofem
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -35,17 +34,3 @@ def test_the_recipe_needs_what_the_project_needs(recipe):
     assert needs == {(CONDA.get(name[1], name[1]), name[2]) for name in names}
     assert recipe["build"]["python"]["entry_points"] == [f"thermofem = {PROJECT['scripts']['thermofem']}"]
     assert recipe["about"]["license"] == PROJECT["license"]
-
-
-def test_old_names_are_in_the_changelog():
-    changes = (ROOT / "CHANGELOG.md").read_text()
-    deprecated = changes.split("### Deprecated")[1].split("\n### ")[0]
-    for old, new in thermofem._RENAMED.items():
-        assert f"`th.{old}`" in deprecated
-        assert f"`th.{new}`" in deprecated
-
-
-def test_an_old_and_a_new_name_together_are_refused():
-    """The old one won without a word."""
-    with pytest.raises(thermofem.InputError, match="tolerance and max_discrepancy are both given"):
-        coupled.FEM(None, max_discrepancy=1e-5, tolerance=1e-3)

@@ -1,21 +1,17 @@
-"""One word has one meaning: names of classes, keywords of functions, and old names, which warn (docs/equations.md)."""
+"""One word has one meaning: names of classes, keywords of functions (docs/equations.md)."""
 
 from __future__ import annotations
 
 import ast
 from collections import Counter
 from collections.abc import Iterator
-from importlib import import_module
 
 import numpy as np
-import pytest
 from paths import ROOT
 
 import coupled
 import surrogate
 import thermofem as th
-from thermofem.campaign import Drive, Variation
-from thermofem.plot import animate_field
 
 TREES = {
     path.relative_to(ROOT): ast.parse(path.read_text())
@@ -64,79 +60,6 @@ def test_a_drive_is_a_power_over_time():
 def test_only_reductions_lift():
     homes = {where.split(":")[0] for where, node in functions() if node.name == "lift"}
     assert homes == {"surrogate/reduction/reduce.py", "surrogate/reduction/truncate.py"}
-
-
-@pytest.mark.parametrize(
-    ("call", "new"),
-    [
-        (lambda: coupled.cosimulate(coupled.borghi2021(), HEAT, power=1e-3, tolerance=0), "max_discrepancy"),
-        (lambda: coupled.FEM(HEAT, tolerance=0), "max_discrepancy"),
-        (lambda: coupled.pulsing_map(None, None, [1e-3], [0.0], progress=True), "show_bar"),
-        (lambda: coupled.identify(None, [], free=[], progress=True), "show_bar"),
-        (lambda: coupled.fit_newton_per_trace(None, [], progress=True), "show_bar"),
-        (lambda: surrogate.train_family("nowhere.toml", progress=print), "report"),
-        (lambda: surrogate.uncertainty(None, {}, layer=40), "interpolate"),
-        (lambda: animate_field(None, "heat.gif", progress=print), "on_frame"),
-    ],
-    ids=[
-        "cosimulate",
-        "FEM",
-        "pulsing_map",
-        "identify",
-        "fit_newton_per_trace",
-        "train_family",
-        "uncertainty",
-        "animate_field",
-    ],
-)
-def test_an_old_keyword_warns_and_works(call, new):
-    """It reaches the checks of the function, which refuse what else was given."""
-    with (
-        pytest.warns(DeprecationWarning, match=f"is now {new}; the old name goes with 0.3"),
-        pytest.raises(th.InputError),
-    ):
-        call()
-
-
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        ("thermofem.model", "thermofem.models"),
-        ("surrogate.lumped", "thermofem.models.lumped"),
-        ("surrogate.plot_array", "surrogate.plot"),
-        ("coupled.plot_circuit", "coupled.plot.circuit"),
-        ("coupled.plot_cycles", "coupled.plot.cycles"),
-    ],
-)
-def test_an_old_module_gives_the_objects_of_the_new_one(old, new):
-    before, now = import_module(old), import_module(new)
-    shared = set(before.__all__) & set(dir(now))
-    assert shared
-    assert all(getattr(before, name) is getattr(now, name) for name in shared)
-
-
-def test_a_schedule_of_a_campaign_is_a_drive_now():
-    geometry, wide = th.strip_ring().to_toml(), Variation("width", ("part.core.width",), "m", (450e-9, 500e-9))
-    with pytest.warns(
-        DeprecationWarning, match=r"thermofem\.campaign\.Schedule is now thermofem\.campaign\.Drive"
-    ) as seen:
-        from thermofem.campaign import Schedule
-    assert seen[0].filename == __file__
-    step = Schedule("step", th.Constant(1e-3), (0.0, 1e-6))
-    with pytest.warns(DeprecationWarning, match="Campaign: schedules is now drives"):
-        old = th.Campaign(geometry, (wide,), schedules=(step,))
-    new = th.Campaign(geometry, (wide,), drives=(Drive("step", th.Constant(1e-3), (0.0, 1e-6)),))
-    assert [case.key for case in old.cases()] == [case.key for case in new.cases()]
-    with pytest.warns(DeprecationWarning, match=r"Campaign\.schedules is now Campaign\.drives"):
-        assert old.schedules == new.drives
-
-
-def test_the_old_name_of_variable_projection_warns_and_works():
-    data = th.dataset.build(TIMES, surrogate.newton(tau_th=60e-9, heat_capacity=7e-12).response(STEP, TIMES), STEP)
-    with pytest.warns(DeprecationWarning, match="is now method='variable projection'") as caught:
-        old = surrogate.fit_newton(data, method="projection")
-    assert caught[0].filename == __file__  # the line that a user has to change
-    assert old.parameters == surrogate.fit_newton(data).parameters
 
 
 def test_power_says_which_power_it_is():

@@ -15,11 +15,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.tri import Triangulation
 
-from . import checks, renamed
+from . import checks
 from .checks import InputError, choice, positive
-from .data.contents import contents
 from .data.fields import check_field
 from .data.files import check_image, check_target, write_whole
+from .data.variables import contents
 from .plot_models import plot_model as plot_model
 from .plot_models import plot_step as plot_step
 from .plot_style import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, VERMILION, WIDTH, takes
@@ -93,7 +93,6 @@ def plot_field(data: xr.Dataset, ax: Axes | None = None, *, at: int = 0, half_wi
     return ax
 
 
-@renamed.keywords(progress="on_frame")
 def animate_field(
     data: xr.Dataset,
     path: str | FilePath,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import matplotlib.pyplot as plt
 
-from .data.contents import takes as takes
+from .data.variables import takes as takes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,11 +8,11 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import ArrayLike
 
 from . import checks
 from .data import dataset
-from .data.record import Record, as_dataset, column, joined
 from .fem.problem import HeatProblem
 from .models import StateSpace
 from .transient.integration import integrate, integrate_periodic
@@ -20,15 +20,12 @@ from .transient.trajectory import Trajectory
 from .waveforms import Waveform, check_heating, period_times
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from .mesh import Mesh
 
 
 MOST_VALUES = 100_000_000  # of all fields of a run, .8 GB
 
 
-@as_dataset
 def solve(
     heat: HeatProblem,
     wave: Waveform,
@@ -40,7 +37,7 @@ def solve(
     field_times: ArrayLike = (),
     method: str = "auto",
     progress: Callable[[float], None] | None = None,
-) -> Record:
+) -> xr.Dataset:
     """Full-order transient from rest.
 
     Powers that are straight lines between their breakpoints are answered in closed form on a few fields of the mesh,
@@ -84,7 +81,6 @@ def solve(
     array([ 9.2, 15.4,  6.2])
     """
     heated = _check(heat, wave, heated, method)
-    checks.progress(progress)
     check_fields(heat, field_times)
     system, ledger = heat.model(heated, read if read is not None else heated), heat.audit(heated)
     run = None
@@ -103,7 +99,6 @@ def solve(
     return _record(heat, wave, run, heated, read, rtol, field_times)
 
 
-@as_dataset
 def solve_periodic(
     heat: HeatProblem,
     wave: Waveform,
@@ -114,7 +109,7 @@ def solve_periodic(
     rtol: float = 1e-4,
     method: str = "auto",
     progress: Callable[[float], None] | None = None,
-) -> Record:
+) -> xr.Dataset:
     """One period of the full-order periodic state, both ends and every edge of the waveform among the samples.
 
     Parameters
@@ -140,7 +135,6 @@ def solve_periodic(
         a waveform without a period, too few samples for its edges.
     """
     heated = _check(heat, wave, heated, method)
-    checks.progress(progress)
     system, ledger = heat.model(heated, read if read is not None else heated), heat.audit(heated)
     run = None
     if method == "auto" and isinstance(system, StateSpace):
@@ -174,7 +168,7 @@ def _record(
     field_times: ArrayLike,
     *,
     periodic: bool = False,
-) -> Record:
+) -> xr.Dataset:
     """Trajectory and provenance in the schema of `thermofem.dataset`."""
     single = read is None or isinstance(read, str)
     names: tuple[str, ...] = (read or heated,) if single else tuple(read or ())  # type: ignore[assignment]
@@ -182,8 +176,8 @@ def _record(
     if not single:
         attributes["thermal_resistances"] = [heat.thermal_resistance(heated, name) for name in names]
     rises = run.outputs[:, 0] if single else run.outputs
-    record = dataset.build.record(run.times, rises, wave, periodic=periodic, read=names, attributes=attributes)
-    return joined(record, field_columns(heat, run.snapshots, field_times)) if np.size(field_times) else record
+    data = dataset.build(run.times, rises, wave, periodic=periodic, read=names, attributes=attributes)
+    return data.merge(fields(heat, run.snapshots, field_times)) if np.size(field_times) else data
 
 
 def _provenance(heat: HeatProblem, run: Trajectory, heated: str, read: str, rtol: float) -> dict[str, Any]:
@@ -231,22 +225,16 @@ def check_fields(heat: HeatProblem, field_times: ArrayLike) -> None:
 
 def fields(heat: HeatProblem, states: ArrayLike, field_times: ArrayLike) -> xr.Dataset:
     """Temperature fields on the mesh's vertices, from states of shape (times, unknowns)."""
-    return field_columns(heat, states, field_times).dataset()
-
-
-def field_columns(heat: HeatProblem, states: ArrayLike, field_times: ArrayLike) -> Record:
-    """`fields` without xarray: the same as a Record."""
     r, z = heat.mesh.points.T
     kept = np.atleast_1d(np.asarray(field_times, dtype=float))
-    return Record(
+    return xr.Dataset(
         {
-            "field": column(("field_time", "vertex"), heat.field(states), dataset.describe("delta_T")),
-            "triangles": column(("triangle", "corner"), heat.mesh.triangles, {}),
+            "field": (("field_time", "vertex"), heat.field(states), dataset.describe("delta_T")),
+            "triangles": (("triangle", "corner"), heat.mesh.triangles),
         },
         {
-            "field_time": column("field_time", kept, dataset.describe("time")),
-            "r": column("vertex", r, dataset.describe("r")),
-            "z": column("vertex", z, dataset.describe("z")),
+            "field_time": ("field_time", kept, dataset.describe("time")),
+            "r": ("vertex", r, dataset.describe("r")),
+            "z": ("vertex", z, dataset.describe("z")),
         },
-        {},
     )

@@ -125,10 +125,6 @@ def _place(error: OSError) -> str:
     """Subject of an operating-system error: errors of files carry a name or are InputErrors already."""
     if error.filename is not None:
         return str(error.filename)
-    if isinstance(error, FileNotFoundError):  # of os.getcwd
-        from thermofem.data.files import DELETED
-
-        return DELETED
     return "standard output" if error.errno == errno.ENOSPC else ""
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from thermofem.checks import InputError
-from thermofem.data import toml_file
+from thermofem.data import files
 
 from .values import each
 
@@ -55,7 +55,7 @@ def _read_with(path: str | Path) -> list[Path]:
 def _words(path: Path) -> list[str]:
     """Texts in a file of TOML; none in any other."""
     try:
-        level: list[Any] = [toml_file.parse(toml_file.text_of(path, "TOML"))]
+        level: list[Any] = [files.from_toml(files.read_text(path, "TOML"))]
     except InputError:
         return []
     words = []

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from thermofem.checks import InputError, one_line
-from thermofem.data import trees
+from thermofem.data import files
 from thermofem.version import __version__
 
 from .kinds import expect
@@ -58,7 +58,7 @@ SOFTWARE = Citation(
 
 def articles() -> dict[str, Citation]:
     """The articles of works.toml, by key."""
-    found = trees.from_toml((Path(__file__).parent / "works.toml").read_text(encoding="utf-8"))
+    found = files.from_toml((Path(__file__).parent / "works.toml").read_text(encoding="utf-8"))
     return {key: Citation("article", key, fields) for key, fields in found.items()}
 
 
@@ -96,7 +96,7 @@ def _materials(provenance: dict[str, Any]) -> dict[str, str]:
     """Source of every material: recorded in data, looked up in the geometry for models."""
     if provenance.get("materials"):
         try:
-            found = trees.from_json(provenance["materials"]).items()
+            found = files.from_json(provenance["materials"]).items()
             return {one_line(str(name)): one_line(str(source)) for name, source in found}
         except (InputError, TypeError, AttributeError):
             raise InputError("the file's record of its materials is damaged; is it one of thermofem's?") from None

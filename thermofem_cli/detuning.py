@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from thermofem.checks import InputError
 from thermofem.constants import c
-from thermofem.data import quantity, units
+from thermofem.data import quantity
 
 if TYPE_CHECKING:
     from coupled import RingResonator
@@ -25,14 +25,11 @@ def detuning_of(text: str, ring: RingResonator, name: str = "--detuning") -> flo
     name: what the error message begins with.
     Raises InputError: neither a frequency nor a length, or a wavelength that is not positive.
     """
-    number = text.strip().lstrip("+-0123456789.eE ")
     try:
-        known = units.scale(number)
-    except units.UnitError:
-        known = None
-    if known is None or known.dimensions != (("m", 1),):
+        distance = quantity.parse(text, "m", name=name)
+    except InputError:
         return quantity.parse(text, "Hz", name=name)
-    distance, wavelength = quantity.parse(text, "m", name=name), c / ring.frequency
+    wavelength = c / ring.frequency
     if not abs(distance) < 0.1 * wavelength:
         raise InputError(
             f"{name} = {text!r} must be a distance from the resonance at {wavelength * 1e9:.6g} nm, not a wavelength",

@@ -10,7 +10,6 @@ import typer
 from thermofem import checks
 from thermofem.checks import InputError
 from thermofem.data import files
-from thermofem.data.names import of_file
 
 from . import drives, options
 from .detuning import HELP as DETUNING
@@ -96,7 +95,7 @@ def _models(
     from thermofem.models import load_model
 
     if given and all(kind_of(path) != "geometry" for path in given):
-        names = [of_file(path.stem) for path in given]
+        names = [path.stem for path in given]
         checks.unique("MODELS", names, hint="models are named after the files")
         return {name: load_model(path) for name, path in zip(names, given, strict=True)}, None
     if len(given) > 1:

@@ -10,8 +10,7 @@ import typer
 
 from thermofem import checks
 from thermofem.checks import InputError
-from thermofem.data import files, trees
-from thermofem.data.names import of_file
+from thermofem.data import files
 
 from . import options
 from .files import about, check_outputs, in_volts
@@ -22,9 +21,7 @@ from .solve_options import waveform
 if TYPE_CHECKING:
     import xarray as xr
 
-    from thermofem.data.record import Record
-
-    Data = Record | xr.Dataset
+    Data = xr.Dataset
 
 KINDS = ("newton", "second-order", "foster", "spectrum", "sindy")
 TRANSFER = "The table was measured on another part than the heated one (netCDF files already record this)."
@@ -87,7 +84,7 @@ def fit(
             with working("training"):
                 found = _trained(kind, training, order, transfer or None)
     provenance = {**found.provenance, **({"assumed": assumed} if assumed else {})}
-    surrogate.save_model(found.model, output, provenance=trees.plain(provenance))
+    surrogate.save_model(found.model, output, provenance=files.plain(provenance))
     _print(found, kind, "V" if in_volts(assumed) else "K")
     if figure is not None:
         _draw(found, training[0], figure)
@@ -105,20 +102,13 @@ def fit(
     }
 
 
-def _dataset(data: Data) -> xr.Dataset:
-    """Training data as a Dataset."""
-    from thermofem.data.record import Record
-
-    return data.dataset() if isinstance(data, Record) else data
-
-
 def _channel(path: Path, given: Data, heated: str | None, read: str | None, kind: str) -> Data:
     """The part of a file that --heated and --read name; a table learns the names."""
     from thermofem.data import dataset
 
     if heated is None and read is None:
         return given
-    data = _dataset(given)
+    data = given
     if read is not None and kind == "sindy":
         raise InputError("--read picks one part; a SINDy network needs all that the file holds")
     if kind_of(path) == "table":
@@ -135,7 +125,7 @@ def _draw(found: Any, given: Data, path: Path) -> None:
     from surrogate.plot import plot_fit
     from thermofem.plot import save_figure
 
-    data = _dataset(given)
+    data = given
     save_figure(plot_fit(found, data.isel(probe=0) if "probe" in data.delta_T.dims else data)[0], path)
 
 
@@ -158,7 +148,7 @@ def _sindy(training: list[Data]) -> Any:
     if len(training) > 1:
         raise InputError(f"{len(training)} files: a SINDy network is identified from one transient from rest")
     with working("training"):
-        return surrogate.fit_sindy(_dataset(training[0]))
+        return surrogate.fit_sindy(training[0])
 
 
 def _training(paths: list[Path], columns: dict[str, str | None], drive: dict[str, Any]) -> tuple[list[Data], list[str]]:
@@ -173,7 +163,7 @@ def _training(paths: list[Path], columns: dict[str, str | None], drive: dict[str
     if given and not tables:
         raise InputError(f"{', '.join(given)}: netCDF data say themselves what was applied; this is for {TABLE}")
     if not tables:
-        return [dataset.load_record(path) for path in paths], []
+        return [dataset.load(path) for path in paths], []
     if drive["power"] is None:
         raise InputError(
             f'{tables[0]} holds {TABLE}: say what was applied, --power "1.3 mW" with --pulse "4 us" or --square; '
@@ -184,14 +174,14 @@ def _training(paths: list[Path], columns: dict[str, str | None], drive: dict[str
     assumed: list[str] = []
     for path in paths:
         if path not in tables:
-            training.append(dataset.load_record(path))
+            training.append(dataset.load(path))
             continue
         with working(f"reading {path.name}"):
             trace = read_trace(path, wave, **columns)
         lines = trace.attrs["assumed"].split("\n")
         for line in lines:
             note(f"{path.name}: {line}")
-        assumed += [f"{of_file(path.name)}: {line}" for line in lines]
+        assumed += [f"{path.name}: {line}" for line in lines]
         training.append(trace)
     return training, assumed
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from thermofem.checks import InputError
-from thermofem.data import files, trees
+from thermofem.data import files
 
 # kind -> what it is, and what takes it
 KINDS = {
@@ -50,7 +50,7 @@ def kind_of(path: Path) -> str | None:
         if first[:4] == b"PK\x03\x04" and path.suffix.lower() == ".json":
             return "family"
         if path.suffix.lower() == ".toml":
-            return _of_toml(set(trees.from_toml(files.read_text(path, "TOML"))))
+            return _of_toml(set(files.from_toml(files.read_text(path, "TOML"))))
         if path.suffix.lower() == ".json":
             loaded = files.read_json(path, "JSON")
             return "model" if isinstance(loaded, dict) and "format" in loaded else None

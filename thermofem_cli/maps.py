@@ -174,7 +174,7 @@ def _finish(
                 curve["detuning"] = curve["detuning"].copy(data=curve["detuning"].values - turned)
             title = ", ".join([ring.name, _thermal(warmed.model), *_heating(powers)])
             over = {"hopf": {title: hopf[ring.name]}, "folds": {title: folds[ring.name]}}
-            save_figure(plot_maps({title: found.dataset()}, show=show, **over)[0, 0], figure)
+            save_figure(plot_maps({title: found}, show=show, **over)[0, 0], figure)
     say(f"wrote {output}" + (f" and {figure}" if figure else ""))
     return {"points": {str(k): int(v) for k, v in zip(names, counts, strict=True)}, "map": output, "figure": figure}
 

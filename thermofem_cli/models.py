@@ -10,7 +10,6 @@ import typer
 
 from thermofem import checks
 from thermofem.data.files import IMAGES
-from thermofem.data.names import of_file
 
 from . import drives, options
 from .bar import Bar
@@ -137,7 +136,7 @@ def _validate_models(
         raise checks.InputError(f"--output = {output} takes the curves (.nc); --figure {output} draws them")
     for path in (*models, reference):
         expect(path, "model")
-    names = [of_file(path.stem) for path in models]
+    names = [path.stem for path in models]
     checks.unique("MODELS", names, hint="curves are named after the files")
     judge, curves = load(reference), {}
     for name, path in zip(names, models, strict=True):
@@ -253,7 +252,7 @@ def simulate(
         from coupled.plot.runs import plot_sweep, plot_traces
         from thermofem.plot import save_figure
 
-        traced = run.dataset()
+        traced = run
         save_figure(plot_sweep(traced) if swept else plot_traces(traced), figure)
     say_pulsing(found)
     probes = _probes(run)

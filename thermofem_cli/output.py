@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from thermofem import checks
-from thermofem.data import trees
+from thermofem.data import files
 
 from .apart import check_apart
 from .used import check_used
@@ -121,7 +121,7 @@ def speaking(function: Callable[..., Numbers | None]) -> Callable[..., None]:
             numbers = function(**options)
             _release()
         if json_:
-            said = trees.plain({"command": function.__name__.strip("_"), **(numbers or {})})
+            said = files.plain({"command": function.__name__.strip("_"), **(numbers or {})})
             print(json.dumps(said, allow_nan=False, default=str))
         if numbers and numbers.get("passed") is False:
             raise typer.Exit(1)

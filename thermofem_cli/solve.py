@@ -88,7 +88,7 @@ def solve(
     span = wave.period if periodic and wave.period else length
     with Bar(f"solving with {heat.unknowns} unknowns", span, periodic=periodic) as progress:
         if periodic:
-            data = solve_periodic.record(heat, wave, samples, progress=progress, **settings)
+            data = solve_periodic(heat, wave, samples, progress=progress, **settings)
         else:
             times = np.linspace(0, length, samples)
             data = transient.record(heat, wave, times, field_times=kept, progress=progress, **settings)
@@ -155,11 +155,11 @@ def _draw(data: Record, figure: Path | None, paraview: Path | None) -> None:
     if paraview:
         from thermofem.data.fields import write_fields
 
-        write_fields(data.dataset(), paraview)
+        write_fields(data, paraview)
     if figure:
         from thermofem import plot
 
-        ax = plot.plot_response(data.dataset())
+        ax = plot.plot_response(data)
         ax.set_title(_title(data), fontsize="small", loc="left")
         plot.save_figure(ax, figure)
 
@@ -171,7 +171,7 @@ def _title(data: Record) -> str:
     a = data.attrs
     of = "" if "," in a["read"] or a["read"] == a["heated"] else f"{a['read']}, "
     part = a["heated"] if a["read"] == a["heated"] else f"{of}{a['heated']} heated"
-    drive = waveforms.words(waveforms.from_json(a["waveform"])).replace(" us", " µs")
+    drive = waveforms.from_json(a["waveform"]).words.replace(" us", " µs")
     return f"{part}: {drive}" + (", one period of the periodic state" if a["kind"] == "periodic" else ", from rest")
 
 
@@ -184,6 +184,4 @@ def _film(data: Record, path: Path) -> None:
     columns = TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn()
     with Progress(*columns, console=terminal()) as progress:
         bar = progress.add_task(f"drawing {path.name}")
-        plot.animate_field(
-            data.dataset(), path, on_frame=lambda at, total: progress.update(bar, completed=at + 1, total=total)
-        )
+        plot.animate_field(data, path, on_frame=lambda at, total: progress.update(bar, completed=at + 1, total=total))

@@ -9,8 +9,8 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array, ArrayLike, NDArray, runs_of
-from thermofem.data.contents import in_si
 from thermofem.data.display import shown
+from thermofem.data.variables import in_si
 
 from .shockley_read_hall import ShockleyReadHall
 

@@ -10,7 +10,7 @@ import numpy as np
 from thermofem.arrays import Array, NDArray
 
 from ..inputs import Pieces, pieces
-from ..kernels.tableaus import Method
+from ..kernel.tableaus import Method
 from ..runs.window import advance
 from ..states import State
 from ..thermal import compact

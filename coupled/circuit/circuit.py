@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from thermofem import checks
-from thermofem.data import toml_file
+from thermofem.data import files
 from thermofem.data.display import shown
 
 from ..resonator import RingResonator
@@ -167,7 +167,7 @@ class Circuit:
             a file that cannot be read, unknown or missing keys, or what `Circuit` refuses.
         """
         folder = checks.path("path", path).parent
-        return toml_file.read(path, "circuit", lambda text: cls(**file.fields(text, folder)))
+        return files.read_toml(path, "circuit", lambda text: cls(**file.fields(text, folder)))
 
 
 def _named(rings: Any) -> dict[str, RingResonator]:

@@ -11,7 +11,7 @@ import numpy as np
 from thermofem import checks
 from thermofem.arrays import Array
 
-from ..kernels.tableaus import Method, tableau
+from ..kernel.tableaus import Method, tableau
 from ..runs.window import MAX_STEPS
 from .circuit import Circuit
 from .equilibria import _flow, autonomous

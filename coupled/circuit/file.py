@@ -43,8 +43,8 @@ from typing import Any
 
 from thermofem import checks
 from thermofem.checks import InputError
-from thermofem.data import toml_file
-from thermofem.data.toml_file import NUMBER, TABLES, TEXT, read_table
+from thermofem.data import files
+from thermofem.data.files import NUMBER, TABLES, TEXT, read_table
 
 from ..resonator import PUBLISHED, RingResonator
 from .parts import Detector, LaserPort, Splitter, Waveguide
@@ -63,7 +63,7 @@ _TOP = {"name": TEXT, "frequency": "Hz", **dict.fromkeys(["ring", *_KINDS], TABL
 
 def fields(text: str, folder: Path | None = None) -> dict[str, Any]:
     """The fields of the `Circuit` that the text of a circuit file describes; ring files are in ``folder``."""
-    top = read_table(toml_file.parse(text), _TOP, "the circuit file")
+    top = read_table(files.from_toml(text), _TOP, "the circuit file")
     rings: dict[str, RingResonator] = {}
     for ring in _tables(top, "ring", _RING):
         if ring["name"] in rings:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..kernel.tableaus import Tableau
 from ..kernels.compiling import compiled, forget_if_older, inlined_lean
 from ..kernels.control import (
     DONE,
@@ -20,7 +21,6 @@ from ..kernels.control import (
     after_rejection,
 )
 from ..kernels.equations import Array
-from ..kernels.tableaus import Tableau
 from . import course as heat_course
 from . import equations, kernel, poles, waves
 from .course import Course, advance, extrapolate

@@ -22,12 +22,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..kernel.tableaus import Tableau
 from ..kernels import algebra, control, equations
 from ..kernels.algebra import factorize, inverse, solve
 from ..kernels.compiling import compiled, forget_if_older, inlined_lean, lean
 from ..kernels.control import relative_change, squared_error
 from ..kernels.equations import EPSILON, Array, Rates, optics, optics_jacobian
-from ..kernels.tableaus import Tableau
 from . import layout, poles
 from .layout import Complex, Heat, Integers, LightNetwork, Rings
 from .poles import Series, Tables

@@ -26,7 +26,7 @@ def check_name(kind: str, name: str) -> str:
     """Return a name that can be used, or raise InputError."""
     if not (isinstance(name, str) and _NAME.fullmatch(name)):
         raise checks.InputError(f"{kind} name = {name!r} is not usable; take letters, digits, spaces and _ + -")
-    return checks.exact(name)
+    return name
 
 
 def _transmission(self: Waveguide | LaserPort) -> complex:

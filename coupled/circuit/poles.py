@@ -18,9 +18,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..kernel.tableaus import Tableau
 from ..kernels.compiling import compiled, inlined_lean
 from ..kernels.equations import Array
-from ..kernels.tableaus import Tableau
 from .layout import Heat
 
 ROUND_OFF = 1e-14  # entries of Gamma nu^n, which are of order 1, below which the sum ends

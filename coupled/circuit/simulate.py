@@ -13,7 +13,7 @@ from thermofem.arrays import Array, ArrayLike
 
 from ..arguments import check_duration, check_times
 from ..inputs import Input
-from ..kernels.tableaus import Method, tableau
+from ..kernel.tableaus import Method, tableau
 from ..runs.simulate import check_method
 from ..runs.window import LONG, MAX_STEPS, check_end
 from ..states import check_same_heat
@@ -116,7 +116,6 @@ def simulate_circuit(
     checks.instance("circuit", circuit, Circuit, hint="it must be a Circuit, such as coupled.bus([ring])")
     duration = check_duration(duration)
     rtol = checks.between("rtol", rtol, 1e-13, 1e-1, hint="1e-6 gives traces to better than 1e-5")
-    checks.progress(progress)
     check_delays(circuit)
     duration = float(duration)
     drives: dict[str, Any] = {"inputs": inputs, "heaters": heaters, "detuning": detuning, "duration": duration}

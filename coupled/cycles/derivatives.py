@@ -18,7 +18,7 @@ import numpy as np
 
 from thermofem import Quadratic, checks
 from thermofem.arrays import Array
-from thermofem.data.netcdf import PER
+from thermofem.data.variables import PER
 from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring, one_laser

@@ -9,7 +9,7 @@ import numpy as np
 from thermofem import checks
 from thermofem.arrays import Array
 from thermofem.checks import InputError
-from thermofem.data.contents import contents
+from thermofem.data.variables import contents
 
 from ..states import State, starting_point
 from .closing import Settled

@@ -16,7 +16,7 @@ import numpy as np
 from thermofem import checks
 from thermofem.arrays import Array, NDArray
 from thermofem.checks import InputError
-from thermofem.data.contents import contents
+from thermofem.data.variables import contents
 
 from ..arguments import check_detuning, check_power
 from ..heaters import turned_by

@@ -10,9 +10,9 @@ from thermofem.arrays import Array, NDArray
 from thermofem.checks import InputError
 
 from ..heaters import turned_by
+from ..kernel.tableaus import Method, tableau
 from ..kernels.collocation import Ring
 from ..kernels.interrupts import new_watch, uninterrupted
-from ..kernels.tableaus import Method, tableau
 from ..resonator import RingResonator
 from ..runs import window
 from ..thermal import Compact

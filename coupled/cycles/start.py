@@ -14,8 +14,8 @@ import numpy as np
 from thermofem.arrays import Array
 from thermofem.checks import InputError
 
+from ..kernel.tableaus import Method, tableau
 from ..kernels.interrupts import new_watch, uninterrupted
-from ..kernels.tableaus import Method, tableau
 from ..runs.window import check_end
 from .closing import Settled, close, refined, swing
 from .orbit import TRACE_RTOL, CycleProblem

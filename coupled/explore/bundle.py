@@ -7,7 +7,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from ..kernels.tableaus import Method, tableau
+from ..kernel.tableaus import Method, tableau
 
 # in the order in which they use one another
 MODULES = (

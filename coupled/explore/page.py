@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermofem import checks
+from thermofem.data.dataset import other_geometry
 from thermofem.data.files import check_target, write_whole
-from thermofem.data.together import other_geometry
 from thermofem.models import ThermalModel
 from thermofem.version import __version__
 
@@ -223,7 +223,7 @@ def _step(heat: HeatProblem) -> dict[str, Any]:
     """The FEM's own step response in K/W."""
     from thermofem import Constant, solve
 
-    found = solve.record(heat, Constant(1e-3), times=STEP_TIMES, rtol=1e-4)
+    found = solve(heat, Constant(1e-3), times=STEP_TIMES, rtol=1e-4)
     return {"name": f"FEM, {heat.unknowns} unknowns", "times": STEP_TIMES.tolist(), "rise": (found["delta_T"].values.ravel() / 1e-3).tolist()}  # fmt: skip  # noqa: E501
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array, Complex, NDArray
-from thermofem.data.contents import in_si
+from thermofem.data.variables import in_si
 
 from ..runs.pulsing import Regime, crossings, pulsing
 

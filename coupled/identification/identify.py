@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import checks, renamed
+from thermofem import checks
 from thermofem.arrays import Array
 from thermofem.data import quantity
 from thermofem.data.display import shown
@@ -71,7 +71,6 @@ class Identification(HasModel):
     notes: tuple[str, ...] = ()
 
 
-@renamed.keywords(progress="show_bar")
 def identify(
     ring: RingResonator,
     traces: xr.Dataset | Sequence[xr.Dataset],

@@ -10,7 +10,7 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array, NDArray
-from thermofem.data.contents import in_si
+from thermofem.data.variables import in_si
 
 from ..arguments import check_detuning, check_power
 from ..resonator import RingResonator

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import checks, renamed
+from thermofem import checks
 
 from ..arguments import check_ring
 from ..bar import bar
@@ -26,7 +26,6 @@ GRID = 6  # start values of either parameter
 START = 2  # harmonics in the search from them
 
 
-@renamed.keywords(progress="show_bar")
 def fit_newton_per_trace(
     ring: RingResonator,
     traces: Sequence[xr.Dataset],

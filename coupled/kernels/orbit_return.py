@@ -16,13 +16,13 @@ from typing import Any
 
 import numpy as np
 
+from ..kernel.tableaus import Tableau
 from . import algebra, collocation, equations, kinds, orbit_heat, orbits, rosenbrock
 from .collocation import Ring, Scheme
 from .compiling import compiled, forget_if_older, merged
 from .equations import Array
 from .laser import LaserPieces
 from .orbits import advance, close, moved, shifted, shifted_stages
-from .tableaus import Tableau
 
 LONGEST_RETURN = 4.0  # periods
 LARGEST_CHANGE = 0.3  # of the largest heat, in a step

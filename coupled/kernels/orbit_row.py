@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..kernel.tableaus import Tableau
 from . import orbit_measure
 from .collocation import Ring, Scheme
 from .compiling import compiled, forget_if_older, merged
@@ -20,7 +21,6 @@ from .kinds import order
 from .orbit_return import near
 from .orbit_start import FIRST, FLAT, Transient, proceed
 from .orbits import close
-from .tableaus import Tableau
 
 SURE = 0.98  # a multiplier above which the rest of an error is magnified too much
 CLOSE_ENOUGH, STEPS = 1e-7, 12  # of Newton's method where it is

@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..kernel.tableaus import Tableau
 from .collocation import Ring
 from .compiling import merged
 from .control import DONE
 from .equations import Array
 from .orbit_measure import digest
 from .orbit_return import integrated
-from .tableaus import Tableau
 
 FIRST, LONGEST_PART = 4e3, 1e5  # ns
 LONGEST_SEEN = 1e6  # ns, of a part after one that moves without three pulses: a period may be a quarter of that

@@ -13,11 +13,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernel.tableaus import Tableau
 from .algebra import follows, inverse, solve
 from .compiling import compiled
 from .equations import Array, Rates, absorbed_power, dispersion, optics, optics_jacobian
 from .kinds import QuadraticHeat, flow
-from .tableaus import Tableau
 
 
 @compiled

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernel.tableaus import Tableau
 from . import algebra, control, equations, kinds, laser, quadratic, spectrum
 from .algebra import inverse
 from .compiling import OPTIONS, compiled, forget_if_older, inlined, inner, overload
@@ -44,7 +45,6 @@ from .control import (
 from .equations import Array, Rates, dispersion, optics, optics_jacobian
 from .kinds import read, rise_of, weigh
 from .laser import LaserPieces, largest_power, light
-from .tableaus import Tableau
 
 
 @compiled

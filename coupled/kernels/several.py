@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernel.tableaus import Tableau
 from . import algebra, equations, kinds
 from .algebra import factorize, follows, solve
 from .compiling import OPTIONS, compiled, forget_if_older, inlined, inner, overload
@@ -30,7 +31,6 @@ from .control import DONE, STEP_TOO_SMALL, STOPPED, TOO_MANY_STEPS, dense_output
 from .equations import Array, Rates, dispersion
 from .kinds import flow, read, rise_of, spread, weigh
 from .laser import largest_power
-from .tableaus import Tableau
 
 LOSS, ABSORBED, FCA, TPA, G, SHIFT, TURN, KERR = range(8)
 

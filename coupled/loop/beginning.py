@@ -18,7 +18,7 @@ import numpy as np
 from thermofem import Quadratic, checks
 from thermofem.algebra.smooth_poles import cubic_pole_responses
 from thermofem.arrays import Array
-from thermofem.data.contents import contents, in_si
+from thermofem.data.variables import contents, in_si
 from thermofem.solving import mesh_hash
 from thermofem.waveforms import Cubic
 
@@ -107,7 +107,7 @@ def _lifted(cycle: xr.Dataset, fem: FEM) -> Array:
     wave = Cubic(time, power, CubicSpline(time, power, bc_type="periodic")(time, 1))
     period, basis, C = float(time[-1]), fem.basis, fem.linear.C
     E = fem.linear.E
-    z = cubic_pole_responses(basis.rate, *wave.cubics(0.0, period), np.zeros(1), periodic=True)[0] * basis.heating[:, 0]
+    z = cubic_pole_responses(basis.rate, *wave.pieces(0.0, period), np.zeros(1), periodic=True)[0] * basis.heating[:, 0]
     field = basis.vectors @ z
     shrink = np.exp(-basis.rate * period)
     for _ in range(PERIODS):

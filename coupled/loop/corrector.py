@@ -22,7 +22,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from thermofem import HeatProblem, checks, renamed
+from thermofem import HeatProblem, checks
 from thermofem.algebra.krylov import CYCLES, krylov
 from thermofem.arrays import Array, ArrayLike
 from thermofem.data.display import card
@@ -63,7 +63,6 @@ class FEM:
         size of the Krylov basis (`thermofem.transient.krylov`); it changes the work, not the result.
     """
 
-    @renamed.keywords(tolerance="max_discrepancy")
     def __init__(
         self,
         heat: HeatProblem | StateSpace | NonlinearSystem,

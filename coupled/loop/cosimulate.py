@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import Foster, HeatProblem, OutputMap, Quadratic, StateSpace, checks, renamed
+from thermofem import Foster, HeatProblem, OutputMap, Quadratic, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike
 from thermofem.models import NonlinearSystem, ThermalModel
-from thermofem.waveforms import Function, PiecewiseCubic, Waveform
-from thermofem.waveforms.contract import KINDS
+from thermofem.waveforms import KINDS, Function, PiecewiseCubic, Waveform
 
 from ..arguments import check_run, detuning_in_time, one_laser, power_in_time
 from ..heaters import power_of
@@ -36,7 +35,6 @@ INTEGER = 63  # bits of the largest integer of a file, beside its sign
 FIRST = 0.25e-6  # s, about the first window
 
 
-@renamed.keywords(tolerance="max_discrepancy")
 @one_laser
 def cosimulate(
     ring: RingResonator,
@@ -113,7 +111,6 @@ def cosimulate(
         "max_discrepancy", max_discrepancy, 1e-8, 1, unit="K", hint="1e-3 K gives periods to about 1e-4"
     )
     light = {"input_power": power_in_time(power, duration), "detuning": detuning_in_time(detuning, duration)}
-    checks.progress(progress)
     kept = checks.array("field_times", field_times, increasing=True, empty=True)
     if kept.size and not 0 <= kept[0] <= kept[-1] <= duration:
         raise checks.InputError(f"field_times must lie between 0 and the duration of {duration:g} s")

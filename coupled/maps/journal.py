@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
@@ -10,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from thermofem import checks
-from thermofem.data import files, trees
+from thermofem.data import files
 
 VERSION = 2  # of the lines: [row, cells, hash]
 
@@ -45,13 +46,14 @@ class Journal:
     ) -> None:
         self.path = checks.path("file", path) if path is not None else None
         self.rows: dict[int, list[Any]] = {}
-        self._handle: int | None = None
+        self._lock = contextlib.ExitStack()
         if self.path is None:
             return
         head = json.dumps({"journal": VERSION, **identity}, sort_keys=True)
         if os.path.lexists(self.path):
             files.regular(self.path, "map")
-        self._handle = files.open_locked(self.path, str(self.path))
+        self._lock.enter_context(files.locked(self.path.with_name(f".{self.path.name}.lock"), str(self.path)))
+        self.path.touch()
         try:
             self._read(head, valid)
         except BaseException:
@@ -66,8 +68,8 @@ class Journal:
         if not lines and not head.encode().startswith(content):  # somebody else's file without a line's end
             raise checks.InputError(f"{self.path} is no map that can go on; give another file name")
         try:
-            found = trees.from_json(lines[0] if lines else head)
-            rows = [trees.from_json(line) for line in lines[1:]]
+            found = files.from_json(lines[0] if lines else head)
+            rows = [files.from_json(line) for line in lines[1:]]
         except checks.InputError as error:
             raise checks.InputError(f"{self.path} is no map that can go on ({error}); give another file name") from None
         wanted = json.loads(head)
@@ -84,16 +86,14 @@ class Journal:
             if isinstance(row[0], bool) or not isinstance(row[0], int) or not valid(row[0], cells):
                 raise checks.InputError(f"{self.path}: row {row[0]} is none of this map; give another file name")
             self.rows[row[0]] = cells
-        if len(whole) < len(content) and self._handle is not None:
-            os.truncate(self._handle, len(whole))
+        if len(whole) < len(content) and self.path is not None:
+            os.truncate(self.path, len(whole))
         if not lines:
             self._append(head)
 
     def close(self) -> None:
         """Give the file back; a killed process gives it back, too."""
-        if self._handle is not None:
-            os.close(self._handle)
-            self._handle = None
+        self._lock.close()
 
     def __enter__(self) -> Journal:
         return self
@@ -106,7 +106,7 @@ class Journal:
         self.rows[row] = cells
         if self.path is None:
             return
-        kept = [row, trees.plain(cells)]
+        kept = [row, files.plain(cells)]
         self._append(json.dumps([*kept, files.digest_tree(kept)[:16]], allow_nan=False))
 
     def _append(self, line: str) -> None:
@@ -123,7 +123,7 @@ class Journal:
 
 
 def _revived(value: Any) -> Any:
-    """nan where `trees.plain` wrote null."""
+    """nan where `files.plain` wrote null."""
     if isinstance(value, list):
         return [_revived(item) for item in value]
     return math.nan if value is None else value

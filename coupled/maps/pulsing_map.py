@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermofem import Quadratic, checks, renamed
+from thermofem import Quadratic, checks
+from thermofem.checks import Words
 from thermofem.data import dataset
-from thermofem.data.contents import in_si
-from thermofem.data.names import Words
 from thermofem.data.record import Record, as_dataset, recorded
+from thermofem.data.variables import in_si
 from thermofem.models import ThermalModel
 
 from ..arguments import check_duration, one_laser
@@ -59,7 +59,6 @@ class _Cell(NamedTuple):
     reason: str
 
 
-@renamed.keywords(progress="show_bar")
 @as_dataset
 @one_laser
 def pulsing_map(
@@ -290,7 +289,6 @@ def _cell(
 def _pool(executor: Executor | None) -> Iterator[Executor]:
     """The caller's executor, left open, or threads of our own."""
     if executor is not None:
-        checks.executor(executor)
         yield executor
         return
     with ThreadPoolExecutor(os.cpu_count()) as pool:  # the integration releases the interpreter's lock

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from thermofem import checks
 
 from ..equilibria.steady import Internal, absorbable, internal
+from ..kernel.tableaus import Method, tableau
 from ..kernels.interrupts import new_watch
-from ..kernels.tableaus import Method, tableau
 from ..resonator import RingResonator
 from ..runs import window
 from ..runs.pulsing import Pulsing, Regime, classify, lasting

@@ -19,8 +19,8 @@ from ..cycles.parameters import under_laser
 from ..cycles.scheme import scheme
 from ..cycles.start import RestError, longest_of, pursued, rest_words
 from ..equilibria.steady import absorbable, internal
+from ..kernel.tableaus import Method, tableau
 from ..kernels.interrupts import uninterrupted
-from ..kernels.tableaus import Method, tableau
 from ..runs.pulsing import DUTY_LEVEL, Regime
 from .grid import Point
 

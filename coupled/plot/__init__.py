@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from thermofem.checks import InputError, choice, finite, mapping, numbers
-from thermofem.data.contents import contents
+from thermofem.data.variables import contents
 from thermofem.plot_style import GREEN, INK, PURPLE, WIDTH, takes
 from thermofem.plot_style import axes as new_axes
 

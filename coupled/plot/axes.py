@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermofem.checks import InputError
-from thermofem.data.contents import contents
+from thermofem.data.variables import contents
 from thermofem.plot_style import BLUE as LIGHT
 from thermofem.plot_style import VERMILION as HEAT
 

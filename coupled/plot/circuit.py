@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
 
 from thermofem.checks import choice
-from thermofem.data.contents import contents, label
+from thermofem.data.variables import contents, label
 from thermofem.plot_style import BLUE, CYCLE, GREEN, INK, PURPLE, SIZE, VERMILION, WIDTH, axes, takes
 
 if TYPE_CHECKING:

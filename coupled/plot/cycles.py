@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermofem.checks import text
-from thermofem.data.contents import contents
+from thermofem.data.variables import contents
 from thermofem.plot_style import INK, axes, takes
 
 from .axes import HEAT, draw_stability, readable

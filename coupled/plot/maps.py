@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
 
 from thermofem.checks import InputError, choice, mapping, numbers
-from thermofem.data.contents import contents
+from thermofem.data.variables import contents
 from thermofem.plot_style import INK, WIDTH, takes
 from thermofem.plot_style import axes as new_axes
 

@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from thermofem.checks import InputError, choice, numbers
-from thermofem.data.contents import contents
+from thermofem.data.variables import contents
 from thermofem.plot_style import GREEN, ORANGE, PURPLE, WIDTH, axes
 
 from .axes import HEAT, LIGHT, readable

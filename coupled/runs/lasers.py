@@ -20,7 +20,7 @@ from thermofem.data.display import shown
 
 from ..arguments import detuning_in_time, power_in_time
 from ..inputs import Input, add, joint, pieces
-from ..kernels.tableaus import Method, tableau
+from ..kernel.tableaus import Method, tableau
 from ..resonator import RingResonator
 from ..states import State
 from ..thermal import Compact

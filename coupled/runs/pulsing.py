@@ -10,11 +10,11 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.arrays import Array, NDArray
+from thermofem.checks import Words
 from thermofem.data import quantity
-from thermofem.data.contents import in_si
 from thermofem.data.display import shown
-from thermofem.data.names import Words
 from thermofem.data.record import Record
+from thermofem.data.variables import in_si
 
 from ..arguments import LONGEST
 from .driven import varies_in

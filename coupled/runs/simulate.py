@@ -17,7 +17,7 @@ from thermofem.models import ThermalModel
 from ..arguments import check_run, check_times, detuning_in_time, power_in_time
 from ..heaters import channels, heating
 from ..inputs import Input
-from ..kernels.tableaus import Method
+from ..kernel.tableaus import Method
 from ..resonator import RingResonator
 from ..states import State, starting_point
 from ..thermal import Compact, attributes, dense_times, trusted
@@ -46,7 +46,6 @@ def simulate(
     method: Method | str | None = None,
     initial: State | xr.Dataset | None = None,
     event: Event | None = None,
-    adiabatic: bool = False,
     heaters: Mapping[str, Input] | None = None,
     heated: str | None = None,
     read: str | None = None,
@@ -86,11 +85,6 @@ def simulate(
     event : Event, optional
         a level that "energy", "carriers" or "delta_T" rises through: the times are in ``attrs["crossings"]``, and the
         run ends at the first unless ``stop=False``.
-    adiabatic : bool
-        whether the light follows carriers and heat at once (`kernels.adiabatic`), without its lifetime 1/gamma:
-        periods are 5 to 53 lifetimes shorter (measured at 94 points of 39 rings): .01 to .02 % for the 10 ps of the
-        paper's ring, 1 % for the 100 ps of `vanvaerenbergh2012`, which `pulsing` says. It takes half the computing time
-        at rtol = 1e-5, a fifth at 1e-7. Not with ``event`` or ``method``, nor for events shorter than that lifetime.
     heaters : mapping of name to float, Waveform, or a list of both; W, optional
         power in further inputs of a StateSpace (or of a reduction that holds one), from t = 0 on.
     heated, read : str, optional
@@ -98,7 +92,7 @@ def simulate(
         first input that is no heater, and the output of the same name.
     lasers : Laser or sequence of them, optional
         further lasers: a probe or a second channel on another resonance, or light that beats on the same one
-        (`coupled.runs.lasers`). Not with ``event`` or ``adiabatic``.
+        (`coupled.runs.lasers`). Not with ``event``.
     progress : callable, optional
         called with the time in s that has been reached: about ten times a second in long runs, and at
         the end.
@@ -132,9 +126,6 @@ def simulate(
     duration, rtol = check_run(ring, duration, rtol)
     light = {"input_power": power_in_time(power, duration), "detuning": detuning_in_time(detuning, duration)}
     wanted = NO_TIMES if times is None else check_times(times, duration)
-    if checks.flag("adiabatic", adiabatic) and not (event is None and method is None):
-        raise checks.InputError("adiabatic goes with neither event nor method; it has a method of its own")
-    checks.progress(progress)
     chosen = check_method(method) or (Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
     picked = channels(model, heaters, heated, read)
     small, heat = picked.model, heating(picked, heaters, duration, rtol)
@@ -150,8 +141,8 @@ def simulate(
     asked, kept = dense_times(model, wanted, float(duration))
     run: Any
     if others:
-        if adiabatic or event is not None:
-            raise checks.InputError("lasers goes with neither event nor adiabatic")
+        if event is not None:
+            raise checks.InputError("lasers goes without event; take a run of the first laser alone")
         first = Laser(power, detuning)
         further = varying(ring, [first, *others], float(duration))
         run, resonances = run_several(
@@ -165,8 +156,7 @@ def simulate(
     else:
         run = advance(
             ring, small, begin, 0.0, float(duration), power=light["input_power"], detuning=light["detuning"],
-            offset=heat.rise, rtol=rtol, method=chosen, times=asked, event=event, adiabatic=adiabatic,
-            progress=progress,
+            offset=heat.rise, rtol=rtol, method=chosen, times=asked, event=event, progress=progress,
         )  # fmt: skip
         run = _trusted(model, run, kept)
         seen = {name: column("time", v, dataset.describe(name)) for name, v in traces(ring, run, light).items()}
@@ -183,12 +173,11 @@ def simulate(
             **({} if initial is None else {"initial": "given"}),
             **({} if others else _resting(ring, small, light, heat.static(run.reached), run)),
             "rtol": float(rtol),
-            "method": "dopri5, adiabatic" if adiabatic else chosen.value,
+            "method": chosen.value,
             "steps": int(run.counts[0]),
             "rejected_steps": int(run.counts[1]),
             "final_state": end.as_array(),
             **({"crossings": run.crossings} if event else {}),
-            **({"light_lifetime": ring.loaded_q / (np.pi * ring.frequency)} if adiabatic else {}),
             **light_left,
         },
     )

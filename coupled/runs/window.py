@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
+import math
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -11,11 +11,13 @@ import numpy as np
 from thermofem import checks
 from thermofem.arrays import Array, NDArray
 from thermofem.data.display import shown
-from thermofem.waveforms import Pieces, bounds
+from thermofem.piecewise import Pieces, bounds
 
 from ..arguments import ROUND_OFF
 from ..inputs import add, joint, pieces
-from ..kernels.tableaus import Method, tableau
+from ..kernel import units as eq
+from ..kernel.integrator import Crossing, Drive, Polynomials, Problem
+from ..kernel.tableaus import Method
 from ..resonator import RingResonator
 from ..states import State
 from ..thermal import Compact
@@ -77,7 +79,6 @@ def advance(
     per_step: int = 1,
     first_step: float = 0.0,
     event: Event | None = None,
-    adiabatic: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Window:
     """Integrate ring and thermal model from ``state`` at ``start`` to ``stop``.
@@ -92,84 +93,60 @@ def advance(
     times [s]: wanted times; empty for the accepted steps.
     per_step: rows for every accepted step.
     first_step [s]: 0 for a cautious one.
-    adiabatic: as in `simulate`; without events, and with no meaning of absorbed_slope.
     progress: as in `simulate`.
     Raises InputError: a power below 0, inputs that do not cover the window, or too many steps.
 
     Measured on the self-pulsing ring at (8 dBm, 0 GHz) with Rodas4 at rtol 1e-6 against 1e-11: the spline through
     (absorbed, absorbed_slope) of one row a step is as near as the steps themselves.
     """
-    from ..kernels import equations as eq
-    from ..kernels import rosenbrock
-    from ..kernels.interrupts import new_watch, uninterrupted, watched
-    from ..kernels.laser import largest_power
-
-    laser = laser_of(ring, start, stop, power, detuning, offset)
-    rates, fcd = eq.internal_rates(ring)
-    thermal = eq.internal_thermal(model)
-    floor = floor_of(rates, float(np.sqrt(largest_power(laser.edges, laser.power))), model.thermal_resistance * eq.UW)
-    unit = units(np.size(state.thermal))
-    at, begin = np.asarray(times, dtype=float) / eq.NS, state.as_array() / unit
-    call = uninterrupted
-    if stop - start > LONG or laser.edges.size > MANY:
-        call = partial(watched, progress=(lambda t: progress(t * eq.NS)) if progress else None)
-    if adiabatic:
-        from ..kernels.adiabatic import integrate
-
-        rows, y, reached, counts = call(
-            integrate, begin, laser, rates, fcd, thermal, rtol, floor, at, MAX_STEPS, new_watch()
-        )
-        step, crossings = 0.0, NO_TIMES
-    else:
-        chosen = method or (Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
-        rows, y, reached, step, crossings, counts = call(
-            rosenbrock.integrate, begin, laser, rates, fcd, thermal, tableau(chosen), rtol, floor, at, per_step,
-            first_step / eq.NS, _event(event), MAX_STEPS, new_watch(),
-        )  # fmt: skip
-    check_end(counts, reached, stop - start, rtol)
-    if progress:
-        progress(float(reached * eq.NS))
-    t, ar, ai, N, dT = rows.T
+    drive, (heat, bend) = drive_of(ring, start, stop, power, detuning, offset), eq.internal_heat(model)
+    rings = eq.internal_rings([ring], math.sqrt(drive.brightest), model.thermal_resistance * eq.UW)
+    unit, (rates, _) = eq.units(np.size(state.thermal)), eq.internal_rates(ring)
+    chosen = method or (Method.RODAS4 if rtol >= 1e-6 else Method.RODAS5P)
+    run = Problem(rings._replace(bend=bend), heat, drive, chosen).integrate(
+        state.as_array() / unit, rtol=rtol, times=np.asarray(times) / eq.NS if np.size(times) else None,
+        per_step=per_step, first_step=first_step / eq.NS, event=_event(event),
+        progress=(lambda t: progress(t * eq.NS)) if progress else None,
+    )  # fmt: skip
+    t, ar, ai, N, dT = run.rows.T
     return Window(
         time=t * eq.NS,
         field=(ar + 1j * ai) * np.sqrt(eq.FJ),
         carriers=N * eq.DENSITY,
         delta_T=dT + (offset if isinstance(offset, float) else pieces("offset", offset, start, stop)(t * eq.NS)),
         absorbed=eq.absorbed_power(ar**2 + ai**2, N, rates) * eq.UW,
-        absorbed_slope=_absorbed_slope(rows, laser, rates),
-        final=State.from_array(y * unit),
-        reached=reached * eq.NS,
-        step=step * eq.NS,
-        crossings=crossings * eq.NS,
-        counts=counts[:2],
+        absorbed_slope=_absorbed_slope(run.rows, drive, rates),
+        final=State.from_array(run.y * unit),
+        reached=run.t * eq.NS,
+        step=run.step * eq.NS,
+        crossings=run.crossings * eq.NS,
+        counts=np.array([run.accepted, run.rejected]),
     )
 
 
-def _event(event: Event | None) -> Array:
-    """Number of the watched quantity (0 for none), its level in internal units, and whether to stop at the level."""
-    from ..kernels import equations as eq
-
+def _event(event: Event | None) -> Crossing | None:
+    """The event in internal units."""
     if event is None:
-        return np.zeros(3)
+        return None
     if not isinstance(event, Event):
         raise checks.InputError(f"event = {event!r} is no coupled.Event, such as coupled.Event('delta_T', 5.0)")
     level = checks.finite("event.level", event.level)
     kind = QUANTITIES.index(checks.choice("event", event.quantity, QUANTITIES))
     stop = checks.flag("event.stop", event.stop)
-    return np.array([1 + kind, level / (eq.FJ, eq.DENSITY, 1.0)[kind], stop])
+    return Crossing(1 + kind, level / (eq.FJ, eq.DENSITY, 1.0)[kind], stop)
 
 
-def laser_of(ring: RingResonator, start: float, stop: float, power: Any, detuning: Any, offset: Any = 0.0) -> Any:
-    """Power, detuning and temperature offset as the compiled integration takes them, `rosenbrock.LaserPieces`.
+def drive_of(ring: RingResonator, start: float, stop: float, power: Any, detuning: Any, offset: Any = 0.0) -> Drive:
+    """Power, detuning and temperature offset as the kernel takes them.
 
     An offset shifts the resonance as a detuning of thermal_shift x offset does, so it becomes one.
     """
-    from ..kernels import equations as eq
-    from ..kernels.rosenbrock import LaserPieces
-
     if isinstance(power, float) and isinstance(detuning, float) and isinstance(offset, float) and power >= 0:
         turned = eq.internal_detuning(detuning) + ring.thermal_shift * eq.NS * offset
-        return constant_laser(start, stop, eq.internal_pump(ring, power), turned)
+        constant = Drive.constant(eq.internal_pump(ring, power) ** 2, turned, 0.0)
+        edges = np.array([start / eq.NS, stop / eq.NS])
+        tables = {name: getattr(constant, name)._replace(edges=edges) for name in ("power", "phase", "detuning")}
+        return constant._replace(edges=edges, **tables)
     P, nu, dT = (
         pieces(name, value, start, stop)
         for name, value in (("power", power), ("detuning", detuning), ("offset", offset))
@@ -178,22 +155,20 @@ def laser_of(ring: RingResonator, start: float, stop: float, power: Any, detunin
     if low < -ROUND_OFF * max(high, 1e-30):
         raise checks.InputError(f"power falls to {low:g} W; it must not be negative (powers are in W)")
     edges = joint(P, nu, dT)
-    turning = add([nu.times(2 * np.pi * eq.NS), dT.times(ring.thermal_shift * eq.NS)]).on(edges)
-    scale = eq.NS ** np.arange(4)
-    squared = P.on(edges).coefficients * (2 * ring.bus_rate * eq.NS / eq.UW)
-    return LaserPieces(
-        edges / eq.NS, np.ascontiguousarray(squared * scale), np.ascontiguousarray(turning.coefficients * scale)
-    )
+    turning = add([nu.times(2 * np.pi * eq.NS), dT.times(ring.thermal_shift * eq.NS)])
+    squared = P.times(2 * ring.bus_rate * eq.NS / eq.UW)
+    ends = np.array([start, stop]) / eq.NS
+    return Drive(
+        edges / eq.NS, table([squared]), Polynomials(ends, np.zeros((1, 1, 1))), table([turning]), np.ones((1, 1)),
+        max(float(np.abs(squared.on(edges).coefficients[:, 0]).max()), abs(float(squared.ends[-1])), 1e-300),
+    )  # fmt: skip
 
 
-def constant_laser(start: float, stop: float, pump: float, detuning: float) -> Any:
-    """A laser that does not change; times in s, pump and detuning in internal units."""
-    from ..kernels import equations as eq
-    from ..kernels.rosenbrock import LaserPieces
-
-    zero = [0.0, 0.0, 0.0]
-    edges = np.array([start / eq.NS, stop / eq.NS])
-    return LaserPieces(edges, np.array([[pump * pump, *zero]]), np.array([[detuning, *zero]]))
+def table(functions: Sequence[Pieces]) -> Polynomials:
+    """Functions of time in s as the kernel's polynomials of time in ns, on their joint edges."""
+    edges = joint(*functions)
+    coefficients = np.stack([each.on(edges).coefficients for each in functions], axis=1)
+    return Polynomials(edges / eq.NS, coefficients * eq.NS ** np.arange(coefficients.shape[2]))
 
 
 def check_end(counts: NDArray[np.int64], reached: float, duration: float, rtol: float) -> None:
@@ -239,12 +214,10 @@ def units(order: int) -> Array:
     return np.concatenate([np.array([eq.FJ**0.5, eq.FJ**0.5, eq.DENSITY]), np.ones(order)])
 
 
-def _absorbed_slope(rows: Array, laser: Any, rates: Rates) -> Array:
+def _absorbed_slope(rows: Array, drive: Drive, rates: eq.Rates) -> Array:
     """dP_abs/dt in W/s at the rows, from the equations themselves: dU/dt = 2 (pump Im a - gamma U)."""
-    from ..kernels import equations as eq
-
     t, ar, ai, N, _ = rows.T
-    pump = np.sqrt(np.maximum(Pieces(laser.edges, laser.power)(t), 0))
+    pump = np.sqrt(np.maximum(Pieces(drive.power.edges, drive.power.coefficients[:, 0])(t), 0))
     U = ar**2 + ai**2
     gamma = rates.loss + rates.fca * N + rates.tpa * U
     U_slope = 2 * (pump * ai - gamma * U)

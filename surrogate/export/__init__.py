@@ -67,7 +67,7 @@ def export_model(
     checks.has("model", model, "inputs", "outputs", hint="a thermal model is needed, such as thermofem.Foster or a fit")
     if provenance is None:
         provenance = model.provenance if isinstance(model, HasModel) else getattr(model, "origin", None)
-    if not checks.whole(fmi):
+    if not isinstance(fmi, int):
         raise checks.InputError(f"fmi = {checks.shown(fmi)} must be 2 or 3")
     lines = header(bare(model), checks.mapping("provenance", provenance, hint="such as the .provenance of a fit"))
     model = bare(model)

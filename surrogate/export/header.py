@@ -12,7 +12,7 @@ import numpy as np
 
 import thermofem
 from thermofem import ThermalModel
-from thermofem.data.names import ascii_lines, lines_of
+from thermofem.data.files import lines_of
 
 MARK = "Thermal model of thermofem"  # how the header of every export begins
 MOST = 4000  # bytes of a file within which it stands
@@ -75,7 +75,7 @@ def _error(provenance: Mapping[str, Any]) -> str:
 
 def comment(lines: Iterable[str], mark: str) -> str:
     """The lines as comments in plain ASCII, which every simulator reads; a line with breaks becomes several."""
-    return "".join(f"{mark} {piece}".rstrip() + "\n" for line in lines for piece in ascii_lines(line))
+    return "".join(f"{mark} {piece}".rstrip() + "\n" for line in lines for piece in lines_of(line))
 
 
 def identifiers(names: Iterable[str], *, taken: Iterable[str] = ()) -> list[str]:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofem.data.files import LARGEST_TEXT, digest, digest_tree
+from thermofem.data.files import LARGEST, digest, digest_tree
 from thermofem.data.netcdf import DAMAGE
 
 HASH = "hash"  # name of the array that holds it
@@ -35,15 +35,15 @@ def unpack(raw: bytes) -> dict[str, NDArray[Any]]:
     Raises
     ------
     ValueError
-        no archive, a damaged one, one that unpacks to more than `LARGEST_TEXT` bytes, or arrays that are not those
+        no archive, a damaged one, one that unpacks to more than `LARGEST` bytes, or arrays that are not those
         of the hash.
     """
     if raw[:4] != b"PK\x03\x04":  # NumPy would say how to run what is in it
         raise ValueError("no archive")
     try:
         with np.load(io.BytesIO(raw), allow_pickle=False) as archive:
-            if sum(member.file_size for member in archive.zip.infolist()) > LARGEST_TEXT:
-                raise ValueError(f"more than {LARGEST_TEXT} bytes unpacked")
+            if sum(member.file_size for member in archive.zip.infolist()) > LARGEST:
+                raise ValueError(f"more than {LARGEST} bytes unpacked")
             arrays = {name: archive[name] for name in archive.files}
     except (*DAMAGE, *_DAMAGE) as error:
         raise ValueError(str(error) or type(error).__name__) from None

@@ -11,11 +11,10 @@ import numpy as np
 from thermofem import Campaign, Mesh, checks
 from thermofem.arrays import Array
 from thermofem.campaign.vary import Variation
-from thermofem.data.files import read_bytes, write_whole
-from thermofem.data.names import check_names
+from thermofem.checks import check_names
+from thermofem.data.files import from_json, read_bytes, write_whole
 from thermofem.data.netcdf import DAMAGE
 from thermofem.data.quantity import SI
-from thermofem.data.trees import from_json
 
 from . import archive
 from .affine import Coefficients

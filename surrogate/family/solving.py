@@ -14,7 +14,7 @@ import numpy as np
 
 from thermofem import CrossSection, assemble, checks
 from thermofem.arrays import Array
-from thermofem.data.files import check_entries, make_folder, read_bytes, write_whole
+from thermofem.data.files import make_folder, read_bytes, write_whole
 
 from . import archive
 from .affine import LineEngine
@@ -52,9 +52,9 @@ class Solver:
     folder: Path | None = None
 
     def __post_init__(self) -> None:
-        """Make the folder; InputError where that fails, or where links in it would send members elsewhere."""
+        """Make the folder; InputError where that fails."""
         if self.folder is not None:
-            check_entries(make_folder(self.folder))
+            make_folder(self.folder)
 
     def __call__(
         self, function: Callable[..., Any], tasks: Sequence[Task], marks: Iterable[Array], shared: str = ""

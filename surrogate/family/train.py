@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from thermofem import Campaign, Foster, checks, renamed
+from thermofem import Campaign, Foster, checks
 from thermofem import __version__ as version
 from thermofem.arrays import Array
 from thermofem.campaign import schema
-from thermofem.data.toml_file import read
+from thermofem.data.files import read_toml
 
 from .affine import LineEngine
 from .bend import Bend, bend_of
@@ -40,7 +40,6 @@ NOTHING = 1e-9  # relative change of a response over the range of a parameter th
 SAFETY = 1.5  # on floor and factor of the predicted error
 
 
-@renamed.keywords(progress="report")
 def train_family(
     campaign: Campaign | str | Path,
     tolerance: float = 1e-3,
@@ -92,8 +91,6 @@ def train_family(
         "tolerance", tolerance, 1e-4, 0.05, hint="it is the wanted relative error of every member"
     )
     held_out, seed = checks.integer("held_out", held_out, 1, 1000), checks.seed(seed)
-    checks.progress(report, "report", "a line of text")
-    checks.executor(executor)
     box = Box.of(campaign if isinstance(campaign, Campaign) else read_campaign(campaign))
     report = (lambda line: None) if report is None else report
     inputs, outputs = _channels(box)
@@ -191,15 +188,15 @@ def read_campaign(path: str | Path) -> Campaign:
     """
 
     def campaign(text: str) -> Campaign:
-        from thermofem.data import toml_file
-        from thermofem.data.toml_file import write_table
+        from thermofem.data import files
+        from thermofem.data.files import to_toml
 
-        table: dict[str, Any] = toml_file.parse(text)
+        table: dict[str, Any] = files.from_toml(text)
         ranges = any("count" not in item and "values" not in item for item in table.get("vary", []))
         table.setdefault("samples", 1 if ranges else 0)
-        return Campaign(**schema.fields(write_table(table), Path(path).parent))
+        return Campaign(**schema.fields(to_toml(table), Path(path).parent))
 
-    return read(checks.path("campaign", path), "campaign", campaign)
+    return read_toml(checks.path("campaign", path), "campaign", campaign)
 
 
 def campaign_hash(campaign: Campaign) -> str:

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import Foster, checks, renamed
+from thermofem import Foster, checks
 from thermofem.arrays import Array
-from thermofem.data import trees
+from thermofem.data import files
 from thermofem.data.dataset import at_probe, responses_of
 from thermofem.data.display import shown
 from thermofem.models import HasModel
@@ -96,7 +96,7 @@ class Fit(HasModel):
             "method": "fit",
             "training": list(self.training),
             "parameters": dict(self.parameters),
-            "standard_errors": trees.plain(self.standard_errors),
+            "standard_errors": files.plain(self.standard_errors),
             "residual_K": self.residual,
             "relative_residual": self.relative_residual,
             "notes": list(self.notes),
@@ -315,9 +315,6 @@ class Training:
 
     def search(self, order: int, method: str) -> tuple[Optimum, float | None]:
         """The optimum, and the residual of the swarm before it was polished."""
-        if isinstance(method, str) and method == "projection":
-            renamed.warn("method='projection'", "method='variable projection'", up=3)
-            method = "variable projection"
         checks.choice("method", method, METHODS)
         residual = None
         if method == "variable projection":

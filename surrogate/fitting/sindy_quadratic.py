@@ -21,7 +21,7 @@ import numpy as np
 
 from thermofem import Quadratic, checks
 from thermofem.arrays import Array, NDArray
-from thermofem.data.together import check_together
+from thermofem.data.dataset import check_together
 from thermofem.models.network import STATIC, gate
 
 from .sindy import UNIT, SindyFit, fitted, half_width, read_probes, regress

@@ -24,9 +24,9 @@ from thermofem import (
 )
 from thermofem.arrays import Array, ArrayLike
 from thermofem.data import dataset
-from thermofem.data.contents import contents
 from thermofem.data.dataset import describe
 from thermofem.data.display import shown
+from thermofem.data.variables import contents
 from thermofem.models import NonlinearSystem, foster
 
 from ..fitting.fit import fit_foster, fit_newton, fit_second_order
@@ -150,7 +150,7 @@ def training_data(
 ) -> tuple[Any, Any]:
     """Answers of a precise model: one period under a square wave of 1 us, and a step from 1 ns until it has settled."""
     square, constant = SquareWave(power, 1e-6, duty), Constant(power)
-    times, build = waveforms.period_times(square, SAMPLES), dataset.build.record
+    times, build = waveforms.period_times(square, SAMPLES), dataset.build
     periodic = build(times, exact.periodic_response(square, SAMPLES), square, periodic=True, attributes=channel)
     times = np.geomspace(1e-9, 50 * float(np.max(exact.tau)), 121)
     known = {"thermal_resistance": exact.thermal_resistance, **(channel or {})}

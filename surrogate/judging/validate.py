@@ -13,7 +13,8 @@ import numpy as np
 from thermofem import Chirp, Constant, Pulse, SquareWave, Telegraph, ThermalModel, Waveform, checks, waveforms
 from thermofem.arrays import Array, ArrayLike
 from thermofem.constants import c
-from thermofem.data import netcdf
+from thermofem.data.variables import in_si
+from thermofem.piecewise import bounds
 
 from .swings import period_of, swing_over_period, swings
 
@@ -122,7 +123,7 @@ def valid_range(curve: xr.Dataset, *, within: float = 0.1) -> tuple[float, float
     within = checks.positive("within", within, hint="0.1 is ten percent")
     if not {"period", "relative_error"} <= set(getattr(curve, "variables", ())):
         raise checks.InputError(f"curve is a {type(curve).__name__} without period errors; period_error makes one")
-    period, error = netcdf.in_si(curve)["period"], curve["relative_error"]
+    period, error = in_si("curve", curve)["period"], curve["relative_error"]
     x = np.log(checks.array("curve.period", np.atleast_1d(period.values), increasing=True))
     if error.dtype.kind not in "fiu" or error.size != x.size:
         raise checks.InputError("curve.relative_error needs one number for each period; pick one model of several")
@@ -250,7 +251,7 @@ def compare(
         swing = swings(reference, periods, power, duty)
         words = [error_curve(m, swing, periods, power, duty).attrs["validity"] for m in models.values()]
         variables["validity"] = ("model", words, {"long_name": "range of validity on the period"})
-    return xr.Dataset(variables, coords={"model": list(models), "drive": [waveforms.words(d) for d in drives]})
+    return xr.Dataset(variables, coords={"model": list(models), "drive": [d.words for d in drives]})
 
 
 def square_waves(
@@ -318,7 +319,7 @@ def _answer(model: ThermalModel, drive: Waveform) -> Array:
 def _largest(drive: Waveform) -> float:
     """Largest power of a drive, W."""
     stop = drive.period if drive.period is not None else _length(drive)
-    return waveforms.bounds(waveforms.heating_pieces(drive, 0.0, stop))[1]
+    return bounds(waveforms.heating_pieces(drive, 0.0, stop))[1]
 
 
 def _length(drive: Waveform) -> float:

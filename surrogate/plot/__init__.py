@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from thermofem import checks
-from thermofem.data.contents import contents
+from thermofem.data.variables import contents
 from thermofem.plot_style import BLUE, CYCLE, INK, SKY, WIDTH, takes
 from thermofem.plot_style import axes as _axes
 

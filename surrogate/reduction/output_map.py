@@ -14,8 +14,7 @@ import numpy as np
 
 from thermofem import Foster, OutputMap, checks
 from thermofem.algebra.poles import pole_responses
-from thermofem.data.dataset import responses_of, warn_of
-from thermofem.data.together import other_geometry
+from thermofem.data.dataset import other_geometry, responses_of, warn_of
 from thermofem.models import NonlinearSystem
 
 from .reduce import reduce

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from thermofem import checks, renamed
+from thermofem import checks
 from thermofem.arrays import Array
 from thermofem.data import quantity
 
@@ -24,7 +24,6 @@ NEEDED = "a distribution of scipy.stats with its numbers is needed"
 OUTSIDE = 1e-3  # share of the samples that may leave the box; they are held at its edge
 
 
-@renamed.keywords(layer="interpolate")
 def uncertainty(
     family: Family,
     distributions: Mapping[str, Any],
@@ -111,7 +110,7 @@ def _checked(
     for name, one in distributions.items():
         if not callable(getattr(one, "ppf", None)):
             raise checks.InputError(f"{name} is a {type(one).__name__}", NEEDED)
-    if not checks.whole(samples) or not 2 <= samples <= MOST or samples & (samples - 1):
+    if not isinstance(samples, int) or not 2 <= samples <= MOST or samples & (samples - 1):
         raise checks.InputError(f"samples = {checks.shown(samples)} must be a power of two, at most {MOST}")
     return names
 

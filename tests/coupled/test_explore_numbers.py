@@ -25,7 +25,7 @@ const rodas4 = p.methodOf(tables.rodas4), rodas5p = p.methodOf(tables.rodas5p);
 
 
 def test_tables_are_those_of_the_compiled_integrators():
-    from coupled.kernels.tableaus import Method, tableau
+    from coupled.kernel.tableaus import Method, tableau
 
     for name, table in bundle.tableaus().items():
         mine = tableau(Method(name))

@@ -15,9 +15,9 @@ import coupled
 import thermofem as th
 from coupled import Method, State, Sweep
 from coupled.inputs import Pieces, bounds, pieces
+from coupled.kernel.tableaus import tableau
 from coupled.kernels import equations as eq
 from coupled.kernels.rosenbrock import light, step
-from coupled.kernels.tableaus import tableau
 from coupled.runs.window import advance, laser_of
 
 NS, MW, GHZ = 1e-9, 1e-3, 1e9

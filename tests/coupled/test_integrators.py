@@ -16,6 +16,7 @@ from scipy.integrate import solve_ivp
 
 import thermofem as th
 from coupled import Method
+from coupled.kernel.tableaus import tableau
 from coupled.kernels import equations as eq
 from coupled.kernels.compiling import forget_if_older
 from coupled.kernels.interrupts import new_watch
@@ -30,7 +31,6 @@ from coupled.kernels.rosenbrock import (
     step,
     step_error,
 )
-from coupled.kernels.tableaus import tableau
 
 POWER = 10**0.8 * 1e-3
 FLOOR = np.array([1e-3, 1e-4, 1e-3])  # sqrt(fJ), 1e23/m^3, K

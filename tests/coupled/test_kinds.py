@@ -13,9 +13,9 @@ from scipy.integrate import solve_ivp
 import coupled
 import thermofem as th
 from coupled import Method
+from coupled.kernel.tableaus import tableau
 from coupled.kernels import equations as eq
 from coupled.kernels import quadratic, rosenbrock
-from coupled.kernels.tableaus import tableau
 from coupled.runs import lasers, window
 from coupled.thermal import compact
 

@@ -161,9 +161,9 @@ def test_multipliers_are_those_of_a_finite_difference_return_map(kind):
 
 def _after(p, y, T):
     """The state a period later, at rtol 1e-10."""
+    from coupled.kernel.tableaus import Method, tableau
     from coupled.kernels import rosenbrock
     from coupled.kernels.interrupts import new_watch
-    from coupled.kernels.tableaus import Method, tableau
     from coupled.runs import window
 
     laser = window.constant_laser(0.0, T * 1e-9, p.at.pump, p.at.detuning)

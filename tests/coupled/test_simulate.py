@@ -217,7 +217,7 @@ def test_round_off_around_zero_detuning_is_no_slip():
 
 
 def test_a_run_that_cannot_end_says_so(monkeypatch):
-    monkeypatch.setattr(import_module("coupled.runs.window"), "MAX_STEPS", 50)
+    monkeypatch.setattr(import_module("coupled.kernel.integrator"), "MAX_STEPS", 50)
     with pytest.raises(th.InputError, match="more than 50 steps"):
         coupled.simulate(RING, EXPERIMENT, power=dbm(8))
 

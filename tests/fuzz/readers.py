@@ -143,7 +143,7 @@ def netcdf(text: str) -> None:
     path = FOLDER / "heat.nc"
     path.write_bytes(text.encode("latin-1", "replace"))
     kind_of(path)
-    th.dataset.load_record(path)
+    th.dataset.load(path)
     th.dataset.response_of(th.load(path))
 
 

@@ -5,7 +5,6 @@ Most geometries here differ in materials only: their outline is the reference st
 
 from __future__ import annotations
 
-import io
 import re
 import subprocess
 import sys
@@ -19,7 +18,7 @@ from campaigns import FILE, STEP, TIMES, make, marks, write
 from paths import ROOT
 
 import thermofem as th
-from thermofem.campaign import Drive, Variation, template
+from thermofem.campaign import Drive, Variation
 
 
 def test_results_are_what_solve_computes(tmp_path, threads):
@@ -63,30 +62,6 @@ def test_every_drive_is_kept_and_the_file_trains(tmp_path, threads):
     with th.open_campaign(tmp_path) as data:
         assert data.delta_T_square.shape == (1, 31, 1)
         assert np.array_equal(data.delta_T_step[0, :, 0], th.solve(heat, STEP.wave, TIMES).delta_T)
-
-
-def test_a_copy_of_a_file_with_other_numbers_is_the_file():
-    def results(rise, text):
-        times = np.linspace(0, 1e-6, rise.size)
-        made = [th.dataset.build.record(times, k * rise, STEP.wave, attributes={"drive": name, "geometry": text,
-                "heat_in": float(rise.sum()), "unknowns": rise.size * int(rise[-1]), "gains": [rise[0], rise[-1]]})
-                for k, name in ((1.0, "step"), (2.0, "other"))]  # fmt: skip
-        return dict(zip(("step", "other"), made, strict=True))
-
-    first, second = (
-        results(np.arange(1.0, 9.0), "a short text"),
-        results(np.arange(9.0, 17.0), 300 * "a longer one, ä "),
-    )
-    template.filled(first)
-    for found in (second, first):
-        signed = {name: record.signed() for name, record in found.items()}
-        for group in (None, "other"):
-            copy, own = (
-                xr.load_dataset(io.BytesIO(content), engine="h5netcdf", group=group)
-                for content in (template.filled(found), template._written(signed))
-            )
-            assert copy.identical(own)
-            assert copy.attrs["geometry"] == found["step"].attrs["geometry"]
 
 
 def test_the_index_is_the_same_from_rows_kept_and_from_files(tmp_path, threads):

@@ -72,7 +72,7 @@ def test_a_hash_of_any_type_is_a_change(value, data, tmp_path, caplog):
     with h5py.File(tmp_path / "a.nc", "a") as file:
         file.attrs["content_hash"] = value
     th.load(tmp_path / "a.nc")
-    th.dataset.load_record(tmp_path / "a.nc")
+    th.dataset.load(tmp_path / "a.nc")
     assert WORDS in caplog.text
 
 

@@ -10,7 +10,7 @@ import skfem
 from skfem.quadrature import get_quadrature
 
 import thermofem as th
-from thermofem.data.toml_file import write_table
+from thermofem.data.files import to_toml
 from thermofem.fem.problem import on_mesh
 from thermofem.fem.velocity import vertex_velocities
 from thermofem.geometry.change import change
@@ -99,7 +99,7 @@ def varied(text: str, path: str, unit: str, value: float) -> th.CrossSection:
 
     table = tomllib.loads(text)
     place(table, path, value if not unit else f"{value!r} {unit}")
-    return th.CrossSection.from_toml_text(write_table(table))
+    return th.CrossSection.from_toml_text(to_toml(table))
 
 
 def moved(heat: th.HeatProblem, geometry: th.CrossSection, velocity: np.ndarray, step: float) -> th.HeatProblem:

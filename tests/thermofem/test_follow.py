@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import thermofem as th
-from thermofem.campaign.template import filled
 from thermofem.fem import assembly
 from thermofem.fem.assembly import Leader, assemble_like
 
@@ -60,29 +59,3 @@ def test_a_strip_takes_the_committed_mesh_where_it_can(monkeypatch, needs_mesher
     other = replace(th.strip_ring(), layers=(*th.strip_ring().layers[:2], th.Layer("cladding", "air", 2.22e-6)))
     below = th.assemble(other).mesh  # divided; the points before stay
     assert np.array_equal(below.points[: len(reference.mesh.points)], reference.mesh.points)
-
-
-def test_files_made_from_an_earlier_one_hold_the_same():
-    """A new thread has no earlier file."""
-    import io
-    from concurrent.futures import ThreadPoolExecutor
-
-    import xarray as xr
-
-    def results(scale: float, name: str, times=(0.0, 1e-9, 1e-6)):
-        values = {"campaign_values": name, "thermal_resistances": [scale, 2 * scale], "rtol": 1e-3 * scale}
-        rise, wave, make = scale * np.array([0.0, 1.0, 5.0]), th.Constant(1e-3), th.dataset.build.record
-        return {
-            "step": make(times, rise[: len(times)], wave, attributes=values),
-            "again": make((0.0, 1e-9, 1e-6), 2 * rise, wave, attributes=values),
-        }
-
-    first, second = results(1.0, "{}"), results(3.5, '{"width": 4.5e-07}')
-    shorter = results(1.0, "{}", (0.0, 1e-9))  # another layout is written anew
-    for one in (first, second, first, shorter):
-        with ThreadPoolExecutor(1) as pool:
-            content = io.BytesIO(filled(one)), io.BytesIO(pool.submit(filled, one).result())
-        for group in (None, "again"):
-            ours, theirs = (xr.load_dataset(c, engine="h5netcdf", group=group) for c in content)
-            xr.testing.assert_identical(ours, theirs)
-            assert ours.sizes["time"] == one[group or "step"]["time"].values.size

@@ -5,7 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from thermofem.checks import InputError
-from thermofem.data.quantity import VARIABLES, parse, write
+from thermofem.data.quantity import parse, write
+from thermofem.data.variables import VARIABLES
 
 
 @pytest.mark.parametrize(

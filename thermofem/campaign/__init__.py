@@ -10,12 +10,9 @@ store   the folder: results, failures, and what is finished
 collect all results as one Dataset: the index and the training collection
 """
 
-from .. import renamed
 from .collect import open_campaign
 from .plan import Campaign, Case
 from .run import Summary
 from .vary import Drive, Variation
-
-__getattr__ = renamed.objects(__name__, Schedule=Drive)
 
 __all__ = ["Campaign", "Case", "Drive", "Summary", "Variation", "open_campaign"]

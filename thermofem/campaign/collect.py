@@ -75,7 +75,7 @@ def open_campaign(directory: str | Path) -> xr.Dataset:
             netcdf.check(path)
             index = xr.open_dataset(path, engine="h5netcdf", **netcdf.OPEN)
             if index["key"].values.tolist() == keys and index["status"].values.tolist() == store.status(keys):
-                if netcdf.whole(path) is not False:
+                if netcdf.unchanged(path) is not False:
                     return index
                 log.warning("%s was changed after thermofem wrote it; what follows is made from the results", path)
             index.close()

@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .. import checks, renamed, waveforms
+from .. import checks, waveforms
 from ..checks import InputError
-from ..data import toml_file
+from ..data import files
 from ..data.display import shown
-from ..data.toml_file import write_table
+from ..data.files import to_toml
 from ..geometry.paths import check_once, place
 from ..sizes import sizes
 from ..version import __version__
@@ -112,16 +112,10 @@ class Campaign:
         first = next(self._values())
         self.geometry_of(first)  # a path that leads nowhere raises here
 
-    @property
-    def schedules(self) -> tuple[Drive, ...]:
-        """The old name of ``drives``."""
-        renamed.warn("Campaign.schedules", "Campaign.drives")
-        return self.drives
-
     @classmethod
     def from_toml(cls, path: str | Path) -> Campaign:
         """Read a campaign file; InputErrors begin with the name of the file."""
-        return toml_file.read(path, "campaign", lambda text: cls(**schema.fields(text, Path(path).parent)))
+        return files.read_toml(path, "campaign", lambda text: cls(**schema.fields(text, Path(path).parent)))
 
     def __len__(self) -> int:
         return math.prod(len(v.values) for v in self.variations if v.values) * max(self.samples, 1)
@@ -168,7 +162,7 @@ class Campaign:
         for variation, value in zip(self.variations, values, strict=True):
             for path in variation.paths:
                 place(table, path, variation.text(value))
-        return write_table(table)
+        return to_toml(table)
 
     def check_channels(self) -> None:
         """InputError where the base geometry has no such heated part, or nothing of these names to read."""
@@ -193,7 +187,7 @@ class Campaign:
 
     def _key(self, geometry: str) -> str:
         drives = [(d.name, waveforms.to_json(d.wave), d.times or d.samples) for d in self.drives]
-        base = write_table(self._table) if self.variations else ""  # whose mesh is moved to fit each geometry
+        base = to_toml(self._table) if self.variations else ""  # whose mesh is moved to fit each geometry
         names = [v.name for v in self.variations]  # which the results hold
         content = (FORMAT, __version__, geometry, base, names, drives, self.heated, self.read, self.accuracy, self.rtol)
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
@@ -235,6 +229,3 @@ class Campaign:
         from .run import run
 
         return run(self, directory, executor, workers=workers, retry_failed=retry_failed, report=report)
-
-
-Campaign.__init__ = renamed.keywords(schedules="drives")(Campaign.__init__)  # type: ignore[method-assign]

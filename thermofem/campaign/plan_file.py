@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
-from ..checks import InputError, shown
-from ..data.names import check_name
+from ..checks import InputError, check_name, shown
 
 KEY = re.compile(r"[0-9a-f]{16}")
 

@@ -24,7 +24,6 @@ from threading import Condition, Lock
 from typing import Any
 
 from ..checks import InputError
-from ..data.files import check_here
 from .processes import contexts, deaf, one_thread
 
 DEATHS = 2  # of the worker that had a task to itself, before the task is given up
@@ -132,10 +131,6 @@ class Pool(Executor):
                 reason = f"exit code {code}"
                 if code == 1:  # an exception, as of a script that runs again
                     break
-        try:
-            check_here()
-        except InputError as error:
-            raise WorkersDoNotStartError(str(error)) from None
         raise WorkersDoNotStartError(
             f"the worker processes do not start ({reason}); a script calls run inside "
             'if __name__ == "__main__": and is a file on disk'

@@ -94,8 +94,6 @@ def run(
     if workers is not None:
         checks.integer("workers", workers, 1, 1024)
     retry_failed = checks.flag("retry_failed", retry_failed)
-    checks.progress(report, "report", "a Summary")
-    checks.executor(executor)
     campaign.check_channels()
     store = ResultStore(checks.path("directory", directory))
     cases = campaign.cases()

@@ -17,10 +17,9 @@ from typing import Any
 import numpy as np
 
 from .. import checks, waveforms
-from ..checks import InputError, shown
-from ..data import quantity, toml_file
-from ..data.names import check_name, check_names
-from ..data.toml_file import ANY, FLAG, NUMBER, TABLE, TABLES, TEXT, read_table, write_table
+from ..checks import InputError, check_name, check_names, shown
+from ..data import files, quantity
+from ..data.files import ANY, FLAG, NUMBER, TABLE, TABLES, TEXT, read_table, to_toml
 from .vary import LARGEST, Drive, Value, Variation, check_number
 
 _TOP = {
@@ -39,7 +38,7 @@ _UNITS = ("m", "K", "rad", "W/m/K", "kg/m^3", "J/kg/K", "W/m^2/K", "m^2*K/W", ""
 
 def fields(text: str, folder: Path) -> dict[str, Any]:
     """The fields of the `Campaign` that the text of a campaign file describes; geometry files lie in ``folder``."""
-    top = read_table(toml_file.parse(text), _TOP, "the file")
+    top = read_table(files.from_toml(text), _TOP, "the file")
     if "geometry" not in top:
         raise InputError('geometry is missing; name a file, geometry = "strip.toml"')
     probes = read_table(top.get("probes", {}), _PROBES, "[probes]")
@@ -65,13 +64,13 @@ def _geometry(given: Any, folder: Path) -> str:
     from ..geometry import CrossSection
 
     if isinstance(given, dict):
-        text = write_table(given)
+        text = to_toml(given)
         CrossSection.from_toml_text(text)
         return text
     if not isinstance(given, str):
         raise InputError(f"geometry = {given!r} is neither a file nor a table")
     CrossSection.from_toml(folder / given)
-    return toml_file.text_of(folder / given, "geometry")
+    return files.read_text(folder / given, "geometry")
 
 
 def _tables(top: dict[str, Any], key: str) -> list[dict[str, Any]]:

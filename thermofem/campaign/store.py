@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from .. import waveforms
 from ..checks import InputError
-from ..data import files, trees
+from ..data import files
 from ..data.files import write_whole
 from .plan_file import check_plan
 
@@ -82,7 +82,7 @@ class ResultStore:
         InputError
             it cannot be made or written, another run is using it, or it holds files of others.
         """
-        with files.own_folder(self.directory, (self.results.name, self.failures.name), OWNER, self.check_ours):
+        with files.own_folder(self.directory, (self.results.name, self.failures.name), self.check_ours):
             yield
 
     @property
@@ -172,7 +172,7 @@ class ResultStore:
 
 def _of_others(content: bytes) -> bool:
     """Whether a plan.json is another file, such as a geometry; a plan that was damaged is written again."""
-    for read in (trees.from_json, trees.from_toml):
+    for read in (files.from_json, files.from_toml):
         with contextlib.suppress(InputError):
             tree = read(content.decode("utf-8", "replace"))
             return bool(content.strip()) and not (isinstance(tree, dict) and "cases" in tree)

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from .. import checks, renamed, waveforms
-from ..checks import InputError
+from .. import checks, waveforms
+from ..checks import InputError, check_name
 from ..data import quantity
-from ..data.names import check_name
-from ..data.netcdf import known
+from ..data.variables import known
 
 LARGEST = 1_000_000  # geometries of one campaign
 MOST = 300  # drives, and varied quantities: each drive takes some 20 ms and a group in the file of every geometry
@@ -136,6 +135,3 @@ class Drive:
         if self.times:
             return checks.array(f"drive {self.name!r}: times", self.times, increasing=True)
         return waveforms.period_times(self.wave, self.samples)
-
-
-__getattr__ = renamed.objects(__name__, Schedule=Drive)

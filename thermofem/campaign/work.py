@@ -5,17 +5,19 @@ from __future__ import annotations
 import logging
 import os
 import signal
+import tempfile
 import threading
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from ..checks import MissingLibraryError
-from ..data.record import Record
+from ..data import netcdf
 from .collect import NUMBERS, Row
-from .template import filled
 
 if TYPE_CHECKING:
     from ..fem import HeatProblem
@@ -123,7 +125,17 @@ def _assemble(task: Task) -> HeatProblem:
     return heat
 
 
-def _solve(task: Task) -> dict[str, Record]:
+def filled(results: dict[str, xr.Dataset]) -> bytes:
+    """Content of a netCDF file: the first result is its root, each further one a group; each has its hash."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "result.nc"
+        for number, (name, data) in enumerate(results.items()):
+            signed = data.assign_attrs(netcdf.signed(data.variables, data.attrs))
+            signed.to_netcdf(path, mode="a" if number else "w", group=name if number else None, engine="h5netcdf")
+        return path.read_bytes()
+
+
+def _solve(task: Task) -> dict[str, xr.Dataset]:
     """One result for each drive, in the schema of `thermofem.dataset`."""
     from ..solving import solve, solve_periodic
 
@@ -135,17 +147,17 @@ def _solve(task: Task) -> dict[str, Record]:
     results = {}
     for drive in task.drives:
         if drive.times:
-            found = solve.record(heat, drive.wave, drive.kept, heated=heated, read=wanted, rtol=task.rtol)
+            found = solve(heat, drive.wave, drive.kept, heated=heated, read=wanted, rtol=task.rtol)
         else:
             samples = drive.samples
-            found = solve_periodic.record(heat, drive.wave, samples, heated=heated, read=wanted, rtol=task.rtol)
+            found = solve_periodic(heat, drive.wave, samples, heated=heated, read=wanted, rtol=task.rtol)
         provenance = {"drive": drive.name, "campaign_case": task.key, "campaign_values": task.values}
         attrs = {**found.attrs, "thermal_resistances": resistances, **provenance}
-        results[drive.name] = replace(found, attrs=attrs)
+        results[drive.name] = found.assign_attrs(attrs)
     return results
 
 
-def _row(results: dict[str, Record]) -> Row:
+def _row(results: dict[str, xr.Dataset]) -> Row:
     """Values of one geometry for the index, see `collect`."""
     first = next(iter(results.values())).attrs
     row = {name: np.asarray(first[name], dtype=float) for name in NUMBERS}

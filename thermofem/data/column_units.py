@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from ..checks import InputError, shown
-from . import units
+from .quantity import registry
 
 SPELLED = {
     "volt": "V", "volts": "V", "second": "s", "seconds": "s", "sec": "s", "secs": "s", "kelvin": "K", "kelvins": "K",
@@ -57,8 +57,7 @@ def scale_of(text: str) -> Scale | None:
     if match is None:
         return None
     size, unit = float(match[1] or 1), SPELLED.get(match[2].lower(), match[2])
-    registry = units.registry()
-    zero, one = (registry.Quantity(k, registry.parse_units(unit)).to_base_units() for k in (0.0, 1.0))
+    zero, one = (registry().Quantity(k, registry().parse_units(unit)).to_base_units() for k in (0.0, 1.0))
     low, high = float(zero.magnitude), float(one.magnitude)
     return Scale(str(zero.units), low, float(f"{size * (high - low):.15g}"))
 

@@ -13,39 +13,35 @@ Data measured or simulated elsewhere trains like our own once it has time, power
 
 from __future__ import annotations
 
-import contextlib
-import io
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
-from .. import checks, static_gain, waveforms
+from .. import checks, waveforms
 from ..arrays import Array, ArrayLike
 from ..version import __version__
-from . import netcdf
+from . import static_gain
 from .clipping import clipping
-from .files import write_whole
 from .column_units import unit_of
-from .quantity import VARIABLES
-from .record import Record, as_dataset, column, stored
-from .together import check_together
+from .netcdf import SCHEMA, load, save
+from .variables import describe, in_si
 
-if TYPE_CHECKING:
-    import xarray as xr
+__all__ = ["Response", "at_probe", "build", "describe", "load", "response_of", "responses_of", "save"]
 
 log = logging.getLogger("thermofem")
 
-SCHEMA = 1
 KINDS = ("transient", "periodic")
 FEWEST = 8  # samples that a training takes
 POSSIBLE = 1e-30, 1e12  # s or K: any time and rise, with squares and sums that floats hold
 CROPPED = 100.0  # of the span of a trace: how far its start may be off, where most of its rows were left out
 START, REST, NOISE = "start_within", "rest_rows", "rest_noise"  # attributes of a measured trace, see `Response`
 ROUND_OFF = 1e-14  # of the largest time, by which times in other units may miss an edge of the power
+_NAMES = "the data were read in {}: one model follows them only where these are names of one part"
+_OTHER = "the data are of two geometries or more, which one model cannot follow: fit each on its own"
 TWICE = 1e-3  # of the swing, by which both rows of a jump of the power may differ: the temperature has none
 
 
@@ -80,7 +76,6 @@ class Response:
         return float(np.ptp(self.rise))
 
 
-@as_dataset
 def build(
     times: ArrayLike,
     delta_T: ArrayLike,
@@ -89,7 +84,7 @@ def build(
     periodic: bool = False,
     read: tuple[str, ...] = ("core",),
     attributes: Mapping[str, Any] | None = None,
-) -> Record:
+) -> xr.Dataset:
     """Dataset in the schema of this module.
 
     times [shape (n,), s]
@@ -101,7 +96,6 @@ def build(
     """
     checks.has("wave", wave, "breakpoints", hint="a waveform is needed; e.g. th.Pulse(power=2e-3, width=20e-6)")
     read = checks.instances("read", read, str)
-    attributes = checks.mapping("attributes", attributes)
     times, rise = checks.array("times", times, increasing=True), checks.numbers("delta_T", delta_T)
     if rise.shape not in ((times.size,), (times.size, len(read))):
         raise checks.InputError(
@@ -112,29 +106,24 @@ def build(
         _check_one_period("times", times, wave)
     several = rise.ndim == 2
     variables = {
-        "delta_T": column(("time", "probe") if several else "time", rise, describe("delta_T")),
-        "power": column("time", wave(times), describe("power")),
+        "delta_T": (("time", "probe") if several else "time", rise, describe("delta_T")),
+        "power": ("time", wave(times), describe("power")),
     }
-    coordinates = {"time": column("time", times, describe("time"))}
+    coordinates: dict[str, Any] = {"time": ("time", times, describe("time"))}
     if several:
-        coordinates["probe"] = column("probe", list(read), {"long_name": "part whose mean is read"})
+        coordinates["probe"] = ("probe", list(read), {"long_name": "part whose mean is read"})
     attrs = {
         **stamp("periodic" if periodic else "transient"),
         "waveform": waveforms.to_json(waveforms.storable(wave, float(times[-1]))),
         "read": ", ".join(read),
-        **attributes,
+        **checks.mapping("attributes", attributes),
     }
-    return Record(variables, coordinates, attrs)
+    return xr.Dataset(variables, coordinates, attrs)
 
 
 def stamp(kind: str) -> dict[str, Any]:
     """Attributes of every Dataset: schema, version of the code, and kind."""
     return {"schema": SCHEMA, "thermofem_version": __version__, "kind": kind}
-
-
-def describe(name: str) -> dict[str, str]:
-    """Attributes of one field, as xarray's plots read them."""
-    return {"units": VARIABLES[name].unit, "long_name": VARIABLES[name].long_name}
 
 
 def at_probe(data: xr.Dataset, read: str | None = None) -> xr.Dataset:
@@ -173,7 +162,7 @@ def response_of(data: xr.Dataset) -> Response:
     for name in ("time", "delta_T"):
         if name not in getattr(data, "variables", {}):
             raise checks.InputError(f"data has no variable {name!r}; a training Dataset holds time, power and delta_T")
-    data = netcdf.in_si(data)
+    data = in_si("data", data)
     check_texts(data)
     data = at_probe(data)
     times = checks.array("data.time", data["time"].values, increasing=True)
@@ -207,7 +196,7 @@ def response_of(data: xr.Dataset) -> Response:
     doubts = static_gain.contradictions(data, wave, times, rise, periodic=periodic)
     if clipped := clipping(rise, unit_of(data.attrs.get("assumed", "")), times=times, power=wave(times)):
         doubts = (*doubts, clipped)
-    words = f"{waveforms.words(wave)}, {'periodic state' if periodic else 'from rest'}"
+    words = f"{wave.words}, {'periodic state' if periodic else 'from rest'}"
     gain = static_gain.static_gain(data)
     if periodic:
         return Response(wave, times, rise, periodic, words, gain, doubts)
@@ -312,78 +301,33 @@ def _check_power(data: xr.Dataset, wave: waveforms.Waveform, times: Array) -> No
         )
 
 
-def save(data: xr.Dataset | Record, path: str | Path) -> Path:
-    """Write a Dataset as netCDF, whole or not at all; returns the path.
+def other_geometry(one: Mapping[str, Any] | None, other: Mapping[str, Any] | None) -> bool:
+    """Whether two origins, such as attributes of a Dataset, state different geometries."""
+    first, second = ((origin or {}).get("geometry") for origin in (one, other))
+    return bool(first and second) and str(first) != str(second)
 
-    Raises
-    ------
-    InputError
-        no Dataset, or the folder does not exist or cannot be written.
+
+def check_together(datasets: Sequence[Any]) -> tuple[str, ...]:
+    """Doubts about Datasets that together train one model; what they do not state counts as equal.
+
+    A measured table states no heated part, and as what is read the name of its column, which need not be a part.
+
+    Raises InputError: another heated part, or another part that is read.
     """
-    if isinstance(data, Record):
-        content = data.to_netcdf()
-        return write_whole(path, lambda p: p.write_bytes(content))
-    checks.has("data", data, "data_vars", hint="a Dataset is needed; surrogate.save_model writes models")
-    import h5netcdf
-    from xarray.backends import H5NetCDFStore
-
-    attrs = {key: value for key, value in data.attrs.items() if key != netcdf.HASH}
-    if not netcdf.packed(data):
-        attrs = netcdf.signed(data.variables, attrs)
-    data = data.copy()
-    data.attrs = attrs
-    encoding = {name: {"zlib": True} for name, v in data.data_vars.items() if v.size > 1000}
-    whole = io.BytesIO()  # in memory first: HDF5 swallows the error of a disk that fills up while it closes a file
-    with h5netcdf.File(whole, "w") as file:  # `to_netcdf` loads all of dask for its locks, where that is installed
-        try:
-            data.dump_to_store(H5NetCDFStore(file), encoding=encoding)
-        except (TypeError, ValueError, OverflowError) as error:  # of objects that are neither numbers nor text
-            raise checks.InputError(f"data cannot be written as netCDF: {' '.join(str(error).split())}") from None
-    return write_whole(path, lambda p: p.write_bytes(whole.getbuffer()))
-
-
-def load(path: str | Path) -> xr.Dataset:
-    """Read a Dataset written by `save`, into memory; time, power and the other known variables come in SI.
-
-    Where values, units or attributes were changed after `save` wrote them, the log says so.
-
-    Raises
-    ------
-    InputError
-        no such file, not netCDF, or written by a newer schema; values that lie in other files or that the file cannot
-        hold; a unit of a known variable that is unknown or of another dimension.
-    """
-    import xarray as xr
-
-    path = netcdf.checked_path(path)
-    damage = ""
-    with netcdf.opened_half():
-        try:
-            with xr.open_dataset(path, engine="h5netcdf", **netcdf.OPEN) as opened:
-                data = opened.load()
-        except netcdf.DAMAGE as error:
-            damage = (str(error) or type(error).__name__).splitlines()[0]
-    if damage:
-        raise checks.InputError(f"{path} cannot be read as netCDF ({damage}); is it complete?")
-    schema = data.attrs.get("schema", SCHEMA)
-    if not checks.whole(schema):
-        raise checks.InputError(f"{path} has schema {checks.shown(schema)}, which is no number")
-    if schema > SCHEMA:
-        raise checks.InputError(f"{path} has schema {schema}; this version reads up to {SCHEMA}, update thermofem")
-    data.attrs, whole = netcdf.unsigned(data.variables, data.attrs)
-    if whole is False:
-        log.warning("%s was changed after thermofem wrote it: values, units or attributes are not those of then", path)
-    try:
-        return netcdf.in_si(data)
-    except checks.InputError as error:
-        raise checks.InputError(f"{path}: {error}") from None
-
-
-def load_record(path: str | Path) -> Record | xr.Dataset:
-    """`load`, as a Record where the file is as `save` wrote it: importing xarray takes longer than a fit."""
-    path = netcdf.checked_path(path)
-    found = None
-    with netcdf.opened_half(), contextlib.suppress(*netcdf.DAMAGE):
-        found = stored(path)
-    plain = found is not None and checks.whole(found.attrs.get("schema", SCHEMA))
-    return found if found is not None and plain and found.attrs.get("schema", SCHEMA) <= SCHEMA else load(path)
+    attrs = [data.attrs for data in datasets]
+    solved = [(k, stated) for k, stated in enumerate(attrs) if stated.get("heated")]
+    for what in ("heated", "read"):
+        parts = [(k, str(stated[what])) for k, stated in solved if stated.get(what)]
+        for k, part in parts[1:]:
+            first, other = parts[0]
+            if part != other:
+                here, there = f"data[{k}] was {what} in {checks.shown(part)}", f"data[{first}] in {checks.shown(other)}"
+                raise checks.InputError(f"{here} and {there}: two channels; fit each on its own")
+    return tuple(
+        words.format(" and ".join(map(checks.shown, found)))
+        for words, found in (
+            (_NAMES, dict.fromkeys(str(stated["read"]) for stated in attrs if stated.get("read"))),
+            (_OTHER, dict.fromkeys(str(stated["geometry"]) for stated in attrs if stated.get("geometry"))),
+        )
+        if len(found) > 1
+    )

@@ -16,9 +16,8 @@ import numpy as np
 
 from .. import checks
 from ..checks import InputError
-from .contents import contents
 from .files import check_target, read_bytes, write_whole
-from .names import of_file
+from .variables import contents
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -83,14 +82,14 @@ def files_of(path: str | Path, count: int) -> tuple[Path, ...]:
     if kind == ".vtu" and count > 1:
         raise InputError(f"{path.name} holds one time and the data {count}; take .xdmf or .pvd, or select one")
     if kind == ".pvd" and os.fsencode(path.name).decode(errors="ignore").encode() != os.fsencode(path.name):
-        raise InputError(f"{of_file(path.name)} is not UTF-8, as the names in a .pvd are; give another name, or .xdmf")
+        raise InputError(f"{path.name} is not UTF-8, as the names in a .pvd are; give another name, or .xdmf")
     steps = [path.with_name(f"{path.stem}_{k:04d}.vtu") for k in range(count)] if kind == ".pvd" else []
     for file in (*steps, path):
         check_target(file)
     there = [step for step in steps if step.exists()]
     listed = _listed(path) if there else set()
     for step in there:
-        if of_file(step.name) not in listed:
+        if step.name not in listed:
             raise InputError(f"{step} exists and is no part of an earlier {path.name}; move it, or give another name")
     return (*steps, path)
 
@@ -152,7 +151,7 @@ def _write_xdmf(data: xr.Dataset, path: Path) -> None:
 def _list_of_steps(times: np.ndarray, steps: Sequence[Path]) -> str:
     """A ParaView data file: which file belongs to which time."""
     rows = "".join(
-        f'    <DataSet timestep="{time!r}" file="{escape(of_file(step.name))}"/>\n'
+        f'    <DataSet timestep="{time!r}" file="{escape(step.name)}"/>\n'
         for time, step in zip(times.tolist(), steps, strict=True)
     )
     return (

@@ -1,63 +1,64 @@
-"""Files of any origin: text and bytes of bounded size, hashes that say whether a file is still the one written, locks.
+"""Files: bounded reading, JSON and TOML as trees of bounded depth, whole writes, hashes, locked folders.
 
-What is no regular file is refused, for every reader: a pipe would be waited for and a device has no end, and most
-readers look at a file twice. ``thermofem show /dev/stdin < model.json`` works, a pipe into it does not.
+A tree holds objects, lists, text, finite numbers, true, false and null, nested at most `DEPTH` deep.
 
-`digest` is the one hash of the project's stores: the folder of a campaign and that of a reproduction keep it beside
-each result and believe no result without it.
+`write_whole` writes a temporary file in the target's folder and renames it (`os.replace`). Nothing that belongs to the
+whole process is touched: no umask, no signal handler. A killed run leaves its temporary file; `own_folder` deletes
+those of the folder that it locks.
 """
 
 from __future__ import annotations
 
 import contextlib
-import functools
+import hashlib
 import json
+import math
 import os
 import re
-import signal
-import stat
-import threading
-import time
-import unicodedata
-from collections.abc import Callable, Container, Iterable, Iterator, Sequence
-from datetime import UTC, datetime
+import secrets
+import shutil
+import tomllib
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+import filelock
+import tomli_w
 
 from .. import checks
-from ..checks import InputError
-from . import trees
+from ..checks import InputError, shown
+from . import quantity
 
-WRITTEN = (".nc", ".json", ".npz", ".sha256", ".lock")  # endings of files in the project's stores
+T = TypeVar("T")
+
+LARGEST = 200_000_000  # bytes of a file that is read whole; a StateSpace of 500 states has 30 million
+LARGEST_TOML = 1_000_000  # characters; tomllib takes microseconds for each
+DEPTH = 40  # of tables and lists in one another; our own files reach 8
+LONGEST_NAME = 255  # bytes, of usual file systems
 IMAGES = (".png", ".pdf", ".svg", ".jpg")
-DATED = (".pdf", ".svg")  # images that hold a date
-DATE = "SOURCE_DATE_EPOCH"  # where Matplotlib takes it from
 _TEMPORARY = re.compile(r"\..*-[0-9a-f]{16}(\.\w+)?")  # names that `write_whole` gives
-_STREAMS = re.compile(r"/dev/fd|/proc/\d+(/task/\d+)?/fd")  # folders of a process's open files
-DELETED = "the current folder was deleted; change into one that exists"
-LINKS = 40  # in a row; Linux follows no more
-FRESH = 60.0  # s; a temporary file that was touched within is left alone, locked or not
-LARGEST_TEXT = 400_000_000  # bytes
+_WORD = r"""(?:[A-Za-z0-9_-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
+_DOTTED = re.compile(rf"(?<![\w\\-]){_WORD}(?:[ \t]*+\.[ \t]*+{_WORD}){{{DEPTH}}}")  # tomllib's memory is its square
+
+# kinds of the values of a table beside SI units, see `read_table`
+TEXT, FLAG, NUMBER, TABLE, TABLES, ANY = "text", "true or false", "a number", "a table", "tables", "anything"
+_TYPES: dict[str, type] = {TEXT: str, FLAG: bool, TABLE: dict}
 
 
 def regular(path: str | Path, kind: str = "") -> Path:
-    """The path of a regular file, links followed; InputError for what does not exist, a folder, a pipe or a device."""
+    """The path of a regular file; InputError for what does not exist, a folder, a pipe or a device."""
     path = checks.path("path", path)
     what = f"{kind} file {str(path)!r}" if kind else str(path)
     try:
-        mode = path.stat().st_mode
-    except FileNotFoundError:
-        raise InputError(f"{what} does not exist") from None
+        if path.is_file():
+            return path
+        rule = "cannot be read: it is a folder or a device" if path.exists() else "does not exist"
     except OSError as error:
-        raise InputError(f"{what} cannot be read: {error.strerror}") from None
-    if stat.S_ISDIR(mode):
-        raise InputError(f"{what} cannot be read: it is a folder; give a file in it")
-    if not stat.S_ISREG(mode):
-        raise InputError(f"{what} cannot be read: it is a pipe or a device; write its content into a file first")
-    return path
+        rule = f"cannot be read: {error.strerror}"
+    raise InputError(f"{what} {rule}")
 
 
-def read_bytes(path: str | Path, kind: str, *, most: int = LARGEST_TEXT) -> bytes:
+def read_bytes(path: str | Path, kind: str, *, most: int = LARGEST) -> bytes:
     """Content of a file of a kind such as "geometry"; InputError where there is none, or more than ``most`` bytes."""
     path = regular(path, kind)
     try:
@@ -70,7 +71,7 @@ def read_bytes(path: str | Path, kind: str, *, most: int = LARGEST_TEXT) -> byte
     return content
 
 
-def read_text(path: str | Path, kind: str, *, most: int = LARGEST_TEXT) -> str:
+def read_text(path: str | Path, kind: str, *, most: int = LARGEST) -> str:
     """Text of a UTF-8 file, with or without a byte order mark; raises as `read_bytes`."""
     try:
         return read_bytes(path, kind, most=most).decode("utf-8-sig")
@@ -79,94 +80,225 @@ def read_text(path: str | Path, kind: str, *, most: int = LARGEST_TEXT) -> str:
 
 
 def read_json(path: str | Path, kind: str) -> Any:
-    """Tree of a JSON file (`trees.from_json`); the error begins with the file."""
-    text = read_text(path, kind)
+    """Tree of a JSON file, see `from_json`; the error begins with the file."""
+    return _naming(path, from_json, read_text(path, kind))
+
+
+def read_toml(path: str | Path, kind: str, read: Callable[[str], T]) -> T:
+    """``read`` of the text of a TOML file; an InputError of it begins with the file."""
+    return _naming(path, read, read_text(path, kind))
+
+
+def _naming(path: str | Path, read: Callable[[str], T], text: str) -> T:
     try:
-        return trees.from_json(text)
+        return read(text)
     except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+        raise InputError(f"{path}: {error.for_text()}") from None
+
+
+def from_json(text: str) -> Any:
+    """The tree of a JSON text.
+
+    Raises InputError: no JSON, nested deeper than `DEPTH`, a number that is not finite.
+
+    >>> from_json('{"R": [1e3, 2]}')
+    {'R': [1000.0, 2]}
+    """
+    try:
+        tree = json.loads(text)
+    except RecursionError:
+        raise InputError(f"it is nested more than {DEPTH} deep") from None
+    except ValueError as error:
+        raise InputError(f"it is not JSON ({error})") from None
+    _check_tree(tree)
+    return tree
+
+
+def from_toml(text: str) -> dict[str, Any]:
+    """The tables of a TOML text; raises as `from_json`, with line and column where it is no TOML."""
+    if not isinstance(text, str) or len(text) > LARGEST_TOML:
+        raise InputError(f"not valid TOML: text of at most {LARGEST_TOML} characters is needed")
+    if _DOTTED.search(text):
+        raise InputError(f"not valid TOML: a dotted name is nested more than {DEPTH} deep")
+    try:
+        tables = tomllib.loads(text)
+    except RecursionError:
+        raise InputError(f"not valid TOML: it is nested more than {DEPTH} deep") from None
+    except ValueError as error:
+        raise InputError(f"not valid TOML: {error}") from None
+    _check_tree(tables)
+    return tables
+
+
+def _check_tree(tree: Any, where: str = "", depth: int = 0) -> None:
+    """InputError where a tree is too deep, or holds anything but text, finite numbers, true, false and null."""
+    if depth > DEPTH:
+        raise InputError(f"it is nested more than {DEPTH} deep")
+    for key, value in tree.items() if isinstance(tree, dict) else enumerate(tree) if isinstance(tree, list) else ():
+        if isinstance(value, dict | list):
+            _check_tree(value, f"{where}{key}.", depth + 1)
+        elif isinstance(value, float) and not math.isfinite(value):
+            raise InputError(f"{where}{key}: {value} is no number")
+        elif isinstance(value, str) and not value.isascii():
+            checks.utf8(f"{where}{key}", value)
+        elif not isinstance(value, str | int | float | None):
+            raise InputError(f"{where}{key}: {shown(value)} is neither text, number, true nor false")
+
+
+def read_table(table: Any, keys: Mapping[str, str], where: str, *, required: Sequence[str] = ()) -> dict[str, Any]:
+    """The values of one TOML table, quantities in SI; ``keys`` gives the SI unit of each, or a kind such as `TEXT`.
+
+    Raises InputError: no table, a key that is unknown or missing, a value of another kind or unit.
+    """
+    if not isinstance(table, dict):
+        raise InputError(f"{where} = {shown(table)} must be a table")
+    for key in table:
+        checks.choice(f"{where}: key", key, keys)
+    for key in required:
+        if key not in table:
+            raise InputError(f"{where}: {key} is missing" + (f"; add [[{key}]] tables" if keys[key] == TABLES else ""))
+    return {key: _value(value, keys[key], key, where) for key, value in table.items()}
+
+
+def _value(value: Any, kind: str, key: str, where: str) -> Any:
+    name = f"{where}: {key}"
+    if kind == ANY:
+        return value
+    if kind in _TYPES:
+        if not isinstance(value, _TYPES[kind]):
+            raise InputError(f"{name} = {shown(value)} must be {kind}")
+        return value
+    if kind == TABLES:
+        if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
+            raise InputError(f"{name} must be tables, each opened by a line [[{key}]]")
+        return value
+    return checks.finite(name, value) if kind == NUMBER else quantity.parse(value, kind, name=name)
+
+
+def to_toml(tables: Mapping[str, Any]) -> str:
+    """TOML text of tables of text, numbers, true and false."""
+    return tomli_w.dumps(tables)
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON holds it: arrays as lists, keys as text; a number that is not finite becomes null."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def digest(content: bytes | Path) -> str:
     """Hash of bytes, or of the content of a file: 32 hexadecimal digits of SHA-256."""
-    import hashlib
-
     return hashlib.sha256(content.read_bytes() if isinstance(content, Path) else content).hexdigest()[:32]
 
 
 def digest_tree(tree: Any) -> str:
-    """Hash of what JSON can hold, whatever the order of its keys."""
+    """Hash of a tree of JSON, whatever the order of its keys."""
     return digest(json.dumps(tree, sort_keys=True).encode())
 
 
-def lock(handle: int) -> bool:
-    """Whether an open file could be locked for this process; systems without file locks trust their user.
+def lines_of(text: str, *, most: int = 4000) -> list[str]:
+    """Text as printable ASCII lines for a comment in any program's file.
 
-    The lock ends with the handle, also when the process is killed.
+    No line ends in a backslash, which some programs read as a continuation.
+
+    >>> lines_of("a\\r.include b\\x00")
+    ['a', '.include b\\\\x00']
     """
-    try:
-        import fcntl
-    except ImportError:
-        return True
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True
+    lines = [checks.one_line(piece, most=most) for piece in str(text).splitlines() or [""]]
+    ascii_lines = (line.encode("ascii", "backslashreplace").decode() for line in lines)
+    return [f"{line} ." if line.endswith("\\") else line for line in ascii_lines]
 
 
-def named(path: str | Path) -> Path:
-    """The path of what will be written; InputError for a name that no list of one name a line can hold."""
-    path = checks.path("path", path)
-    if any(unicodedata.category(c) in ("Cc", "Zl", "Zp") for c in path.name):
-        raise InputError(f"path = {checks.shown(path.name)} holds a line break or control character; leave it out")
+def check_target(path: str | Path) -> Path:
+    """Where a file will be written, links followed; InputError without a folder, or where no file can be written."""
+    path = Path(os.path.realpath(checks.path("path", path)))
+    if len(os.fsencode(path.name)) > LONGEST_NAME:
+        raise InputError(f"{path.name[:60]}... cannot be written: File name too long")
+    if not path.parent.is_dir():
+        raise InputError(f"{path.parent} is not a folder; make it first to write {path.name}")
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path} is a folder or a device; give the name of a file")
+    if not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise InputError(f"{path} is write-protected; make it writable, or give another name")
     return path
 
 
-def open_locked(path: Path, what: str) -> int:
-    """Open a file for this process alone, making it where it does not exist; returns the handle.
+def check_image(path: str | Path) -> None:
+    """InputError unless the name ends as one of `IMAGES`."""
+    if checks.path("path", path).suffix.lower() not in IMAGES:
+        raise InputError(f"{path} does not say what kind of image it is; end it with {', '.join(IMAGES)}")
 
-    Raises InputError: it cannot be opened, or another run uses it.
+
+def write_whole(path: str | Path, write: Callable[[Path], Any]) -> Path:
+    """Call ``write`` on a temporary file beside ``path`` and rename it: a reader sees the whole file or none.
+
+    A file that is replaced keeps its permissions. Raises InputError: it cannot be written.
+    """
+    path = check_target(path)
+    temporary = path.with_name(f".{path.stem[:40]}-{secrets.token_hex(8)}{path.suffix}")
+    try:
+        temporary.touch(exist_ok=False)
+        write(temporary)
+        if path.exists():
+            shutil.copymode(path, temporary)
+        temporary.replace(path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+    return path
+
+
+def make_folder(path: str | Path) -> Path:
+    """Make a folder to write into where it does not exist; InputError when that is not possible."""
+    path = checks.path("path", path)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"folder {path} cannot be made: {error.strerror}") from None
+    if not os.access(path, os.W_OK | os.X_OK):
+        raise InputError(f"folder {path} cannot be written; make it writable, or take another folder")
+    return path
+
+
+@contextlib.contextmanager
+def locked(path: Path, what: str) -> Iterator[None]:
+    """Lock the file ``path`` for this process, made where it does not exist; InputError where another run holds it.
+
+    A killed process gives its lock back.
     """
     try:
-        handle = os.open(named(path), os.O_RDWR | os.O_CREAT, 0o666)
+        lock = filelock.FileLock(path, timeout=0).acquire()
+    except filelock.Timeout:
+        raise InputError(f"{what} is in use by another run; wait for it, or take another one") from None
     except OSError as error:
         raise InputError(f"{what} cannot be written: {error.strerror}") from None
-    if not lock(handle):
-        os.close(handle)
-        raise InputError(f"{what} is in use by another run; wait for it, or take another one")
-    return handle
-
-
-@contextlib.contextmanager
-def folder_locked(folder: Path) -> Iterator[None]:
-    """Keep a folder for this process alone; InputError where another run uses it, and as `sweep` raises it."""
-    check_entries(folder)
-    handle = open_locked(folder / ".lock", f"folder {folder}")
-    try:
+    with lock:
         yield
-    finally:
-        os.close(handle)  # a killed process gives its lock back, too
 
 
 @contextlib.contextmanager
-def own_folder(folder: Path, inner: Sequence[str], whose: str, check: Callable[[], None]) -> Iterator[None]:
+def own_folder(folder: Path, inner: Sequence[str], check: Callable[[], None] = lambda: None) -> Iterator[None]:
     """Make the folder of a store and those in it, lock it, and delete half-written files of a killed run.
 
     inner: names of the folders in it.
-    whose: "a campaign".
     check: raises InputError where the locked folder holds files of others; nothing is made or deleted before.
 
-    Raises InputError: it cannot be made or written, another run is using it, or an inner folder is a link.
+    Raises InputError: it cannot be made or written, or another run is using it.
     """
-    folders = [make_folder(folder) / name for name in inner]
-    for one in folders:
-        if one.is_symlink():
-            raise InputError(f"{one} is a link; {whose} writes into its own folders: link {folder}")
-    with folder_locked(folder):
+    folder = make_folder(folder)
+    with locked(folder / ".lock", f"folder {folder}"):
         check()
-        for one in (folder, *folders):
-            sweep(make_folder(one))
+        for one in (folder, *(make_folder(folder / name) for name in inner)):
+            for path in one.iterdir():
+                if _TEMPORARY.fullmatch(path.name):
+                    path.unlink(missing_ok=True)
         yield
 
 
@@ -175,193 +307,3 @@ def check_own(paths: Iterable[Path], written: Container[Path], whose: str) -> No
     for path in paths:
         if path not in written and path.exists():
             raise InputError(f"{path} is no file of {whose}; move it, or take another folder")
-
-
-def sweep(folder: Path) -> None:
-    """Delete what killed runs left half-written in a folder that is locked.
-
-    Raises InputError: a link to a file, a pipe or a device in it; what is written there would go elsewhere.
-    """
-    check_entries(folder)
-    for path in folder.iterdir():
-        if _TEMPORARY.fullmatch(path.name):
-            path.unlink(missing_ok=True)
-
-
-def check_entries(folder: Path) -> None:
-    """InputError unless a folder, of any origin, holds only regular files, folders and links to folders.
-
-    A folder with the name of a file that a store writes is refused, too.
-    """
-    with os.scandir(folder) as entries:
-        for entry in entries:
-            what = "a link to a file" if entry.is_symlink() else "a pipe or a device"
-            if entry.is_dir() and entry.name.endswith(WRITTEN):
-                what = "a folder where a file is written"
-            elif entry.is_dir() or entry.is_file(follow_symlinks=False):
-                continue
-            raise InputError(f"{Path(entry.path)} is {what}; take it out of the folder, or take another folder")
-
-
-def check_target(path: str | Path) -> Path:
-    """Where a file will be written, links followed; InputError without a folder, or where no file could be.
-
-    A name of an open stream is refused, such as /dev/stdout: the file behind it would be replaced.
-    """
-    path = named(path)
-    try:
-        if _is_stream(path):
-            raise InputError(f"{path} leads to an open file of a process; give the name of a file")
-        if path.is_symlink():
-            path = _end_of_links(path)
-        if not path.parent.is_dir():
-            raise InputError(f"{path.parent} is not a folder; make it first to write {path.name}")
-        _check_folder(path.parent)
-        if path.exists() and not path.is_file():
-            raise InputError(f"{path} is a folder or a device; give the name of a file")
-        if path.exists() and not os.access(path, os.W_OK):
-            raise InputError(f"{path} is write-protected; make it writable, or give another name")
-    except OSError as error:  # a name that is too long
-        if isinstance(error, FileNotFoundError):
-            check_here()
-        raise InputError(f"{str(path)[:60]}... cannot be written: {error.strerror}") from None
-    return path
-
-
-def check_here() -> None:
-    """InputError where the current folder was deleted: relative names and new processes need one."""
-    try:
-        os.getcwd()
-    except FileNotFoundError:
-        raise InputError(DELETED) from None
-
-
-def _end_of_links(path: Path) -> Path:
-    """Where a link leads, to what is there or not; InputError for one that leads back to itself."""
-    end = Path(os.path.realpath(path))
-    if end.is_symlink():  # without an error: realpath stops at a loop
-        raise InputError(f"{path} is a link that leads back to itself; delete it, or give another name")
-    return end
-
-
-def _check_folder(folder: Path) -> None:
-    """InputError unless files can be made in a folder: its mode, or a file system that is read-only, forbids that."""
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise InputError(f"folder {folder} cannot be written; make it writable, or take another folder")
-
-
-def _is_stream(path: Path) -> bool:
-    """Whether a path leads to an open file of a process, such as /proc/1/fd/1, itself or by links."""
-    for _ in range(LINKS):
-        folder = Path(os.path.realpath(path.parent))
-        if _STREAMS.fullmatch(str(folder)):
-            return True
-        if not path.is_symlink():
-            break
-        path = folder / path.readlink()
-    return False
-
-
-def check_image(path: str | Path) -> None:
-    """InputError unless the name ends as one of `IMAGES`, or where the environment sets no date to put into it."""
-    ending = checks.path("path", path).suffix.lower()
-    if ending not in IMAGES:
-        raise InputError(f"{path} does not say what kind of image it is; end it with {', '.join(IMAGES)}")
-    if ending in DATED and (given := os.environ.get(DATE)):
-        try:
-            datetime.fromtimestamp(int(given), UTC)
-        except (ValueError, OverflowError, OSError):
-            rule = "must be a whole number of seconds since 1970, before the year 10000; mend it, or unset it"
-            raise InputError(f"{DATE} = {checks.shown(given)} of the environment {rule}") from None
-
-
-def write_whole(path: str | Path, write: Callable[[Path], Any]) -> Path:
-    """Call ``write`` on a temporary file beside ``path`` and rename it: a reader sees the whole file or none.
-
-    The temporary file goes with an exception, and with SIGTERM where this is the main thread. SIGKILL leaves it; it is
-    locked while it is written, so that the next process that writes ``path`` knows and deletes it. A file that is
-    replaced keeps its permissions.
-    """
-    path = check_target(path)
-    _delete_leftovers(path)
-    temporary = path.with_name(f".{path.stem[:40]}-{os.urandom(8).hex()}{path.suffix}")  # known before it is there
-    try:
-        with _without(temporary):
-            handle = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
-            try:
-                lock(handle)
-                write(temporary)
-            finally:
-                os.close(handle)
-            temporary.chmod(stat.S_IMODE(path.stat().st_mode) if path.exists() else 0o666 & ~_umask())
-            temporary.replace(path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
-    finally:
-        with contextlib.suppress(OSError):  # a file system that is read-only has an error of its own for this
-            temporary.unlink(missing_ok=True)
-    return path
-
-
-@functools.lru_cache(maxsize=64)
-def _temporaries(folder: Path) -> tuple[Path, ...]:
-    """Temporary files in a folder.
-
-    The folder is listed once per process, because a campaign writes many files.
-    """
-    with os.scandir(folder) as entries:
-        return tuple(Path(entry.path) for entry in entries if _TEMPORARY.fullmatch(entry.name))
-
-
-def _delete_leftovers(path: Path) -> None:
-    """Delete temporary files of an output whose writers no longer live: nobody locks them, or has touched them."""
-    name = re.compile(rf"\.{re.escape(path.stem[:40])}-[0-9a-f]{{16}}{re.escape(path.suffix)}")
-    for other in _temporaries(path.parent.resolve()):
-        with contextlib.suppress(OSError, ImportError):
-            import fcntl  # noqa: F401 - without it no lock tells
-
-            if name.fullmatch(other.name) and time.time() - other.lstat().st_mtime > FRESH:
-                handle = os.open(other, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK)
-                try:
-                    if lock(handle):
-                        other.unlink()
-                finally:
-                    os.close(handle)
-
-
-@contextlib.contextmanager
-def _without(temporary: Path) -> Iterator[None]:
-    """Have SIGTERM delete a file before it ends the process, unless the caller handles that signal."""
-    main = threading.current_thread() is threading.main_thread()  # no other thread may set a handler
-    if not main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
-        yield
-        return
-
-    def end(number: int, frame: Any) -> None:
-        temporary.unlink(missing_ok=True)
-        signal.signal(number, signal.SIG_DFL)
-        os.kill(os.getpid(), number)
-
-    signal.signal(signal.SIGTERM, end)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
-
-
-def _umask() -> int:
-    """The process's file mode mask, which only setting it tells."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
-
-
-def make_folder(path: str | Path) -> Path:
-    """Make a folder to write into where it does not exist; InputError when that or writing is not possible."""
-    path = named(path)
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"folder {path} cannot be made: {error.strerror}") from None
-    _check_folder(path)
-    return path

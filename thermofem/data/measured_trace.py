@@ -11,9 +11,10 @@ import hashlib
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import xarray as xr
 
 from .. import checks
 from ..algebra.poles import pole_responses
@@ -35,12 +36,8 @@ from .column_units import (
     unit_of,
     units_above,
 )
-from .names import of_file
 from .number_table import NumberTable, number_table, text_of
 from .sampled_power import sampled_power
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 LARGEST = 400_000_000  # bytes of a table
 SCANNED = 1500  # rows that the search for the start uses
@@ -167,7 +164,7 @@ def read_trace(
         raise InputError(f"{path}: {error}") from None
     names = zip(("time", "temperature", "power"), places, strict=False)
     about = {
-        "source": of_file(path.name),
+        "source": path.name,
         "source_sha256": digest,
         "source_columns": ", ".join(f"{role}: {table.names[k] or table.columns[k]}" for role, k in names),
         "assumed": "\n".join(said),

@@ -1,24 +1,29 @@
-"""Units at the boundary: text such as "450 nm" or "8 dBm" becomes a plain number in SI, and back.
+"""Quantities as text: "450 nm" or "8 dBm" becomes a plain number in SI, and back.
 
 Inside the package every number is SI; text with units exists only where a person reads or writes (TOML, command line,
-plots). `VARIABLES` gives the unit and the long name of every field of a dataset.
+plots). pint knows the units. Decibels are handled here: dBm is a power, dB per length an attenuation of power.
 """
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
 from functools import cache, lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 from ..checks import SMALLEST, InputError, shown
-from . import units
 
 # digits of ASCII only, none grouped by "_": Python's float() takes more
 _DIGITS = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _NUMBER = re.compile(rf"\s*({_DIGITS})\s*(.*?)\s*$", re.DOTALL)
 _BARE = re.compile(_DIGITS)
 LONGEST = 400  # characters of a number or a quantity: 309 digits are the largest float
+LONGEST_UNIT = 80  # characters
+# names, products, quotients and brackets, powers of one digit: pint computes larger powers, of any size
+_UNIT = re.compile(r"(?:[^\W\d_]|(?<=\w)_(?=\w)|[\s*/()%°]|1(?!\d)|(?<![\s)^*])\^[+-]?[1-9](?![\d^]))*")
+_SUPERSCRIPTS = str.maketrans({"²": "^2", "³": "^3", "⁻": "^-", "¹": "1", "·": "*", "⋅": "*"})
+DECIBEL = math.log(10) / 10  # natural attenuation of power for 1 dB
 
 # unit in SI: what it measures, an example a person would write, the prefixed forms used for writing
 _KINDS: dict[str, tuple[str, str, tuple[tuple[float, str], ...]]] = {
@@ -35,6 +40,8 @@ _KINDS: dict[str, tuple[str, str, tuple[tuple[float, str], ...]]] = {
     "m^3": ("a volume", "5 um^3", ()),
     "m/W": ("a two-photon absorption coefficient", "0.81 cm/GW", ()),
     "m^2/W": ("a Kerr coefficient", "4.5e-18 m^2/W", ()),
+    "1/m": ("an attenuation of power", "7 dB/cm", ()),
+    "m/K": ("a thermal shift of a wavelength", "75 pm/K", ()),
     "1/K": ("a thermo-optic coefficient", "1.86e-4 1/K", ()),
     "eV": ("an energy", "0.1 eV", ()),
     "V": ("a voltage", "20 mV", ((1e-3, "mV"),)),
@@ -55,56 +62,6 @@ _KINDS: dict[str, tuple[str, str, tuple[tuple[float, str], ...]]] = {
 
 
 SI = frozenset(_KINDS)  # the units that values are read in
-
-
-class Variable(NamedTuple):
-    """Unit and long name of one field of a dataset."""
-
-    unit: str
-    long_name: str
-
-
-VARIABLES: dict[str, Variable] = {
-    "time": Variable("s", "time"),
-    "power": Variable("W", "absorbed power"),
-    "delta_T": Variable("K", "mean temperature rise"),
-    "final_rise": Variable("K", "temperature rise of the field at the end"),
-    "temperature": Variable("K", "temperature"),
-    "energy": Variable("J", "energy stored in the resonator"),
-    "carriers": Variable("1/m^3", "free-carrier density"),
-    "drop": Variable("W", "power at the drop port"),
-    "through": Variable("W", "power at the through port"),
-    "absorbed": Variable("W", "power absorbed in the resonator"),
-    "scattered": Variable("W", "power scattered out of the resonator"),
-    "input_power": Variable("W", "power in the bus waveguide"),
-    "detuning": Variable("Hz", "laser frequency minus cold resonance"),
-    "frequency": Variable("Hz", "frequency"),
-    "period": Variable("s", "period"),
-    "period_model": Variable("s", "period for which the model has the same swing"),
-    "error": Variable("s", "period error"),
-    "relative_error": Variable("1", "relative period error"),
-    "duty": Variable("1", "duty cycle"),
-    "swing": Variable("K", "peak-to-peak temperature rise"),
-    "growth_rate": Variable("1/s", "largest real part of the eigenvalues"),
-    "regime": Variable("1", "dynamic regime"),
-    "impedance": Variable("K/W", "thermal impedance"),
-    "heat_in": Variable("J", "heat put in"),
-    "heat_stored": Variable("J", "heat stored"),
-    "heat_out": Variable("J", "heat carried off through the boundary"),
-    "field": Variable("K", "temperature rise"),
-    "field_time": Variable("s", "time of the field"),
-    "swing_model": Variable("K", "swing of the model's temperature rise"),
-    "shortest": Variable("s", "shortest period within 10 %"),
-    "longest": Variable("s", "longest period within 10 %"),
-    "lifetime": Variable("s", "carrier lifetime"),
-    "weight": Variable("s", "weight of an integral over the period"),
-    "window": Variable("s", "start of the window"),
-    "discrepancy": Variable("K", "largest discrepancy of the temperature"),
-    "highest_rise": Variable("K", "highest temperature rise"),
-    "tau_th": Variable("s", "thermal lifetime"),
-    "r": Variable("m", "distance from the axis of the ring"),
-    "z": Variable("m", "height above the datum"),
-}
 
 
 def parse(text: Any, unit: str, *, name: str = "value") -> float:
@@ -220,67 +177,62 @@ def rounded(value: float, unit: str, digits: int = 3) -> str:
 
 def _convert(digits: str, given: str, unit: str, what: str) -> float:
     """The number ``digits`` of unit ``given`` in ``unit``; the digits are kept where the unit is a power of ten."""
+    if given == "dBm" and unit == "W":
+        return 1e-3 * 10 ** (float(digits) / 10) if float(digits) < 3000 else math.inf
+    if given in ("degC", "°C") and unit == "K":
+        return float(digits) + 273.15
     try:
-        if given in ("dBm", "degC", "°C") and units.scale(unit) == units.scale("W" if given == "dBm" else "K"):
-            return _shifted(float(digits), given)
-        here, there = units.scale(given), units.scale(unit)
-    except units.UnitError as error:
-        raise InputError(f"{what}: {shown(given)} is not a unit ({error})", _wanted(unit)) from None
-    if here is None or there is None:
-        return _by_pint(float(digits), units.plain(given), unit, what)
-    if here.dimensions != there.dimensions:
-        raise InputError(f"{what} has the wrong dimension", _wanted(unit))
+        factor = _factor(given, unit)
+    except InputError as error:
+        raise InputError(f"{what} {error.rule}", _wanted(unit)) from None
+    decades = round(math.log10(factor)) if factor > 0 else 0
+    if abs(factor / 10.0**decades - 1) > 1e-12:
+        return float(digits) * factor
     mantissa, _, exponent = digits.lower().partition("e")
-    shift = int(exponent or 0) + here.exponent - there.exponent
-    return float(f"{mantissa}e{shift}") * (1.0 if here.factor == there.factor else here.factor / there.factor)
+    return float(f"{mantissa}e{int(exponent or 0) + decades}")
 
 
-def _shifted(value: float, given: str) -> float:
-    """Watts of dBm, or kelvin of degrees Celsius."""
-    if given != "dBm":
-        return value + 273.15
-    try:
-        return float(1e-3 * 10 ** (value / 10))
-    except OverflowError:
-        return math.inf
-
-
-@lru_cache(maxsize=4096)
-def _by_pint(number: float, given: str, unit: str, what: str) -> float:
-    """Convert a number whose unit is not in `units.SYMBOLS`, by pint."""
-    import numpy as np
+@lru_cache(maxsize=1024)
+def _factor(given: str, unit: str) -> float:
+    """One ``given`` in ``unit``; InputError for no unit, an unknown one, or another dimension."""
+    text = given.translate(_SUPERSCRIPTS).replace("**", "^")
+    if unit == "1/m" and text.startswith("dB/"):
+        return DECIBEL * _factor(f"1{text[2:]}", unit)
+    if len(text) > LONGEST_UNIT or not _UNIT.fullmatch(text):
+        raise InputError(f": {shown(given)} is not a unit")
     import pint
 
-    registry = units.registry()
     try:
-        quantity = registry.Quantity(number, registry.parse_units(given))
-        fits = _dimensions(given) == _dimensions(unit)
+        found, wanted = (registry().Quantity(1.0, registry().parse_units(one)) for one in (text, unit))
+        # in root units angles are kept: rad/s is not Hz
+        if found.to_root_units().units != wanted.to_root_units().units:
+            raise InputError("has the wrong dimension")
+        return float((found / wanted).to_base_units().magnitude)
     except pint.errors.UndefinedUnitError as error:
         unknown = error.unit_names if isinstance(error.unit_names, str) else ", ".join(error.unit_names)
-        near = units.nearest(unknown, [*(prefixed for _, prefixed in _KINDS[unit][2]), unit, *_MORE.get(unit, ())])
-        guess = f", did you mean {near!r}?" if near else ""
-        raise InputError(f"{what}: the unit {unknown!r} is unknown{guess}", _wanted(unit)) from None
+        near = _nearest(unknown, [*(prefixed for _, prefixed in _KINDS[unit][2]), unit, *_MORE.get(unit, ())])
+        raise InputError(f": the unit {unknown!r} is unknown" + (f", did you mean {near!r}?" if near else "")) from None
+    except InputError:
+        raise
     except Exception:  # pint's parser raises whatever its tokeniser meets, AssertionError included
-        raise InputError(f"{what}: {shown(given)} is not a unit", _wanted(unit)) from None
-    if not fits:
-        raise InputError(f"{what} has the wrong dimension", _wanted(unit))
-    with np.errstate(over="ignore"):
-        value = float(quantity.to(registry.parse_units(unit)).magnitude)
-    ratio = abs(value / number) if number else 0.0
-    decades = math.log10(ratio) if 0 < ratio < math.inf else 0.0
-    if round(decades) and abs(decades - round(decades)) < 1e-12:  # a decimal prefix costs one rounding: undo it
-        return float(f"{value:.15g}")
-    return value
+        raise InputError(f": {shown(given)} is not a unit") from None
 
 
 _MORE = {"W": ("dBm", "nW"), "m": ("cm",), "s": ("ps", "fs"), "K": ("mK", "degC"), "rad": ("mrad",), "J": ("nJ",)}
 
 
+def _nearest(name: str, known: list[str]) -> str | None:
+    """The unit that an unknown name was meant to be: another case ("mw"), or one alike."""
+    same = [unit for unit in known if unit.casefold() == name.casefold()]
+    return next(iter(same or difflib.get_close_matches(name, known, n=1, cutoff=0.6)), None)
+
+
 @cache
-def _dimensions(unit: str) -> Any:
-    """The unit in base units, angles kept: rad/s is not Hz."""
-    registry = units.registry()
-    return registry.Quantity(1, registry.parse_units(unit)).to_root_units().units
+def registry() -> Any:
+    """The units that pint knows."""
+    import pint
+
+    return pint.UnitRegistry(cache_folder=None)
 
 
 def _wanted(unit: str) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
-from ..data import toml_file
+from ..data import files
 from ..data.display import shown
 from ..materials.library import VOID, Material, find
 from . import paths, toml_schema
@@ -211,7 +211,7 @@ class CrossSection:
         checks.has("values", values, "items", hint='a mapping is needed: {"part.core.radius": 5e-6}')
         table = toml_schema.table_of(self)
         paths.change_values(table, {**values, **more})
-        return self.from_toml_text(toml_file.write_table(table))
+        return self.from_toml_text(files.to_toml(table))
 
     @classmethod
     def from_toml(cls, path: str | Path) -> CrossSection:
@@ -222,7 +222,7 @@ class CrossSection:
         InputError
             the file is missing or no TOML, or what it says cannot be; the message begins with the file.
         """
-        return toml_file.read(path, "geometry", cls.from_toml_text)
+        return files.read_toml(path, "geometry", cls.from_toml_text)
 
     @classmethod
     def from_toml_text(cls, text: str) -> CrossSection:
@@ -235,4 +235,4 @@ class CrossSection:
 
     @cached_property
     def _text(self) -> str:
-        return toml_file.write_tables(toml_schema.table_of(self))
+        return files.to_toml(toml_schema.table_of(self))

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import checks
+from ..checks import check_name
 from ..data import quantity
 from ..data.display import shown
-from ..data.names import check_name
 from ..materials.library import VOID
 
 VERTICAL = math.pi / 2

@@ -13,8 +13,8 @@ import numpy as np
 
 from .. import checks
 from ..checks import InputError
-from ..data import quantity, toml_file
-from ..data.toml_file import ANY, FLAG, TABLE, TABLES, TEXT, read_table
+from ..data import files, quantity
+from ..data.files import ANY, FLAG, TABLE, TABLES, TEXT, read_table
 from ..materials.library import LIBRARY, Material
 from ..materials.property_toml import LAW_KEYS, PROPERTIES, read_property, write_property
 from .parts import INSULATED, ISOTHERMAL, VERTICAL, Boundary, Interface, Layer, Part, Probe, ring
@@ -75,7 +75,7 @@ def as_text(path: str, value: Any) -> Any:
 
 def fields(text: str) -> dict[str, Any]:
     """The fields of the `CrossSection` that the text of a geometry file describes."""
-    table = toml_file.parse(text)
+    table = files.from_toml(text)
     if table.keys() & {"base", "loaded_q", "wavelength", "carriers"}:
         raise InputError("this describes the optics of a ring; a geometry has outer_radius, [[layer]] and [[part]]")
     top = read_table(table, _TOP, "the file", required=("outer_radius", "layer", "part"))

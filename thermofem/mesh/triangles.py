@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import checks
-from ..checks import InputError
+from ..checks import InputError, check_names
 from ..data import files
 from ..data.display import shown
-from ..data.names import check_names
 from . import gmsh_file
 
 KEPT = 20_000  # triangles; of more, the facets are not kept for the next mesh

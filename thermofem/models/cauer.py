@@ -22,8 +22,8 @@ import numpy as np
 
 from .. import checks
 from ..arrays import ArrayLike
+from ..checks import check_one
 from ..data.display import shown
-from ..data.names import check_one
 from .contract import Delegates, ThermalModel
 from .foster import Foster, linear_poles
 from .json_fields import columns, names, parts, reader, rows
@@ -62,7 +62,6 @@ class Cauer(Delegates):
     origin: Mapping[str, Any] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        checks.annotated(self)
         R, C = checks.array("R", self.R), checks.array("C", self.C)
         if R.size != C.size:
             raise checks.InputError(f"R has {R.size} entries and C {C.size}; each node needs one of both")

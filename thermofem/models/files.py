@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
-from ..data import trees
+from ..data import files
 from ..data.files import digest_tree, read_text, write_whole
 from .cauer import Cauer
 from .contract import HasModel, ThermalModel, bare
@@ -93,7 +93,7 @@ def save_model(model: ThermalModel, path: str | Path, *, provenance: Mapping[str
     }
     try:
         text = json.dumps(content, indent=2, allow_nan=False, default=_plain)
-        read = trees.from_json(text)  # raises where the file could not be read back, as the next line
+        read = files.from_json(text)  # raises where the file could not be read back, as the next line
         _check_sizes(read)
         provenance[HASH] = _signature(read, sorted(read["provenance"]))
         text = json.dumps(content, indent=2, allow_nan=False, default=_plain)
@@ -239,7 +239,7 @@ def _content(path: str | Path) -> tuple[dict[str, Any], bool]:
     """
     text = read_text(path, "model")
     try:
-        content = trees.from_json(text)
+        content = files.from_json(text)
     except checks.InputError as error:
         raise checks.InputError(f"{path} cannot be read: {error}; is it complete?") from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:

@@ -12,8 +12,8 @@ from .. import checks, waveforms
 from ..algebra.poles import pole_responses
 from ..algebra.system import LONGEST, SHORTEST
 from ..arrays import Array, ArrayLike, NDArray, in_pieces
+from ..checks import check_one
 from ..data.display import model_html, shown
-from ..data.names import check_one
 from .contract import at_times
 from .json_fields import columns, names, parts, reader, rows
 
@@ -52,7 +52,6 @@ class Foster:
     origin: Mapping[str, Any] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        checks.annotated(self)
         R, tau = checks.array("R", self.R), checks.array("tau", self.tau)
         if R.size != tau.size:
             raise checks.InputError(f"R has {R.size} entries and tau {tau.size}; each pole needs one of both")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
-from ..data.names import check_names
+from ..checks import check_names
 
 Kind = TypeVar("Kind")
 

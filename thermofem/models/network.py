@@ -10,8 +10,8 @@ import numpy as np
 
 from .. import checks
 from ..arrays import Array, ArrayLike
+from ..checks import check_names
 from ..data.display import shown
-from ..data.names import check_names
 from ..waveforms import Waveform
 from .contract import Delegates, warn_beyond
 from .foster import Foster

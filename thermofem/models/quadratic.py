@@ -14,8 +14,8 @@ import numpy as np
 
 from .. import checks, waveforms
 from ..arrays import Array, ArrayLike, NDArray, in_pieces
+from ..checks import check_one
 from ..data.display import model_html, shown
-from ..data.names import check_one
 from .contract import check_rise, warn_beyond
 from .json_fields import names, parts, reader
 from .state_space import StateSpace

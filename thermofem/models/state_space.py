@@ -13,8 +13,8 @@ from .. import checks, waveforms
 from ..algebra.factor import check_symmetric, factorize, singular_refused
 from ..algebra.krylov import REFUSAL, check_heat_flow
 from ..arrays import Array, ArrayLike, NDArray
+from ..checks import check_names
 from ..data.display import model_html, shown
-from ..data.names import check_names
 from ..transient.integration import integrate, integrate_periodic
 from ..transient.modal import Modal
 from .contract import at_times, check_single
@@ -58,7 +58,6 @@ class StateSpace:
     origin: Mapping[str, Any] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        checks.annotated(self)
         for name in ("E", "A", "B", "C"):
             checks.keep(self, **{name: _matrix(name, getattr(self, name), sparse=name in ("E", "A"))})
         for name in ("inputs", "outputs"):

@@ -17,7 +17,7 @@ from .. import checks
 from ..algebra.factor import Pencil
 from ..algebra.system import LinearSystem
 from ..arrays import Array
-from ..waveforms import Waveform, knots
+from ..waveforms import Waveform
 
 _R2 = np.sqrt(2.0)
 GAMMA = 0.25
@@ -111,7 +111,7 @@ class Stepper:
     def edges(self, stop: float, rtol: float) -> Array:
         """0, every breakpoint of every waveform, ``stop``; finds the time scales of smooth powers (`resolves`)."""
         smooth = [wave for wave in self.waves if not getattr(wave, "piecewise_linear", False)]
-        fits = [knots(wave, 0.0, stop, tolerance=max(rtol, FINEST_FIT)) for wave in smooth] if stop else []
+        fits = [wave.pieces(0.0, stop, tolerance=max(rtol, FINEST_FIT)).edges for wave in smooth] if stop else []
         self._knots = np.unique(np.concatenate(fits)) if fits else np.empty(0)
         self.smooth_peak = max((float(np.abs(w(k)).max()) for w, k in zip(smooth, fits, strict=False)), default=0.0)
         return np.unique(np.concatenate([[0.0, stop], *(w.breakpoints(0.0, stop) for w in self.waves)]))

@@ -26,8 +26,7 @@ from .. import checks
 from ..algebra.krylov import Basis
 from ..algebra.smooth_poles import phi
 from ..arrays import Array, ArrayLike
-from ..waveforms import Cubic, Waveform, knots
-from ..waveforms.contract import check_wave
+from ..waveforms import Cubic, Waveform, check_wave
 from .curvature import Curvature
 from .esdirk import STAGE_TIMES
 
@@ -200,7 +199,7 @@ def _grid(waves: Sequence[Waveform], start: float, times: Array) -> Array:
         edges = wave.breakpoints(start, stop)
         jumps = np.append(start, edges[wave(edges) != wave.before(edges)])
         if not getattr(wave, "piecewise_linear", False) and not isinstance(wave, Cubic):
-            parts.append(knots(wave, start, stop, tolerance=FIT))  # between two knots the power is one cubic
+            parts.append(wave.pieces(start, stop, tolerance=FIT).edges)  # between two knots the power is one cubic
         parts += [edges, (jumps[:, None] + (stop - start) * _GRADING).ravel()]
     grid = np.unique(np.concatenate(parts))
     grid = grid[(grid >= start) & (grid <= stop)]

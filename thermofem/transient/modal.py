@@ -29,8 +29,7 @@ from ..algebra.krylov import Basis, Rounds, rates
 from ..algebra.poles import pole_responses
 from ..algebra.system import LinearSystem
 from ..arrays import Array, ArrayLike, NDArray
-from ..waveforms import Waveform, linear_pieces
-from ..waveforms.contract import check_wave
+from ..waveforms import Waveform, check_wave, linear_pieces
 from .esdirk import FAR
 from .integration import check_run
 from .nonlinear import NonlinearLedger

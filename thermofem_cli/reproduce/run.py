@@ -25,7 +25,6 @@ from .sections import Picture, Section, read
 from .settings import Settings
 from .store import Result
 from .workers import crew, share
-from .written import OWNER
 
 EXPLORER, FIGURES = 1.0, 5.0  # s, about, for the page that computes and for all figures
 
@@ -41,7 +40,7 @@ def run(out: Path, settings: Settings | None = None, *, processes: int = 1) -> d
     project = Project(out, settings, stages_of(settings))
     names = _pictures([one for one in read()[1] if one.quick <= settings.quick], {one.name for one in project.stages})
     check = partial(project.check, [f"{name}.svg" for name in names])
-    with files.own_folder(out, ("data", "figures"), OWNER, check):
+    with files.own_folder(out, ("data", "figures"), check):
         return _run(project, processes)
 
 

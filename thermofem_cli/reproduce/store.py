@@ -22,7 +22,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from thermofem.data import dataset, files, trees
+from thermofem.data import dataset, files
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -105,7 +105,7 @@ class StageStore:
         manifest.unlink(missing_ok=True)
         written = [dataset.save(one, path) for path, one in data.items()]
         written += [surrogate.save_model(one, path, provenance=provenance) for path, one in models.items()]
-        numbers = json.loads(json.dumps(trees.plain(result.numbers)))
+        numbers = json.loads(json.dumps(files.plain(result.numbers)))
         content = {
             "format": FORMAT,
             "stage": stage,
@@ -126,7 +126,7 @@ def slug(name: str) -> str:
 
 def key_of(stage: str, settings: Mapping[str, Any], inputs: Iterable[str]) -> str:
     """Hash of everything that decides a stage's result."""
-    return files.digest_tree([FORMAT, stage, trees.plain(dict(settings)), list(inputs), _code()])
+    return files.digest_tree([FORMAT, stage, files.plain(dict(settings)), list(inputs), _code()])
 
 
 def computes(path: Path) -> bool:

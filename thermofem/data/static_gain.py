@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import checks
-from .arrays import Array
-from .checks import InputError
-from .data import quantity
-from .geometry.cross_section import CrossSection
-from .waveforms import Waveform, cubic_pieces
-from .waveforms import bounds as ends
+from .. import checks
+from ..arrays import Array
+from ..checks import InputError
+from ..geometry.cross_section import CrossSection
+from ..piecewise import bounds
+from ..waveforms import Waveform
+from . import quantity
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -61,8 +61,8 @@ def contradictions(data: xr.Dataset, wave: Waveform, times: Array, rise: Array, 
         notes += _cold(wave, times, rise, noise + _rtol(data) * swing)
     if R is None or _varies(data):
         return tuple(notes)
-    pieces = cubic_pieces(wave, float(times[0]), float(times[-1]))
-    most, slack = R * ends(pieces)[1], ROUNDS * _rtol(data)
+    pieces = wave.pieces(float(times[0]), float(times[-1]))
+    most, slack = R * bounds(pieces)[1], ROUNDS * _rtol(data)
     if rise.max() > most * (1 + slack) + noise:
         raise InputError(
             f"delta_T reaches {rise.max():.4g} K, but thermal_resistance = {R:.5g} K/W allows {most:.4g} K at this "
@@ -101,7 +101,7 @@ def _cold(wave: Waveform, times: Array, rise: Array, tolerance: float) -> list[s
         return []
     if period is None or first < period:
         try:
-            low, high = ends(cubic_pieces(wave, 0.0, first))[0], ends(cubic_pieces(wave, 0.0, float(times[-1])))[1]
+            low, high = bounds(wave.pieces(0.0, first))[0], bounds(wave.pieces(0.0, float(times[-1])))[1]
         except InputError:  # samples of the power that begin later say nothing about the time before
             return []
         due = float(np.max(rise * (first / times))) * (max(low, 0.0) / high if high > 0 else 0.0)

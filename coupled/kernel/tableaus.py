@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofem.data.names import Words
+from thermofem.checks import Words
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,57 @@
+// Dual numbers: a value and its derivatives by C numbers. A function written once for any number
+// type T gives values with T = double, Jacobians with Dual<C>, and derivatives of a whole step,
+// whose ingredients are Jacobians, with Dual<C, Dual<...>>.
+#pragma once
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+template <int C, class S = double> struct Dual { S v, d[C]; };
+
+template <class T> inline T zero() { T r; memset(&r, 0, sizeof r); return r; }
+inline double value(double x) { return x; }
+template <int C, class S> inline double value(const Dual<C, S>& x) { return value(x.v); }
+template <class T> inline double magnitude(const T& x) { return fabs(value(x)); }
+
+#define DUAL template <int C, class S> inline Dual<C, S>
+#define DERIVATIVES(expression) for (int i = 0; i < C; i++) r.d[i] = expression; return r
+
+DUAL operator+(const Dual<C, S>& a, const Dual<C, S>& b) {
+  Dual<C, S> r; r.v = a.v + b.v; DERIVATIVES(a.d[i] + b.d[i]);
+}
+DUAL operator-(const Dual<C, S>& a, const Dual<C, S>& b) {
+  Dual<C, S> r; r.v = a.v - b.v; DERIVATIVES(a.d[i] - b.d[i]);
+}
+DUAL operator*(const Dual<C, S>& a, const Dual<C, S>& b) {
+  Dual<C, S> r; r.v = a.v * b.v; DERIVATIVES(a.d[i] * b.v + a.v * b.d[i]);
+}
+DUAL operator/(const Dual<C, S>& a, const Dual<C, S>& b) {
+  Dual<C, S> r; S q = 1.0 / b.v; r.v = a.v * q; DERIVATIVES((a.d[i] - r.v * b.d[i]) * q);
+}
+DUAL operator-(const Dual<C, S>& a) { Dual<C, S> r; r.v = -a.v; DERIVATIVES(-a.d[i]); }
+DUAL operator+(const Dual<C, S>& a, double b) { Dual<C, S> r = a; r.v = a.v + b; return r; }
+DUAL operator+(double b, const Dual<C, S>& a) { return a + b; }
+DUAL operator-(const Dual<C, S>& a, double b) { return a + -b; }
+DUAL operator-(double b, const Dual<C, S>& a) { return -a + b; }
+DUAL operator*(const Dual<C, S>& a, double b) {
+  Dual<C, S> r; r.v = a.v * b; DERIVATIVES(a.d[i] * b);
+}
+DUAL operator*(double b, const Dual<C, S>& a) { return a * b; }
+DUAL operator/(double b, const Dual<C, S>& a) {
+  Dual<C, S> r; S q = 1.0 / a.v; r.v = b * q; S m = -(r.v * q); DERIVATIVES(m * a.d[i]);
+}
+DUAL& operator+=(Dual<C, S>& a, const Dual<C, S>& b) { return a = a + b; }
+DUAL& operator-=(Dual<C, S>& a, const Dual<C, S>& b) { return a = a - b; }
+
+inline double power(double x, double p) { return exp(p * log(x)); }
+DUAL power(const Dual<C, S>& x, double p) {
+  Dual<C, S> r; r.v = power(x.v, p); S s = p * r.v / x.v; DERIVATIVES(s * x.d[i]);
+}
+// v as the variable number `at`.
+template <int C, class S> inline Dual<C, S> seeded(const S& v, int at) {
+  Dual<C, S> r = zero<Dual<C, S>>();
+  r.v = v, r.d[at] = zero<S>() + 1.0;
+  return r;
+}
+#undef DUAL
+#undef DERIVATIVES

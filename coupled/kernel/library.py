@@ -1,0 +1,84 @@
+"""The compiled library: compiled again when a source is newer, with $CXX, ziglang or the machine's compiler."""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from pathlib import Path
+
+SOURCES = Path(__file__).parent
+FLAGS = ("-O3", "-std=c++17", "-ffast-math", "-fno-finite-math-only", "-fvisibility=hidden", "-s")
+NAME = "ring" + {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
+NO_COMPILER = "coupled/kernel is not compiled, and there is no C++ compiler: pip install ziglang, or set CXX"
+
+
+def compiler() -> list[str]:
+    """The command of a C++17 compiler.
+
+    Raises RuntimeError: none is there.
+    """
+    if os.environ.get("CXX"):
+        return os.environ["CXX"].split()
+    for name in ("c++", "clang++", "g++"):
+        if shutil.which(name):
+            return [name]
+    if importlib.util.find_spec("ziglang"):
+        return [sys.executable, "-m", "ziglang", "c++"]
+    raise RuntimeError(NO_COMPILER)
+
+
+def build(target: Path, flags: tuple[str, ...] = (), command: list[str] | None = None) -> Path:
+    """Compile the sources into the library ``target``, which is replaced at once when it is complete.
+
+    flags: further ones, such as ``("-target", "x86_64-windows-gnu")`` of zig.
+    """
+    command = command or compiler()
+    target.parent.mkdir(parents=True, exist_ok=True)
+    position = () if target.suffix == ".dll" else ("-fPIC",)
+    with tempfile.TemporaryDirectory(dir=target.parent) as folder:
+
+        def compiled(source: Path) -> str:
+            out = str(Path(folder, source.stem + ".o"))
+            _run([*command, *FLAGS, *position, *flags, "-c", str(source), "-o", out])
+            return out
+
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            objects = list(pool.map(compiled, sorted(SOURCES.glob("*.cpp"))))
+        made = str(Path(folder, target.name))
+        plain = ("-nostdlib++",) if "ziglang" in command else ()  # nothing of it is used
+        _run([*command, "-shared", *plain, *flags, *objects, "-o", made])
+        os.replace(made, target)
+    return target
+
+
+def _run(command: list[str]) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(command)} failed:\n{done.stderr}")
+
+
+def path() -> Path:
+    """Where the library is: beside its sources, or in the user's cache where that folder is read-only."""
+    if os.access(SOURCES, os.W_OK) or (SOURCES / NAME).exists():
+        return SOURCES / NAME
+    from platformdirs import user_cache_path
+
+    return user_cache_path("thermofem") / sysconfig.get_platform() / NAME
+
+
+@cache
+def library() -> ctypes.CDLL:
+    """The library, loaded; built before where a source is newer."""
+    file = path()
+    sources = [*SOURCES.glob("*.cpp"), *SOURCES.glob("*.hpp")]
+    if sources and (not file.exists() or file.stat().st_mtime < max(s.stat().st_mtime for s in sources)):
+        build(file)
+    return ctypes.CDLL(str(file))

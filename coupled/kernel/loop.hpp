@@ -1,0 +1,282 @@
+// The loop over the steps: error control, breakpoints, dense output, events, where to stop and look.
+//
+// It can be left and entered again: all it needs stands in `Loop`, y and the caller's arrays. It
+// returns when it is done, after a number of steps (for progress and Ctrl-C), when rows are full,
+// at an event, where the state rests (an L-stable method would stay on an unstable fixed point: the
+// caller looks at the eigenvalues and bounds the step), or where no step is small enough.
+#pragma once
+#include "step.hpp"
+
+struct Loop {
+  double t, h, h_before, size_before, growth;  // the step to try; the last one and its size
+  double rtol, longest, restart;               // bound of every step; the step to try after a jump
+  double cap, looked;                          // bound where the state rests; step at the last look
+  double level, seen, crossing;                // of an event: level, distance from it, last crossing
+  int64_t accepted, rejected, look_again, filled, room, budget;  // room: of `steps`
+  int begun, piece, entered, fresh, per_step;
+  int quantity, ring, stop;  // event: 0 none, 1 U, 2 N, 3 dT, of which ring; whether it ends there
+};
+enum { DONE, STEPS, FULL, EVENT, RESTING, TOO_SMALL };
+constexpr double GROWTH = 5.0;     // largest ratio of two steps
+constexpr double QUIET = 1e-2;     // relative change in a step of a state that rests
+constexpr double QUIET_STEP = 0.1; // lifetimes of the carriers; no mode turns within a shorter step
+
+// One component at the fraction x of a step from a to b with the stages k.
+inline double dense_output(double x, double a, double b, const double* k, int row,
+                           const Method& m) {
+  double d[3] = {0, 0, 0};
+  for (int j = 0; j < m.stages; j++)
+    for (int i = 0; i < 3; i++) d[i] += m.dense[i * m.stages + j] * k[j * row];
+  return (1 - x) * a + x * (b + (1 - x) * (d[0] + x * (d[1] + x * d[2])));
+}
+
+// A `System` takes the steps: of one ring (`Single`) or of a circuit (`Network`).
+template <int F, class System> struct Integration {
+  static constexpr int B = 2 * F + 1, Z = B + 1;
+  const Problem& p;
+  Loop& L;
+  double *y, *out, *rows;
+  System system;
+  const int R, K, size, width;
+  Light light[8], before;
+
+  Integration(const Problem& problem, Loop& loop, double* state, double* kept, Arena& arena)
+      : p(problem), L(loop), y(state), rows(kept), system(p, arena), R(p.rings), K(p.order),
+        size(R * (B + K)), width(1 + R * Z + system.width()) {
+    out = arena.take<double>(size);
+    for (Light* l = light; l <= light + 8; l++) {
+      Light& one = l < light + 8 ? *l : before;
+      one.in = arena.take<double>(2 * R * F), one.in_slope = arena.take<double>(2 * R * F);
+      one.detuning = arena.take<double>(R * F), one.detuning_slope = arena.take<double>(R * F);
+    }
+  }
+
+  double rise(int ring, double z) const { return z + p.bend[ring] * z * z; }
+  // Fields, N and dT of a ring at the fraction x of the last step.
+  void at(double x, int i, double* state) const {
+    for (int m = 0; m < Z; m++) {
+      const double a = m < B ? y[i * B + m] : system.z_start[i];
+      const double b = m < B ? out[i * B + m] : system.z_end[i];
+      state[m] = x == 1 ? b : dense_output(x, a, b, system.k + i * Z + m, R * Z, p.method);
+    }
+    state[B] = rise(i, state[B]) + system.other_at(x, i);
+  }
+  void keep(double x, double t) {
+    double* row = rows + width * L.filled++;
+    row[0] = t;
+    for (int i = 0; i < R; i++) at(x, i, row + 1 + i * Z);
+    system.observe(x, t, row + 1 + R * Z);
+  }
+  double watched(const double* s) const {
+    return (L.quantity == 1 ? s[0] * s[0] + s[1] * s[1] : s[L.quantity == 2 ? 2 * F : B]) - L.level;
+  }
+
+  void begin(const double* times, int64_t wanted) {
+    memcpy(out, y, size * sizeof(double));
+    double state[Z];
+    at(1, L.ring, state);
+    if (L.quantity && !(L.seen < INFINITY)) L.seen = watched(state);
+    if (!wanted) keep(1, L.t);
+    while (L.filled < wanted && times[L.filled] <= L.t) keep(1, times[L.filled]);
+  }
+
+  // Whether the drive jumps at the start of a piece.
+  bool jumps(int piece, double t, double loss) {
+    const Places now = places_of(p, piece), then = places_of(p, piece - 1);
+    bool found = p.delays > 0;  // or light that comes back may
+    for (int k = 0; k < p.lasers; k++) {
+      double a[2], b[2], slopes[2];
+      laser_at(p, now, k, t, a, slopes), laser_at(p, then, k, t, b, slopes);
+      found |= hypot(a[0] - b[0], a[1] - b[1]) > 1e-6 * sqrt(p.brightest);
+    }
+    light_at(p, then, t, before);
+    for (int i = 0; i < R * F; i++)
+      found |= fabs(light[0].detuning[i] - before.detuning[i]) > 1e-6 * loss;
+    return found;
+  }
+  static bool constant(const Table& table, int piece) {
+    for (int k = 0; k < table.columns; k++)
+      for (int m = 1; m < table.terms; m++) if (table.piece(piece, k)[m] != 0) return false;
+    return true;
+  }
+
+  // Error of the last step in units of the tolerance: root mean square over field, carriers and
+  // temperature of the worst ring. `moved`: the largest relative change.
+  double error(double& moved) const {
+    const int last = p.method.stages - 1;
+    double worst = 0;
+    moved = 0;
+    for (int i = 0; i < R; i++) {
+      const double *k = system.k + (last * R + i) * Z, *a = y + i * B, *b = out + i * B;
+      const double *floor = p.floor + 3 * i, z0 = system.z_start[i], z1 = system.z_end[i];
+      const double other = system.other(i);
+      double e = 0;
+      for (int f = 0; f < 2 * F; f += 2) {
+        const double then = b[f] * b[f] + b[f + 1] * b[f + 1];
+        const double U = fmax(fmax(a[f] * a[f] + a[f + 1] * a[f + 1], then), floor[0] * floor[0]);
+        const double re = b[f] - a[f], im = b[f + 1] - a[f + 1];
+        e += (k[f] * k[f] + k[f + 1] * k[f + 1]) / (F * U);
+        moved = fmax(moved, sqrt((re * re + im * im) / fmax(then, floor[0] * floor[0])));
+      }
+      const double N0 = a[2 * F], N1 = b[2 * F];
+      const double eN = k[2 * F] / fmax(fmax(fabs(N0), fabs(N1)), floor[1]);
+      const double eT = (system.heat_error(i) + fabs(system.missed(i)))
+                        / fmax(fmax(fabs(z0 + other), fabs(z1 + other)), floor[2]);
+      e += eN * eN + eT * eT;
+      moved = fmax(moved, fabs(N1 - N0) / fmax(fabs(N1), floor[1]));
+      moved = fmax(moved, fabs(z1 - z0) / fmax(fabs(z1), floor[2]));
+      worst = e >= 0 && 1 + 2 * p.bend[i] * z1 > 0 ? fmax(worst, e) : INFINITY;  // nan, or the top
+    }
+    return sqrt(worst / 3) / L.rtol;
+  }
+
+  // Where in the last step the event is, by bisection of the dense output; 2 if nowhere.
+  double crossing() {
+    double state[Z];
+    at(1, L.ring, state);
+    const double rest = watched(state);
+    const bool rises = L.quantity && L.seen < 0 && rest >= 0;
+    L.seen = rest;
+    if (!rises) return 2;
+    double low = 0, high = 1;
+    for (int n = 0; n < 50; n++) {
+      const double x = 0.5 * (low + high);
+      at(x, L.ring, state);
+      (watched(state) < 0 ? low : high) = x;
+    }
+    L.crossing = L.t + high * L.h;
+    return high;
+  }
+  void stop_at(double x) {  // y at the fraction x of the step
+    const auto& m = p.method;
+    double* z = system.k;
+    for (int i = 0; i < R * B; i++)
+      y[i] = dense_output(x, y[i], out[i], z + i / B * Z + i % B, R * Z, m);
+    for (int i = R * B; i < size; i++)
+      y[i] = dense_output(x, y[i], out[i], system.kx + (i - R * B), R * K, m);
+    L.t = L.crossing;
+  }
+
+  // times: wanted ones, or none for the accepted steps, with `per_step` rows each.
+  // steps: null, or room for the lengths of the accepted steps.
+  int run(int64_t capacity, const double* times, int64_t wanted, double* steps) {
+    double loss = 0, tau0 = INFINITY;
+    for (int i = 0; i < R; i++)
+      loss = fmax(loss, p.modes[i * F].loss), tau0 = fmin(tau0, p.carriers[i].tau0);
+    const double cautious = 1e-2 / loss, end = p.edges[p.pieces];
+    system.begin(y);
+    if (!L.begun) {
+      L.begun = 1, L.restart = cautious, L.growth = GROWTH, L.size_before = 1, L.cap = INFINITY;
+      if (!(L.h > 0)) L.h = cautious;
+      L.h = fmin(L.h, L.longest);
+      begin(times, wanted);
+    }
+    int64_t budget = L.budget;
+    for (; L.piece < p.pieces; L.piece++, L.entered = 0) {
+      const double begin = p.edges[L.piece], stop = p.edges[L.piece + 1];
+      const Places places = places_of(p, L.piece);
+      const bool steady = constant(p.power, places.power) && constant(p.phase, places.phase)
+                          && constant(p.detuning, places.detuning) && system.steady();
+      light_at(p, places, L.t, light[0]);
+      for (int q = 1; steady && q < p.method.stages; q++) light_at(p, places, L.t, light[q]);
+      if (!L.entered) {
+        L.entered = 1;
+        if (L.piece > 0 && jumps(L.piece, begin, loss))
+          L.h = fmin(L.h, L.restart), L.h_before = L.looked = 0, L.fresh = 1, L.cap = INFINITY;
+      }
+      while (L.t < stop) {
+        if (budget-- <= 0) return STEPS;
+        if (!wanted && L.filled + L.per_step > capacity) return FULL;
+        if (steps && L.accepted == L.room) return FULL;
+        const double planned = L.h;
+        const bool landing = L.t + 1.0001 * L.h >= stop;
+        if (landing) L.h = stop - L.t;
+        for (int q = 0; !steady && q < p.method.stages; q++)
+          light_at(p, places, L.t + p.method.at[q] * L.h, light[q]);
+        double moved = 0, err = INFINITY;
+        if (system.step(y, L.t, L.h, light, out)) err = error(moved);
+        double taken = fmax(err, 1e-8);  // the step, in units of what the tolerance allows
+        taken = p.method.order == 4 ? sqrt(sqrt(taken)) : pow(taken, 1.0 / p.method.order);
+        if (!(err <= 1)) {
+          L.rejected++, L.growth = 1;
+          L.h *= err < INFINITY ? fmax(0.2, 0.9 / taken) : 0.2;
+          const bool top = err == INFINITY && L.h < 1e-3 * cautious;
+          if (L.h < 1e-13 * fmax(fabs(L.t), 1e-3) || top) return TOO_SMALL;
+          continue;
+        }
+        if (L.fresh)  // what would have been right; a longer one would not resolve the field
+          L.restart = fmin(L.h * fmax(0.2, fmin(GROWTH, 0.8 / taken)), 0.5 / loss), L.fresh = 0;
+        const double event = L.quantity ? crossing() : 2;
+        const bool halt = event <= 1 && L.stop, last = landing && stop == end;
+        const double until = halt ? L.crossing : L.t + L.h, part = halt ? event : 1;
+        while (L.filled < wanted && ((last && !halt) || times[L.filled] <= until))
+          keep((times[L.filled] - L.t) / L.h, times[L.filled]);
+        for (int j = 1; !wanted && j < L.per_step; j++)
+          keep(part * j / L.per_step, L.t + part * j / L.per_step * L.h);
+        const double arrived = halt ? L.crossing : landing ? stop : L.t + L.h;
+        if (!wanted) keep(part, arrived);
+        if (steps) steps[L.accepted] = part * L.h;
+        L.accepted++;
+        if (halt) {
+          stop_at(event);
+          return EVENT;
+        }
+        L.t = arrived;
+        system.accept(L.t, out);
+        memcpy(y, out, size * sizeof(double));
+        double factor = 0.9 / taken;
+        if (L.h_before > 0)
+          factor = fmin(factor, factor * L.h / L.h_before * L.size_before / taken);
+        L.h_before = L.h, L.size_before = fmax(taken, 0.3);
+        L.h *= fmax(0.2, fmin(L.growth, factor)), L.growth = GROWTH;
+        if (landing && L.t < end) L.h = fmax(L.h, planned);
+        L.h = fmin(L.h, L.longest);
+        const int next = L.piece + 2 < p.pieces ? L.piece + 2 : p.pieces;
+        const double coming = L.t < stop ? stop - L.t : p.edges[next] - L.t;
+        bool resting = false;
+        if (fmin(L.h, coming) > QUIET_STEP * tau0) {
+          if (moved > QUIET) L.looked = 0, L.cap = INFINITY;
+          else resting = L.h > 4 * L.looked || L.accepted >= L.look_again;
+          L.h = fmin(L.h, L.cap);
+        }
+        if (event <= 1) return EVENT;
+        if (resting) return RESTING;
+      }
+    }
+    return DONE;
+  }
+};
+
+// The same steps again on dual numbers, under constant light: the derivative of the flow. Columns of
+// V, size x columns, are directions at the start and what the flow makes of them at the end.
+template <int F, int C, class System>
+void follow(const Problem& p, const double* y0, const double* steps, int64_t count, double* y_end,
+            double* V, int columns, Arena& arena) {
+  using T = Dual<C>;
+  const int size = p.rings * (2 * F + 1 + p.order), n = p.rings * F;
+  System system(p, arena);
+  T *y = arena.take<T>(size), *out = arena.take<T>(size);
+  Light light[8];
+  light[0] = {arena.take<double>(2 * n), arena.take<double>(n), arena.take<double>(2 * n),
+              arena.take<double>(n)};
+  if (!arena.base) return;
+  light_at(p, places_of(p, 0), p.edges[0], light[0]);
+  for (int q = 1; q < p.method.stages; q++) light[q] = light[0];
+  for (int first = 0; first == 0 || first < columns; first += C) {
+    for (int i = 0; i < size; i++) {
+      y[i] = zero<T>(), y[i].v = y0[i];
+      for (int c = 0; c < C && first + c < columns; c++) y[i].d[c] = V[i * columns + first + c];
+    }
+    system.begin(y);
+    double t = p.edges[0];
+    for (int64_t k = 0; k < count; k++) {
+      system.step(y, t, steps[k], light, out);
+      system.accept(t += steps[k], out);
+      T* x = y; y = out; out = x;
+    }
+    for (int i = 0; i < size; i++) {
+      y_end[i] = y[i].v;
+      for (int c = 0; c < C && first + c < columns; c++) V[i * columns + first + c] = y[i].d[c];
+    }
+  }
+}

@@ -1,0 +1,129 @@
+"""Where SI becomes the kernel's units: ns, fJ, uW, K and 1e23 carriers per m^3, in which every state is of order one.
+
+1 uW is 1 fJ/ns. The equations, with these names, are in `equations.hpp`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from thermofem import Foster, OutputMap
+from thermofem.arrays import Array
+
+from .integrator import Drive, PoleHeat, Problem, QuadraticHeat, Rings
+from .tableaus import Method
+
+if TYPE_CHECKING:
+    from ..resonator import RingResonator
+    from ..thermal import Compact
+
+NS, FJ, UW, DENSITY = 1e-9, 1e-15, 1e-6, 1e23  # the internal units in s, J, W, 1/m^3
+EPSILON = 1e15 / DENSITY  # eps of S(N); 1e15 per m^3 is six orders below the densities that matter
+
+
+class Rates(NamedTuple):
+    """The ring in internal units."""
+
+    loss: float  # 1/ns
+    absorbed: float  # 1/ns
+    fca: float  # 1/ns per 1e23/m^3
+    tpa: float  # 1/(ns fJ)
+    g: float  # 1e23/m^3 per ns and fJ^2
+    tau0: float  # ns
+    a: float  # m^3/1e23
+    b: float  # m^3/1e23
+    thermal_shift: float  # rad/ns/K
+    kerr: float  # rad/ns/fJ
+
+
+def internal_rates(ring: RingResonator) -> tuple[Rates, Array]:
+    """Return the ring in internal units and its free-carrier dispersion, rows (c_k in rad/ns, p_k)."""
+    rates = Rates(
+        loss=ring.linear_rate * NS,
+        absorbed=ring.loss_rate * NS,
+        fca=ring.eta_fca * DENSITY * NS,
+        tpa=ring.eta_tpa * FJ * NS,
+        g=ring.g_tpa * FJ**2 * NS / DENSITY,
+        tau0=ring.carriers.tau0 / NS,
+        a=ring.carriers.a * DENSITY,
+        b=ring.carriers.b * DENSITY,
+        thermal_shift=ring.thermal_shift * NS,
+        kerr=ring.kerr_shift * FJ * NS,
+    )
+    fcd = np.array(ring.fcd, dtype=float).reshape(-1, 2)
+    fcd[:, 0] *= ring.index_rate * NS * DENSITY ** fcd[:, 1]
+    return rates, fcd
+
+
+def internal_pump(ring: RingResonator, power: float) -> float:
+    """Return the pump amplitude sqrt(2 gamma_e P) in sqrt(fJ)/ns for a bus power in W."""
+    return math.sqrt(2 * ring.bus_rate * NS * power / UW)
+
+
+def internal_detuning(detuning: float) -> float:
+    """Return 2 pi (laser - cold resonance) in rad/ns for a detuning in Hz."""
+    return 2 * math.pi * detuning * NS
+
+
+def absorbed_power(U: Array, N: Array, rates: Rates) -> Array:
+    """Return P_abs in uW of one ring with one field."""
+    return 2.0 * (rates.absorbed + rates.fca * N + rates.tpa * U) * U
+
+
+def floor_of(rates: Rates, pump: float, thermal_resistance: float) -> Array:
+    """Sizes of field, carriers and temperature, in internal units, below which errors are not relative to them.
+
+    A thousandth of the values on resonance with the loss of the cold ring, but at most a thousandth of 1e23 carriers
+    per m^3, which is that of a ring whose light makes none, and of 10 K. These values are far below those that shift
+    the resonance by its width.
+    """
+    U = (pump / rates.loss) ** 2
+    N = rates.tau0 * (rates.a / rates.b if rates.b > 0 else 1.0) * rates.g * U**2 if rates.g > 0 else 1.0
+    dT = thermal_resistance * 2 * rates.absorbed * U
+    tiny = 1e-27  # with no light at all, keeps 0/0 away
+    return 1e-3 * np.array([max(np.sqrt(U), tiny), min(max(N, tiny), 1), min(max(dT, tiny), 10)])
+
+
+def units(order: int, rings: int = 1) -> Array:
+    """SI value of one internal unit of every state of rings with ``order`` states of heat each."""
+    return np.concatenate([np.tile([FJ**0.5, FJ**0.5, DENSITY], rings), np.ones(rings * order)])
+
+
+def internal_rings(resonances: Sequence[RingResonator], pump: float, thermal_resistance: float) -> Rings:
+    """One ring, as its ``resonances`` see it, the first of which has its carriers.
+
+    pump: largest amplitude, sqrt(fJ)/ns; thermal_resistance [K/uW].
+    """
+    own = resonances[0]
+    (first, fcd), modes = internal_rates(own), []
+    for one in resonances:
+        r, turn = internal_rates(one)[0], one.index_rate / own.index_rate
+        modes.append([r.loss, r.absorbed, r.fca, r.tpa, r.g, r.thermal_shift, turn, r.kerr])
+    floor = floor_of(first, pump, thermal_resistance)
+    return Rings(np.array([modes]), np.array([[first.tau0, first.a, first.b]]), fcd[None], floor[None])
+
+
+def internal_heat(model: Compact) -> tuple[PoleHeat | QuadraticHeat, float]:
+    """Heat of one ring, and the curvature of its output map in 1/K."""
+    if isinstance(model, OutputMap):
+        return internal_heat(model.linear)[0], float(model.coefficient)
+    if isinstance(model, Foster):
+        R, tau = np.asarray(model.R, dtype=float), np.asarray(model.tau, dtype=float)
+        return PoleHeat((R * UW * NS / tau)[None], (NS / tau)[None]), 0.0
+    A, H, G, B, C = (np.array(getattr(model, name), dtype=float, order="C") for name in "AHGBC")
+    static = np.linalg.solve(A, B)
+    weight = np.where(C != 0, np.abs(C), np.abs(C @ static) / np.abs(static).max())
+    return QuadraticHeat(A * NS, H * NS, G * FJ, B * FJ, C, weight), 0.0
+
+
+def single_ring(
+    ring: RingResonator, model: Compact, power: float, detuning: float, duration: float, method: Method
+) -> Problem:
+    """The problem of one ring under constant light; power in W, detuning in Hz, duration in s."""
+    pump, (heat, bend) = internal_pump(ring, power), internal_heat(model)
+    rings = internal_rings([ring], pump, model.thermal_resistance * UW)._replace(bend=bend)
+    return Problem(rings, heat, Drive.constant(pump**2, internal_detuning(detuning), duration / NS), method)

@@ -1,0 +1,204 @@
+"""Variables of Datasets: their units and long names, conversion to SI, and what a Dataset must hold.
+
+Users select, join, rename and rescale Datasets. What a function needs is checked before it computes, so that the error
+names the variable and not a line of NumPy's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from .. import checks
+from ..checks import InputError, shown
+from . import quantity
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+PER = "per unit"  # in the units of derivatives with respect to parameters
+PREFIXES = ("time_", "power_", "delta_T_")  # of a campaign: the name of a drive follows
+
+
+class Variable(NamedTuple):
+    """Unit and long name of one variable of a Dataset."""
+
+    unit: str
+    long_name: str
+
+
+VARIABLES: dict[str, Variable] = {
+    "time": Variable("s", "time"),
+    "power": Variable("W", "absorbed power"),
+    "delta_T": Variable("K", "mean temperature rise"),
+    "final_rise": Variable("K", "temperature rise of the field at the end"),
+    "temperature": Variable("K", "temperature"),
+    "energy": Variable("J", "energy stored in the resonator"),
+    "carriers": Variable("1/m^3", "free-carrier density"),
+    "drop": Variable("W", "power at the drop port"),
+    "through": Variable("W", "power at the through port"),
+    "absorbed": Variable("W", "power absorbed in the resonator"),
+    "scattered": Variable("W", "power scattered out of the resonator"),
+    "input_power": Variable("W", "power in the bus waveguide"),
+    "detuning": Variable("Hz", "laser frequency minus cold resonance"),
+    "frequency": Variable("Hz", "frequency"),
+    "period": Variable("s", "period"),
+    "period_model": Variable("s", "period for which the model has the same swing"),
+    "error": Variable("s", "period error"),
+    "relative_error": Variable("1", "relative period error"),
+    "duty": Variable("1", "duty cycle"),
+    "swing": Variable("K", "peak-to-peak temperature rise"),
+    "growth_rate": Variable("1/s", "largest real part of the eigenvalues"),
+    "regime": Variable("1", "dynamic regime"),
+    "impedance": Variable("K/W", "thermal impedance"),
+    "heat_in": Variable("J", "heat put in"),
+    "heat_stored": Variable("J", "heat stored"),
+    "heat_out": Variable("J", "heat carried off through the boundary"),
+    "field": Variable("K", "temperature rise"),
+    "field_time": Variable("s", "time of the field"),
+    "swing_model": Variable("K", "swing of the model's temperature rise"),
+    "shortest": Variable("s", "shortest period within 10 %"),
+    "longest": Variable("s", "longest period within 10 %"),
+    "lifetime": Variable("s", "carrier lifetime"),
+    "weight": Variable("s", "weight of an integral over the period"),
+    "window": Variable("s", "start of the window"),
+    "discrepancy": Variable("K", "largest discrepancy of the temperature"),
+    "highest_rise": Variable("K", "highest temperature rise"),
+    "tau_th": Variable("s", "thermal lifetime"),
+    "r": Variable("m", "distance from the axis of the ring"),
+    "z": Variable("m", "height above the datum"),
+}
+
+
+def describe(name: str) -> dict[str, str]:
+    """Attributes of one variable, as xarray's plots read them."""
+    return {"units": VARIABLES[name].unit, "long_name": VARIABLES[name].long_name}
+
+
+def known(name: str) -> Variable | None:
+    """Unit and long name of a variable; None for a name that is not ours."""
+    prefix = next((p for p in PREFIXES if name.startswith(p) and len(name) > len(p)), "_")
+    return VARIABLES.get(name) or VARIABLES.get(prefix[:-1])
+
+
+def label(values: Any, name: str) -> str:
+    """Name of a variable for an axis and its unit, where the Dataset has kept them."""
+    unit = values.attrs.get("units")
+    return str(values.attrs.get("long_name", name)) + (f" ({unit})" if unit else "")
+
+
+def in_si(name: str, data: xr.Dataset) -> xr.Dataset:
+    """The Dataset with every known variable in the unit of `VARIABLES`; no unit counts as that unit.
+
+    name: what the Dataset is called in the error.
+    Raises InputError: a unit that is no text, unknown, or of another dimension; values that the file calls missing.
+    """
+    what = f"{name}: variable"
+    changed = {}
+    for key, variable in data.variables.items():
+        field, given = known(str(key)), variable.attrs.get("units")
+        if field is None or _is_derivative(str(key), variable, field.unit):
+            continue
+        _check_valid(f"{what} {key!r}", variable)
+        if given is None or given == field.unit:
+            continue
+        if not isinstance(given, str) or (given in ("", "1") and field.unit not in ("", "1")):
+            raise InputError(f"{what} {key!r} states the unit {shown(given)}; {field.unit} is needed")
+        if variable.dtype.kind not in "fiu" or given in ("", "1"):
+            continue
+        offset, factor = _line(given, field, f"{what} {key!r}")
+        attributes = {**variable.attrs, "units": field.unit}
+        changed[key] = (variable.dims, offset + factor * np.asarray(variable.values, dtype=float), attributes)
+    return data.assign(changed) if changed else data
+
+
+def _is_derivative(name: str, variable: Any, unit: str) -> bool:
+    """Whether a variable is a derivative with respect to parameters, or an energy for 1 W in a linear spectrum."""
+    given = str(variable.attrs.get("units"))
+    return (given.startswith(f"{unit} {PER}") and "parameter" in variable.dims) or (name, given) == ("energy", "J/W")
+
+
+def _check_valid(name: str, variable: Any) -> None:
+    """InputError where a value is one that the attributes of its variable call missing, or outside its valid range."""
+    attrs, values = variable.attrs, variable.values
+    if values.dtype.kind not in "fiu" or "scale_factor" in variable.encoding:
+        return
+    low, high = attrs.get("valid_range", (attrs.get("valid_min", -np.inf), attrs.get("valid_max", np.inf)))
+    missing = (values < low) | (values > high) | np.isin(values, attrs.get("missing_value", np.nan))
+    if np.any(missing):
+        raise InputError(f"{name} holds {values[missing][0]:g}, which its attributes call missing; leave it out")
+
+
+def _line(given: str, field: Variable, name: str) -> tuple[float, float]:
+    """Offset and factor of a unit; a rise in degrees Celsius has no offset."""
+    unit = "" if field.unit == "1" else field.unit
+    offset, factor = quantity.line(given, unit, name=f"unit of {name}")
+    return (0.0 if "rise" in field.long_name else offset), factor
+
+
+def takes(name: str, value: Any, *needed: str, what: str) -> Any:
+    """``value`` if it has the needed variables (of a Dataset) or attributes; InputError with what is taken if not.
+
+    >>> takes("data", 3, "data_vars", what="a Dataset of th.solve")
+    Traceback (most recent call last):
+    thermofem.errors.InputError: data is an int; this function takes a Dataset of th.solve
+    """
+    inside = getattr(value, "variables", ())
+    if not isinstance(value, type) and all(one in inside or hasattr(value, one) for one in needed):
+        return value
+    raise _other(name, value, next((one for one in needed if inside and one not in inside), ""), what)
+
+
+def _other(name: str, value: Any, missing: str, what: str) -> InputError:
+    kind = value.__name__ if isinstance(value, type) else type(value).__name__
+    article = "an" if kind[:1].lower() in "aeiou" else "a"
+    lacks = f" without {missing!r}" if missing else ""
+    return InputError(f"{name} is {article} {kind}{lacks}; this function takes {what}")
+
+
+def contents(
+    name: str,
+    data: Any,
+    dims: Mapping[str, str],
+    *,
+    what: str,
+    fewest: int = 1,
+    words: Sequence[str] = (),
+    attrs: Sequence[str] = (),
+) -> Any:
+    """``data`` in SI if it is a Dataset that holds variables over these dimensions, real numbers all of them.
+
+    dims: for each variable its dimensions in their order, as "time" or "model period"; one in brackets may be missing.
+    fewest: values along each dimension but those in brackets.
+    words: variables that hold text or True and False.
+    attrs: attributes that must be finite numbers.
+    what: what this function takes, for the message.
+    Raises InputError: something else, a variable missing or over other dimensions, too few values, no real numbers.
+    """
+    if not hasattr(data, "data_vars"):
+        raise _other(name, data, "", what)
+    for variable, shape in dims.items():
+        if variable not in data.variables:
+            raise _other(name, data, variable, what)
+        _check_variable(f"{name}[{variable!r}]", data.variables[variable], shape, fewest, what, variable in words)
+    for attribute in attrs:
+        if attribute not in data.attrs:
+            raise InputError(f"{name} has no attribute {attribute!r}; this function takes {what}")
+        checks.finite(f"{name}.attrs[{attribute!r}]", data.attrs[attribute])
+    return in_si(name, data)
+
+
+def _check_variable(name: str, held: Any, shape: str, fewest: int, what: str, words: bool) -> None:
+    """InputError unless a variable has these dimensions, enough values, and values of the right kind."""
+    possible = shape.split()
+    wanted = [one.strip("[]") for one in possible if not one.startswith("[") or one.strip("[]") in held.dims]
+    if list(held.dims) != wanted:
+        has = ", ".join(map(str, held.dims))
+        raise InputError(f"{name} has the dimensions ({has}), {shape!r} is needed; this function takes {what}")
+    for one, size in zip(held.dims, held.shape, strict=True):
+        if size < (1 if f"[{one}]" in possible else fewest):
+            raise InputError(f"{name} holds {size} values along {one!r}; at least {fewest} are needed")
+    if not words and held.dtype.kind not in "fiub":
+        raise InputError(f"{name} holds values of the type {held.dtype}; real numbers are needed")

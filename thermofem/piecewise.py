@@ -1,0 +1,209 @@
+"""Piecewise cubics of time, and any function of time as one of them, with error control."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import PPoly
+
+from .arrays import Array, ArrayLike, NDArray
+from .errors import InputError
+
+LEVELS = 13  # a stretch without breakpoints is sampled in 2^13 cells: a pulse of 1e-4 of it is seen
+FEWEST_LEVELS = 6  # where there are many stretches
+BUDGET = 2**17  # cells of all stretches together
+MOST_LEVELS = 22  # where a time scale requires more; 4 million cells take a second
+MOST_PIECES = 200_000
+SHORTEST = 1e-12  # of a stretch: a shorter cell that does not fit contains a jump that is no breakpoint
+NODES = np.array([0, 1 / 3, 2 / 3, 1])
+CHECKED = np.array([0.1273, 0.4529, 0.5471, 0.8727])  # of a cell; not evenly spaced, so that they miss no harmonic
+TO_COEFFICIENTS = np.linalg.inv(NODES[:, None] ** np.arange(4)).T  # values at the nodes @ this = coefficients of u^j
+
+
+def cubic(coefficients: Array, u: Array) -> Array:
+    """Evaluate cubics at ``u``; coefficients of rising powers stand along the last axis."""
+    a, b, c, d = np.moveaxis(coefficients, -1, 0)
+    return np.asarray(a + u * (b + u * (c + u * d)))
+
+
+class Pieces(NamedTuple):
+    """A piecewise cubic: sum_j coefficients[k, j] (t - edges[k])^j between edges[k] and edges[k + 1].
+
+    ``edges`` has shape (n + 1,), in s, increasing; ``coefficients`` has shape (n, 4).
+    """
+
+    edges: Array
+    coefficients: Array
+
+    @classmethod
+    def constant(cls, start: float, stop: float, value: float) -> Pieces:
+        """One value over [start, stop]."""
+        return cls(np.array([start, stop]), np.array([[value, 0.0, 0.0, 0.0]]))
+
+    def __call__(self, t: ArrayLike, side: str = "right") -> Array:
+        """The value at ``t``, continuous from that side; the first and the last piece go on outside."""
+        times = np.asarray(t, dtype=float)
+        if len(self.coefficients) == 1 and not self.coefficients[0, 1:].any():
+            return np.full(times.shape, self.coefficients[0, 0])
+        k = np.clip(np.searchsorted(self.edges, times, side=side) - 1, 0, len(self.coefficients) - 1)  # type: ignore[call-overload]
+        return cubic(self.coefficients[k], times - self.edges[k])
+
+    def on(self, edges: Array) -> Pieces:
+        """The function on finer edges; edges of this one within their range must be among them."""
+        k = np.clip(np.searchsorted(self.edges, (edges[:-1] + edges[1:]) / 2) - 1, 0, len(self.coefficients) - 1)
+        u, (a, b, c, d) = edges[:-1] - self.edges[k], self.coefficients[k].T
+        moved = [a + u * (b + u * (c + u * d)), b + u * (2 * c + 3 * u * d), c + 3 * u * d, d]
+        return Pieces(edges, np.stack(moved, axis=1))
+
+    def window(self, start: float, stop: float) -> Pieces:
+        """The function on [start, stop]."""
+        return self.on(np.concatenate([[start], inside(self.edges, start, stop), [stop]]))
+
+    def repeated(self, start: float, stop: float) -> Pieces:
+        """The function as one period, over all periods that touch [start, stop]."""
+        length = self.edges[-1] - self.edges[0]
+        first, last = np.floor((start - self.edges[0]) / length), np.ceil((stop - self.edges[0]) / length)
+        cycles = np.arange(first - 1, last + 1)
+        edges = np.append((self.edges[:-1] + length * cycles[:, None]).ravel(), self.edges[0] + length * (last + 1))
+        return Pieces(edges, np.tile(self.coefficients, (cycles.size, 1)))
+
+    def times(self, factor: float) -> Pieces:
+        """The function multiplied by a number."""
+        return Pieces(self.edges, self.coefficients * factor)
+
+    @property
+    def ends(self) -> Array:
+        """The value at the end of every piece, shape (n,)."""
+        return cubic(self.coefficients, np.diff(self.edges))
+
+    def integral(self) -> float:
+        """Integral over all pieces."""
+        a, b, c, d = self.coefficients.T
+        u = np.diff(self.edges)
+        return float(np.sum(u * (a + u * (b / 2 + u * (c / 3 + u * d / 4)))))
+
+    def ppoly(self) -> PPoly:
+        """The same function as SciPy's piecewise polynomial."""
+        return PPoly(self.coefficients.T[::-1], self.edges)
+
+
+def inside(times: Array, start: float, stop: float) -> Array:
+    """The times strictly inside (start, stop), up to round-off."""
+    slack = 1e-12 * max(abs(start), abs(stop))
+    return times[(times > start + slack) & (times < stop - slack)]
+
+
+def hermite(times: Array, values: Array, first: Array, last: Array) -> Pieces:
+    """Cubics through values, shape (n + 1,), with slopes at the start and the end of each piece, shape (n,)."""
+    h = np.diff(times)
+    mean = np.diff(values) / h
+    square, cube = (3 * mean - 2 * first - last) / h, (first + last - 2 * mean) / h**2
+    return Pieces(times, np.stack([values[:-1], first, square, cube], axis=1))
+
+
+def bounds(function: Pieces) -> tuple[float, float]:
+    """Lowest and highest value of a piecewise cubic."""
+    length, (_, b, c, d) = np.diff(function.edges), function.coefficients.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        far = -(c + np.copysign(np.sqrt(np.maximum(c * c - 3 * b * d, 0)), c))  # avoids cancellation
+        turns = [far / (3 * d), b / far]  # zeros of b + 2 c u + 3 d u^2, also where b or d is 0
+    within = [np.where((u > 0) & (u < length), u, 0.0) for u in turns]
+    values = [cubic(function.coefficients, u) for u in (0 * length, length, *within)]
+    return float(np.min(values)), float(np.max(values))
+
+
+class Sides(NamedTuple):
+    """A function of time: its value (continuous from the right), its limit from the left, its shortest time in s."""
+
+    value: Callable[[Array], Array]
+    before: Callable[[Array], Array]
+    time_scale: float | None
+    name: str
+
+
+def fitted(function: Sides, marks: Array, tolerance: float) -> Pieces:
+    """Piecewise cubic within ``tolerance`` of the largest value at all checked times.
+
+    Each stretch between two marks is halved until the cubic through four points of a cell agrees with the function at
+    every checked time in it. The checked times lie in 2^13 cells a stretch (or as many as ``time_scale`` needs), so a
+    feature narrower than 1e-4 of the stretch may be missed unless a breakpoint or a time scale names it.
+
+    marks [shape (m + 1,), s]: start, breakpoints, stop.
+    Raises InputError: more than 200 000 pieces are needed.
+    """
+    levels = _levels(function, marks)
+    stretches = list(zip(marks[:-1].tolist(), marks[1:].tolist(), levels, strict=True))
+    samples = [_samples(function, a, b, 2**level) for a, b, level in stretches]
+    peak = max(float(np.abs(values).max()) for _, values in samples)
+    allowed = max(tolerance * peak, np.finfo(float).tiny)
+    cells = [_stretch(function, *stretch, seen, allowed) for stretch, seen in zip(stretches, samples, strict=True)]
+    return Pieces(np.append(np.concatenate([c[0] for c in cells]), marks[-1]), np.concatenate([c[1] for c in cells]))
+
+
+def _levels(function: Sides, marks: Array) -> list[int]:
+    """Halvings of every stretch down to the cells that are checked."""
+    lengths = np.diff(marks)
+    shared = int(np.clip(np.log2(BUDGET / lengths.size), FEWEST_LEVELS, LEVELS))
+    scale = function.time_scale
+    asked = np.ceil(np.log2(lengths / scale)) if scale else np.zeros(lengths.size)
+    if asked.max() > MOST_LEVELS:
+        raise InputError(
+            f"time_scale = {scale:g} s is less than 1/{2**MOST_LEVELS:g} of a run of {lengths.max():g} s",
+            "give breakpoints around the short features instead",
+        )
+    return np.maximum(asked, shared).astype(int).tolist()
+
+
+def _samples(function: Sides, a: float, b: float, cells: int) -> tuple[Array, Array]:
+    """Times inside every cell, sorted, and the values there."""
+    times = a + (b - a) * ((np.arange(cells)[:, None] + CHECKED) / cells).ravel()
+    return times, function.value(times)
+
+
+def _stretch(
+    function: Sides, a: float, b: float, level: int, seen: tuple[Array, Array], allowed: float
+) -> tuple[Array, Array]:
+    """Left edges and coefficients over one stretch without breakpoints."""
+    left, length, depth = np.array([a]), b - a, 0
+    done: list[tuple[Array, Array]] = []
+    while left.size:
+        size = length / 2**depth
+        last = np.minimum(left + size, b)
+        values = function.value(left[:, None] + (last - left)[:, None] * NODES)
+        values[:, -1] = function.before(last)
+        scaled = values @ TO_COEFFICIENTS
+        bad = _misfits(function, left, last, scaled, seen if depth < level else None, allowed)
+        if size <= SHORTEST * length:  # a jump: constant up to the end of the cell, where a cubic would overshoot
+            scaled[bad] = values[bad, :1] * [1.0, 0.0, 0.0, 0.0]
+            bad[:] = False
+        h = (last - left)[~bad, None]
+        done.append((left[~bad], scaled[~bad] / h ** np.arange(4)))
+        if sum(d[0].size for d in done) + 2 * bad.sum() > MOST_PIECES:
+            raise InputError(
+                f"the {function.name} needs more than {MOST_PIECES} cubics between {a:g} and {b:g} s",
+                "is it noise? give samples of it (th.Sampled), or breakpoints where it jumps",
+            )
+        left = np.sort(np.concatenate([left[bad], left[bad] + size / 2]))
+        depth += 1
+    edges = np.concatenate([d[0] for d in done])
+    order = np.argsort(edges)
+    return edges[order], np.concatenate([d[1] for d in done])[order]
+
+
+def _misfits(
+    function: Sides, left: Array, last: Array, scaled: Array, seen: tuple[Array, Array] | None, allowed: float
+) -> NDArray[np.bool_]:
+    """Which cells differ from the function by more than ``allowed`` at a checked time."""
+    if seen is None:
+        u = np.broadcast_to(CHECKED, (left.size, CHECKED.size))
+        values = function.value(left[:, None] + (last - left)[:, None] * u)
+        return np.any(np.abs(cubic(scaled[:, None], u) - values) > allowed, axis=1)
+    times, values = seen
+    first, end = np.searchsorted(times, left), np.searchsorted(times, last)
+    cell = np.repeat(np.arange(left.size), end - first)
+    index = np.arange(cell.size) + np.repeat(first - np.append(0, np.cumsum(end - first)[:-1]), end - first)
+    u = (times[index] - left[cell]) / (last - left)[cell]
+    off = np.abs(cubic(scaled[cell], u) - values[index]) > allowed
+    return np.bincount(cell[off], minlength=left.size) > 0

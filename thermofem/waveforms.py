@@ -1,0 +1,772 @@
+"""Waveforms: powers over time, as cubics between breakpoints.
+
+A waveform heats a part or is the power of a laser (W); `coupled` takes it as a detuning (Hz), too. Every one is a
+`Waveform`, so that every model takes it:
+
+1. ``wave(t)`` is the value at ``t`` in s, continuous from the right; ``wave.before(t)`` is the limit from the left.
+2. ``wave.breakpoints(start, stop)`` are the times strictly inside where it jumps or has a kink; every integrator ends a
+   step there.
+3. ``wave.pieces(start, stop)`` is the waveform as cubics (`piecewise.Pieces`), exact but for a `Function`.
+4. ``wave.mean(start, stop)`` is the mean, exact for the same kinds.
+5. ``wave.period`` in s, or None; ``wave.piecewise_linear``; ``wave.words`` describe it.
+
+To add a waveform, write a dataclass of numbers and arrays here that has ``whole``, its pieces, and joins `Waveform`
+(or `Steps`, for a power that is constant between times); a file then holds it by its name. One instance goes into
+tests/test_every_waveform.py, which drives every model with it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from . import checks
+from .arrays import Array, ArrayLike
+from .errors import Hint, InputError
+from .piecewise import Pieces, Sides, bounds, fitted, hermite, inside
+
+TIME_HINT = Hint("times are in s (did you mean 1e-6 for 1 us?)")
+ENDLESS = 1e12  # s: where a power that is held before its first and after its last change ends
+MOST_CYCLES = 1e6  # periods that a call may span
+MANY = 8  # periods of a smooth wave, beyond which one is fitted and repeated
+TOLERANCE = 1e-8  # of a cubic fit, relative to the largest value: far below the default rtol of every model
+COARSE = 1e-4  # the same, where only the sign of a power is asked
+UNDERSHOOT = 1e-6  # of the largest power: what a cubic fit may fall below zero where the power is zero
+STORED = 1e-7  # of a function by the cubics that a file keeps
+MOST_SAMPLES = 10_000_000  # of a periodic state; more would not fit into memory
+KINDS: dict[str, type[Waveform]] = {}  # waveforms that a file can hold, by name
+
+
+class Waveform:
+    """A power over time; the module's docstring lists what holds for every waveform."""
+
+    piecewise_linear: ClassVar[bool] = True
+    period: float | None = None  # s
+    whole: Pieces  # all pieces, or those of one period
+
+    def __init_subclass__(cls, *, stored: bool = True) -> None:
+        """A subclass is found in files by its name, unless no file can hold it."""
+        if stored:
+            KINDS[cls.__name__] = cls
+
+    @property
+    def words(self) -> str:
+        """A short description for labels and tables."""
+        return type(self).__name__.lower()
+
+    def _unrolled(self, start: float, stop: float) -> Pieces:
+        """All pieces, or those of every period that touches [start, stop]; InputError for too many periods."""
+        whole = self.whole
+        if self.period is not None:
+            if (stop - start) / self.period > MOST_CYCLES:
+                raise InputError(
+                    f"{(stop - start) / self.period:.2g} periods of {self.period:g} s are more than {MOST_CYCLES:g}",
+                    "take a shorter run, or solve_periodic for settled heat",
+                )
+            return whole.repeated(start, stop)
+        return whole
+
+    def _covering(self, start: float, stop: float) -> Pieces:
+        """Pieces that hold [start, stop]; InputError where they do not reach that far."""
+        whole = self._unrolled(start, stop)
+        first, last = whole.edges[[0, -1]]
+        slack = 1e-9 * (last - first)
+        if start < first - slack or stop > last + slack:
+            at = start if start < first - slack else stop
+            raise InputError(
+                f"{type(self).__name__} asked at t = {at:g} s, known from {first:g} to {last:g} s",
+                "give samples that cover the run, or repeat=True",
+            )
+        return whole
+
+    def _at(self, t: ArrayLike, side: str) -> Array:
+        times = np.asarray(t, dtype=float)
+        if not np.isfinite(times).all():
+            raise InputError(f"t = {times[~np.isfinite(times)].flat[0]} is no time")
+        return self._covering(times.min(), times.max())(times, side) if times.size else np.zeros(times.shape)
+
+    def __call__(self, t: ArrayLike) -> Array:
+        """The value at ``t`` in s, continuous from the right."""
+        return self._at(t, "right")
+
+    def before(self, t: ArrayLike) -> Array:
+        """The limit from the left at ``t`` in s."""
+        return self._at(t, "left")
+
+    def pieces(self, start: float, stop: float, *, tolerance: float = TOLERANCE) -> Pieces:
+        """The waveform as cubics over [start, stop] in s; ``tolerance`` bounds the error of a fitted function."""
+        if not start < stop:
+            raise InputError(f"start = {start:g} s must be before stop = {stop:g} s")
+        return self._covering(start, stop).window(start, stop)
+
+    def breakpoints(self, start: float, stop: float) -> Array:
+        """Times strictly inside (start, stop) in s where the value jumps or has a kink."""
+        return inside(self._unrolled(start, stop).edges, start, stop)
+
+    def mean(self, start: float, stop: float) -> float:
+        """Mean over [start, stop] in s."""
+        return self.pieces(start, stop).integral() / (stop - start)
+
+
+def _time(name: str, value: float, most: float = 10.0) -> None:
+    checks.positive(name, value, unit="s", at_most=most, hint=TIME_HINT)
+
+
+class Steps(Waveform, stored=False):
+    """A power ``levels[k]`` in W, shape (n + 1,), between ``edges[k - 1]`` and ``edges[k]`` in s, shape (n,)."""
+
+    edges: Array
+    levels: Array
+
+    @cached_property
+    def whole(self) -> Pieces:  # type: ignore[override]
+        """Constant pieces; the first and the last reach to `ENDLESS`."""
+        edges = np.concatenate([[-ENDLESS], self.edges, [ENDLESS]])
+        return Pieces(edges, np.asarray(self.levels)[:, None] * [1.0, 0.0, 0.0, 0.0])
+
+
+class Switched(Steps, stored=False):
+    """A power that is on or off; it begins on."""
+
+    power: float
+
+    @cached_property
+    def levels(self) -> Array:  # type: ignore[override]
+        """The power and zero in turn, W."""
+        return self.power * (np.arange(self.edges.size + 1) % 2 == 0)
+
+
+@dataclass(frozen=True)
+class Constant(Steps):
+    """Heating step: P(t) = power; a run begins at t = 0.
+
+    Parameters
+    ----------
+    power : float, W
+    """
+
+    power: float
+
+    def __post_init__(self) -> None:
+        checks.power("power", self.power, zero=True)
+
+    @property
+    def words(self) -> str:
+        """A short description."""
+        return f"step {self.power * 1e3:g} mW"
+
+    @cached_property
+    def edges(self) -> Array:  # type: ignore[override]
+        """None."""
+        return np.empty(0)
+
+    @cached_property
+    def levels(self) -> Array:  # type: ignore[override]
+        """The power in W."""
+        return np.array([self.power], dtype=float)
+
+
+@dataclass(frozen=True)
+class Pulse(Steps):
+    """P(t) = power for start <= t < start + width, else 0.
+
+    Parameters
+    ----------
+    power : float, W
+    width, start : float, s
+
+    >>> Pulse(power=2e-3, width=20e-6).breakpoints(0, 1e-3)
+    array([2.e-05])
+    """
+
+    power: float
+    width: float
+    start: float = 0.0
+
+    def __post_init__(self) -> None:
+        checks.power("power", self.power, zero=True)
+        _time("width", self.width)
+        checks.between("start", self.start, 0, 1e3, unit="s", hint=TIME_HINT)
+
+    @property
+    def stop(self) -> float:
+        """End of the pulse in s."""
+        return self.start + self.width
+
+    @property
+    def words(self) -> str:
+        """A short description."""
+        return f"pulse {self.power * 1e3:g} mW, {self.width * 1e6:g} us"
+
+    @cached_property
+    def edges(self) -> Array:  # type: ignore[override]
+        """Start and end in s."""
+        return np.array([self.start, self.stop])
+
+    @cached_property
+    def levels(self) -> Array:  # type: ignore[override]
+        """Zero, the power in W, and zero."""
+        return np.array([0.0, self.power, 0.0])
+
+
+@dataclass(frozen=True)
+class SquareWave(Waveform):
+    """P(t) = power during the first ``duty`` of every ``period``, else 0.
+
+    Parameters
+    ----------
+    power : float, W
+    period : float, s
+    duty : float, 0 < duty < 1
+    """
+
+    power: float
+    period: float = field()  # the base's None is no default
+    duty: float = field()
+
+    def __post_init__(self) -> None:
+        checks.power("power", self.power, zero=True)
+        _time("period", self.period)
+        checks.between("duty", self.duty, 0, 1, hint="the duty cycle is the fraction of the period that is on")
+        if not 1e-6 <= self.duty <= 1 - 1e-6:
+            raise InputError(f"duty = {self.duty:g} leaves no edge", "use Constant for a steady power")
+
+    @property
+    def words(self) -> str:
+        """A short description."""
+        return f"square wave {self.power * 1e3:g} mW, {self.period * 1e6:g} us, duty {self.duty:.3g}"
+
+    @property
+    def on_time(self) -> float:
+        """Time on in each period, s."""
+        return self.duty * self.period
+
+    @cached_property
+    def whole(self) -> Pieces:  # type: ignore[override]
+        """On, then off."""
+        return Pieces(np.array([0.0, self.on_time, self.period]), np.array([[self.power, 0, 0, 0], [0.0, 0, 0, 0]]))
+
+
+@dataclass(frozen=True)
+class Telegraph(Switched):
+    """Random telegraph: on and off for exponentially distributed times; a drive that no training saw.
+
+    Parameters
+    ----------
+    power : float, W
+    dwell : float, s
+        mean time between changes.
+    duration : float, s
+        off for good afterwards.
+    seed : int
+        the same seed gives the same waveform.
+    """
+
+    power: float
+    dwell: float
+    duration: float
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        checks.power("power", self.power, zero=True)
+        _time("dwell", self.dwell)
+        _time("duration", self.duration, 1e6 * self.dwell)
+
+    @property
+    def words(self) -> str:
+        """A short description."""
+        return f"telegraph {self.power * 1e3:g} mW, {self.dwell * 1e6:.3g} us"
+
+    @cached_property
+    def edges(self) -> Array:  # type: ignore[override]
+        """Times of change in s."""
+        draw = np.random.default_rng(self.seed)
+        times = np.cumsum(draw.exponential(self.dwell, int(2 * self.duration / self.dwell) + 20))
+        times = times[times < self.duration]
+        return np.append(times, self.duration) if times.size % 2 == 0 else times
+
+
+@dataclass(frozen=True)
+class Chirp(Switched):
+    """Square wave whose period goes from one value to another, each cycle by nearly the same factor.
+
+    The frequency is f(t) = f_0 (f_1/f_0)^(t/duration), and the power is on while the fraction of the phase
+    int f dt is below ``duty``.
+
+    Parameters
+    ----------
+    power : float, W
+    first, last : float, s
+        period at the start and at the end; different.
+    duration : float, s
+        off for good afterwards.
+    duty : float, 0 < duty < 1
+    """
+
+    power: float
+    first: float
+    last: float
+    duration: float
+    duty: float = 1 / 3
+
+    def __post_init__(self) -> None:
+        checks.power("power", self.power, zero=True)
+        _time("first", self.first)
+        _time("last", self.last)
+        _time("duration", self.duration, 1e6 * min(self.first, self.last))
+        checks.between("duty", self.duty, 1e-3, 0.999, hint="the duty cycle is the fraction of the period that is on")
+        if self.first == self.last:
+            raise InputError(f"first = last = {self.first:g} s do not differ", "take a SquareWave")
+
+    @property
+    def words(self) -> str:
+        """A short description."""
+        return f"chirp {self.power * 1e3:g} mW, {self.first * 1e6:.3g} to {self.last * 1e6:.3g} us"
+
+    @cached_property
+    def edges(self) -> Array:  # type: ignore[override]
+        """Times of change in s."""
+        rate = np.log(self.first / self.last) / self.duration
+        cycles = np.expm1(rate * self.duration) / (rate * self.first)
+        phase = (np.arange(np.ceil(cycles))[:, None] + [0.0, self.duty]).ravel()[1:]
+        times = np.log1p(phase[phase < cycles] * rate * self.first) / rate
+        return np.append(times, self.duration) if times.size % 2 == 0 else times
+
+
+@dataclass(frozen=True, eq=False)
+class Symbols(Steps):
+    """A stream of symbols, each held for 1/rate; a mask divides every symbol into virtual nodes.
+
+        P(t) = max(0, bias + power (u_k m_j + noise n_kj)),    symbol k, node j of the mask,    n normal
+
+    Before the first symbol and after the last one P = bias.
+
+    Parameters
+    ----------
+    values : array, shape (n,)
+        symbols u_k, not negative; bits are 0 and 1.
+    rate : float, Hz
+        symbols a second.
+    power, bias : float, W
+        power of a symbol 1, and what is added to it.
+    mask : array, shape (nodes,)
+        factors m_j of the virtual nodes, not negative; one node without a mask.
+    noise : float
+        standard deviation, relative to ``power``, drawn anew for every node.
+    seed : int
+        the same seed gives the same noise.
+    start : float, s
+        of the first symbol.
+
+    >>> Symbols([0, 1, 1], rate=1e9, power=1e-3)([0.5e-9, 1.5e-9]).tolist()
+    [0.0, 0.001]
+    """
+
+    values: ArrayLike
+    rate: float
+    power: float
+    bias: float = 0.0
+    mask: ArrayLike = (1.0,)
+    noise: float = 0.0
+    seed: int = 0
+    start: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("values", "mask"):
+            numbers = checks.array(name, getattr(self, name))
+            if numbers.min() < 0:
+                raise InputError(
+                    f"{name}[{numbers.argmin()}] = {numbers.min():g} is negative", "use bias for either sign"
+                )
+            object.__setattr__(self, name, numbers)
+        checks.between("rate", self.rate, 1e-3, 1e14, unit="Hz", hint="1e9 is a symbol every nanosecond")
+        checks.power("power", self.power, zero=True)
+        checks.power("bias", self.bias, zero=True)
+        checks.between("noise", self.noise, 0, 10, hint="it is relative to power")
+        checks.between("start", self.start, 0, 1e3, unit="s", hint=TIME_HINT)
+
+    @property
+    def stop(self) -> float:
+        """End of the last symbol in s."""
+        return self.start + np.size(self.values) / self.rate
+
+    @cached_property
+    def edges(self) -> Array:  # type: ignore[override]
+        """Ends of all nodes in s, shape (n nodes + 1,)."""
+        nodes = np.size(self.mask)
+        return self.start + np.arange(np.size(self.values) * nodes + 1) / (self.rate * nodes)
+
+    @cached_property
+    def levels(self) -> Array:  # type: ignore[override]
+        """Power of every node in W, the bias before and after them."""
+        nodes = np.outer(np.asarray(self.values), np.asarray(self.mask)).ravel()
+        if self.noise:
+            nodes = nodes + self.noise * np.random.default_rng(self.seed).normal(size=nodes.size)
+        return np.concatenate([[self.bias], np.maximum(self.bias + self.power * nodes, 0.0), [self.bias]])
+
+    def samples(self, per_node: int = 1) -> Array:
+        """Times in s at the ends of equal parts of every node: where a readout samples, shape (n nodes per_node,)."""
+        nodes = np.size(self.mask) * per_node
+        return self.start + np.arange(1, np.size(self.values) * nodes + 1) / (self.rate * nodes)
+
+    def breakpoints(self, start: float, stop: float) -> Array:
+        """Ends of nodes inside, where the power changes."""
+        return inside(self.edges[self.levels[1:] != self.levels[:-1]], start, stop)
+
+
+class Samples(Waveform, stored=False):
+    """Straight lines through samples ``values`` at ``times`` (s); two samples at one time make a jump."""
+
+    times: ArrayLike
+    values: ArrayLike
+    repeat: bool = False
+
+    def _check(self, values: Array) -> None:
+        """Keep ``times`` as an array; InputError where it does not increase or does not belong to ``values``."""
+        times = checks.array("times", self.times, increasing=True, hint=TIME_HINT)
+        if times.size != values.size or times.size < 2:
+            raise InputError(
+                f"times has {times.size} samples, {values.size} values belong to them", "give the same, at least 2"
+            )
+        if np.any(times[2:] == times[:-2]) or times[0] == times[1] or times[-1] == times[-2]:
+            raise InputError("times holds one time more than twice, or begins or ends with a jump")
+        object.__setattr__(self, "times", times)
+
+    @property
+    def period(self) -> float | None:  # type: ignore[override]
+        """Length of the record in s where it repeats."""
+        times = np.asarray(self.times)
+        return float(times[-1] - times[0]) if self.repeat else None
+
+    @cached_property
+    def whole(self) -> Pieces:  # type: ignore[override]
+        """A straight line between each two samples at different times."""
+        times, values = np.asarray(self.times), np.asarray(self.values)
+        long = np.diff(times) > 0
+        a, slope = values[:-1][long], np.diff(values)[long] / np.diff(times)[long]
+        return Pieces(np.unique(times), np.stack([a, slope, 0 * a, 0 * a], axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled(Samples):
+    """P(t) through given samples, straight between them; two samples at one time make a jump.
+
+    Parameters
+    ----------
+    times : array, s
+        increasing; a time may stand twice.
+    power : array, W, same length
+    repeat : bool
+        the samples are one period and repeat for ever.
+
+    Outside the samples the power is not known: asking for it raises InputError (unless ``repeat``).
+    """
+
+    times: ArrayLike
+    power: ArrayLike
+    repeat: bool = False
+
+    def __post_init__(self) -> None:
+        power = checks.array("power", self.power, hint=checks.POWER_HINT)
+        self._check(power)
+        if np.any(power < 0):
+            raise InputError(f"power[{np.argmin(power)}] = {power.min():g} W is negative", "absorbed power heats")
+        checks.power("power", power.max(), zero=True)
+        object.__setattr__(self, "power", power)
+
+    @property
+    def values(self) -> ArrayLike:  # type: ignore[override]
+        """The power."""
+        return self.power
+
+
+@dataclass(frozen=True, eq=False)
+class PiecewiseCubic(Waveform):
+    """P(t) = sum_j coefficients[k, j] (t - edges[k])^j between edges[k] and edges[k + 1].
+
+    Files store a `Function` in this form.
+
+    Parameters
+    ----------
+    edges : array, shape (n + 1,), s
+        increasing.
+    coefficients : array, shape (n, 4), W/s^j
+    repeat : bool
+        the pieces are one period and repeat for ever.
+
+    Outside the edges the power is not known: asking for it raises InputError (unless ``repeat``).
+    """
+
+    edges: ArrayLike
+    coefficients: ArrayLike
+    repeat: bool = False
+    piecewise_linear: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        edges = checks.array("edges", self.edges, hint=TIME_HINT)
+        coefficients = checks.numbers("coefficients", self.coefficients)
+        if coefficients.shape != (edges.size - 1, 4) or np.any(np.diff(edges) <= 0):
+            raise InputError(
+                f"edges has {edges.size} times and coefficients the shape {coefficients.shape}",
+                "n + 1 increasing times and a shape of (n, 4) are needed",
+            )
+        object.__setattr__(self, "edges", edges)
+        object.__setattr__(self, "coefficients", coefficients)
+
+    @classmethod
+    def of(cls, wave: Waveform, start: float, stop: float, *, tolerance: float = STORED) -> PiecewiseCubic:
+        """Any waveform over [start, stop] as cubics, within ``tolerance`` of its largest value; a period repeats.
+
+        >>> import thermofem as th
+        >>> wave = PiecewiseCubic.of(th.Function(lambda t: 1e-3 * np.sin(1e6 * t) ** 2), 0, 10e-6)
+        >>> th.waveforms.from_json(th.waveforms.to_json(wave))(2e-6).round(9)
+        np.float64(0.000826822)
+        """
+        if wave.period is not None:
+            return cls(*wave.pieces(0.0, wave.period, tolerance=tolerance), repeat=True)
+        return cls(*wave.pieces(start, stop, tolerance=tolerance))
+
+    @property
+    def period(self) -> float | None:  # type: ignore[override]
+        """Length of the pieces in s where they repeat."""
+        edges = np.asarray(self.edges)
+        return float(edges[-1] - edges[0]) if self.repeat else None
+
+    @cached_property
+    def whole(self) -> Pieces:  # type: ignore[override]
+        """The pieces as they are given."""
+        return Pieces(np.asarray(self.edges), np.asarray(self.coefficients))
+
+    @property
+    def peak(self) -> float:
+        """Largest value at an edge, W."""
+        return float(np.abs([self.whole.coefficients[:, 0], self.whole.ends]).max())
+
+    def breakpoints(self, start: float, stop: float) -> Array:
+        """Times inside where the value jumps by more than 1e-6 of the largest."""
+        pieces = self._unrolled(start, stop)
+        jumps = np.abs(pieces.coefficients[1:, 0] - pieces.ends[:-1]) > 1e-6 * self.peak
+        return inside(pieces.edges[1:-1][jumps], start, stop)
+
+
+@dataclass(frozen=True, eq=False)
+class Cubic(Waveform, stored=False):
+    """P(t) through samples with given slopes (Hermite); held at the end values outside.
+
+    The coupled integration hands its absorbed power over in this form: fourth order between its steps, where straight
+    lines would lose 1e-3 of the energy of a pulse.
+
+    times [s]: increasing; power [W], slope [W/s]: same length.
+    """
+
+    times: Array
+    power: Array
+    slope: Array
+    piecewise_linear: ClassVar[bool] = False
+
+    @cached_property
+    def whole(self) -> Pieces:  # type: ignore[override]
+        """Between two samples the cubic with their values and slopes."""
+        return hermite(np.asarray(self.times, dtype=float), self.power, self.slope[:-1], self.slope[1:])
+
+    def _at(self, t: ArrayLike, side: str) -> Array:
+        return self.whole(np.clip(t, self.times[0], self.times[-1]), side)
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Function(Waveform, stored=False):
+    """P(t) = f(t): any function of time; W as a power, Hz as a detuning.
+
+    Models see it as a piecewise cubic, fitted with error control (`piecewise.fitted`). A feature narrower than 1e-4 of
+    the stretch between two breakpoints may be missed unless ``breakpoints`` or ``time_scale`` names it.
+
+    Parameters
+    ----------
+    f : callable
+        of the time in s; it takes an array of times, or one time only.
+    breakpoints : sequence of float, s
+        increasing: where f jumps or has a kink, within one period where ``period`` is given.
+    period : float, s, optional
+        f is taken on [0, period) and repeats.
+    time_scale : float, s, optional
+        the shortest time in which f changes.
+
+    Raises
+    ------
+    InputError
+        f is not callable, fails, or returns what is not a finite number; breakpoints that do not increase.
+
+    >>> wave = Function(lambda t: 2e-3 * np.exp(-(((t - 5e-6) / 1e-6) ** 2)))
+    >>> float(wave(5e-6)), round(wave.mean(0, 10e-6) * 1e3, 4)
+    (0.002, 0.3545)
+    """
+
+    f: Callable[[Any], Any]
+    edges: Array
+    period: float | None
+    time_scale: float | None
+    piecewise_linear: ClassVar[bool] = False
+
+    def __init__(
+        self,
+        f: Callable[[Any], Any],
+        breakpoints: ArrayLike = (),
+        *,
+        period: float | None = None,
+        time_scale: float | None = None,
+    ) -> None:
+        if not callable(f):
+            raise InputError(f"f = {f!r} is no function of time", "e.g. th.Function(lambda t: 1e-3 * (t < 1e-6))")
+        edges = np.unique(checks.array("breakpoints", breakpoints, increasing=True, empty=True, hint=TIME_HINT))
+        for name, value in (("period", period), ("time_scale", time_scale)):
+            if value is not None:
+                _time(name, value)
+        if period is not None and edges.size and (edges[0] < 0 or edges[-1] > period):
+            raise InputError(
+                f"breakpoints from {edges[0]:g} to {edges[-1]:g} s must lie within one period, 0 to {period:g} s"
+            )
+        for name, given in {"f": f, "edges": edges, "period": period, "time_scale": time_scale}.items():
+            object.__setattr__(self, name, given)
+
+    def _at(self, t: ArrayLike, side: str) -> Array:
+        """Evaluate f; times at a breakpoint are shifted by two units in the last place to its right or left side."""
+        u = np.asarray(t, dtype=float)
+        edges, towards = self.edges, 1 if side == "right" else -1
+        if self.period is not None:
+            edges = np.unique(np.concatenate([[0.0], edges, [self.period]]))
+            shift = 4 * np.spacing(np.abs(u)) + 4 * np.spacing(self.period)
+            u = np.mod(u, self.period)
+            u = np.where((u <= shift) | (self.period - u <= shift), 0.0 if towards > 0 else self.period, u)
+        if edges.size and u.size:
+            nearest = edges[np.clip(np.searchsorted((edges[1:] + edges[:-1]) / 2, u), 0, edges.size - 1)]
+            shift = 4 * np.spacing(np.abs(nearest))
+            u = np.where(np.abs(u - nearest) <= shift, nearest + 2 * towards * shift, u)
+        return self._values(u)
+
+    def _values(self, t: Array) -> Array:
+        try:
+            found = np.asarray(self.f(t), dtype=float)
+            if found.shape != t.shape:
+                raise ValueError(f"f returns the shape {found.shape}")
+        except (TypeError, ValueError, LookupError, ArithmeticError, AttributeError):  # f takes one time only
+            try:
+                found = np.array([float(self.f(float(one))) for one in t.ravel()]).reshape(t.shape)
+            except Exception as error:
+                raise InputError(f"f fails: {error!r}", "it must return a number for every time in s") from error
+        if not np.isfinite(found).all():
+            raise InputError(f"f({t[~np.isfinite(found)].flat[0]:g} s) is not finite")
+        return found
+
+    def breakpoints(self, start: float, stop: float) -> Array:
+        """The named breakpoints inside, and the ends of every period."""
+        if self.period is None:
+            return inside(self.edges, start, stop)
+        marks = np.unique(np.concatenate([[0.0], self.edges, [self.period]]))
+        return inside(Pieces(marks, np.zeros((marks.size - 1, 4))).repeated(start, stop).edges, start, stop)
+
+    def pieces(self, start: float, stop: float, *, tolerance: float = TOLERANCE) -> Pieces:
+        """Cubics within ``tolerance`` of the largest value; of many periods, one is fitted and repeated."""
+        if not start < stop:
+            raise InputError(f"start = {start:g} s must be before stop = {stop:g} s")
+        first, last = start, stop
+        if repeat := self.period is not None and stop - start > MANY * self.period:
+            first, last = 0.0, self.period
+        marks = np.concatenate([[first], self.breakpoints(first, last), [last]])
+        sides = Sides(self, self.before, self.time_scale, "Function")
+        whole = fitted(sides, marks, tolerance)
+        return whole.repeated(start, stop).window(start, stop) if repeat else whole
+
+
+def check_wave(name: str, value: Any) -> None:
+    """Raise InputError for what is no waveform."""
+    checks.instance(name, value, Waveform, hint="a waveform is needed, such as th.SquareWave(1e-3, 1e-6, 0.3)")
+
+
+def linear_pieces(wave: Waveform, start: float, stop: float) -> tuple[Array, Array, Array]:
+    """Straight pieces of a piecewise-linear waveform.
+
+    Returns edges, after, before [shapes (n + 1,), (n,), (n,)]: piece k runs from ``edges[k]`` at power ``after[k]`` to
+        ``edges[k + 1]`` at power ``before[k]``.
+    """
+    check_wave("wave", wave)
+    if not wave.piecewise_linear:
+        raise InputError(f"{type(wave).__name__} is not piecewise linear", "sample it with th.Sampled first")
+    found = wave.pieces(start, stop)
+    return found.edges, found.coefficients[:, 0], found.ends
+
+
+def heating_pieces(wave: Waveform, start: float, stop: float, *, tolerance: float = TOLERANCE) -> Pieces:
+    """`Waveform.pieces` of an absorbed power.
+
+    Raises InputError: a smooth power that is negative or above 10 W somewhere (other waveforms check that at once).
+    """
+    check_wave("power", wave)
+    found = wave.pieces(start, stop, tolerance=tolerance)
+    if not wave.piecewise_linear:
+        low, high = bounds(found)
+        if low < -UNDERSHOOT * max(abs(low), abs(high), getattr(wave, "peak", 0.0)):
+            if tolerance <= TOLERANCE:
+                raise InputError(f"the power of the {type(wave).__name__} falls to {low:g} W", "absorbed power heats")
+            heating_pieces(wave, start, stop)  # a finer fit tells a negative power from the error of a coarse one
+        checks.power("power", max(high, 0.0), zero=True)
+    return found
+
+
+def check_heating(wave: Waveform, stop: float | None) -> None:
+    """Raise InputError for a smooth power that is negative or too large before ``stop`` in s."""
+    if stop and not wave.piecewise_linear:
+        heating_pieces(wave, 0.0, stop, tolerance=COARSE)
+
+
+def period_times(wave: Waveform, samples: int) -> Array:
+    """``samples`` times in s over one period, both ends included, the nearest ones moved onto the breakpoints.
+
+    Raises InputError: the waveform has no period, or ``samples`` is too small to hold its breakpoints.
+    """
+    check_wave("wave", wave)
+    period = wave.period
+    if period is None:
+        raise InputError(f"{type(wave).__name__} has no period", "a periodic state needs a periodic waveform")
+    breakpoints = wave.breakpoints(0.0, period)
+    samples = checks.integer("samples", samples, 3, MOST_SAMPLES)
+    times = np.arange(samples, dtype=float) * (period / (samples - 1))
+    times[-1] = period
+    nearest = {min(max(round(e / period * (samples - 1)), 1), samples - 2): e for e in breakpoints.tolist()}
+    if samples < 3 + 2 * breakpoints.size or len(nearest) < breakpoints.size:
+        raise InputError(f"samples = {samples} is too few for a period with {breakpoints.size} breakpoints inside")
+    for k, one in nearest.items():
+        times[k] = one
+    return times
+
+
+def storable(wave: Waveform, duration: float) -> Waveform:
+    """The waveform itself, or its piecewise cubic over [0, duration] where a file cannot describe it."""
+    return wave if type(wave).__name__ in KINDS else PiecewiseCubic.of(wave, 0.0, duration)
+
+
+def to_json(wave: Waveform) -> str:
+    """The waveform as JSON text: its kind and its fields.
+
+    Raises InputError: a `Function` or another kind that no file can describe.
+    """
+    if type(wave).__name__ not in KINDS:
+        raise InputError(
+            f"a {type(wave).__name__} cannot be written to a file",
+            "write its piecewise cubic over the run instead, th.PiecewiseCubic.of(wave, 0, duration)",
+        )
+    fields = {k: np.asarray(v).tolist() for k, v in asdict(wave).items()}  # type: ignore[call-overload]
+    return json.dumps({"kind": type(wave).__name__, **fields})
+
+
+def from_json(text: str) -> Waveform:
+    """Rebuild a waveform from `to_json`; InputError where the text is none."""
+    try:
+        fields = json.loads(text)
+        return KINDS[checks.choice("waveform kind", fields.pop("kind"), KINDS)](**fields)
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise InputError(f"waveform {checks.shown(text)} cannot be read: {error}") from None
