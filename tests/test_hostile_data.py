@@ -18,7 +18,6 @@ from fuzz import hostile, hostile_tables
 import surrogate
 import thermofem as th
 from thermofem.data import files, netcdf
-from thermofem.data.traces import read_trace
 from thermofem_cli import main
 from thermofem_cli.kinds import kind_of
 
@@ -95,9 +94,9 @@ def test_a_rise_that_no_row_shows_is_not_extrapolated(tmp_path):
     rows = [f"{t * 1e6:.4f},{10 * (1 - np.exp(-t / 0.5e-6)):.5f}" for t in TIMES]
     table.write_text("\n".join(["time (us),dT (K)", *rows]))
     with pytest.raises(th.InputError, match="larger than the rows show; give --baseline"):
-        read_trace(table, STEP, start=-4e-6)
-    assert read_trace(table, STEP, start=-4e-6, baseline=0.0).baseline == 0
-    assert abs(read_trace(table, STEP, start=-10e-9).baseline) < 1
+        th.read_trace(table, STEP, start=-4e-6)
+    assert th.read_trace(table, STEP, start=-4e-6, baseline=0.0).attrs["baseline"] == 0
+    assert abs(th.read_trace(table, STEP, start=-10e-9).attrs["baseline"]) < 1
 
 
 def test_columns_at_the_ends_of_what_floats_hold_are_one_line(tmp_path):
@@ -111,8 +110,7 @@ def test_columns_at_the_ends_of_what_floats_hold_are_one_line(tmp_path):
         for other in hostile_tables.scaled_columns(text):
             table.write_text(other)
             with warnings.catch_warnings(action="error"):
-                says_one_line(lambda: read_trace(table, STEP))
-                says_one_line(lambda: th.read_csv(table, time="Time", temperature="T", power=1e-3))
+                says_one_line(lambda: th.read_trace(table, STEP))
 
 
 def test_an_interrupt_as_soon_as_a_file_is_there_leaves_none(tmp_path, monkeypatch):

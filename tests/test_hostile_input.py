@@ -234,7 +234,7 @@ FILE_READERS = {
     "campaign": th.Campaign.from_toml,
     "data": th.load,
     "mesh": load_mesh,
-    "table": lambda path: th.read_csv(path, time="1", temperature="2", power=1e-3),
+    "table": lambda path: th.read_trace(path, 1e-3),
     "map": lambda path: Journal(path, {"a": 1}),
 }
 

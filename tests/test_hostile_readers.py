@@ -23,7 +23,6 @@ from coupled.maps.pulsing_map import _Cell, _possible
 from thermofem.campaign import Campaign
 from thermofem.campaign.schema import fields
 from thermofem.campaign.store import ResultStore
-from thermofem.data.traces import read_trace
 from thermofem.waveforms import from_json
 from thermofem_cli.kinds import kind_of
 
@@ -51,8 +50,7 @@ READERS = {
     "waveform": lambda text, folder: from_json(text),
     "plan": lambda text, folder: as_file(lambda path: ResultStore(path.parent).read_plan(), "plan.json")(text, folder),
     "journal": as_file(lambda path: Journal(path, {"a": 1}).close(), "map.jsonl"),
-    "table": as_file(lambda path: th.read_csv(path, time="1", temperature="2", power=1e-3), "table.csv"),
-    "trace": as_file(lambda path: read_trace(path, th.Constant(1e-3)), "table.csv"),
+    "trace": as_file(lambda path: th.read_trace(path, 1e-3), "table.csv"),
     "kind": as_file(kind_of, "model.json"),
 }
 GENERATORS = {

@@ -67,7 +67,7 @@ PATH = "no name of a file; give a text or a pathlib.Path"
         (lambda heat: th.open_campaign("x" * 300), "x* holds no campaign"),
         (lambda heat: th.save(DATA, None), f"path = None is {PATH}"),
         (lambda heat: th.load(None), f"path = None is {PATH}"),
-        (lambda heat: th.read_csv(None, time="t", temperature="T", power=1e-3), f"path = None is {PATH}"),
+        (lambda heat: th.read_trace(None, 1e-3), f"path = None is {PATH}"),
         (lambda heat: surrogate.save_model(MODEL, None), f"path = None is {PATH}"),
         (lambda heat: surrogate.export_model(MODEL, None, to="spice"), f"path = None is {PATH}"),
         (lambda heat: surrogate.load_model(MODEL), f"path = Foster.* is {PATH}"),

@@ -220,7 +220,7 @@ def test_tables_of_any_name_make_data_that_can_be_written(tmp_path):
     times = np.linspace(0, 5e-6, 60)
     rows = np.column_stack([times, MODEL.step_response(times) * 1e-3])
     np.savetxt(table := tmp_path / os.fsdecode(b"q\xff.csv"), rows, delimiter=",", header="time (s),T (K)", comments="")
-    trained = th.read_csv(table, time="time (s)", temperature="T (K)", power=1e-3)
+    trained = th.read_trace(table, 1e-3)
     assert trained.attrs["source"] == r"q\xff.csv"
     th.save(trained, tmp_path / "data.nc")
 

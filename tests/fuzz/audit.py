@@ -35,7 +35,6 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.maps.journal import Journal
-from thermofem.data.traces import read_trace
 
 MAP = """
 import sys, thermofem as th, coupled
@@ -236,7 +235,7 @@ def changed_files(seconds: float, seed: int = 0) -> tuple[int, int]:
         "data.nc": th.load,
         "copy.nc": th.dataset.load_record,
         "ring.msh": th.mesh.load,
-        "table.csv": lambda path: read_trace(path, th.Constant(1e-3)),
+        "table.csv": lambda path: th.read_trace(path, th.Constant(1e-3)),
     }
     tried, wrong, hook = 0, list[str](), sys.unraisablehook
     sys.unraisablehook = lambda unraisable: wrong.append(f"ignored: {unraisable.exc_value}")

@@ -38,7 +38,6 @@ from thermofem.campaign import Campaign
 from thermofem.campaign.schema import fields
 from thermofem.data import files
 from thermofem.data.quantity import parse
-from thermofem.data.traces import read_trace
 from thermofem.models.network import gate
 from thermofem.waveforms import from_json
 from thermofem_cli.kinds import kind_of
@@ -72,9 +71,9 @@ def table(text: str) -> None:
     """CSV table."""
     path = FOLDER / "table.csv"
     path.write_text(text, encoding="utf-8", errors="surrogatepass")
-    th.read_csv(path, time="Time", temperature="Temperature", power=1e-3, ambient="293.15 K")
+    th.read_trace(path, 1e-3, time="Time", temperature="Temperature", start=0.0, baseline="293.15 K")
     with contextlib.suppress(th.InputError):
-        wave = waveforms.from_json(th.read_csv(path, **DRIVEN).attrs["waveform"])
+        wave = waveforms.from_json(th.read_trace(path, **DRIVEN).attrs["waveform"])
         wave(np.array([0.0, 1e-6]))
 
 
@@ -82,9 +81,9 @@ def trace(text: str) -> None:
     """Trace of an oscilloscope, and a fit of what it holds."""
     path = FOLDER / "trace.csv"
     path.write_text(text, encoding="utf-8", errors="surrogatepass")
-    found = read_trace(path, th.Pulse(1e-3, 3e-6))
-    assert np.isfinite(found.data["delta_T"].values).all()
-    surrogate.fit_newton(found.data)
+    found = th.read_trace(path, th.Pulse(1e-3, 3e-6))
+    assert np.isfinite(found["delta_T"].values).all()
+    surrogate.fit_newton(found)
 
 
 def geometry(text: str) -> None:
@@ -155,7 +154,7 @@ def amount(text: str) -> None:
 
 
 DRIVEN: dict[str, Any] = {
-    "time": "Time", "temperature": "Temperature", "power": "Power", "ambient": "293.15 K", "edges": "middle"
+    "time": "Time", "temperature": "Temperature", "power": "Power", "baseline": "293.15 K", "edges": "middle"
 }  # fmt: skip
 MAP: dict[str, Any] = {
     "ring": coupled.borghi2021(),

@@ -305,7 +305,7 @@ def _files() -> dict[str, Call]:
     return {
         "save": (th.save, {"data": data(), "path": "data.nc"}),
         "load": (th.load, {"path": "kept.nc"}),
-        "read_csv": (th.read_csv, columns),
+        "read_trace": (th.read_trace, columns),
         "open_campaign": (th.open_campaign, {"directory": "."}),
         "write_fields": (th.write_fields, {"data": frames, "path": "fields.vtu"}),
         "save_model": (surrogate.save_model, {"model": MODEL, "path": "model.json", "provenance": {}}),

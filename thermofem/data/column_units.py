@@ -17,7 +17,8 @@ SPELLED = {
     "c": "degC", "deg c": "degC", "deg. c": "degC", "degc": "degC", "celsius": "degC", "degrees c": "degC",
     "degrees celsius": "degC", "f": "degF", "deg f": "degF", "degf": "degF", "fahrenheit": "degF", "watt": "W",
     "watts": "W", "ohms": "ohm", "c/w": "K/W", "degc/w": "K/W", "deg c/w": "K/W", "k/w": "K/W", "counts": "count",
-    "ohm": "ohm", "kohm": "kohm", "s": "s", "ms": "ms", "us": "us", "ns": "ns", "ps": "ps", "k": "K", "v": "V", "mv": "mV", "uv": "uV",
+    "ohm": "ohm", "kohm": "kohm", "s": "s", "ms": "ms", "us": "us", "ns": "ns", "ps": "ps", "k": "K", "v": "V",
+    "mv": "mV", "uv": "uV",
 }  # fmt: skip
 _SYMBOL = r"(?:[fpnumckMG]?(?:s|K|W|V|A|Hz|rad|m|ohm|g|J)|deg[CF]?|min|h|hour|count|percent|%)"
 _UNIT = re.compile(  # a number that may be left out, and a product of symbols
@@ -52,7 +53,9 @@ POWER, IMPEDANCE = "kilogram * meter ** 2 / second ** 3", "kelvin * second ** 3 
 @lru_cache(maxsize=256)
 def scale_of(text: str) -> Scale | None:
     """The scale of a unit as a header writes it, a number before it included ("0.12 K"); None where it is no unit."""
-    bare = text.strip().strip("()[]").replace("°", "deg").replace("µ", "u").replace("μ", "u").replace("Ω", "ohm").strip()
+    bare = (
+        text.strip().strip("()[]").replace("°", "deg").replace("µ", "u").replace("μ", "u").replace("Ω", "ohm").strip()
+    )
     match = _UNIT.fullmatch(SPELLED.get(bare.lower(), bare))
     if match is None:
         return None
@@ -79,11 +82,12 @@ def unit_in(name: str) -> str:
 
 def check_name(label: str, name: str, unit: str, hint: str) -> None:
     """InputError where the name of a column says more on its scale than its unit: a factor, another unit, a bracket."""
-    beside = re.sub(r"\d\s*[A-Za-zµμ°]+", " ", BRACKETS.sub(" ", name) if unit else name)  # "mean of 5 ms" is a remark
-    if unit and (ending := _ENDING.search(beside)):
-        beside = beside[: ending.start()]
-    factor = _FACTOR.search(BRACKETS.sub(" ", name))
-    word = factor[0] if factor else next((w for w in re.split(r"[^A-Za-zµμ°]+", beside) if _WORDS.fullmatch(w)), "")
+    bracketed = [found for found in BRACKETS.findall(name) if scale_of(found) is not None] if unit else []
+    beside = BRACKETS.sub(" ", name) if bracketed else _ENDING.sub(" ", name) if unit else name
+    factor = _FACTOR.search(re.sub(r"[(\[{<]" + re.escape(bracketed[0]) + r"[)\]}>]", " ", name) if bracketed else name)
+    words = re.split(r"[^A-Za-zµμ°]+", re.sub(r"\d\s*[A-Za-zµμ°]+", " ", beside))  # "mean of 5 ms" is a remark
+    other = (w for w in words if _WORDS.fullmatch(w) or (not unit and w in ("C", "F", "min", "h", "hr", "hours")))
+    word = factor[0] if factor else next(other, "")
     brackets = "" if unit else next(iter(BRACKETS.findall(name)), "")
     if said := word or brackets:
         raise InputError(f"{label} says {shown(said)}, which leaves its unit open", hint)
@@ -101,9 +105,9 @@ def units_above(lines: tuple[str, ...]) -> list[tuple[str, str, bool]]:
         words = [word for word in re.split(r"[\s,;:=|()\[\]\"]+", line) if word]
         for before, word in zip(["", *words], words, strict=False):
             known = about or (len(word) > 1 and _WORDS.fullmatch(word))
-            if known and word not in ("in", "h", "g", "a", "A", "m", "J") and not re.match(r"[+-]?[\d.]", before):
-                if scale_of(word) is not None and not re.match(r"[\d.%]", word):
-                    found.append((word, line.strip(), about))
+            known = known and word not in ("in", "h", "g", "a", "A", "m", "J") and not re.match(r"[\d.%]", word)
+            if known and not re.match(r"[+-]?[\d.]", before) and scale_of(word) is not None:
+                found.append((word, line.strip(), about))
     return found
 
 

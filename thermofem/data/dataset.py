@@ -205,7 +205,8 @@ def response_of(data: xr.Dataset) -> Response:
     noise = _estimated(data, NOISE, np.nan, POSSIBLE[1])
     if 0 < rest < 1:
         raise checks.InputError(f"data.attrs[{REST!r}] = {rest:g} is no number of rows; 0, or 1 and more, is needed")
-    return Response(wave, times, rise, periodic, words, gain, doubts, min(within, float(times[-1]) / FEWEST), rest, noise)
+    within = min(within, float(times[-1]) / FEWEST)
+    return Response(wave, times, rise, periodic, words, gain, doubts, within, rest, noise)
 
 
 def _check_one_period(name: str, times: Array, wave: waveforms.Waveform) -> None:

@@ -66,6 +66,7 @@ class Rows(NamedTuple):
 
     @property
     def step(self) -> float:
+        """Median step of the times, s."""
         return float(np.median(np.diff(self.t)))
 
     @property
@@ -75,10 +76,12 @@ class Rows(NamedTuple):
 
     @property
     def even(self) -> bool:
+        """Whether the rows are even samples."""
         steps = np.diff(self.t)
         return bool(steps.max() < UNEVEN * steps.min())
 
     def thin(self) -> Rows:
+        """At most twice `SCANNED` rows, evenly picked."""
         every = max(1, self.t.size // SCANNED)
         return Rows(self.t[::every], self.y[::every], self.wave)
 
@@ -146,7 +149,7 @@ def read_trace(
         places, given = _columns(table, columns, time, temperature, power), _units(units)
         t = _times(table, places[0], given.get("time") or _named_unit(table, time), said)
         unit = given.get("temperature") or _named_unit(table, temperature)
-        watts, step = None, None
+        watts = step = None
         if isinstance(power, str):
             watts = _power(table, places[2], given.get("power"))
         else:
@@ -157,9 +160,9 @@ def read_trace(
         first = quantity.parse(start, "s", name="--start") if isinstance(start, str) else start
         if step is None:
             first = min(float(t[0]), 0.0) if first is None else first
-            t, y, watts = (values[t >= first] for values in (t, y, more[0]))
-        wave = step if step is not None else sampled_power(t - first, watts, edges)
-        found = _found(Rows(t, y, wave), first, level, fall, watts is not None, unit_of(said), said)
+            y, watts, t = y[t >= first], more[0][t >= first], t[t >= first]
+            step = sampled_power(t - first, watts, edges)
+        found = _found(Rows(t, y, step), first, level, fall, watts is not None, unit_of(said), said)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     names = zip(("time", "temperature", "power"), places, strict=False)
@@ -170,7 +173,8 @@ def read_trace(
         "assumed": "\n".join(said),
         **found[3],
     }
-    return dataset.build(found[0], found[1], found[2], attributes=about)
+    part = "core" if temperature is None else temperature
+    return dataset.build(found[0], found[1], found[2], read=(part,), attributes=about)
 
 
 def _columns(
@@ -248,21 +252,22 @@ def _unit(table: NumberTable, k: int, given: str, role: str, dimensions: tuple[s
         return given
     label, hint = table.label(k), 'give its unit, such as --units "us,mV"'
     unit = table.units[k]
-    if unit or not (unit_row := scale_of(unit)):
-        check_name(f"column {label}", table.names[k], unit, hint)
-    above = [a for a in units_above(table.above) if (s := scale_of(a[0])) and s.dimensions in dimensions]
-    stated = list(dict.fromkeys(scale_of(a[0]) for a in above if a[2]))
-    if unit and scale_of(unit) is not None:
-        if len(stated) == 1 and stated[0] != scale_of(unit) and stated[0].dimensions == scale_of(unit).dimensions:
-            raise InputError(f"column {label} is in {unit}, but {above[0][1][:40]!r} stands above the table", hint)
+    check_name(f"column {label}", table.names[k], unit, hint)
+    above = [(scale, *a) for a in units_above(table.above) if (scale := scale_of(a[0]))]
+    above = [a for a in above if a[0].dimensions in dimensions]
+    stated = [a for a in above if a[3]]
+    scales = {a[0] for a in stated}
+    own = scale_of(unit) if unit else None
+    if own is not None:
+        if len(scales) == 1 and own not in scales and stated[0][0].dimensions == own.dimensions:
+            raise InputError(f"column {label} is in {unit}, but {stated[0][2][:40]!r} stands above the table", hint)
         return unit
-    if len(stated) == 1:
-        word, line, _ = next(a for a in above if a[2])
-        said.append(f"column {label} is in {word}, as {line[:40]!r} above the table says")
-        return word
-    plain = {scale_of("s"), scale_of("K"), scale_of("V")}
-    if odd := [a for a in above if a[2] or scale_of(a[0]) not in plain]:
-        raise InputError(f"column {label} states no unit, and {odd[0][1][:40]!r} stands above the table", hint)
+    if len(scales) == 1:
+        said.append(f"column {label} is in {stated[0][1]}, as {stated[0][2][:40]!r} above the table says")
+        return stated[0][1]
+    plain = [scale_of(si) for si in "sKV"]
+    if odd := [a for a in above if a[3] or a[0] not in plain]:
+        raise InputError(f"column {label} states no unit, and {odd[0][2][:40]!r} stands above the table", hint)
     return unit
 
 
@@ -312,7 +317,9 @@ def _temperatures(
     if sense is not None:
         if sense[1] != scale.dimensions:
             raise InputError(f"column {label} is in {unit}, and the sensitivity {sensitivity!r} is in other units")
-        said.append(f"column {label} is in {unit}: divided by {sensitivity if isinstance(sensitivity, str) else sense[0]}")
+        said.append(
+            f"column {label} is in {unit}: divided by {sensitivity if isinstance(sensitivity, str) else sense[0]}"
+        )
         factor = factor / sense[0]
     elif scale.dimensions == IMPEDANCE:
         watts = wave.power if isinstance(wave, Constant) else None
@@ -367,7 +374,7 @@ def _power(table: NumberTable, k: int, given: str | None) -> Array:
 
 
 def _distinct(table: NumberTable, t: Array, values: list[Array], said: list[str]) -> tuple[Array, list[Array]]:
-    """Rows with increasing times: the second of two at one time is left out, where few are and the temperature agrees."""
+    """Rows with increasing times: the second of two at one time is left out, if few are and the temperature agrees."""
     steps = np.diff(t)
     if (back := np.flatnonzero(steps < 0)).size:
         raise InputError(
@@ -450,7 +457,7 @@ def _falls(rows: Rows, unit: str, said: list[str]) -> bool:
 
 def _start(rows: Rows, given: float | None, said: list[str], what: str) -> tuple[float, bool]:
     """When the power sets in, on the file's clock, and whether the record begins at rest without an offset."""
-    t, y, wave = rows
+    t, y = rows.t, rows.y
     if given is not None:
         if given >= t[-1]:
             raise InputError(f"--start: {what} begins at {given:g} s, after the end of the table at {t[-1]:g} s")
@@ -532,10 +539,8 @@ def _within(rows: Rows, start: float) -> float:
     return count * step
 
 
-def _baseline(
-    rows: Rows, start: float, sampled: bool, unit: str, said: list[str], sign: float
-) -> tuple[float, float]:
-    """The temperature at rest, and of how many rows it is the mean: infinite where it is known, 0 where it is fitted."""
+def _baseline(rows: Rows, start: float, sampled: bool, unit: str, said: list[str], sign: float) -> tuple[float, float]:
+    """The temperature at rest, and of how many rows it is the mean: infinite where it is known, 0 if fitted."""
     t, y, wave = rows
     before = y[t < start - rows.step] if rows.even else y[t < start]  # the row at the edge may be half-way up
     if sampled and not before.size:
@@ -543,12 +548,14 @@ def _baseline(
         before = y[: heated[0]] if heated.size else before
     if before.size >= FEWEST:
         level, where = float(before.mean()), "heating" if sign > 0 else "fall"
-        said.append(f"baseline {sign * level:.4g} {unit}, the mean of {before.size} rows before the {where}, is subtracted")
+        said.append(
+            f"baseline {sign * level:.4g} {unit}, the mean of {before.size} rows before the {where}, is subtracted"
+        )
         return level, float(before.size)
     first = int(np.searchsorted(t, start))
     quiet = rows.noise < NOTHING * float(np.ptp(y)) and 0 <= t[first] - start < 1e-6 * rows.step
     level = float(y[first]) if quiet else _misfit(rows.thin(), start)[1]  # at its start a rise is zero
-    if start < t[0] and abs(level - y[first]) > np.ptp(y):
+    if start < t[0] and wave(float(t[0] - start)) > 0 and abs(level - y[first]) > np.ptp(y):
         raise InputError(
             f"the heating begins {_words(t[0] - start)} before the first row, and the rise until then, some "
             f"{abs(level - y[first]):.2g} {unit}, is larger than the rows show; give --baseline, or another --start"
@@ -556,7 +563,9 @@ def _baseline(
     if sign > 0 and abs(level) < max(NOTHING * float(np.ptp(y)), 4 * rows.noise):
         said.append("no rows before the heating and no offset: nothing is subtracted")
         return 0.0, np.inf
-    said.append(f"no rows before the start: baseline {sign * level:.4g} {unit}, from the rows themselves, is subtracted")
+    said.append(
+        f"no rows before the start: baseline {sign * level:.4g} {unit}, from the rows themselves, is subtracted"
+    )
     return level, float(quiet)
 
 
@@ -570,8 +579,8 @@ def _check_rest(rows: Rows, start: float, unit: str, said: list[str]) -> None:
     noise = float(np.abs(np.diff(before)).mean()) / np.sqrt(quarter)
     if abs(drift) > DRIFT * np.ptp(rows.y) and abs(drift) > 4 * noise:
         said.append(
-            f"warning: the rows before the start drift by {drift:.3g} {unit}: they are not at rest; for a settled square "
-            "wave give --baseline and a --start that lies whole periods before the file, such as ten time constants"
+            f"warning: the rows before the start drift by {drift:.3g} {unit}: they are not at rest; for a settled "
+            "square wave give --baseline and a --start that lies whole periods before the file, such as ten time constants"
         )
 
 

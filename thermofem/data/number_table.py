@@ -14,8 +14,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
 
-import numpy as np
-
 from ..arrays import Array
 from ..checks import InputError
 from .column_units import is_unit, unit_in
@@ -83,7 +81,9 @@ def text_of(content: bytes) -> str:
         except UnicodeDecodeError:
             text = content.decode("cp1252", errors="replace")
     if "\0" in text:
-        raise InputError(f"line {text[: text.index(chr(0))].count(chr(10)) + 1} holds a NUL character", "is it damaged?")
+        raise InputError(
+            f"line {text[: text.index(chr(0))].count(chr(10)) + 1} holds a NUL character", "is it damaged?"
+        )
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 
@@ -101,7 +101,9 @@ def cells_of(line: str, divider: str) -> list[str]:
     if divider == " ":
         return line.split()
     if '"' in line:
-        return [cell.strip() for cell in next(csv.reader([line[:131_072]], delimiter=divider, skipinitialspace=True), [])]
+        return [
+            cell.strip() for cell in next(csv.reader([line[:131_072]], delimiter=divider, skipinitialspace=True), [])
+        ]
     return [cell.strip() for cell in line.split(divider)]
 
 
@@ -146,7 +148,7 @@ def _end(text: str, divider: str, columns: list[int]) -> tuple[int, int]:
         cells = cells_of(line, divider)
         if len(cells) > columns[-1] and all(is_number(cells[k], divider) or not cells[k] for k in columns):
             break
-        if any(is_number(cell, divider) for cell in line.split()[:1] + cells[:1]):
+        if _looks_broken(line):
             break  # a row that breaks off: `_values` names it
         stop, after = len(text[:begin].rstrip("\n\t ,;")), after + bool(line.strip())
     return len(text) if text.find("\n", stop) < 0 else text.find("\n", stop), after
@@ -175,9 +177,15 @@ def _values(text: str, divider: str, columns: list[int], first: int) -> Array:
     for number, (_, line) in enumerate(_lines(text), first):
         cells = cells_of(line, divider)
         wrong = len(cells) <= columns[-1] or not all(is_number(cells[k], divider) or not cells[k] for k in columns)
-        if line.strip(MARKS + ",;\t") and (wrong or number == first and not cells):
+        if line.strip(MARKS + ",;\t") and (wrong or (number == first and not cells)):
             raise InputError(f"line {number} = {line.strip()[:40]!r} is no row of {len(columns)} numbers")
     raise InputError("its rows have different numbers of cells, or hold text in a column of numbers")
+
+
+def _looks_broken(line: str) -> bool:
+    """Whether a line without numbers in all columns begins as a row: with a number,."""
+    words = [word for word in re.split(r"[\s;,|\"]+", line) if word]
+    return bool(words) and is_number(words[0])
 
 
 def _mark(sample: str) -> str:
@@ -211,8 +219,12 @@ def _header(
         line = head[number - 1]
         cells = _titles(line.strip().lstrip(MARKS) if divider == " " else line.lstrip(MARKS), divider, width, columns)
         if not cells:
-            words = cells_of(line, divider)
-            if words and is_number(words[0], divider) and not any(any(c.isalpha() for c in w) for w in words[1:]):
+            own = cells_of(line, divider)
+            held = [own[k] for k in columns if k < len(own) and is_number(own[k], divider)]
+            if any(units) and held and not is_number(own[0], divider) and len(own) == width:
+                names, head = own, [*head[: number - 1], *head[number:]]  # "x-axis,1" above "second,Volt"
+                break
+            if _looks_broken(line) or (held and len(own) > columns[-1]):
                 raise InputError(f"line {number} = {line.strip()[:40]!r} is no row of {len(columns)} numbers")
             continue
         if all(is_unit(cell) for cell in cells if cell) and not any(units):

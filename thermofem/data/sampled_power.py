@@ -23,8 +23,8 @@ def sampled_power(times: Array, power: Array, edges: str | None = None) -> Wavef
 
     times [s], power [W]: of the rows.
     edges: None: a change between two rows is a ramp, and the log tells where that looks wrong; "row": an edge is a jump
-        at the first row with the new power, as in tables of a simulation; "middle": a jump where it keeps the energy, as
-        in traces of an oscilloscope.
+        at the first row with the new power, as in tables of a simulation; "middle": a jump where it keeps the energy,
+        as in traces of an oscilloscope.
     """
     steep = _edges(times, power)
     if edges is not None:
