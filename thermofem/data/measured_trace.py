@@ -580,7 +580,7 @@ def _check_rest(rows: Rows, start: float, unit: str, said: list[str]) -> None:
     if abs(drift) > DRIFT * np.ptp(rows.y) and abs(drift) > 4 * noise:
         said.append(
             f"warning: the rows before the start drift by {drift:.3g} {unit}: they are not at rest; for a settled "
-            "square wave give --baseline and a --start that lies whole periods before the file, such as ten time constants"
+            "square wave give --baseline and a --start whole periods before the file, such as ten time constants"
         )
 
 

@@ -156,7 +156,7 @@ def _end(text: str, divider: str, columns: list[int]) -> tuple[int, int]:
 
 def _values(text: str, divider: str, columns: list[int], first: int) -> Array:
     """The numbers of the block, shape (rows, columns)."""
-    import pandas as pd
+    import pandas as pd  # type: ignore[import-untyped]
 
     if divider != ",":
         _check_commas(text, divider, columns, first)
