@@ -11,21 +11,19 @@ from .circuit import (
     Waveguide,
     bus,
     circuit_limit_cycle,
-    circuit_steady_states,
     crow,
     delay_loop,
     scissor,
     simulate_circuit,
-    spectrum,
 )
 from .cycles.continue_cycle import continue_cycle
 from .cycles.cycle_folds import cycle_fold_curves
 from .cycles.derivatives import cycle_derivatives
 from .cycles.limit_cycle import limit_cycle
-from .equilibria.boundaries import fold_curves, hopf_curves
-from .equilibria.steady import steady_states
+from .equilibria.bifurcation_curves import fold_curves, hopf_curves
+from .equilibria.steady_states import steady_states
 from .equilibria.transmission import power_for_drop, sweep, transmission
-from .equilibria.weight import van_vaerenbergh_q
+from .equilibria.van_vaerenbergh import van_vaerenbergh_q
 from .explore.page import explore
 from .identification.identify import Identification, identify
 from .identification.newton_traces import fit_newton_per_trace
@@ -49,9 +47,9 @@ __all__ = [
     "FEM", "NO_PREDICTOR", "CarrierFit", "Circuit", "ConstantLifetime", "Corrector", "Detector", "Event",
     "Identification", "Laser", "LaserPort", "Method", "Pulsing", "Regime", "RingResonator", "ShockleyReadHall",
     "Splitter", "State", "Sweep", "Waveguide", "borghi2021", "bus", "carrier_decay", "circuit_limit_cycle",
-    "circuit_steady_states", "continue_cycle", "cosimulate", "crow", "cycle_derivatives", "cycle_fold_curves",
+    "continue_cycle", "cosimulate", "crow", "cycle_derivatives", "cycle_fold_curves",
     "delay_loop", "explore", "fit_carrier_decay", "fit_newton_per_trace", "fold_curves", "frequency_noise",
     "hopf_curves", "identify", "intensity_noise", "limit_cycle", "overlap", "power_for_drop", "pulsing",
-    "pulsing_map", "scissor", "simulate", "simulate_circuit", "spectrum", "stability_map", "steady_states", "sweep",
+    "pulsing_map", "scissor", "simulate", "simulate_circuit", "stability_map", "steady_states", "sweep",
     "transmission", "van_vaerenbergh_q", "vanvaerenbergh2012",
 ]  # fmt: skip

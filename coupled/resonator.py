@@ -9,8 +9,9 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from scipy.constants import c, hbar
+
 from thermofem import checks
-from thermofem.constants import c, hbar
 from thermofem.data import dataset, files
 from thermofem.data.display import shown
 

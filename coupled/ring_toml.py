@@ -32,9 +32,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, TypeVar
 
+from scipy.constants import c, e, k
+
 from thermofem import checks
 from thermofem.checks import InputError
-from thermofem.constants import c, e, k
 from thermofem.data import files
 from thermofem.data.files import TABLE, TABLES, TEXT, read_table
 

@@ -25,10 +25,13 @@ DOCS = Path(__file__).resolve().parent
 WORDS: dict[str, dict[str, str]] = {
     "the file": {
         "name": "of the cross-section; default `cross-section`",
-        "outer_radius": "**required**; where the domain ends",
+        "kind": "`ring` (default) or `straight`",
+        "outer_radius": "**required** for a ring; where the domain ends",
+        "length": "**required** for a straight section; along the guide",
+        "half_width": "**required** for a straight section; from x = 0 to where the domain ends",
         "ambient": "temperature of everything at rest; default 293.15 K; matters where properties depend on it",
-        "layer": "**required**; bottom to top, from the axis to `outer_radius`",
-        "part": "**required**; rings and discs; a later one overwrites earlier ones and the layers",
+        "layer": "**required**; bottom to top, from the axis to `outer_radius`, or from -`half_width` to `half_width`",
+        "part": "**required**; rings and discs, or straight bars; a later one overwrites earlier ones and the layers",
         "interface": "thermal boundary resistances",
         "probe": "what can be read besides layers and parts",
         "boundary": "what the sides do",
@@ -44,7 +47,8 @@ WORDS: dict[str, dict[str, str]] = {
         "name": "**required**",
         "material": "**required**; `void` cuts a hole with insulated walls",
         "radius": "to its centre; with `width`",
-        "width": "at half height; with `radius`",
+        "width": "at half height; with `radius` or `x`",
+        "x": "centre of a straight bar; with `width`",
         "inner_radius": "at half height, 0 for a disc; with `outer_radius`, instead of `radius` and `width`",
         "outer_radius": "at half height; with `inner_radius`",
         "bottom": "**required**; counted from the datum",
@@ -60,7 +64,7 @@ WORDS: dict[str, dict[str, str]] = {
         "name": "**required**",
         "part": "**required**; the shell lies around it, or the copy is one of it",
         "shell": "thickness of the shell; either this or `distance`",
-        "distance": "from the axis to the centre of a copy of the part: what a neighbouring ring reads",
+        "distance": "from the axis to the centre of a copy of the part: what a neighbouring ring reads; in a straight section from the part itself, along x",
     },
     "[boundary]": {
         "bottom": "`isothermal` (default), `insulated`, `open` or `{ convection = ... }`",
@@ -124,7 +128,7 @@ MEASURED = """
 Only numbers that were seen there are listed. A straight shifter is closed to a ring of its length, which changes the
 π power by under 4 %. π power = λ/(2 L dn/dT R_th); ratio = computed over published. The range is what the computed
 figure becomes when one unknown goes from end to end; what else is assumed stands in the
-linked geometry file. `python tests/devices.py` computes the figures from these
+linked geometry file. `python tests/support/devices.py` computes the figures from these
 files; `tests/surrogate/test_published_devices.py` holds them.
 
 Static figures come within 30 % of the laboratory. Times and bandwidths do not. A computed step has a slow tail of heat

@@ -21,7 +21,7 @@ import numpy as np
 import surrogate
 import thermofem as th
 from thermofem.campaign.vary import Drive, Variation
-from thermofem.plot_style import CYCLE
+from thermofem.plot import CYCLE
 
 plt.rcParams["axes.prop_cycle"] = plt.cycler(color=CYCLE)  # the colours of all figures
 

@@ -13,7 +13,7 @@ import coupled
 import surrogate
 import thermofem as th
 from surrogate.plot import plot_crosstalk
-from thermofem.plot_style import CYCLE
+from thermofem.plot import CYCLE
 
 plt.rcParams["axes.prop_cycle"] = plt.cycler(color=CYCLE)  # the colours of all figures
 
@@ -42,7 +42,7 @@ for power, style, name in ((naive, ":", "crosstalk left out"), (corrected, "-", 
     shift = ring.thermal_shift * (by_heater @ power) / (2 * np.pi)
     rings = [replace(ring, frequency=ring.frequency - float(df)) for df in shift]
     circuit = replace(coupled.bus(rings), frequency=ring.frequency)
-    lines = coupled.spectrum(circuit, detunings).transmission
+    lines = coupled.transmission(circuit, detuning=detunings).transmission
     for k in range(N):
         label = name if k == 0 else None
         axes[1].plot(detunings * 1e-9, lines.sel(port=f"drop {k + 1}"), style, color=f"C{k}", lw=1, label=label)

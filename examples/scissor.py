@@ -23,7 +23,7 @@ axes = column.reshape(2, 2)
 detunings = np.linspace(-40e9, 40e9, 801)
 for sigma, style in ((0.0, "-"), (8e9, "--")):
     circuit = coupled.scissor([one] * 3, phase=0.5, loss=0.05).scattered(sigma, seed=2)
-    lines = coupled.spectrum(circuit, detunings).transmission
+    lines = coupled.transmission(circuit, detuning=detunings).transmission
     for port, colour in (("through", "#D55E00"), ("drop", "#0072B2")):
         label = port if sigma == 0 else f"{port}, resonances scattered by 8 GHz"
         axes[0, 1].plot(detunings * 1e-9, lines.sel(port=port), style, color=colour, label=label, lw=1)

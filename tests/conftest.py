@@ -7,7 +7,6 @@ import logging
 from concurrent.futures import ThreadPoolExecutor
 
 import hypothesis
-import order
 import pytest
 from paths import ROOT
 from validation_rows import merged
@@ -25,16 +24,6 @@ def pytest_addoption(parser):
 
 def pytest_configure(config):
     config.stash[ROWS] = []
-
-
-def pytest_collection_modifyitems(items):
-    items.sort(key=lambda item: order.place(item.path))
-
-
-@pytest.hookimpl(optionalhook=True)
-def pytest_xdist_make_scheduler(config, log):
-    config.option.loadscopereorder = False
-    return order.TwoEnds(config, log) if config.getoption("dist") == "loadfile" else None
 
 
 def pytest_sessionfinish(session, exitstatus):

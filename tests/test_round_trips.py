@@ -58,9 +58,9 @@ RESULTS = {
     "hopf_curves": lambda heat: coupled.hopf_curves(RING, MODEL, POWERS, np.linspace(-5e10, 2e10, 20))[0],
     "carrier_decay": lambda heat: coupled.carrier_decay(RING.carriers, 1e23, np.linspace(0, 1e-7, 9)),
     "simulate_circuit": circuit,
-    "spectrum": lambda heat: coupled.spectrum(coupled.bus([RING, RING]), DETUNINGS),
-    "circuit_steady_states": lambda heat: coupled.circuit_steady_states(
-        coupled.bus([RING, RING]), MODEL, inputs={"in": 1e-4}, starts=3
+    "spectrum": lambda heat: coupled.transmission(coupled.bus([RING, RING]), detuning=DETUNINGS),
+    "circuit_steady_states": lambda heat: coupled.steady_states(
+        coupled.bus([RING, RING]), MODEL, power={"in": 1e-4}, starts=3
     ),
 }
 
@@ -79,3 +79,22 @@ def test_a_result_is_read_as_it_was_saved(name, heat, tmp_path):
     again = th.load(tmp_path / "result.nc")
     assert {*again.variables} == {*data.variables}
     assert [key for key in data.variables if not same(data[key].values, again[key].values)] == []
+
+
+def test_power_says_which_power_it_is():
+    """Absorbed in thermal data; in the bus waveguide in results of `coupled`; there the absorbed one is `absorbed`."""
+    model, ring = surrogate.newton(tau_th=60e-9, heat_capacity=7e-12), coupled.borghi2021()
+    times, step = np.linspace(0, 1e-6, 41), th.Constant(1e-3)
+    absorbed = [
+        th.dataset.build(times, model.response(step, times), step),
+        surrogate.judge({"Newton": model}, model, periods=[1e-6], powers=[1e-3]),
+    ]
+    assert {data["power"].long_name for data in absorbed} == {"absorbed power"}
+    plane = [3e-3, 6e-3], [-10e9, 0.0]
+    in_bus = [
+        coupled.stability_map(ring, model, *plane),
+        coupled.transmission(ring, model, power=6e-3, detuning=(-10e9, 10e9)),
+        *coupled.fold_curves(ring, model, [1e-3, 20e-3], [-80e9, 0.0]),
+    ]
+    assert len(in_bus) > 2
+    assert {data["power"].long_name for data in in_bus} == {"power in the bus waveguide"}

@@ -20,6 +20,7 @@ from .geometry import (
     from_gdsfactory,
     heated_ring,
     rib_ring,
+    straight_guide,
     strip_ring,
 )
 from .materials import Material, Polynomial, PowerLaw, Table, silicon_film
@@ -46,6 +47,6 @@ __all__ = [
     "OutsideTrainingWarning", "Part", "PiecewiseCubic", "Polynomial", "PowerLaw", "Probe", "Pulse", "Quadratic",
     "Sampled", "SquareWave", "StateSpace", "Symbols", "Table", "Telegraph", "ThermalModel", "Waveform", "assemble",
     "checks", "dataset", "derivatives", "disc", "discretize", "from_gdsfactory", "heated_ring", "load", "materials",
-    "open_campaign", "read_trace", "rib_ring", "save", "silicon_film", "solve", "solve_periodic", "strip_ring",
-    "waveforms", "write_fields",
+    "open_campaign", "read_trace", "rib_ring", "save", "silicon_film", "solve", "solve_periodic", "straight_guide",
+    "strip_ring", "waveforms", "write_fields",
 ]  # fmt: skip

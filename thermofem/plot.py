@@ -13,17 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.ticker import LogLocator
 from matplotlib.tri import Triangulation
 
 from . import checks
 from .checks import InputError, choice, positive
 from .data.fields import check_field
 from .data.files import check_image, check_target, write_whole
-from .data.variables import contents
-from .plot_models import plot_model as plot_model
-from .plot_models import plot_step as plot_step
-from .plot_style import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, VERMILION, WIDTH, takes
-from .plot_style import axes as _axes
+from .data.variables import contents, takes
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -31,6 +28,7 @@ if TYPE_CHECKING:
 
     from .geometry.cross_section import CrossSection
     from .mesh import Mesh
+    from .models import ThermalModel
 
 DATA = "a Dataset of th.solve, with time and delta_T"
 FIELDS = "a Dataset of th.solve with field_times"
@@ -46,12 +44,41 @@ _MATERIALS = {
 _UNMESHED: dict[str, Any] = {"facecolor": "white", "edgecolor": "#c3c8ce", "hatch": "///", "linewidth": 0}
 LINE = 0.08  # of the height of an axes: a line of small text
 _OTHER = ("#d4b9da", "#fdd0a2", "#c7e9c0")
+MODEL = "a thermal model, such as th.Foster or the .model of a fit or a reduction"
+MOST_DECADES = 6  # with a number at the axis of a panel
+SHARES = (0.01, 0.99)  # of the steady rise, between which a step response is drawn, with a decade on either side
+
+# Okabe and Ito: apart for every kind of colour vision, and in grey
+INK, BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE = (
+    "#222222", "#0072B2", "#D55E00", "#009E73", "#E69F00", "#56B4E9", "#CC79A7",
+)  # fmt: skip
+CYCLE = (VERMILION, BLUE, GREEN, ORANGE, PURPLE, SKY)  # of several lines in one panel
+WIDTH = 5.7  # inches at most: in half a column of 88 mm "small", the smallest text, is then 5 pt high
+SIZE = (WIDTH, 3.5)  # of a figure by default
+
+
+def axes(ax: Axes | None, size: tuple[float, float] = SIZE) -> Axes:
+    """``ax``, or the Axes of a new figure."""
+    if ax is None:
+        _, ax = plt.subplots(figsize=size, layout="constrained")
+    return takes("ax", ax, "plot", what="matplotlib Axes, or nothing for a new figure")
+
+
+def time_unit(longest: float) -> tuple[float, str]:
+    """Factor from s and the unit in which a time axis up to ``longest`` (s) has short numbers.
+
+    >>> time_unit(20e-6), time_unit(95.8)
+    ((1000000.0, 'µs'), (1.0, 's'))
+    """
+    return next(
+        (f, unit) for f, unit in ((1.0, "s"), (1e3, "ms"), (1e6, "µs"), (1e9, "ns")) if longest * f >= 1 or f == 1e9
+    )
 
 
 def plot_response(data: xr.Dataset, ax: Axes | None = None, *, label: str | None = None, style: Any = "-") -> Axes:
     """Temperature rise (K) against time (us); several probes give one line each."""
     data = contents("data", data, {"time": "time", "delta_T": "time [probe]"}, what=DATA)
-    ax = _axes(ax)
+    ax = axes(ax)
     time, rise = data["time"].values * 1e6, data["delta_T"]
     if "probe" in rise.dims:
         ax.set_prop_cycle(color=[BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, INK])
@@ -75,7 +102,7 @@ def plot_field(data: xr.Dataset, ax: Axes | None = None, *, at: int = 0, half_wi
     half_width [m]: of the window drawn.
     """
     data = check_field(takes("data", data, "data_vars", what=FIELDS))
-    ax = _axes(ax, size=(4.2, 3.4))
+    ax = axes(ax, size=(4.2, 3.4))
     field, r, z = data["field"].isel(field_time=at).values, data["r"].values * 1e6, data["z"].values * 1e6
     hottest, half = int(np.argmax(field)), half_width * 1e6
     window = (np.abs(r - r[hottest]) < 1.6 * half) & (np.abs(z - z[hottest]) < 1.6 * half)
@@ -89,7 +116,7 @@ def plot_field(data: xr.Dataset, ax: Axes | None = None, *, at: int = 0, half_wi
     for face in _geometry(data).subdivision.faces if "geometry" in data.attrs else ():
         for ring in face.rings:
             ax.plot(*(np.vstack([ring, ring[:1]]).T * 1e6), color="white", linewidth=0.5, alpha=0.7)
-    ax.figure.colorbar(picture, cax=ax.inset_axes((1.03, 0, 0.05, 1)), label="rise (K)")
+    ax.figure.colorbar(picture, cax=ax.insetaxes((1.03, 0, 0.05, 1)), label="rise (K)")
     return ax
 
 
@@ -173,7 +200,7 @@ def plot_cross_section(
     takes("geometry", geometry, "subdivision", what=GEOMETRY)
     if mesh is not None:
         takes("mesh", mesh, "triangles", what=MESH)
-    ax = _axes(ax, (WIDTH, 4.0))
+    ax = axes(ax, (WIDTH, 4.0))
     colours: dict[str, str] = {}
     ax.add_patch(plt.Rectangle((0, 0), 1, 1, transform=ax.transAxes, zorder=0, **_UNMESHED))
     for face in geometry.subdivision.faces:
@@ -187,8 +214,9 @@ def plot_cross_section(
     part = next(p for p in geometry.parts if p.heated)
     centre, half = (part.inner_radius + part.outer_radius) / 2e-6, half_width * 1e6
     middle = (part.bottom + part.height / 2) * 1e6
-    ax.set(xlim=(max(0.0, centre - half), centre + half), ylim=(middle - 0.75 * half, middle + 0.75 * half))
-    ax.set(xlabel="r (µm)", ylabel="z (µm)", title=geometry.name)
+    low = max(geometry.inner_end * 1e6, centre - half)
+    ax.set(xlim=(low, centre + half), ylim=(middle - 0.75 * half, middle + 0.75 * half))
+    ax.set(xlabel="r (µm)" if geometry.kind == "ring" else "x (µm)", ylabel="z (µm)", title=geometry.name)
     ax.set_aspect("equal")
     handles = [plt.Rectangle((0, 0), 1, 1, facecolor=c, edgecolor=INK, linewidth=0.6) for c in colours.values()]
     handles.append(plt.Rectangle((0, 0), 1, 1, **_UNMESHED))
@@ -206,7 +234,7 @@ def plot_preview(geometry: CrossSection, mesh: Mesh) -> Axes:
     low, high = min(p.bottom for p in geometry.parts), max(geometry.top_z, *(p.top for p in geometry.parts))
     inner, outer = min(p.inner_radius for p in geometry.parts), max(p.outer_radius for p in geometry.parts)
     room = max(0.3 * (high - low), 0.3 * (outer - inner), 1.5e-6)
-    left.set_xlim(max(inner - room, 0) * 1e6, (outer + room) * 1e6)
+    left.set_xlim(max(inner - room, geometry.inner_end) * 1e6, (outer + room) * 1e6)
     left.set_ylim(max(low - room, geometry.bottom_z) * 1e6, (high + 0.8 * room) * 1e6)
     size = max(heated.outer_radius - heated.inner_radius, heated.height)
     plot_cross_section(geometry, mesh, right, half_width=min(max(2.5 * size, 1e-6), 10e-6))
@@ -247,6 +275,73 @@ def _name_parts(geometry: CrossSection, ax: Axes) -> None:
             fontsize="small",
             arrowprops={"arrowstyle": "-", "color": INK, "linewidth": 0.7},
         )
+
+
+def plot_step(model: ThermalModel, ax: Axes | None = None, *, power: float = 1e-3, label: str | None = None) -> Axes:
+    """Temperature rise (K) after a step of ``power`` (W), against time on a logarithmic axis.
+
+    model: with one input and one output (``model.channel(heated, read)`` picks them), or a fit or a reduction.
+    power [W]
+    label: name in the legend.
+    """
+    model = _single(model)
+    ax = axes(ax)
+    drawn = len(ax.lines)
+    times = _times(model)
+    rise = power * np.asarray(model.step_response(times))
+    ax.semilogx(times, rise, color=CYCLE[drawn % len(CYCLE)], label=label)
+    ax.set(xlabel="time (s)", ylabel=f"temperature rise\nfor a {power * 1e3:g} mW step (K)")
+    ax.set_ylim(bottom=min(0.0, float(rise.min())))
+    if label:
+        ax.legend(frameon=False, fontsize="small", loc="upper left")
+    return ax
+
+
+def plot_model(model: ThermalModel, ax: Any = None) -> np.ndarray:
+    """Step response for 1 mW above, magnitude and phase of the thermal impedance below.
+
+    model: as for `plot_step`.
+    """
+    model = _single(model)
+    if ax is None:
+        _, ax = plt.subplots(2, 1, figsize=(WIDTH, 5.6), layout="constrained")
+    left, right = ax
+    plot_step(model, left)
+    times = _times(model)
+    frequency = np.geomspace(0.02 / times[-1], 1 / times[0], 200)
+    Z = np.asarray(model.impedance(frequency))
+    right.loglog(frequency, np.abs(Z) / 1e3, color=INK)
+    right.set(xlabel="frequency (Hz)", ylabel="|Z| (K/mW)")
+    phase = right.twinx()
+    phase.semilogx(frequency, np.degrees(np.angle(Z)), color=BLUE, linestyle="--", linewidth=1)
+    phase.set_ylabel("phase (°)", color=BLUE)
+    for panel in (left, right):
+        panel.xaxis.set_major_locator(LogLocator(numticks=MOST_DECADES))
+    resistance = float(model.thermal_resistance)
+    left.axhline(resistance * 1e-3, color=INK, linewidth=0.6, linestyle=":")
+    left.set_title(f"{type(model).__name__}, $R_\\mathrm{{th}}$ = {resistance / 1e3:.4g} K/mW", fontsize="small")
+    right.set_title(f"{model.inputs[0]} heated, {model.outputs[0]} read", fontsize="small")
+    left.lines[0].set_color(VERMILION)
+    return np.array([left, right])
+
+
+def _single(model: Any) -> Any:
+    """A model with one input and one output, taken out of what holds it."""
+    if not hasattr(model, "step_response"):
+        model = getattr(model, "model", model)
+    takes("model", model, "step_response", "impedance", "inputs", "outputs", what=MODEL)
+    if len(model.inputs) > 1 or len(model.outputs) > 1:
+        pair = f"model.channel({model.inputs[0]!r}, {model.outputs[0]!r})"
+        raise InputError(f"model has {len(model.inputs)} inputs and {len(model.outputs)} outputs; draw one: {pair}")
+    return model
+
+
+def _times(model: Any) -> np.ndarray:
+    """From a decade before 1 % of the steady rise is reached to a decade after 99 %."""
+    times = np.geomspace(1e-12, 1e2, 281)
+    share = np.asarray(model.step_response(times)) / float(model.thermal_resistance)
+    first, last = (times[min(int(np.argmax(share >= s)), times.size - 1)] for s in SHARES)
+    return np.geomspace(first / 10, 10 * last, 300)
 
 
 def save_figure(ax: Axes, path: Any) -> None:

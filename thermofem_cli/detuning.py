@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from scipy.constants import c
+
 from thermofem.checks import InputError
-from thermofem.constants import c
 from thermofem.data import quantity
 
 if TYPE_CHECKING:

@@ -2,13 +2,11 @@
 
 from .circuit import Circuit
 from .cycle import circuit_limit_cycle
-from .equilibria import circuit_steady_states
 from .parts import Detector, LaserPort, Splitter, Waveguide
 from .ready import bus, crow, delay_loop, scissor
 from .simulate import simulate_circuit
-from .spectrum import spectrum
 
 __all__ = [
     "Circuit", "Detector", "LaserPort", "Splitter", "Waveguide", "bus", "circuit_limit_cycle",
-    "circuit_steady_states", "crow", "delay_loop", "scissor", "simulate_circuit", "spectrum",
+    "crow", "delay_loop", "scissor", "simulate_circuit",
 ]  # fmt: skip

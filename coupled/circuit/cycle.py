@@ -14,7 +14,7 @@ from thermofem.arrays import Array
 from ..kernel.tableaus import Method, tableau
 from ..runs.window import MAX_STEPS
 from .circuit import Circuit
-from .equilibria import _flow, autonomous
+from .fixed_points import _flow, autonomous
 from .simulate import simulate_circuit
 from .system import System, units_of
 
@@ -51,7 +51,7 @@ def circuit_limit_cycle(
     Parameters
     ----------
     circuit, thermal, inputs, heaters, detuning
-        as for `circuit_steady_states`.
+        as for `steady_states`.
     settle : float, s
         long against the slowest time scale of the heat.
     samples : int
@@ -67,7 +67,7 @@ def circuit_limit_cycle(
     Raises
     ------
     InputError
-        as `circuit_steady_states`; a circuit that comes to rest, or whose pulses do not repeat within four.
+        as `steady_states`; a circuit that comes to rest, or whose pulses do not repeat within four.
 
     >>> import coupled, thermofem as th
     >>> model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
@@ -123,7 +123,7 @@ def _period(run: xr.Dataset, settle: float) -> float:
     swing = (high - low) / np.maximum(high, 1e-300)
     k = int(np.argmax(swing))
     if swing[k] < SWING:
-        raise checks.InputError("the circuit comes to rest and has no pulses there; circuit_steady_states finds it")
+        raise checks.InputError("the circuit comes to rest and has no pulses there; steady_states finds it")
     level = N[k] - (low[k] + high[k]) / 2
     up = np.flatnonzero((level[:-1] < 0) & (level[1:] >= 0))
     if up.size < 3:

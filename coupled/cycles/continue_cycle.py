@@ -12,7 +12,7 @@ from thermofem.arrays import Array
 from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring, one_laser
-from ..equilibria.steady import provenance
+from ..equilibria.observables import provenance
 from ..heaters import constant
 from ..resonator import RingResonator
 from ..states import State

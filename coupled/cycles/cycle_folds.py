@@ -12,7 +12,7 @@ from thermofem.checks import InputError
 from thermofem.models import ThermalModel
 
 from ..arguments import check_axis, check_ring, one_laser
-from ..equilibria.boundaries import plane_of, unwatched
+from ..equilibria.bifurcation_curves import plane_of, unwatched
 from ..heaters import constant
 from ..resonator import RingResonator
 from ..thermal import Compact, trusted

@@ -22,7 +22,7 @@ from thermofem.data.variables import PER
 from thermofem.models import ThermalModel
 
 from ..arguments import check_detuning, check_power, check_ring, one_laser
-from ..equilibria.steady import provenance
+from ..equilibria.observables import provenance
 from ..heaters import constant
 from ..resonator import RingResonator
 from ..runs.pulsing import DUTY_LEVEL

@@ -18,7 +18,7 @@ from .path import FreeParameters, Place
 from .scheme import scheme
 
 if TYPE_CHECKING:
-    from ..equilibria.steady import Internal
+    from ..equilibria.balance import InternalRing
 
 
 def hopf_near(family: FreeParameters, place: Place) -> Place | None:
@@ -51,27 +51,24 @@ def _mean_energy(orbit: Orbit) -> float:
 
 def _pair(family: FreeParameters, value: float, energy: float, omega: float) -> tuple[Array, complex, Array]:
     """The fixed point nearest to an energy, its eigenvalue nearest to i omega, and its Jacobian."""
-    from ..equilibria import balance
-    from ..equilibria.steady import absorbable, internal
+    from ..equilibria.balance import absorbable, fixed_points, internal_ring
 
     p = family.at(np.array([value]))
-    at = internal(p.ring, p.model, absorbable(p.ring, p.power))
-    rest = (p.at.pump, at.rates, at.fcd, at.static)
-    U, D = balance.fixed_points(
-        p.at.detuning, *rest, balance.turning_points(balance.reach(p.at.detuning, *rest), *rest)
-    )
+    at = internal_ring(p.ring, p.model, absorbable(p.ring, p.power))
+    U, D, _ = fixed_points(p.at.pump, p.at.detuning, at)
     k = int(np.argmin(np.abs(U - energy)))
     y, J = at_rest(p, at, U[k], D[k])
     values = np.linalg.eigvals(J).astype(complex)
     return y, complex(values[np.argmin(np.abs(values - 1j * omega))]), J
 
 
-def at_rest(p: CycleProblem, at: Internal, U: float, D: float) -> tuple[Array, Array]:
+def at_rest(p: CycleProblem, at: InternalRing, U: float, D: float) -> tuple[Array, Array]:
     """The fixed point (U, D) of a problem, and its Jacobian; under a real pump the field turns as i/(gamma - i D)."""
-    from ..equilibria import balance, spectrum
+    from ..equilibria.balance import balance
+    from ..equilibria.spectrum import states
     from ..kernels import equations as eq
 
-    y, _ = spectrum.state(U, D, at.rates, at.fcd, p.at.thermal, at.static)
-    turn = 1j / (float(balance.balances(np.array([U]), at.rates, at.fcd, at.static)[5, 0]) - 1j * D)
+    y = states(np.array([U]), np.array([D]), at)[0][0]
+    turn = 1j / (float(balance(U, at).gamma) - 1j * D)
     y[:2] = np.sqrt(U) * (np.array([turn.real, turn.imag]) / abs(turn))
     return y, np.asarray(eq.jacobian(y, p.at.detuning, p.at.rates, p.at.fcd, p.at.thermal))

@@ -60,13 +60,12 @@ def laser_of(guess: Any, turn: float = 0.0) -> tuple[float, float]:
 
 def hopf_point(p: CycleProblem, guess: Any) -> HopfPoint:
     """The Hopf point of a problem that a point of a Hopf curve names by its energy and frequency."""
-    from ..equilibria import balance
-    from ..equilibria.steady import absorbable, internal
+    from ..equilibria.balance import absorbable, balance, internal_ring
     from ..kernels import equations as eq
 
-    at = internal(p.ring, p.model, absorbable(p.ring, p.power))
+    at = internal_ring(p.ring, p.model, absorbable(p.ring, p.power))
     U, frequency = float(guess["energy"]) / eq.FJ, float(guess["frequency"])
-    shift = balance.balances(np.array([U]), at.rates, at.fcd, at.static)[3, 0]
+    shift = float(balance(U, at).shift)
     y, J = at_rest(p, at, U, shift - p.at.detuning)
     values, vectors = np.linalg.eig(J)
     omega = 2 * np.pi * eq.NS * frequency

@@ -8,7 +8,7 @@ import numpy as np
 
 from thermofem.data import dataset
 
-from ..equilibria.steady import provenance
+from ..equilibria.observables import provenance
 from .closing import Settled, nontrivial
 from .measures import measure
 from .orbit import CycleProblem, Orbit

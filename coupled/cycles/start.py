@@ -99,12 +99,11 @@ def rest_words(p: CycleProblem, passed: float, point: Array, begin: str = "a col
 
 def stable_points(p: CycleProblem) -> Array:
     """The stable fixed points as of `spectrum.stable`; none for a model without steady states at the largest power."""
-    from ..equilibria import spectrum
-    from ..equilibria.steady import absorbable, internal
+    from ..equilibria.balance import absorbable, internal_ring
+    from ..equilibria.spectrum import stable_points as stable_at
 
     try:
-        at = internal(p.ring, p.model, absorbable(p.ring, p.power))
+        at = internal_ring(p.ring, p.model, absorbable(p.ring, p.power))
     except InputError:
         return np.full((1, 3), np.nan)
-    shifts, unknown = np.array([p.at.detuning]), np.array([-1.0])
-    return np.asarray(spectrum.stable(shifts, unknown, p.at.pump, *at[1:])[0])
+    return np.asarray(stable_at(p.at.pump, np.array([p.at.detuning]), at)[0])

@@ -1,4 +1,4 @@
-"""Fixed points of ring and heat as compiled functions: all follows from the energy U and the detuned D in closed form.
+"""Fixed points of ring and heat: all follows from the energy U and the detuned D in closed form; arrays throughout.
 
     k = tau0 g U^2:       b N^2 + (1 - a k) N - k = 0,        dT = dT(P_abs(U, N)),     gamma = gamma(U, N)
     shift(U) = -thermal_shift dT - S(N) - kerr U             the resonance's own shift, with D = shift - detuning
@@ -12,212 +12,175 @@ The left side of the second rises with U, so every s has one U; detuning(s) runs
 on the scale of 1 in s at any power. Cut at its turning points (the folds of that power), every piece holds a detuning
 at most once: no fixed point is missed.
 
-Internal units as in `equations`.
+Internal units: ns, fJ, uW, K and 1e23 carriers per m^3.
 """
 
 from __future__ import annotations
 
-import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import elementwise
 
-from ..kernels import equations, kinds
-from ..kernels.compiling import compiled, forget_if_older, inlined, inner
-from ..kernels.equations import Array, Rates, absorbed_power, dispersion
-from ..kernels.kinds import rise
+from thermofem.arrays import Array, ArrayLike, NDArray
+from thermofem.models import ThermalModel
+
+from ..kernel.units import EPSILON, Rates, internal_rates
+from ..resonator import RingResonator
+from ..thermal import Compact, compact
+from .heat_at_rest import Heat, heat_of
+from .zeros import zeros
 
 SPACING = 0.02  # of s, in the search for turning points; pairs of them closer than this are found by their slope
-CLOSE = 4e-16  # relative width at which a bracket has no floating-point number left inside
+PUMPS = 1000  # surveyed at one go: 1000 x 500 points of s are 4 MB an array
+
+
+class InternalRing(NamedTuple):
+    """A ring and its heat in internal units."""
+
+    model: Compact
+    rates: Rates
+    fcd: Array  # rows (c_k, p_k) of S(N)
+    heat: Heat
 
 
 class Balance(NamedTuple):
-    """Everything at a fixed point of energy U that does not depend on the laser; primes are d/dU."""
+    """Everything at fixed points of energy U that does not depend on the laser; ``*_slope`` are d/dU."""
 
-    N: float
-    N_slope: float
-    dT: float
-    shift: float
-    shift_slope: float
-    gamma: float
-    gamma_slope: float
+    N: Array
+    N_slope: Array
+    P_abs: Array
+    dT: Array
+    shift: Array
+    shift_slope: Array
+    gamma: Array
+    gamma_slope: Array
 
 
-@inlined
-def balance(U: float, rates: Rates, fcd: Array, heat: Any) -> Balance:
-    """Return the fixed point of energy ``U``."""
+def internal_ring(ring: RingResonator, model: ThermalModel, largest: float) -> InternalRing:
+    """Resolve ring and thermal model, whose rise at rest is wanted up to ``largest``, the absorbed power in W."""
+    small = compact(model)
+    return InternalRing(small, *internal_rates(ring), heat_of(small, largest))
+
+
+def absorbable(ring: RingResonator, power: float) -> float:
+    """Largest power in W that a ring can absorb: that of a ring which absorbs as much as it loses in all other ways.
+
+    P_abs = 2 own U <= 4 gamma_e own P/(own + other)^2 <= gamma_e P/other, with other = gamma_e + gamma_d + gamma_s.
+    """
+    return power * ring.bus_rate / (ring.linear_rate - ring.loss_rate)
+
+
+def dispersion(N: ArrayLike, fcd: Array) -> tuple[Array, Array]:
+    """Return S(N) = sum_k c_k N (N^2 + eps^2)^((p_k - 1)/2) in rad/ns and dS/dN."""
+    N = np.asarray(N)
+    square, S, slope = N * N + EPSILON**2, np.zeros(N.shape), np.zeros(N.shape)
+    for c, p in fcd:
+        factor = c * square ** (0.5 * (p - 1))
+        S, slope = S + factor * N, slope + factor * (1 + (p - 1) * N * N / square)
+    return S, slope
+
+
+def carriers(U: ArrayLike, rates: Rates) -> tuple[Array, Array]:
+    """Return N at rest, the positive root of b N^2 + (1 - a k) N - k = 0, k = tau0 g U^2, and dN/dU."""
+    U = np.asarray(U)
     k = rates.tau0 * rates.g * U * U
-    p = 1.0 - rates.a * k
-    root = math.sqrt(p * p + 4.0 * rates.b * k)
-    N = 2.0 * k / (p + root) if p > 0.0 else (root - p) / (2.0 * rates.b)  # neither form subtracts
-    N_slope = 2.0 * rates.tau0 * rates.g * U * (1.0 + rates.a * N) / root
-    gamma = rates.loss + rates.fca * N + rates.tpa * U
-    gamma_slope = rates.fca * N_slope + rates.tpa
-    dT, by_heat = rise(absorbed_power(U, N, rates), heat)
-    dT_slope = by_heat * 2.0 * (rates.absorbed + rates.fca * (N + N_slope * U) + 2.0 * rates.tpa * U)
-    S, S_slope = dispersion(N, fcd)
+    p = 1 - rates.a * k
+    root = np.sqrt(p * p + 4 * rates.b * k)
+    far = root + np.abs(p)  # neither form of the root subtracts
+    N = np.where(p > 0, 2 * k / far, far / (2 * rates.b) if rates.b else 0.0)
+    return N, 2 * rates.tau0 * rates.g * U * (1 + rates.a * N) / root
+
+
+def balance(U: ArrayLike, ring: InternalRing) -> Balance:
+    """Return the fixed points of the energies ``U``, any shape."""
+    U, rates = np.asarray(U, dtype=float), ring.rates
+    N, N_slope = carriers(U, rates)
+    P_abs = 2 * (rates.absorbed + rates.fca * N + rates.tpa * U) * U
+    P_slope = 2 * (rates.absorbed + rates.fca * (N + N_slope * U) + 2 * rates.tpa * U)
+    dT, by_P = ring.heat.rise(P_abs)
+    S, S_slope = dispersion(N, ring.fcd)
     shift = -rates.thermal_shift * dT - S - rates.kerr * U
-    shift_slope = -rates.thermal_shift * dT_slope - S_slope * N_slope - rates.kerr
-    return Balance(N, N_slope, dT, shift, shift_slope, gamma, gamma_slope)
+    shift_slope = -rates.thermal_shift * by_P * P_slope - S_slope * N_slope - rates.kerr
+    gamma = rates.loss + rates.fca * N + rates.tpa * U
+    return Balance(N, N_slope, P_abs, dT, shift, shift_slope, gamma, rates.fca * N_slope + rates.tpa)
 
 
-@compiled
-def balances(U: Array, rates: Rates, fcd: Array, heat: Any) -> Array:
-    """Return the fields of `Balance` as rows, shape (7, n), for the energies ``U``, shape (n,)."""
-    out = np.empty((7, U.size))
-    for j in range(U.size):
-        out[:, j] = balance(U[j], rates, fcd, heat)
-    return out
-
-
-@compiled
-def energy(s: float, pump: float, rates: Rates, fcd: Array, heat: Any) -> float:
-    """Return U with U gamma(U)^2 = pump^2/cosh^2 s: Newton in log U, kept within a bracket."""
-    target = 2.0 * (math.log(pump) - math.log(math.cosh(s)))
-    high = target - 2.0 * math.log(rates.loss)  # gamma >= loss
-    gamma = balance(math.exp(high), rates, fcd, heat).gamma
-    low = target - 2.0 * math.log(gamma)
-    x = high
-    for _ in range(200):
-        at = balance(math.exp(x), rates, fcd, heat)
-        f = x + 2.0 * math.log(at.gamma) - target
-        if f >= 0.0:
-            high = x
-        if f <= 0.0:
-            low = x
-        before = x
-        x -= f / (1.0 + 2.0 * math.exp(x) * at.gamma_slope / at.gamma)
-        if not low <= x <= high:
-            x = 0.5 * (low + high)
-        if abs(x - before) < 1e-15 * (1.0 + abs(x)):
+def energy(s: ArrayLike, pump: ArrayLike, ring: InternalRing) -> Array:
+    """Return U with U gamma(U)^2 = pump^2/cosh^2 s: Newton's method in log U, kept within a bracket."""
+    rates, target = ring.rates, 2 * (np.log(pump) - np.log(np.cosh(s)))
+    x = high = target - 2 * np.log(rates.loss)  # gamma >= loss
+    low = np.full(np.shape(x), -np.inf)
+    for _ in range(100):
+        U = np.exp(x)
+        N, N_slope = carriers(U, rates)
+        gamma = rates.loss + rates.fca * N + rates.tpa * U
+        f = x + 2 * np.log(gamma) - target
+        high, low = np.minimum(high, np.maximum(x, x - f)), np.maximum(low, np.minimum(x, x - f))  # gamma rises with U
+        step = f / (1 + 2 * U * (rates.fca * N_slope + rates.tpa) / gamma)
+        following = x - step
+        x = np.where((following >= low) & (following <= high), following, (low + high) / 2)
+        if np.all(np.abs(step) < 1e-9):  # the error is the square of a step
             break
-    return math.exp(x)
+    return np.exp(x)
 
 
-@compiled
-def tilted(s: float, pump: float, rates: Rates, fcd: Array, heat: Any) -> tuple[float, float, float, float]:
-    """Return U, D, detuning and d(detuning)/ds of the tilted resonance at ``s``."""
-    U = energy(s, pump, rates, fcd, heat)
-    at = balance(U, rates, fcd, heat)
-    D = at.gamma * math.sinh(s)
-    U_slope = -2.0 * U * math.tanh(s) / (1.0 + 2.0 * U * at.gamma_slope / at.gamma)
-    slope = (at.shift_slope - at.gamma_slope * math.sinh(s)) * U_slope - at.gamma * math.cosh(s)
+def tilted(s: ArrayLike, pump: ArrayLike, ring: InternalRing) -> tuple[Array, Array, Array, Array]:
+    """Return U, D, detuning and d(detuning)/ds of the tilted resonance at ``s``, elementwise with ``pump``."""
+    U = energy(s, pump, ring)
+    at = balance(U, ring)
+    D = at.gamma * np.sinh(s)
+    U_slope = -2 * U * np.tanh(s) / (1 + 2 * U * at.gamma_slope / at.gamma)
+    slope = (at.shift_slope - at.gamma_slope * np.sinh(s)) * U_slope - at.gamma * np.cosh(s)
     return U, D, at.shift - D, slope
 
 
-@compiled
-def reach(detuning: float, pump: float, rates: Rates, fcd: Array, heat: Any) -> float:
+def farthest_s(detuning: float, pump: float, ring: InternalRing) -> float:
     """Return an s beyond which, on either side, the tilted resonance is farther off than ``detuning`` (rad/ns)."""
-    U = energy(0.0, pump, rates, fcd, heat)
-    top = balance(U, rates, fcd, heat)
-    largest = abs(rates.thermal_shift * top.dT) + abs(dispersion(top.N, fcd)[0]) + abs(rates.kerr * U)
-    return math.asinh((abs(detuning) + largest) / rates.loss + 1.0)
+    U, rates = energy(0.0, pump, ring), ring.rates
+    top = balance(U, ring)
+    largest = abs(rates.thermal_shift * top.dT) + abs(dispersion(top.N, ring.fcd)[0]) + abs(rates.kerr * U)
+    return float(np.arcsinh((abs(detuning) + largest) / rates.loss + 1))
 
 
-@inner
-def _slope_zero(left: float, right: float, pump: float, rates: Rates, fcd: Array, heat: Any) -> float:
-    """Return the s between two of opposite slope where the slope vanishes, by bisection."""
-    sign = tilted(left, pump, rates, fcd, heat)[3] > 0.0
-    while right - left > CLOSE * (1.0 + abs(left)):
-        middle = 0.5 * (left + right)
-        if middle <= left or middle >= right:
-            break
-        if (tilted(middle, pump, rates, fcd, heat)[3] > 0.0) == sign:
-            left = middle
-        else:
-            right = middle
-    return 0.5 * (left + right)
+def fixed_points(pump: ArrayLike, detuning: ArrayLike, ring: InternalRing) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Return every fixed point of m laser settings: U and D, and which setting each belongs to.
 
-
-@inner
-def _flattest(left: float, right: float, pump: float, rates: Rates, fcd: Array, heat: Any) -> float:
-    """Return the s between ``left`` and ``right`` of the smallest |slope|, by golden section.
-
-    It stops early at an s where the slope has changed its sign.
+    pump, detuning [shape (m,)]: in sqrt(fJ)/ns and rad/ns.
+    Sorted by setting, then by energy.
     """
-    golden = 0.6180339887498949
-    sign = tilted(left, pump, rates, fcd, heat)[3] > 0.0
-    a, b = right - golden * (right - left), left + golden * (right - left)
-    fa, fb = tilted(a, pump, rates, fcd, heat)[3], tilted(b, pump, rates, fcd, heat)[3]
-    for _ in range(40):
-        if (fa > 0.0) != sign:
-            return a
-        if (fb > 0.0) != sign:
-            return b
-        if abs(fa) < abs(fb):
-            right, b, fb = b, a, fa
-            a = right - golden * (right - left)
-            fa = tilted(a, pump, rates, fcd, heat)[3]
-        else:
-            left, a, fa = a, b, fb
-            b = left + golden * (right - left)
-            fb = tilted(b, pump, rates, fcd, heat)[3]
-    return 0.5 * (left + right)
+    pump, detuning = np.broadcast_arrays(np.atleast_1d(pump), np.atleast_1d(detuning))
+    pumps, which = np.unique(pump, return_inverse=True)
+    if pumps.size > PUMPS:
+        parts = [np.flatnonzero(which // PUMPS == k) for k in range(-(-pumps.size // PUMPS))]
+        found = [fixed_points(pump[part], detuning[part], ring) for part in parts]
+        U, D = (np.concatenate([one[i] for one in found]) for i in (0, 1))
+        cell = np.concatenate([part[one[2]] for part, one in zip(parts, found, strict=True)])
+    else:
+        U, D, cell = _on_pieces(pumps, which, detuning, ring)
+    order = np.lexsort([U, cell])
+    return U[order], D[order], cell[order]
 
 
-@compiled
-def turning_points(s_end: float, pump: float, rates: Rates, fcd: Array, heat: Any) -> Array:
-    """Return -s_end, every s between where detuning(s) turns, and s_end, in increasing order."""
-    n = math.ceil(2.0 * s_end / SPACING) + 1
-    s = np.linspace(-s_end, s_end, n)
-    slope = np.empty(n)
-    for k in range(n):
-        slope[k] = tilted(s[k], pump, rates, fcd, heat)[3]
-    out = np.empty(n + 2)
-    out[0], count = -s_end, 1
-    for k in range(n - 1):
-        if (slope[k] > 0.0) != (slope[k + 1] > 0.0):
-            out[count] = _slope_zero(s[k], s[k + 1], pump, rates, fcd, heat)
-            count += 1
-        elif k > 0 and (slope[k - 1] > 0.0) == (slope[k] > 0.0) and abs(slope[k]) < abs(slope[k - 1]) and (
-            abs(slope[k]) <= abs(slope[k + 1])
-        ):  # fmt: skip
-            flat = _flattest(s[k - 1], s[k + 1], pump, rates, fcd, heat)
-            if (tilted(flat, pump, rates, fcd, heat)[3] > 0.0) != (slope[k] > 0.0):
-                out[count] = _slope_zero(s[k - 1], flat, pump, rates, fcd, heat)
-                out[count + 1] = _slope_zero(flat, s[k + 1], pump, rates, fcd, heat)
-                count += 2
-    out[count] = s_end
-    return out[: count + 1]
-
-
-@inner
-def crossing(
-    left: float, right: float, detuning: float, pump: float, rates: Rates, fcd: Array, heat: Any
-) -> tuple[float, float]:
-    """Return U and D where a monotone piece of the tilted resonance meets ``detuning``; Newton kept in the bracket."""
-    falling = tilted(left, pump, rates, fcd, heat)[2] > detuning
-    s = 0.5 * (left + right)
-    U, D = 0.0, 0.0
-    for _ in range(200):
-        U, D, at, slope = tilted(s, pump, rates, fcd, heat)
-        f = at - detuning
-        if (f > 0.0) == falling:
-            left = s
-        else:
-            right = s
-        before = s
-        s = s - f / slope if slope != 0.0 else left
-        if not left < s < right:
-            s = 0.5 * (left + right)
-        if f == 0.0 or abs(s - before) <= CLOSE * (1.0 + abs(s)):
-            break
-    return U, D
-
-
-@compiled
-def fixed_points(detuning: float, pump: float, rates: Rates, fcd: Array, heat: Any, pieces: Array) -> Array:
-    """Return every fixed point as columns (U, D), shape (2, m), in the order of s; ``pieces`` by `turning_points`."""
-    out, count = np.empty((2, pieces.size - 1)), 0
-    above = tilted(pieces[0], pump, rates, fcd, heat)[2] > detuning
-    for k in range(pieces.size - 1):
-        after = tilted(pieces[k + 1], pump, rates, fcd, heat)[2] > detuning
-        if above != after:
-            out[0, count], out[1, count] = crossing(pieces[k], pieces[k + 1], detuning, pump, rates, fcd, heat)
-            count += 1
-        above = after
-    return out[:, :count]
-
-
-for module in (equations, kinds):
-    forget_if_older(fixed_points, str(module.__file__))
+def _on_pieces(
+    pumps: Array, which: NDArray[np.intp], detuning: Array, ring: InternalRing
+) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Fixed points of settings (pumps[which], detuning), each on a monotone piece of its tilted resonance."""
+    end = farthest_s(float(np.abs(detuning).max()), pumps[-1], ring)
+    grid = np.linspace(-end, end, int(np.ceil(2 * end / SPACING)) + 1)
+    turning, of = zeros(lambda s, k: tilted(s, pumps[k], ring)[3], grid, pumps.size)
+    on_grid, at_turning = tilted(grid, pumps[:, None], ring)[2], tilted(turning, pumps[of], ring)[2]
+    brackets = []
+    for k in range(pumps.size):
+        cells = np.flatnonzero(which == k)
+        s, order = np.unique(np.concatenate([grid, turning[of == k]]), return_index=True)
+        above = np.concatenate([on_grid[k], at_turning[of == k]])[order] > detuning[cells, None]
+        j, piece = np.nonzero(above[:, 1:] != above[:, :-1])
+        brackets.append((s[piece], s[piece + 1], cells[j]))
+    low, high, cell = (np.concatenate(part) for part in zip(*brackets, strict=True))
+    pump = pumps[which]
+    found = elementwise.find_root(
+        lambda s, k: tilted(s, pump[k], ring)[2] - detuning[k], (low, high), args=(cell,)
+    )  # fmt: skip
+    U, D, _, _ = tilted(found.x, pump[cell], ring)
+    return U, D, cell

@@ -16,6 +16,7 @@ Source: Kuznetsov, Elements of Applied Bifurcation Theory (2004), Section 5.4.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -25,31 +26,36 @@ STEP = 1e-3  # of the sizes of the states: errors of 1e-6 by truncation and 1e-1
 
 
 def first_lyapunov(
-    jacobian: Callable[[Array], Array], x: Array, size: Array, omega: float, unit: int
-) -> tuple[float, NDArray[np.complex128]]:
-    """Return g and all eigenvalues at a Hopf point.
+    jacobians: Callable[[Array], Array], x: Array, size: Array, omega: Array, unit: NDArray[np.intp]
+) -> tuple[Array, NDArray[np.complex128]]:
+    """Return g and all eigenvalues at m Hopf points.
 
-    jacobian: of the state, shape (n,) to (n, n).
-    x, size [shape (n,)]: the fixed point, and sizes of its states for the differences.
-    omega: near which the eigenvalue i w is looked for.
-    unit: the state whose amplitude is r: q is scaled to |q[unit]| = 1/2.
+    jacobians: of the states, shape (m, n) to (m, n, n).
+    x, size [shape (m, n)]: the fixed points, and sizes of their states for the differences.
+    omega [shape (m,)]: near which the eigenvalue i w is looked for.
+    unit [shape (m,)]: the state whose amplitude is r: q is scaled to |q[unit]| = 1/2.
     """
-    A = jacobian(x)
-    values, vectors = np.linalg.eig(A)
-    k = int(np.argmin(np.abs(values - 1j * omega)))
-    w, q = float(values[k].imag), vectors[:, k]
-    q = q / (2 * q[unit])
-    left, lefts = np.linalg.eig(A.T)
-    p = lefts[:, int(np.argmin(np.abs(left - values[k])))].conj()
-    p = p / np.vdot(p, q).conj()
-    h = STEP / float(np.max(np.abs(q) / size))
+    m = np.arange(len(x))
+    A = jacobians(x)
+    values, vectors = np.linalg.eig(A.astype(complex))
+    k = np.abs(values - 1j * omega[:, None]).argmin(axis=1)
+    w, q = values[m, k].imag, vectors[m, :, k]
+    q = q / (2 * q[m, unit])[:, None]
+    left, lefts = np.linalg.eig(A.transpose(0, 2, 1).astype(complex))
+    p = lefts[m, :, np.abs(left - values[m, k][:, None]).argmin(axis=1)].conj()
+    p = p / np.einsum("mi,mi->m", p.conj(), q).conj()[:, None]
+    h = STEP / np.max(np.abs(q) / size, axis=1)
     first, second = np.zeros(A.shape, dtype=complex), np.zeros(A.shape)
     for part, factor in ((q.real, 1), (q.imag, 1j)):
-        ahead, behind = jacobian(x + h * part), jacobian(x - h * part)
-        first += factor * (ahead - behind) / (2 * h)
-        second += (ahead - 2 * A + behind) / h**2
-    eye = np.eye(x.size)
-    mean = np.linalg.solve(A, first @ q.conj())
-    double = np.linalg.solve(2j * w * eye - A, first @ q)
-    terms = second @ q - 2 * first @ mean + first.conj() @ double
-    return float(np.vdot(p, terms).real / 2), values
+        ahead, behind = jacobians(x + h[:, None] * part), jacobians(x - h[:, None] * part)
+        first += factor * (ahead - behind) / (2 * h[:, None, None])
+        second += (ahead - 2 * A + behind) / h[:, None, None] ** 2
+
+    def times(M: NDArray[Any], v: NDArray[Any]) -> NDArray[Any]:
+        return np.asarray(np.einsum("mij,mj->mi", M, v))
+
+    mean = np.linalg.solve(A.astype(complex), times(first, q.conj())[..., None])[..., 0]
+    twice = 2j * w[:, None, None] * np.eye(x.shape[1]) - A
+    double = np.linalg.solve(twice, times(first, q)[..., None])[..., 0]
+    terms = times(second, q) - 2 * times(first, mean) + times(first.conj(), double)
+    return np.einsum("mi,mi->m", p.conj(), terms).real / 2, values

@@ -3,37 +3,50 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any, cast
 
 import numpy as np
+import xarray as xr
 
 from thermofem import Foster, checks
-from thermofem.arrays import Array, ArrayLike
+from thermofem.arrays import Array, ArrayLike, NDArray
+from thermofem.data import dataset
 from thermofem.models import ThermalModel
 
-from ..arguments import MOST_POINTS, check_detuning, check_power, check_ring, one_laser
+from ..arguments import MOST_POINTS, check_detuning, check_power, check_ring
+from ..circuit.circuit import Circuit
+from ..circuit.low_power import low_power_transmission
+from ..kernel.units import FJ, NS, UW, internal_pump, internal_rates
 from ..resonator import RingResonator
-from ..thermal import trusted
-from .steady import Internal, absorbable, internal, observables, provenance
-from .stretches import spread, stretches
-
-if TYPE_CHECKING:
-    import xarray as xr
+from ..thermal import NEEDED, trusted
+from .balance import (
+    InternalRing,
+    absorbable,
+    balance,
+    carriers,
+    energy,
+    farthest_s,
+    fixed_points,
+    internal_ring,
+    tilted,
+)
+from .observables import observables, provenance
+from .spectrum import eigenvalues
+from .zeros import equidistant, intervals_in_window
 
 POINTS = 600  # of a curve
 HALVINGS = 10  # of a step of a sweep, until it is clear which fixed point follows on which
 CLEAR = 0.3  # of the gap between two energies, on a logarithmic scale, and of a factor e: what a clear step may change
 
 
-@one_laser
 def transmission(
-    ring: RingResonator,
-    model: ThermalModel,
+    ring: RingResonator | Circuit,
+    model: ThermalModel | None = None,
     *,
-    power: float | ArrayLike,
+    power: Any = None,
     detuning: float | ArrayLike,
 ) -> xr.Dataset:
-    """Return the curve of all fixed points against detuning at one power, or against power at one detuning.
+    """Return the curve of all fixed points against detuning or power of a ring, or the low-power one of a circuit.
 
     At one power it is the tilted resonance, one smooth curve with a parameter s (D = gamma sinh s); at one detuning
     power is a function of the energy, P = U (gamma^2 + D^2)/(2 gamma_e). Either way the curve runs through its folds:
@@ -41,22 +54,25 @@ def transmission(
 
     Parameters
     ----------
-    ring : RingResonator
+    ring : RingResonator or Circuit
     model : ThermalModel
-        as for `steady_states`.
+        as for `steady_states`; none is needed for a circuit.
     power, detuning : float, or (first, last); W, Hz
-        one of them a pair, the range of the curve.
+        one of them a pair, the range of the curve. For a circuit ``detuning`` are all its detunings, increasing, and
+        ``power`` names the laser, ``{"in": 1e-6}``; by default the first one.
 
     Returns
     -------
     xarray.Dataset
         over point, along the curve from border to border of the range, up to 600: power, detuning, and all that
         `steady_states` gives, with regime "stable", "saddle", "unstable focus" or "unstable node".
+        Of a circuit transmission (power at the port per power of the laser), phase (rad) by port, and energy (J per W)
+        by ring, over detuning, without carriers and heat.
 
     Raises
     ------
     InputError
-        as `steady_states`; neither or both of them a pair.
+        as `steady_states`; neither or both of them a pair; light that heats a circuit.
 
     >>> import coupled, thermofem as th
     >>> model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
@@ -65,35 +81,34 @@ def transmission(
     >>> print(f"{float(peak['drop']) * 1e3:.2f} mW at {float(peak.detuning) / 1e9:.0f} GHz, {peak.regime.item()}")
     2.20 mW at -92 GHz, stable
     """
-    from ..kernels import equations as eq
-    from . import balance
-
+    if isinstance(ring, Circuit):
+        return low_power_transmission(ring, detuning, power)
     check_ring(ring)
+    checks.has("model", model, "dynamics", hint=NEEDED)
     P, nu = _ends("power", power), _ends("detuning", detuning)
-    at = internal(ring, model, absorbable(ring, P[-1]))
-    rest = (at.rates, at.fcd, at.static)
+    at = internal_ring(ring, cast(ThermalModel, model), absorbable(ring, P[-1]))
     if (P.size, nu.size) == (1, 2):
-        pump = eq.internal_pump(ring, P[0])
-        end = balance.reach(2 * np.pi * eq.NS * float(np.abs(nu).max()), pump, *rest)
+        pump = internal_pump(ring, P[0])
+        end = farthest_s(2 * np.pi * NS * float(np.abs(nu).max()), pump, at)
 
-        def along(s: Array) -> tuple[Array, Array, Array, Array]:
-            U, D, shift, _ = np.array([balance.tilted(v, pump, *rest) for v in s]).T
-            return U, D, np.full(U.size, P[0]), shift / (2 * np.pi * eq.NS)
+        def curve(s: Array) -> tuple[Array, ...]:
+            U, D, shift, _ = tilted(s, pump, at)
+            return U, D, np.full(U.size, P[0]), shift / (2 * np.pi * NS)
 
-        U, D, powers, detunings = _window(along, -end, end, 3, nu)
+        U, D, powers, detunings = _in_range(curve, -end, end, 3, nu)
     elif (P.size, nu.size) == (2, 1):
-        shift_0 = 2 * np.pi * eq.NS * nu[0]
-        weak, strong = (eq.internal_pump(ring, p) for p in P)
-        high = np.log(balance.energy(0.0, strong, *rest))
-        low = np.log(balance.energy(balance.reach(abs(shift_0), weak, *rest), weak, *rest))
+        shift_0 = 2 * np.pi * NS * nu[0]
+        weak, strong = (internal_pump(ring, p) for p in P)
+        high = float(np.log(energy(0.0, strong, at)))
+        low = float(np.log(energy(farthest_s(abs(shift_0), weak, at), weak, at)))
 
-        def along(s: Array) -> tuple[Array, Array, Array, Array]:
-            U = np.exp(s)
-            shift, gamma = balance.balances(U, *rest)[[3, 5]]
-            D = shift - shift_0
-            return U, D, U * (gamma**2 + D**2) / eq.internal_pump(ring, 1.0) ** 2, np.full(U.size, nu[0])
+        def curve(s: Array) -> tuple[Array, ...]:
+            here = balance(np.exp(s), at)
+            D = here.shift - shift_0
+            powers = np.exp(s) * (here.gamma**2 + D**2) / internal_pump(ring, 1.0) ** 2
+            return np.exp(s), D, powers, np.full(s.size, nu[0])
 
-        U, D, powers, detunings = _window(along, low, high, 2, P)
+        U, D, powers, detunings = _in_range(curve, low, high, 2, P)
     else:
         raise checks.InputError("one of power and detuning must be a pair (first, last), the other one number")
     found = _dataset(ring, at, U, D, powers, detunings)
@@ -102,7 +117,6 @@ def transmission(
     return found
 
 
-@one_laser
 def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike, detuning: ArrayLike) -> Array:
     """Return the bus power (W) that a steady drop power needs: the transmission turned round, which has one value.
 
@@ -127,10 +141,6 @@ def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike,
         a drop power that is not positive, a detuning or a model as for `steady_states`, shapes that do not go
         together.
     """
-    from ..kernels import equations as eq
-    from ..kernels.kinds import Static
-    from . import balance
-
     check_ring(ring)
     lights = checks.numbers("drop", drop), checks.numbers("detuning", detuning)
     try:
@@ -146,19 +156,18 @@ def power_for_drop(ring: RingResonator, model: ThermalModel, *, drop: ArrayLike,
     check_detuning(float(nu.ravel()[np.abs(nu).argmax()]))
     if ring.drop_bus_rate == 0:
         raise checks.InputError(f"ring {ring.name!r} has no drop port")
-    U = wanted.ravel() / (2 * ring.drop_bus_rate) / eq.FJ
-    rates, fcd = eq.internal_rates(ring)
-    N = balance.balances(U, rates, fcd, Static(0.0))[0]
-    largest = float(eq.absorbed_power(U, N, rates).max()) * eq.UW
-    at = internal(ring, model, largest)
+    U = wanted.ravel() / (2 * ring.drop_bus_rate) / FJ
+    rates, _ = internal_rates(ring)
+    N = carriers(U, rates)[0]
+    largest = float((2 * (rates.absorbed + rates.fca * N + rates.tpa * U) * U).max()) * UW
+    at = internal_ring(ring, model, largest)
     linear = at.model.thermal_resistance * largest
     trusted(model, linear if isinstance(at.model, Foster) else at.model.steady_rise(largest), linear)
-    shift, gamma = balance.balances(U, at.rates, at.fcd, at.static)[[3, 5]]
-    D = shift - 2 * np.pi * eq.NS * nu.ravel()
-    return np.asarray(U * (gamma**2 + D**2) / eq.internal_pump(ring, 1.0) ** 2).reshape(wanted.shape)
+    here = balance(U, at)
+    D = here.shift - 2 * np.pi * NS * nu.ravel()
+    return np.asarray(U * (here.gamma**2 + D**2) / internal_pump(ring, 1.0) ** 2).reshape(wanted.shape)
 
 
-@one_laser
 def sweep(
     ring: RingResonator,
     model: ThermalModel,
@@ -191,9 +200,6 @@ def sweep(
     InputError
         as `steady_states`; not exactly one of them an array.
     """
-    from ..kernels import equations as eq
-    from . import balance
-
     check_ring(ring)
     P, nu = (checks.array(name, v, longest=MOST_POINTS) for name, v in (("power", power), ("detuning", detuning)))
     if (P.size > 1) == (nu.size > 1):
@@ -201,26 +207,19 @@ def sweep(
     for name, values, check in (("power", P, check_power), ("detuning", nu, check_detuning)):
         for k, value in enumerate(values):
             check(value, f"{name}[{k}]" if values.size > 1 else name)
-    at = internal(ring, model, absorbable(ring, float(P.max())))
-    rest = (at.rates, at.fcd, at.static)
+    at = internal_ring(ring, model, absorbable(ring, float(P.max())))
     steps = max(P.size, nu.size)
     P, nu = np.broadcast_to(P, steps), np.broadcast_to(nu, steps)
-    shifts = 2 * np.pi * eq.NS * nu
-    farthest = float(np.abs(shifts).max())
-
-    def between(values: Array, k: float) -> float:
-        low = int(k)
-        return float(values[low] + (k - low) * (values[min(low + 1, steps - 1)] - values[low]))
+    pumps, shifts = internal_pump(ring, 1.0) * np.sqrt(P), 2 * np.pi * NS * nu
+    U, D, step = fixed_points(pumps, shifts, at)
+    every = np.split(np.array([U, D]), np.flatnonzero(np.diff(step)) + 1, axis=1)
 
     def points_at(k: float) -> Array:
-        pump = eq.internal_pump(ring, between(P, k))
-        if pump not in pieces:
-            pieces.clear()  # of one power at a time
-            pieces[pump] = balance.turning_points(balance.reach(farthest, pump, *rest), pump, *rest)
-        points = balance.fixed_points(between(shifts, k), pump, *rest, pieces[pump])
-        return np.asarray(points[:, np.argsort(points[0])])
+        if k == int(k):
+            return every[int(k)]
+        power, shift = (float(np.interp(k, np.arange(steps), values)) for values in (P, shifts))
+        return np.array(fixed_points(internal_pump(ring, power), shift, at)[:2])
 
-    pieces: dict[float, Any] = {}
     path, jumped, before = np.empty((2, steps)), np.zeros(steps, dtype=bool), None
     for k in range(steps):
         points, here, jumped[k] = _followed(points_at, max(k - 1, 0), k, before, at, HALVINGS)
@@ -232,30 +231,32 @@ def sweep(
     return found
 
 
-def _trust(model: ThermalModel, at: Internal, found: xr.Dataset) -> None:
+def _trust(model: ThermalModel | None, at: InternalRing, found: xr.Dataset) -> None:
     """Compare the rises along a curve with what the model describes."""
     linear = at.model.thermal_resistance * found["absorbed"].values
     trusted(model, found["delta_T"].values, linear)
 
 
-def _window(along: Any, low: float, high: float, row: int, ends: Array) -> tuple[Array, Array, Array, Array]:
+def _in_range(
+    curve: Callable[[Array], tuple[Array, ...]], low: float, high: float, row: int, ends: Array
+) -> tuple[Array, ...]:
     """The part of a curve within the range of its power or detuning (``row``), both ends of the range included."""
     grid = np.linspace(low, high, POINTS)
-    parts = stretches(lambda s: (along(s)[row] - ends[0])[None] / np.ptp(ends), grid)
+    parts = intervals_in_window(lambda s: (curve(s)[row] - ends[0])[None] / np.ptp(ends), grid)
     if not parts:  # between two neighbouring floats
         name, unit = ("power", "W") if row == 2 else ("detuning", "Hz")
         span = f"{ends[0]:.17g} to {ends[1]:.17g} {unit}"
         raise checks.InputError(f"{name} = {span} is narrower than round-off; widen it")
-    points = spread(lambda s: np.array(along(s))[[0, 2, 3]], parts, POINTS)  # energy, power, detuning
-    curve = list(along(np.concatenate(points)))
+    points = equidistant(lambda s: np.array(curve(s))[[0, 2, 3]], parts, POINTS)  # energy, power, detuning
+    values = list(curve(np.concatenate(points)))
     stops = np.cumsum([s.size for s in points])
     for k in (*(stops - 1), *(stops - [s.size for s in points])):
-        curve[row][k] = ends[np.argmin(np.abs(ends - curve[row][k]))]  # to the last digit
-    return tuple(curve)
+        values[row][k] = ends[np.argmin(np.abs(ends - values[row][k]))]  # to the last digit
+    return tuple(values)
 
 
 def _followed(
-    points_at: Callable[[float], Array], first: float, last: float, before: tuple[Array, int] | None, at: Internal,
+    points_at: Callable[[float], Array], first: float, last: float, before: tuple[Array, int] | None, at: InternalRing,
     halvings: int,
 ) -> tuple[Array, int, bool]:  # fmt: skip
     """Fixed points (U, D) at the end of a step, which one follows on that of ``before``, and whether that is a jump."""
@@ -263,7 +264,7 @@ def _followed(
     if before is not None and _clear(points[0], before[0]):
         return points, before[1], False
     if before is None or not halvings:
-        return points, *_next(points[0], before, lambda i: _stable(points[:, i], at))
+        return points, *_next(points[0], before, _stable(points[0], points[1], at))
     middle = (first + last) / 2
     between, here, jumped = _followed(points_at, first, middle, before, at, halvings - 1)
     points, here, again = _followed(points_at, middle, last, (between[0], here), at, halvings - 1)
@@ -278,13 +279,13 @@ def _clear(U: Array, earlier: Array) -> bool:
     return bool(np.abs(np.log(U / earlier)).max() <= CLEAR * min(1.0, gaps.min(initial=1.0)))
 
 
-def _next(U: Array, before: tuple[Array, int] | None, stable: Any) -> tuple[int, bool]:
+def _next(U: Array, before: tuple[Array, int] | None, stable: NDArray[np.bool_]) -> tuple[int, bool]:
     """Which of the fixed points of energies ``U`` follows on the one of the step before, and whether that is a jump.
 
     In the order of their energies every second one is a saddle; they come and go in pairs with a neighbour.
     """
     if before is None:
-        rest = [i for i in range(U.size) if stable(i)]
+        rest = [i for i in range(U.size) if stable[i]]
         return (rest or [0])[0], False
     earlier, at = before
     alike = range(at % 2, U.size, 2) or range(U.size)
@@ -294,15 +295,13 @@ def _next(U: Array, before: tuple[Array, int] | None, stable: Any) -> tuple[int,
     pair = int(np.argmin(np.diff(np.log(earlier))))  # the two that met and vanished
     if at not in (pair, pair + 1):
         return nearest, False
-    rest = [i for i in range(U.size) if stable(i)] or list(range(U.size))
+    rest = [i for i in range(U.size) if stable[i]] or list(range(U.size))
     return min(rest, key=lambda i: abs(np.log(U[i] / earlier[at]))), True
 
 
-def _stable(point: Array, at: Internal) -> bool:
-    """Whether a fixed point (U, D) is stable."""
-    from . import spectrum
-
-    return bool(spectrum.dense(point[0], point[1], *at[1:]).real.max() < 0)
+def _stable(U: Array, D: Array, at: InternalRing) -> NDArray[np.bool_]:
+    """Whether each of the fixed points is stable."""
+    return np.asarray(eigenvalues(U, D, at).real.max(axis=1) < 0)
 
 
 def _ends(name: str, value: float | ArrayLike) -> Array:
@@ -316,13 +315,9 @@ def _ends(name: str, value: float | ArrayLike) -> Array:
 
 
 def _dataset(
-    ring: RingResonator, at: Internal, U: Array, D: Array, powers: Array, detunings: Array, over: str = "point"
+    ring: RingResonator, at: InternalRing, U: Array, D: Array, powers: Array, detunings: Array, over: str = "point"
 ) -> xr.Dataset:
     """Fixed points along a line, in SI."""
-    import xarray as xr
-
-    from thermofem.data import dataset
-
     values = {"power": powers, "detuning": detunings} | observables(ring, at, U, D, powers)
     return xr.Dataset(
         {name: (over, v, dataset.describe("input_power" if name == "power" else name)) for name, v in values.items()}

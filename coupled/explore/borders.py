@@ -37,7 +37,7 @@ def borders(
 
 def curves_of(ring: RingResonator, model: ThermalModel, window: Window) -> list[list[list[float]]]:
     """Return the folds of cycles in a window (dBm, GHz), where a Hopf curve in or near it is subcritical."""
-    from ..equilibria.boundaries import subcritical
+    from ..equilibria.bifurcation_curves import subcritical
 
     axes = 1e-3 * 10 ** (np.array(window["power"]) / 10), np.array(window["detuning"]) * 1e9
     try:

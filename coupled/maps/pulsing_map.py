@@ -23,7 +23,7 @@ from thermofem.models import ThermalModel
 from ..arguments import check_duration, one_laser
 from ..bar import bar
 from ..cycles.orbit import check_carriers, has_carriers
-from ..equilibria.steady import provenance
+from ..equilibria.observables import provenance
 from ..heaters import constant
 from ..kernels.interrupts import new_watch
 from ..resonator import RingResonator

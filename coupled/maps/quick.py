@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from thermofem import checks
 
-from ..equilibria.steady import Internal, absorbable, internal
+from ..equilibria.balance import InternalRing, absorbable, internal_ring
 from ..kernel.tableaus import Method, tableau
 from ..kernels.interrupts import new_watch
 from ..resonator import RingResonator
@@ -31,9 +31,9 @@ def _prepared(ring: RingResonator, model: Any) -> tuple[Any, ...]:
 
 
 @lru_cache(maxsize=16)
-def at_rest(ring: RingResonator, model: Any, power: float) -> Internal:
+def at_rest(ring: RingResonator, model: Any, power: float) -> InternalRing:
     """Rates and static heat of the fixed points, computed once for all detunings."""
-    return internal(ring, model, absorbable(ring, power))
+    return internal_ring(ring, model, absorbable(ring, power))
 
 
 def _rest(ring: RingResonator, model: Any, power: float, detuning: float) -> Rest | None:

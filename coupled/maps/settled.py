@@ -18,7 +18,8 @@ from ..cycles.orbit import FEW_SHOTS, ROUGH, ROUGHLY, TRACE_RTOL, CycleProblem, 
 from ..cycles.parameters import under_laser
 from ..cycles.scheme import scheme
 from ..cycles.start import RestError, longest_of, pursued, rest_words
-from ..equilibria.steady import absorbable, internal
+from ..equilibria.balance import absorbable, internal_ring
+from ..equilibria.spectrum import stable_points
 from ..kernel.tableaus import Method, tableau
 from ..kernels.interrupts import uninterrupted
 from ..runs.pulsing import DUTY_LEVEL, Regime
@@ -52,20 +53,18 @@ class _Row(NamedTuple):
     detunings: list[float]
     shifts: Array  # the same in rad/ns
     still: NDArray[np.bool_]  # where a fixed point is stable
-    points: Array  # which, as of `spectrum.stable`
+    points: Array  # which, as of `stable_points`
 
     @classmethod
     def of(cls, ring: Any, model: Any, power: float, detunings: list[float]) -> _Row:
         """Prepare the row."""
-        from ..equilibria import spectrum
         from ..kernels import equations as eq
 
         p = problem(ring, model, power, detunings[0])
-        at = internal(ring, model, absorbable(ring, power))
+        at = internal_ring(ring, model, absorbable(ring, power))
         shifts = np.array([eq.internal_detuning(nu) for nu in detunings])
-        ring_and_heat = (p.at.pump, at.rates, at.fcd, at.thermal.without_idle_poles(), at.static)
-        counts = spectrum.survey(shifts, *ring_and_heat)[1]
-        return cls(p, detunings, shifts, counts > 0, spectrum.stable(shifts, counts, *ring_and_heat))
+        points = stable_points(p.at.pump, shifts, at)
+        return cls(p, detunings, shifts, np.isfinite(points[:, 0, 0]), points)
 
     def cells(self, watch: Array) -> list[Found]:
         """Return regime, period, duty cycle, swing and reason at every detuning."""

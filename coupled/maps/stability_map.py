@@ -2,33 +2,29 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+import xarray as xr
 
 from thermofem import OutputMap
+from thermofem.arrays import Array, ArrayLike
 from thermofem.data import dataset
-from thermofem.data.record import Record, as_dataset, recorded
 from thermofem.models import ThermalModel
 from thermofem.models.contract import bare
 
-from ..arguments import one_laser
-from ..equilibria.steady import Internal, absorbable, internal, provenance
+from ..equilibria.balance import absorbable, internal_ring
+from ..equilibria.observables import provenance
+from ..equilibria.spectrum import survey
 from ..heaters import constant
+from ..kernel.units import NS, internal_detuning, internal_pump
 from ..resonator import RingResonator
-from ..thermal import warn_at_top
-from .grid import Grid, Point, grid_of
+from ..thermal import Compact, compact, warn_at_top
+from .grid import Grid, grid_of
 from .trust import trusted_map
 
-Array = NDArray[np.float64]
 
-
-@as_dataset
-@one_laser
 def stability_map(
     ring: RingResonator,
     model: ThermalModel,
@@ -39,7 +35,7 @@ def stability_map(
     heaters: Mapping[str, float] | None = None,
     heated: str | None = None,
     read: str | None = None,
-) -> Record:
+) -> xr.Dataset:
     """Classify every point of a map by the eigenvalues at all of its fixed points.
 
         d(perturbation)/dt = J(U, D) perturbation,     growth = max Re eigenvalue(J)
@@ -79,8 +75,7 @@ def stability_map(
     """
     warm = constant(model, heaters, heated, read)
     grid = grid_of(ring, powers, detunings, vary, results=("frequency",)).warmed(warm)
-    at = _internal(warm.model, grid)
-    fixed, stable, growth, omega = survey_grid(at, grid)
+    small, fixed, stable, growth, omega = _survey(warm.model, grid)
     names = np.array(["self-pulsing", "stable", "bistable"])
     over = grid.names
     variables: dict[str, Any] = {
@@ -90,42 +85,26 @@ def stability_map(
         "growth_rate": (over, growth, dataset.describe("growth_rate")),
         "frequency": (over, omega, dataset.describe("frequency")),
     }
-    trusted_map(model, at.model, grid)
-    attrs = provenance("stability map", ring, at.model) | grid.fixed | warm.attributes
-    return recorded(variables, grid.coordinates(), attrs)
+    trusted_map(model, small, grid)
+    attrs = provenance("stability map", ring, small) | grid.fixed | warm.attributes
+    return xr.Dataset(variables, grid.coordinates(), attrs)
 
 
-def _internal(model: ThermalModel, grid: Grid) -> Internal:
-    """The first ring and the model, with heat at rest up to what any point of the grid can absorb."""
-    largest = max(absorbable(ring, power) for row in grid.rows for ring, power, _ in row)
-    small = bare(model)
-    if isinstance(small, OutputMap) and 2 * small.coefficient * small.thermal_resistance * largest <= -1:
-        warn_at_top(small, f"the ring may absorb up to {largest:.2g} W at these powers")
-    return internal(grid.rows[0][0][0], model, largest)
-
-
-def survey_grid(at: Internal, grid: Grid) -> Array:
-    """Results of `spectrum.survey` at every point, in SI, shape (4, n, m), by as many threads as processors.
-
-    Points of a row that share ring and power are surveyed at one go.
-    """
-    from ..equilibria import spectrum
-    from ..kernels import equations as eq
-
-    thermal = at.thermal.without_idle_poles()
-
-    def part(points: list[Point]) -> Array:
-        ring, power, _ = points[0]
-        shifts = 2 * np.pi * eq.NS * np.array([nu for _, _, nu in points])
-        return spectrum.survey(shifts, eq.internal_pump(ring, power), *eq.internal_rates(ring), thermal, at.static)
-
-    def row(points: list[Point]) -> Array:
-        if all(ring is points[0][0] and power == points[0][1] for ring, power, _ in points):
-            return part(points)
-        return np.concatenate([part([point]) for point in points], axis=1)
-
-    first = row(grid.rows[0])  # compiles in one thread
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        rows = np.array([first, *pool.map(row, grid.rows[1:])])
-    unit = np.array([1, 1, 1 / eq.NS, 1 / (2 * np.pi * eq.NS)])[:, None, None]
-    return np.asarray(rows.transpose(1, 0, 2) * unit)
+def _survey(model: ThermalModel, grid: Grid) -> tuple[Compact, Array, Array, Array, Array]:
+    """The compact model; numbers of fixed and of stable points, growth rate (1/s) and frequency (Hz) of each cell."""
+    points = [point for row in grid.rows for point in row]
+    largest = max(absorbable(ring, power) for ring, power, _ in points)
+    inner = bare(model)
+    if isinstance(inner, OutputMap) and 2 * inner.coefficient * inner.thermal_resistance * largest <= -1:
+        warn_at_top(inner, f"the ring may absorb up to {largest:.2g} W at these powers")
+    small, out = compact(model), np.empty((4, len(points)))
+    for ring in dict.fromkeys(ring for ring, _, _ in points):
+        cells = [k for k, point in enumerate(points) if point[0] is ring or point[0] == ring]
+        pump = np.array([internal_pump(ring, points[k][1]) for k in cells])
+        shift = np.array([internal_detuning(points[k][2]) for k in cells])
+        at = internal_ring(ring, small, largest)
+        found = survey(pump, shift, at._replace(heat=at.heat.without_idle_poles()))
+        order = np.lexsort([found.growth, found.cell])
+        least = order[np.searchsorted(found.cell[order], np.arange(len(cells)))]
+        out[:, cells] = found.points, found.stable, found.growth[least] / NS, found.omega[least] / (2 * np.pi * NS)
+    return small, *out.reshape(4, *(axis.size for axis in grid.axes))

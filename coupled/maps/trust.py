@@ -11,10 +11,10 @@ from thermofem.arrays import Array
 from thermofem.models import ThermalModel
 from thermofem.models.contract import bare
 
-from ..equilibria.steady import fixed_points
+from ..equilibria.balance import absorbable, balance, fixed_points, internal_ring
+from ..kernel.units import internal_detuning, internal_pump
 from ..thermal import Compact, trusted
 from .grid import Grid, Point
-from .quick import at_rest
 
 NO_SWINGS = np.empty(0)
 
@@ -27,7 +27,7 @@ def trusted_map(model: ThermalModel, small: Compact, grid: Grid, swings: Array =
     """
     if getattr(bare(model), "largest_rise", None) is None:
         return
-    rests = np.array([[_highest(small, point) for point in row] for row in grid.rows])
+    rests = _highest(small, grid)
     hottest = float(rests.max())
     if np.isfinite(swings).any():
         points = [point for row in grid.rows for point in row]
@@ -37,17 +37,21 @@ def trusted_map(model: ThermalModel, small: Compact, grid: Grid, swings: Array =
     trusted(model, hottest)
 
 
-def _highest(model: Compact, point: Point) -> float:
-    """The highest rise at a fixed point, K."""
-    from ..equilibria import balance
-
-    ring, power, detuning = point
-    try:
-        at = at_rest(ring, model, power)
-        U, _ = fixed_points(ring, at, power, detuning)
-    except checks.InputError:  # its cell has failed and says why
-        return 0.0
-    return float(balance.balances(U, at.rates, at.fcd, at.static)[2].max())
+def _highest(model: Compact, grid: Grid) -> Array:
+    """The highest rise at a fixed point of every cell, K."""
+    points = [point for row in grid.rows for point in row]
+    out = np.zeros(len(points))
+    for ring in dict.fromkeys(ring for ring, _, _ in points):
+        cells = np.array([k for k, point in enumerate(points) if point[0] == ring])
+        pump = np.array([internal_pump(ring, points[k][1]) for k in cells])
+        shift = np.array([internal_detuning(points[k][2]) for k in cells])
+        try:
+            at = internal_ring(ring, model, max(absorbable(ring, points[k][1]) for k in cells))
+        except checks.InputError:  # its cells have failed and say why
+            continue
+        U, _, cell = fixed_points(pump, shift, at)
+        np.maximum.at(out, cells[cell], balance(U, at).dT)
+    return out.reshape(len(grid.rows), -1)
 
 
 def _pulsing(model: Compact, point: Point) -> float:

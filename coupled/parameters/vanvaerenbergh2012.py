@@ -9,7 +9,7 @@ the light that two-photon absorption takes, but all of its heat; that is a slip 
 
 from __future__ import annotations
 
-from thermofem.constants import c
+from scipy.constants import c
 
 from ..carriers.lifetime import ConstantLifetime
 from ..resonator import RingResonator, published

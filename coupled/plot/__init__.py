@@ -11,8 +11,8 @@ import numpy as np
 
 from thermofem.checks import InputError, choice, finite, mapping, numbers
 from thermofem.data.variables import contents
-from thermofem.plot_style import GREEN, INK, PURPLE, WIDTH, takes
-from thermofem.plot_style import axes as new_axes
+from thermofem.plot import GREEN, INK, PURPLE, WIDTH, takes
+from thermofem.plot import axes as new_axes
 
 from .axes import HEAT, LIGHT, dbm, draw_stability
 from .maps import plot_map, plot_maps

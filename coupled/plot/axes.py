@@ -9,8 +9,8 @@ import numpy as np
 
 from thermofem.checks import InputError
 from thermofem.data.variables import contents
-from thermofem.plot_style import BLUE as LIGHT
-from thermofem.plot_style import VERMILION as HEAT
+from thermofem.plot import BLUE as LIGHT
+from thermofem.plot import VERMILION as HEAT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

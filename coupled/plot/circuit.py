@@ -10,7 +10,7 @@ from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
 
 from thermofem.checks import choice
 from thermofem.data.variables import contents, label
-from thermofem.plot_style import BLUE, CYCLE, GREEN, INK, PURPLE, SIZE, VERMILION, WIDTH, axes, takes
+from thermofem.plot import BLUE, CYCLE, GREEN, INK, PURPLE, SIZE, VERMILION, WIDTH, axes, takes
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -8,7 +8,7 @@ import numpy as np
 
 from thermofem.checks import text
 from thermofem.data.variables import contents
-from thermofem.plot_style import INK, axes, takes
+from thermofem.plot import INK, axes, takes
 
 from .axes import HEAT, draw_stability, readable
 

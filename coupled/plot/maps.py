@@ -12,8 +12,8 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 
 from thermofem.checks import InputError, choice, mapping, numbers
 from thermofem.data.variables import contents
-from thermofem.plot_style import INK, WIDTH, takes
-from thermofem.plot_style import axes as new_axes
+from thermofem.plot import INK, WIDTH, takes
+from thermofem.plot import axes as new_axes
 
 from .axes import LIGHT, curves_over, dbm, joined, readable
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from thermofem.checks import InputError, choice, numbers
 from thermofem.data.variables import contents
-from thermofem.plot_style import GREEN, ORANGE, PURPLE, WIDTH, axes
+from thermofem.plot import GREEN, ORANGE, PURPLE, WIDTH, axes
 
 from .axes import HEAT, LIGHT, readable
 

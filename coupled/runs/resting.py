@@ -18,8 +18,10 @@ from thermofem.data.record import Record
 
 from ..carriers.lifetime import ConstantLifetime
 from ..carriers.shockley_read_hall import ShockleyReadHall
-from ..equilibria.steady import Internal, absorbable, fixed_points, internal, observables
+from ..equilibria.balance import InternalRing, absorbable, fixed_points, internal_ring
+from ..equilibria.observables import observables
 from ..heaters import turned_by
+from ..kernel.units import internal_detuning, internal_pump
 from ..resonator import RingResonator
 from ..states import State
 from ..thermal import Compact, compact
@@ -60,14 +62,20 @@ class Rest(NamedTuple):
 
 
 def rest_of(
-    ring: RingResonator, model: Compact, power: float, detuning: float, *, rise: float = 0.0, at: Internal | None = None
+    ring: RingResonator,
+    model: Compact,
+    power: float,
+    detuning: float,
+    *,
+    rise: float = 0.0,
+    at: InternalRing | None = None,
 ) -> Rest:
     """Return the fixed points at a power in W and a detuning in Hz; heaters add ``rise`` in K.
 
     Raises InputError: as `steady_states`.
     """
-    at = at or internal(ring, model, absorbable(ring, power))
-    U, D = fixed_points(ring, at, power, detuning + turned_by(rise, ring))
+    at = at or internal_ring(ring, model, absorbable(ring, power))
+    U, D, _ = fixed_points(internal_pump(ring, power), internal_detuning(detuning + turned_by(rise, ring)), at)
     seen = observables(ring, at, U, D, np.full(U.size, power))
     return Rest(seen["energy"], seen["delta_T"] + rise, seen["growth_rate"])
 

@@ -14,7 +14,7 @@ from thermofem.fem.interface import split
 from thermofem.fem.problem import on_mesh, resistances
 from thermofem.geometry.regions import Face
 from thermofem.mesh.generate import make_faces
-from thermofem.sizes import size_function, sizes
+from thermofem.mesh.sizes import size_function, sizes
 
 from .box import Box
 from .laws import values

@@ -83,6 +83,8 @@ class CellGrid:
         Raises NotAlongLinesError: a wall that leans, a shell, or lines that meet inside the box.
         """
         base, half = box.base, np.maximum(box.high - box.middle, box.middle - box.low)
+        if base.kind == "straight":
+            raise NotAlongLinesError("the terms of a family on lines have the weight 2 pi r of a ring")
         if base.probes:
             raise NotAlongLinesError("shells around parts and copies off the axis do not follow lines")
         r, z = _lines(base, box.changes)

@@ -92,7 +92,7 @@ def element_terms(basis: Any) -> tuple[Array, Array, Array]:
 
     Without the factor 2 pi; the weight is 1 or the radius.
     """
-    J, r = maps(basis.mesh.p, basis.mesh.t)
+    J, r = maps(basis.mesh)
     det = J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]
     inverse = np.array([[J[1, 1], -J[0, 1]], [-J[1, 0], J[0, 0]]]) / det
     integrals, t, n = reference(basis), basis.nelems, basis.Nbfun

@@ -9,10 +9,10 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.constants import c
 
 from thermofem import Chirp, Constant, Pulse, SquareWave, Telegraph, ThermalModel, Waveform, checks, waveforms
 from thermofem.arrays import Array, ArrayLike
-from thermofem.constants import c
 from thermofem.data.variables import in_si
 from thermofem.piecewise import bounds
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from thermofem import checks
 from thermofem.data.variables import contents
-from thermofem.plot_style import BLUE, CYCLE, INK, SKY, WIDTH, takes
-from thermofem.plot_style import axes as _axes
+from thermofem.plot import BLUE, CYCLE, INK, SKY, WIDTH, takes
+from thermofem.plot import axes as _axes
 
 from ..judging.validate import valid_range
 from .array import plot_crosstalk as plot_crosstalk

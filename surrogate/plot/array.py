@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import LogNorm
 
-from thermofem.plot_style import BLUE, INK, VERMILION, axes, takes
+from thermofem.plot import BLUE, INK, VERMILION, axes, takes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,7 +9,7 @@ import numpy as np
 
 from thermofem.data.dataset import response_of
 from thermofem.data.column_units import unit_of
-from thermofem.plot_style import INK, VERMILION, WIDTH, takes, time_unit
+from thermofem.plot import INK, VERMILION, WIDTH, takes, time_unit
 from thermofem.waveforms import period_times
 
 if TYPE_CHECKING:

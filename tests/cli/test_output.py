@@ -10,6 +10,7 @@ import sys
 from typing import get_type_hints
 
 import pytest
+from scipy.constants import c as C  # noqa: N812
 from typer.main import get_command
 from typer.testing import CliRunner
 
@@ -17,7 +18,6 @@ import coupled
 import surrogate
 import thermofem as th
 from coupled.bar import bar
-from thermofem.constants import c as C  # noqa: N812
 from thermofem_cli import app
 from thermofem_cli.detuning import detuning_of
 from thermofem_cli.output import written

@@ -154,7 +154,7 @@ def test_spectra_are_those_of_transfer_matrices(nu):
         (coupled.crow(THREE), crow_by_transfer_matrices(THREE, nu)),
     ):
         powers = np.abs(expected) ** 2
-        at = coupled.spectrum(circuit, [nu]).transmission.isel(detuning=0)
+        at = coupled.transmission(circuit, detuning=[nu]).transmission.isel(detuning=0)
         assert at.values == pytest.approx(powers, rel=1e-9, abs=1e-12)
         run = coupled.simulate_circuit(
             circuit, SECOND_ORDER, inputs={"in": FAINT}, detuning=nu, duration=3e-9, rtol=1e-9, times=[3e-9]

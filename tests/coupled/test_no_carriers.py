@@ -95,7 +95,7 @@ def test_a_circuit_of_such_a_ring_has_its_fixed_points():
     """It had none: round-off of the carriers was compared with 1e-30."""
     ring = replace(coupled.borghi2021(), tpa_coefficient=0.0)
     alone = coupled.steady_states(ring, HEAT, power=1e-3)
-    found = coupled.circuit_steady_states(coupled.bus([ring]), HEAT, inputs={"in": 1e-3})
+    found = coupled.steady_states(coupled.bus([ring]), HEAT, power={"in": 1e-3})
     assert found["energy"].values.ravel() == pytest.approx(alone["energy"].values, rel=1e-9, abs=0)
 
 

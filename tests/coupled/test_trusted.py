@@ -39,7 +39,7 @@ ASKED = {
     "stability_map, at rest": lambda m: coupled.stability_map(RING, m, [6.3e-3, 6.4e-3], [-90e9, -89e9]),
     "pulsing_map, at rest": lambda m: coupled.pulsing_map(RING, m, [6.3e-3, 6.4e-3], [-90e9, -89e9]),
     "simulate_circuit": lambda m: coupled.simulate_circuit(BUS, m, inputs={"in": 6.31e-3}, duration=2e-6),
-    "circuit_steady_states": lambda m: coupled.circuit_steady_states(BUS, m, inputs={"in": 6.31e-3}),
+    "circuit_steady_states": lambda m: coupled.steady_states(BUS, m, power={"in": 6.31e-3}),
 }
 POLES = th.OutputMap(SECOND_ORDER, -1e-3, largest_rise=3.0)
 NETWORK = th.models.Network(

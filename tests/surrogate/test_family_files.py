@@ -6,10 +6,10 @@ import io
 import json
 import pickle
 
+import hostile
 import numpy as np
 import pytest
-from fuzz import hostile
-from test_hostile_readers import says_one_line
+from commands import says_one_line
 
 import surrogate
 import thermofem as th

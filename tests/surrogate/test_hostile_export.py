@@ -6,9 +6,9 @@ import json
 import shutil
 import subprocess
 
+import hostile
 import numpy as np
 import pytest
-from fuzz import hostile
 
 import surrogate
 import thermofem as th

@@ -9,9 +9,9 @@ import warnings
 from dataclasses import replace
 from pathlib import Path
 
+import hostile
 import numpy as np
 import pytest
-from fuzz import hostile
 from hypothesis import assume, given, settings
 from sections import HEATER, STRIP, core, on_oxide, random_parts
 
@@ -20,7 +20,7 @@ from thermofem.checks import InputError, MissingLibraryError
 from thermofem.geometry import CrossSection, Part, strip_ring
 from thermofem.materials import Material
 from thermofem.mesh import Mesh, gmsh_file
-from thermofem.sizes import fitted, size_function, sizes
+from thermofem.mesh.sizes import fitted, size_function, sizes
 
 ROUND_OFF = 1e-12  # 16 ulps of the largest coordinate (60 um) over the smallest thickness (100 nm)
 REFERENCES = [(1e-3, 648), (1e-4, 1586)]  # accuracy and points, as meshes/README.md has them

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import hostile
 import numpy as np
 import pytest
-from fuzz import hostile
 
 import thermofem as th
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import csv
 import logging
 
+import hostile_tables
 import numpy as np
 import pytest
-from fuzz import hostile_tables
 from paths import MEASURED
 
 import surrogate

@@ -22,7 +22,7 @@ from ..data import files
 from ..data.display import shown
 from ..data.files import to_toml
 from ..geometry.paths import check_once, place
-from ..sizes import sizes
+from ..mesh.sizes import sizes
 from ..version import __version__
 from . import schema
 from .vary import LARGEST, Drive, Value, Variation, check_number, check_taken

@@ -48,7 +48,8 @@ def section_card(section: CrossSection) -> str:
     """Table of the layers and parts of a geometry; `thermofem.plot.plot_cross_section` draws them."""
     rows = [(f"layer {layer.name}", f"{layer.material}, {_length(layer.thickness)}") for layer in section.layers]
     for part in section.parts:
-        size = f"r {_length(part.inner_radius)} to {_length(part.outer_radius)}, height {_length(part.height)}"
+        edges = f"{'x' if part.straight else 'r'} {_length(part.inner_radius)} to {_length(part.outer_radius)}"
+        size = f"{edges}, height {_length(part.height)}"
         rows.append((f"part {part.name}", f"{part.material}, {size}" + (", heated" if part.heated else "")))
     rows.append(("ends at", _length(section.outer_radius)))
     return card(section.name, rows)

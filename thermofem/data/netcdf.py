@@ -73,7 +73,8 @@ def load(path: str | Path) -> xr.Dataset:
         raise InputError(f"{path} cannot be read as netCDF ({what}); is it complete?") from None
     schema = data.attrs.get("schema", SCHEMA)
     if not np.isscalar(schema) or schema not in range(SCHEMA + 1):
-        raise InputError(f"{path} has schema {one_line(str(schema), most=80)}; this version reads up to {SCHEMA}, update thermofem")
+        what = f"{path} has schema {one_line(str(schema), most=80)}"
+        raise InputError(f"{what}; this version reads up to {SCHEMA}, update thermofem")
     data.attrs, same = unsigned(data.variables, data.attrs)
     if same is False:
         log.warning("%s was changed after thermofem wrote it: values, units or attributes are not those of then", path)

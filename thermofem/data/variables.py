@@ -134,7 +134,7 @@ def _check_valid(name: str, variable: Any) -> None:
 def _line(given: str, field: Variable, name: str) -> tuple[float, float]:
     """Offset and factor of a unit; a rise in degrees Celsius has no offset."""
     unit = "" if field.unit == "1" else field.unit
-    offset, factor = quantity.line(given, unit, name=f"unit of {name}")
+    offset, factor = quantity.line(given, unit, name=name)
     return (0.0 if "rise" in field.long_name else offset), factor
 
 

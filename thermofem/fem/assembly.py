@@ -20,8 +20,8 @@ from ..geometry.cross_section import CrossSection
 from ..geometry.rings import strip_ring
 from ..mesh import find_committed, make, mesh_for
 from ..mesh.motion import Motion, quality
+from ..mesh.sizes import sizes
 from ..mesh.triangles import trusted
-from ..sizes import sizes
 from .adaptive import divided
 from .interface import split
 from .problem import HeatProblem, adapted, on_mesh, resistances

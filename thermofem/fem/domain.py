@@ -29,7 +29,8 @@ def domain_error(heat: HeatProblem, heated: str, read: str) -> float:
 
     Sides with convection are mounts, not cuts, and stay as they are. Of open sides it is what 1/d does not describe,
     such as heat that runs along a layer. Where much is left beyond the far ends they are moved outwards once more, and
-    what is left then counts as error, too: where heat leaves along a plate alone, no domain is wide enough.
+    what is left then counts as error, too: where heat leaves along a plate alone, no domain is wide enough. For a
+    straight section it includes the heat that leaves through the ends of the guide.
     """
     if heat.wider is None:
         return 0.0

@@ -24,8 +24,8 @@ class _Maps:
 
     @classmethod
     def of(cls, basis: Any, moved: Array) -> _Maps:
-        J, r = maps(basis.mesh.p, basis.mesh.t)
-        of_J, of_r = maps(moved, basis.mesh.t)
+        J, r = maps(basis.mesh)
+        of_J, of_r = maps(basis.mesh, moved)
         det = J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]
         of_det = of_J[0, 0] * J[1, 1] + J[0, 0] * of_J[1, 1] - of_J[0, 1] * J[1, 0] - J[0, 1] * of_J[1, 0]
         return cls(J, r, det, of_J, of_r, of_det)

@@ -14,6 +14,7 @@ from ..algebra.factor import Pencil
 from ..arrays import Array, ArrayLike, NDArray
 from ..data.display import shown
 from ..materials.laws import Law, check_positive
+from ..mesh.triangles import radii
 from ..models import StateSpace
 from ..transient.trajectory import Ledger
 from .surfaces import Surfaces, surface_terms
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
     from ..materials.library import Material
     from ..mesh import Mesh
+    from ..mesh.triangles import Grid
 
 
 @shown
@@ -220,7 +222,7 @@ def element_conduction(basis: Any, conductivity: ArrayLike) -> Array:
 
         K = 2 pi sum_mni (J^-1 diag(k_r, k_z) J^-T)_mn |det J| r_i S_mni,   S_mni = int l_i d_m u d_n u^T
     """
-    J, r = maps(basis.mesh.p, basis.mesh.t)
+    J, r = maps(basis.mesh)
     det = J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]
     inverse = np.array([[J[1, 1], -J[0, 1]], [-J[1, 0], J[0, 0]]]) / det
     k = np.broadcast_to(np.asarray(conductivity, dtype=float), (2, basis.nelems))
@@ -231,7 +233,7 @@ def element_conduction(basis: Any, conductivity: ArrayLike) -> Array:
 
 def element_capacity(basis: Any, heat_capacity: ArrayLike) -> Array:
     """M of every triangle, shape (triangles, b, b): 2 pi rho c_p |det J| sum_i r_i int l_i u u^T."""
-    J, r = maps(basis.mesh.p, basis.mesh.t)
+    J, r = maps(basis.mesh)
     det = J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]
     weights = 2 * np.pi * np.abs(det) * np.broadcast_to(np.asarray(heat_capacity, dtype=float), basis.nelems) * r
     return (weights.T @ reference(basis).mass).reshape(basis.nelems, basis.Nbfun, basis.Nbfun)
@@ -246,13 +248,14 @@ def assembled(basis: Any, elements: Array) -> Any:
     return csr_matrix((elements.ravel(), (rows, columns)), shape=(basis.N, basis.N))
 
 
-def maps(points: Array, triangles: NDArray[np.int64]) -> tuple[Array, Array]:
-    """Jacobians d(r, z)/d(reference), shape (2, 2, triangles), and radii of the corners, shape (3, triangles).
+def maps(grid: Grid, moved: Array | None = None) -> tuple[Array, Array]:
+    """Jacobians d(r, z)/d(reference), shape (2, 2, triangles), and `radii` of the corners, shape (3, triangles).
 
-    ``points``, shape (2, n), and ``triangles``, shape (3, m), as scikit-fem holds them.
+    moved [shape (2, vertices)]: velocities of the vertices; the derivatives of both are returned.
     """
-    corners = points[:, triangles]
-    return np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=1), corners[0]
+    corners = (grid.p if moved is None else moved)[:, grid.t]
+    r = radii(corners[0], grid.depth) if moved is None else corners[0] * (grid.depth is None)
+    return np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=1), r
 
 
 class ReferenceTriangle(NamedTuple):
@@ -295,7 +298,7 @@ def mean(basis: Any, inside: NDArray[np.bool_]) -> Array:
 
 def volume(basis: Any, inside: NDArray[np.bool_]) -> Array:
     """Integral of 2 pi r times each basis function over the triangles ``inside``, in m^3."""
-    J, r = maps(basis.mesh.p, basis.mesh.t)
+    J, r = maps(basis.mesh)
     weights = 2 * np.pi * np.abs(J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0])[inside] * r[:, inside]
     shares = weights.T @ reference(basis).load
     return np.asarray(np.bincount(basis.element_dofs.T[inside].ravel(), shares.ravel(), minlength=basis.N), dtype=float)

@@ -4,7 +4,8 @@ The copy's centre lies at the distance d from the axis. A point (r, phi) of the 
 
     mean = 1/V int_part 2 pi r [1/pi int_0^pi T(rho, z) dphi] dA,    rho^2 = d^2 + r^2 + 2 d r cos(phi)
 
-which is linear in the unknowns of the mesh: one more row of C. The cross-section is integrated by a rule of degree 8 on
+which is linear in the unknowns of the mesh: one more row of C. In a straight section the copy lies at x + d.
+The cross-section is integrated by a rule of degree 8 on
 a few triangles, the angle at n equal steps.
 
 Error of the angle. With L the gap between the copy and the heated part, a smooth field that varies over L leaves
@@ -49,6 +50,10 @@ def off_axis_integral(geometry: CrossSection, basis: Any, probe: Probe) -> Array
 def off_axis_points(geometry: CrossSection, probe: Probe, steps: int | None = None) -> tuple[Array, Array]:
     """Points (rho, z) in m, shape (n, 2), and their weights in m^3; ``steps`` of the angle by default as needed."""
     r, z, area = _cross_section(geometry, probe)
+    if geometry.length is not None:
+        if geometry.mirrored:
+            r, z, area = np.append(r, -r), np.append(z, z), np.append(area, area)
+        return np.stack([r + float(probe.distance or 0), z], axis=-1), geometry.length * area
     if steps is None:
         steps = int(np.clip(np.ceil(PER_GAP * np.pi * r.max() / _gap(geometry, probe)), FEWEST, MOST))
     angle = np.pi * (np.arange(steps) + 0.5) / steps

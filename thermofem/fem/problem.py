@@ -350,6 +350,7 @@ def _corner(heat: HeatProblem, estimate: Estimate) -> str:
 
 def on_mesh(geometry: CrossSection, mesh: Mesh, accuracy: float) -> HeatProblem:
     """The heat problem of a geometry on a given mesh, cut open along its interfaces (`interface.split`)."""
+    mesh = mesh if mesh.depth == geometry.depth else replace(mesh, depth=geometry.depth)
     conductivity, heat_capacity = properties(geometry, mesh)
     discretization = build(mesh, conductivity, heat_capacity, surfaces_of(geometry, mesh, resistances(geometry)))
     probes = {probe.name: probe_mean(geometry, mesh, discretization.basis, probe) for probe in geometry.probes}

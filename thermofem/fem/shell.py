@@ -10,6 +10,7 @@ import numpy as np
 from .. import checks
 from ..arrays import Array, NDArray
 from ..geometry.regions import distance
+from ..mesh.triangles import radii
 from .matrices import volume
 
 if TYPE_CHECKING:
@@ -70,7 +71,7 @@ def shell_integral(geometry: CrossSection, mesh: Mesh, basis: Any, probe: Probe)
     r, z = np.einsum("qk,ckx->xcq", np.column_stack([1 - local.sum(axis=1), local]), corners)
     far = distance(np.stack([r, z], axis=-1), cut.outline)
     depth = (cut.thickness - far) / (cut.longest[cells, None] / FINENESS)
-    weight = 2 * np.pi * r * np.clip(0.5 + depth, 0, 1) * _areas(corners)[:, None] / len(local)
+    weight = 2 * np.pi * radii(r, basis.mesh.depth) * np.clip(0.5 + depth, 0, 1) * _areas(corners)[:, None] / len(local)
     for k in range(basis.Nbfun):
         shape = basis.elem.lbasis(local.T, k)[0]
         total += np.bincount(basis.element_dofs[k, cells], weight @ shape, minlength=basis.N)

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..geometry.regions import nearest
+from ..mesh.triangles import radii
 from .element_tangent import volume_tangent
 from .shell import FINENESS, Cut, cut_shell, shell_integral
 
@@ -57,7 +58,7 @@ def _cut_tangent(cut: Cut, basis, moved: Array, of_shell: float):  # type: ignor
     (of_x, of_y), (of_s, of_t) = (of_corners[:, 1] - of_corners[:, 0]).T, (of_corners[:, 2] - of_corners[:, 0]).T
     det = x * t - s * y
     area, of_area = np.abs(det) / 2, np.sign(det) * (of_x * t + x * of_t - of_s * y - s * of_y) / 2
-    r, of_r = points[..., 0], of_points[..., 0]
+    r, of_r = radii(points[..., 0], grid.depth), of_points[..., 0] * (grid.depth is None)
     scale = 2 * np.pi / len(cut.local)
     values = of_r * share * area[:, None] + r * of_share * area[:, None] + r * share * of_area[:, None]
     for k in range(basis.Nbfun):

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array, NDArray
+from ..mesh.triangles import radii
 
 ZERO = 1e-9  # a function below this at all points of an edge vanishes there
 
@@ -52,6 +53,16 @@ class Side:
         outward = np.sign(along[0] * inward[1] - along[1] * inward[0])
         dofs = basis.element_dofs[numbers[local].T, cells].T
         return cls(basis, facets, cells, dofs, shapes[local, turned], at, weight, ends, outward)
+
+    @property
+    def round(self) -> bool:
+        """Whether the section is that of a ring, with the weight 2 pi r."""
+        return self.basis.mesh.depth is None
+
+    @property
+    def radius(self) -> Array:
+        """`radii` of the points, shape (q, f)."""
+        return radii(self.along(self.ends[0]), self.basis.mesh.depth)
 
     def along(self, ends: Array) -> Array:
         """A linear function at the points, shape (..., q, f), from its values at the ends, shape (..., 2, f)."""

@@ -4,6 +4,9 @@ K_ij += int 2 pi r h u_i u_j ds                               where heat h (T - 
                                                               1/(1/h + R) for h where the part has a resistance R
 K_ij += int 2 pi r (u_i^+ - u_i^-) (u_j^+ - u_j^-) / R ds     over every contact of resistance R
 K_ij += int 2 pi r (n . d) / (d . k^-1 d) u_i u_j ds          over open sides, d from the source
+K_ij += int 2 pi r (n . d) / (d . k^-1 d) / c(d/L) u_i u_j ds over open sides of a straight section of length L
+
+In a straight section L (2 L of a mirrored one) stands for 2 pi r.
 """
 
 from __future__ import annotations
@@ -39,7 +42,8 @@ class Surfaces:
     held: at the ambient temperature; where a part with a resistance R lies there, `convection` has it with 1/R.
     convection [dict from h in W/(m^2 K) to an array of int]
     open: beyond which the material goes on, see `parts.Boundary`.
-    source [m]: height z of the heat, from which the open sides are seen.
+    source [shape (2,), m]: place (r, z) of the heat, from which the open sides are seen; r = 0 for a ring.
+    length [m]: of the line source in a straight section; None for 1/d.
     contacts [dict from resistance in m^2 K/W to two arrays of int]: facets that lie on each other, both in the same
         order.
     """
@@ -47,7 +51,8 @@ class Surfaces:
     held: Facets = field(default_factory=_none)
     convection: Mapping[float, Facets] = field(default_factory=dict)
     open: Facets = field(default_factory=_none)
-    source: float = 0.0
+    source: tuple[float, float] = (0.0, 0.0)
+    length: float | None = None
     contacts: Mapping[float, Pair] = field(default_factory=dict)
 
     @property
@@ -73,14 +78,37 @@ def surfaces_of(geometry: CrossSection, mesh: Mesh, resistance: dict[str, float]
             where[boundary.kind] = np.append(where[boundary.kind], there[series == 0])
         for through, those in exchanged(there, h, series).items():
             convection[through] = np.append(convection.get(through, none), those)
-    heat = next(part for part in geometry.parts if part.heated)
     return Surfaces(
         held=where["isothermal"],
         convection=convection,
         open=where["open"],
-        source=heat.bottom + heat.height / 2,
+        source=source_of(geometry),
+        length=geometry.length,
         contacts=contacts(mesh, resistance),
     )
+
+
+def source_of(geometry: CrossSection) -> tuple[float, float]:
+    """The place (r, z) in m from which open sides are seen: the middle of the first heated part, the axis of a ring."""
+    heat = next(part for part in geometry.parts if part.heated)
+    middle = heat.x if heat.x is not None and not geometry.mirrored else 0.0
+    return middle, heat.bottom + heat.height / 2
+
+
+def line_source(u: ArrayLike) -> Array:
+    """Mean over its length of the field of a line source on a half space, c(u) = asinh(1/u) - sqrt(1 + u^2) + u.
+
+    u = d/L; the field is P c/(pi k L). c is ln(2/u) - 1 near the line and 1/(2 u) far from it.
+    """
+    u = np.asarray(u, dtype=float)
+    far = 1 / (np.sqrt(1 + u**2) + u)  # sqrt(1 + u^2) - u without cancellation
+    return np.asarray(np.arcsinh(1 / u) - far)
+
+
+def line_source_slope(u: ArrayLike) -> Array:
+    """dc/du of `line_source`: 1 - sqrt(1 + u^2)/u."""
+    u = np.asarray(u, dtype=float)
+    return np.asarray(-1 / (u * (np.sqrt(1 + u**2) + u)))
 
 
 def exchanged(facets: Facets, h: float, series: Array) -> dict[float, Facets]:
@@ -100,7 +128,7 @@ def surface_terms(basis: Any, conductivity: ArrayLike, surfaces: Surfaces) -> An
 
     def open_side(side: Side) -> Array:
         k = np.broadcast_to(np.asarray(conductivity, dtype=float), (2, cells))
-        return outlet(side, k[:, side.cells], surfaces.source)
+        return outlet(side, k[:, side.cells], surfaces)
 
     def contact(side: Side, resistance: float, pair: Pair) -> Array:
         return exchange(side, 1 / resistance)
@@ -136,15 +164,15 @@ def surface_sum(
 
 def exchange(side: Side, h: float) -> Array:
     """2 pi r h ds at the points, shape (q, f)."""
-    return 2 * np.pi * h * side.along(side.ends[0]) * np.linalg.norm(side.ends[:, 1] - side.ends[:, 0], axis=0)
+    return 2 * np.pi * h * side.radius * np.linalg.norm(side.ends[:, 1] - side.ends[:, 0], axis=0)
 
 
-def outlet(side: Side, k: Array, source: float) -> Array:
-    """2 pi r (n . d)/(d . k^-1 d) ds at the points, shape (q, f), for k (2, f); d from z = ``source``."""
+def outlet(side: Side, k: Array, surfaces: Surfaces) -> Array:
+    """2 pi r (n . d)/(d . k^-1 d) ds at the points, shape (q, f), for k (2, f); over c(d/L) with a length L."""
     dr, dz = (side.ends[:, 1] - side.ends[:, 0]) * side.outward
-    r, z = side.along(side.ends)
-    z = z - source
-    return np.asarray(2 * np.pi * r * (dz * r - dr * z) / (r**2 / k[0] + z**2 / k[1]))
+    r, z = (x - origin for x, origin in zip(side.along(side.ends), surfaces.source, strict=True))
+    value = 2 * np.pi * side.radius * (dz * r - dr * z) / (r**2 / k[0] + z**2 / k[1])
+    return np.asarray(value if surfaces.length is None else value / line_source(np.hypot(r, z) / surfaces.length))
 
 
 def surface_tangent(heat: HeatProblem, change: Change, moved: Array, k: Array, of_k: Array) -> Any:
@@ -156,7 +184,7 @@ def surface_tangent(heat: HeatProblem, change: Change, moved: Array, k: Array, o
         return _exchange(side, moved, h, of_h)
 
     def outlet(side: Side) -> Array:
-        return _outlet(side, moved, k[:, side.cells], of_k[:, side.cells], surfaces.source, _source(heat, change))
+        return _outlet(side, moved, k[:, side.cells], of_k[:, side.cells], surfaces, _source(heat, change))
 
     def contact(side: Side, resistance: float, pair: Pair) -> Array:
         of_h = -(_contact(heat, change, pair[0]) + _contact(heat, change, pair[1])) / resistance**2
@@ -183,11 +211,14 @@ def _contact(heat: HeatProblem, change: Change, facets: NDArray[np.intp]) -> Arr
     return there[heat.mesh.region[cells]]
 
 
-def _source(heat: HeatProblem, change: Change) -> float:
-    """d of the height from which open sides are seen: the middle of the first heated part."""
+def _source(heat: HeatProblem, change: Change) -> Array:
+    """d of `source_of`."""
     part = next(part for part in heat.geometry.parts if part.heated)
     velocity = change.outlines.get(part.name)
-    return 0.0 if velocity is None else float((velocity[0, 1] + velocity[3, 1]) / 2)
+    if velocity is None:
+        return np.zeros(2)
+    moves = part.straight and not heat.geometry.mirrored
+    return np.array([velocity[:, 0].mean() * moves, (velocity[0, 1] + velocity[3, 1]) / 2])
 
 
 def _velocity(side: Side, moved: Array) -> Array:
@@ -201,20 +232,27 @@ def _exchange(side: Side, moved: Array, h: float, of_h: Array) -> Array:
     along, of_along = (x[:, 1] - x[:, 0] for x in (side.ends, velocity))
     length = np.linalg.norm(along, axis=0)
     of_length = np.einsum("xf,xf->f", along, of_along) / length
-    r, of_r = side.along(side.ends[0]), side.along(velocity[0])
+    r, of_r = side.radius, side.along(velocity[0]) * side.round
     return np.asarray(2 * np.pi * (of_r * h * length + r * of_h * length + r * h * of_length))
 
 
-def _outlet(side: Side, moved: Array, k: Array, of_k: Array, source: float, of_source: float) -> Array:
+def _outlet(side: Side, moved: Array, k: Array, of_k: Array, surfaces: Surfaces, of_source: Array) -> Array:
     """Derivative of `outlet`."""
     velocity = _velocity(side, moved)
     along, of_along = (x[:, 1] - x[:, 0] for x in (side.ends, velocity))
     n, of_n = (np.array([x[1], -x[0]]) * side.outward for x in (along, of_along))
-    (r, z), (of_r, of_z) = side.along(side.ends), side.along(velocity)
-    z, of_z = z - source, of_z - of_source
+    radius, of_radius = side.radius, side.along(velocity[0]) * side.round
+    r, z = (x - origin for x, origin in zip(side.along(side.ends), surfaces.source, strict=True))
+    of_r, of_z = (x - origin for x, origin in zip(side.along(velocity), of_source, strict=True))
     flux = n[0] * r + n[1] * z
     of_flux = of_n[0] * r + n[0] * of_r + of_n[1] * z + n[1] * of_z
     square = r**2 / k[0] + z**2 / k[1]
     of_square = 2 * r * of_r / k[0] - r**2 * of_k[0] / k[0] ** 2
     of_square = of_square + 2 * z * of_z / k[1] - z**2 * of_k[1] / k[1] ** 2
-    return np.asarray(2 * np.pi * ((of_r * flux + r * of_flux) / square - r * flux * of_square / square**2))
+    value = 2 * np.pi * radius * flux / square
+    of_value = 2 * np.pi * ((of_radius * flux + radius * of_flux) / square - radius * flux * of_square / square**2)
+    if surfaces.length is None:
+        return np.asarray(of_value)
+    d = np.hypot(r, z)
+    c, of_c = line_source(d / surfaces.length), line_source_slope(d / surfaces.length) / surfaces.length
+    return np.asarray(of_value / c - value / c**2 * of_c * (r * of_r + z * of_z) / d)

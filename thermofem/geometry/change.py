@@ -17,7 +17,7 @@ from .. import checks
 from ..arrays import Array
 from ..checks import InputError
 from ..materials.laws import Law, PowerLaw
-from .parts import Boundary
+from .parts import SAME, Boundary, images
 from .regions import outlines
 
 if TYPE_CHECKING:
@@ -26,7 +26,10 @@ if TYPE_CHECKING:
     from .parts import Part
 
 _HINT = 'write it as "part.core.width", "layer.box.thickness", "material.SiO2.conductivity" or "outer_radius"'
-_PART = ("radius", "width", "inner_radius", "outer_radius", "bottom", "height", "sidewall_angle")
+_PART = {
+    "ring": ("radius", "width", "inner_radius", "outer_radius", "bottom", "height", "sidewall_angle"),
+    "straight": ("x", "width", "bottom", "height", "sidewall_angle"),
+}
 _MATERIAL = ("conductivity", "density", "specific_heat")
 _STEP = 1e-3  # K; of the central difference of a law of temperature, whose error is 1e-9 of its curvature
 
@@ -88,7 +91,7 @@ def _sum(each: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 def _change(geometry: CrossSection, path: str) -> Change:
     kind, *middle = path.split(".")
-    if path == "outer_radius":
+    if path == ("outer_radius" if geometry.kind == "ring" else "half_width"):
         return Change(path, geometry.outer_radius, "m", dict(_wider(geometry)))
     if path == "ambient":
         return _ambient(geometry)
@@ -107,18 +110,19 @@ def _change(geometry: CrossSection, path: str) -> Change:
 
 
 def _wider(geometry: CrossSection) -> list[tuple[str, Array]]:
-    """The right corners of every layer move with outer_radius."""
-    right = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 0.0), (0.0, 0.0)])
+    """The right corners of every layer move with outer_radius or half_width, the left ones of a whole section, too."""
+    left = -1.0 if geometry.inner_end < 0 else 0.0
+    right = np.array([(left, 0.0), (1.0, 0.0), (1.0, 0.0), (left, 0.0)])
     return [(layer.name, right) for layer in geometry.layers]
 
 
 def _part(geometry: CrossSection, path: str, name: str, key: str) -> Change:
     parts = {part.name: part for part in geometry.parts}
     part = parts[checks.choice(f"path {path!r}: part", name, parts)]
-    checks.choice(f"path {path!r}: key", key, _PART, hint="a material has no derivative")
-    if not part.inner_radius and key in ("radius", "width", "inner_radius"):
+    checks.choice(f"path {path!r}: key", key, _PART[geometry.kind], hint="a material has no derivative")
+    if not part.straight and not part.inner_radius and key in ("radius", "width", "inner_radius"):
         raise InputError(f"path {path!r}: part {name!r} is a disc; take part.{name}.outer_radius")
-    if part.name not in outlines(geometry):
+    if not part.height:
         raise InputError(f"path {path!r}: part {name!r} has height 0 and is not there; nothing moves")
     values = {
         "radius": (part.inner_radius + part.outer_radius) / 2,
@@ -126,7 +130,25 @@ def _part(geometry: CrossSection, path: str, name: str, key: str) -> Change:
     }
     value = values[key] if key in values else float(getattr(part, key))
     unit = "rad" if key == "sidewall_angle" else "m"
-    return Change(path, value, unit, {name: _corners(part, key)})
+    return Change(path, value, unit, _moved(geometry, part, _corners(part, key)))
+
+
+def _moved(geometry: CrossSection, part: Part, corners: Array) -> dict[str, Array]:
+    """Velocities of the outlines that are meshed where one part moves.
+
+    In a mirrored section the response is even in x, so that moving one part changes it by half of what moving it and
+    its image does: the half that is solved moves with the mean of the two.
+    """
+    if not geometry.mirrored:
+        return {part.name: corners}
+    image = corners[[1, 0, 3, 2]] * [-1, 1]
+    if abs(part.inner_radius + part.outer_radius) <= SAME:  # its own image: corners on the mirror plane stay there
+        return {part.name: (corners + image) / 2 * [[0, 1], [1, 1], [1, 1], [0, 1]]}
+    if part.name in outlines(geometry):
+        return {part.name: corners / 2}
+    number = geometry.parts.index(part)
+    twin = next(p for p in geometry.parts[max(number - 1, 0) : number + 2] if images(part, p))
+    return {twin.name: image / 2}
 
 
 def _corners(part: Part, key: str) -> Array:
@@ -135,11 +157,13 @@ def _corners(part: Part, key: str) -> Array:
     outer = {"radius": 1.0, "width": 0.5, "outer_radius": 1.0}.get(key, 0.0)
     foot, top = {"bottom": (1.0, 1.0), "height": (0.0, 1.0)}.get(key, (0.0, 0.0))
     lean = 0.0
+    if key == "x":
+        inner = outer = 1.0
     if key == "height":  # the lean is height/(2 tan(angle))
         lean = math.cos(part.sidewall_angle) / math.sin(part.sidewall_angle) / 2
     elif key == "sidewall_angle":
         lean = -part.height / 2 / math.sin(part.sidewall_angle) ** 2
-    inner_lean = lean if part.inner_radius else 0.0
+    inner_lean = lean if part.inner_radius or part.straight else 0.0
     return np.array([(inner - inner_lean, foot), (outer + lean, foot), (outer - lean, top), (inner + inner_lean, top)])
 
 

@@ -1,11 +1,13 @@
-"""The cross-section of a ring in (r, z): layers, parts, boundaries and interfaces, all lengths in m.
+"""The cross-section of a ring in (r, z) or of a straight guide in (x, z); all lengths in m.
 
-z = 0 lies at the top of the layer marked ``datum``. Layers fill the whole stack from the axis to ``outer_radius``;
-parts are rings (or discs) that overwrite the layers and earlier parts. A part may also stand on the top of the stack.
+z = 0 lies at the top of the layer marked ``datum``. Layers fill the whole stack from the axis to ``outer_radius``,
+or from -``half_width`` to ``half_width``; parts are rings (or discs) or straight bars that overwrite the layers and
+earlier parts. A part may also stand on the top of the stack.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -21,9 +23,10 @@ from ..data.display import shown
 from ..materials.library import VOID, Material, find
 from . import paths, toml_schema
 from .neighbours import check_copies
-from .parts import INSULATED, ISOTHERMAL, OPEN, Boundary, Interface, Layer, Part, Probe, length
+from .parts import INSULATED, ISOTHERMAL, OPEN, SAME, Boundary, Interface, Layer, Part, Probe, images, length
 from .regions import Subdivision, check_held, check_places, subdivide
 
+KINDS = ("ring", "straight")
 MOST_PLACE = 1e6  # m, of a point
 
 _LISTS = {"layers": Layer, "parts": Part, "interfaces": Interface, "materials": Material, "probes": Probe}
@@ -33,13 +36,13 @@ MOST = 300  # layers, parts, ... each: 300 parts take seconds to cut and mesh, a
 @shown
 @dataclass(frozen=True)
 class CrossSection:
-    """Everything that defines the heat problem of one ring.
+    """Everything that defines the heat problem of one ring, or of one straight guide.
 
     Parameters
     ----------
     name : str
     outer_radius : float, m
-        where the domain ends.
+        where the domain of a ring ends; that of a straight section ends at ``half_width``.
     layers : tuple of Layer
         bottom to top, exactly one of them the datum.
     parts : tuple of Part
@@ -52,6 +55,11 @@ class CrossSection:
     ambient : float, K
     probes : tuple of Probe
         shells around parts, and copies of parts beside the axis, that can be read beside the layers and parts.
+    kind : str
+        "ring" or "straight".
+    length, half_width : float, m
+        of a straight section: along the guide, and from x = 0 to either end of the domain. Heat does not flow along the
+        guide: what leaves through its ends is neglected.
 
     Raises
     ------
@@ -60,9 +68,9 @@ class CrossSection:
     """
 
     name: str
-    outer_radius: float
-    layers: tuple[Layer, ...]
-    parts: tuple[Part, ...]
+    outer_radius: float = math.nan
+    layers: tuple[Layer, ...] = ()
+    parts: tuple[Part, ...] = ()
     interfaces: tuple[Interface, ...] = ()
     bottom: Boundary = ISOTHERMAL
     top: Boundary = INSULATED
@@ -70,6 +78,9 @@ class CrossSection:
     materials: tuple[Material, ...] = ()
     ambient: float = 293.15
     probes: tuple[Probe, ...] = ()
+    kind: str = "ring"
+    length: float | None = None
+    half_width: float | None = None
 
     def __post_init__(self) -> None:
         checks.plain(self)
@@ -82,7 +93,7 @@ class CrossSection:
                     f"{self.name!r} has {count} {field}, more than {MOST}; join neighbours of one material to one"
                 )
         checks.instances("the boundary", (self.bottom, self.top, self.outer), Boundary)
-        length("outer_radius", self.outer_radius, typical=60e-6)
+        self._check_kind()
         checks.between("ambient", self.ambient, 1, 3000, unit="K")
         self._check_names()
         check_places(self)
@@ -97,6 +108,22 @@ class CrossSection:
         if self.top.kind == "open":
             raise checks.InputError("top = 'open': only bottom and outer can be open; give top a convection")
         check_held(self)
+
+    def _check_kind(self) -> None:
+        """Sizes of the domain, and parts of its kind."""
+        if checks.choice("kind", self.kind, KINDS) == "straight":
+            if self.length is None or self.half_width is None:
+                raise checks.InputError(f"{self.name!r}: a straight section needs length and half_width")
+            length("length", self.length, typical=300e-6)
+            object.__setattr__(self, "outer_radius", length("half_width", self.half_width, typical=60e-6))
+        elif self.length is not None or self.half_width is not None:
+            raise checks.InputError(f'{self.name!r}: length and half_width belong to kind = "straight"')
+        else:
+            length("outer_radius", self.outer_radius, typical=60e-6)
+        for part in self.parts:
+            if part.straight != (self.kind == "straight"):
+                given = "x and width" if self.kind == "straight" else "radius and width, or inner_radius, outer_radius"
+                raise checks.InputError(f"part {part.name!r} of a {self.kind} section needs {given}")
 
     def _check_names(self) -> None:
         if not self.layers:
@@ -147,6 +174,29 @@ class CrossSection:
         above = np.cumsum([layer.thickness for layer in self.layers[datum:]])
         return (*map(float, below), 0.0, *map(float, above))
 
+    @cached_property
+    def mirrored(self) -> bool:
+        """Whether a straight section is its own mirror image in x = 0, so that one half is solved.
+
+        Parts are their own images, or voids that follow each other and are images of each other.
+        """
+        if self.kind != "straight":
+            return False
+        beside = [p for p in self.parts if abs(p.inner_radius + p.outer_radius) > SAME]
+        pairs = zip(beside[::2], beside[1::2], strict=False)
+        follow = all(self.parts.index(b) == self.parts.index(a) + 1 and images(a, b) for a, b in pairs)
+        return len(beside) % 2 == 0 and follow
+
+    @property
+    def depth(self) -> float | None:
+        """Length in m that the section stands for: both halves' of a mirrored one; None for a ring."""
+        return None if self.length is None else self.length * (2 if self.mirrored else 1)
+
+    @property
+    def inner_end(self) -> float:
+        """r or x in m where the domain begins: 0 on the axis or the mirror plane."""
+        return 0.0 if self.kind == "ring" or self.mirrored else -self.outer_radius
+
     @property
     def heated(self) -> tuple[str, ...]:
         """Names of the parts that may carry absorbed power."""
@@ -169,8 +219,8 @@ class CrossSection:
         return tuple(self.volumes())
 
     def volumes(self) -> dict[str, float]:
-        """Exact volume of every region in m^3: the integral of 2 pi r over its faces."""
-        return self.subdivision.volumes()
+        """Exact volume of every region in m^3: the integral of 2 pi r, or of the length, over its faces."""
+        return self.subdivision.volumes(self.depth)
 
     def on_boundary(self, side: str, r: ArrayLike, z: ArrayLike) -> NDArray[np.bool_]:
         """Which of the points (r, z) in m lie on ``side``: "bottom", "top", "outer", "axis" or "wall" (of a void)."""

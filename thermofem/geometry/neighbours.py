@@ -27,12 +27,16 @@ def footprint(geometry: CrossSection) -> float:
     A part that covers the domain from the axis to its edge is as uniform as a layer.
     """
     edge = geometry.outer_radius * (1 - 1e-9)
+    if geometry.kind == "straight":
+        return 0.0
     radii = [part.inner_radius if reach(part) >= edge else reach(part) for part in geometry.parts if part.height]
     return max(radii, default=0.0)
 
 
 def check_uniform(geometry: CrossSection, who: str) -> None:
     """Raise InputError where a void cuts the stack: its copies would have one each, which one ring's field lacks."""
+    if geometry.kind == "straight":
+        raise checks.InputError(f"{who}: {geometry.name!r} is straight; put parallel guides in one section as parts")
     cut = next((part.name for part in geometry.parts if part.material == VOID and part.height), None)
     if cut is not None:
         raise checks.InputError(
@@ -52,7 +56,8 @@ def check_copies(geometry: CrossSection) -> None:
             continue
         who = f"probe {probe.name!r}"
         part = next(part for part in geometry.parts if part.name == probe.part)
-        check_uniform(geometry, who)
+        if geometry.kind == "ring":
+            check_uniform(geometry, who)
         if part.bottom < geometry.bottom_z - THINNEST or part.top > geometry.top_z + THINNEST:
             raise checks.InputError(
                 f"{who}: part {part.name!r} stands on the top of the stack, with nothing beside it that a copy could "

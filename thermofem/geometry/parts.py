@@ -16,6 +16,7 @@ from ..data.display import shown
 from ..materials.library import VOID
 
 VERTICAL = math.pi / 2
+SAME = 2e-15  # m; places this close are one (two steps of the grid on which outlines are cut)
 THINNEST = 1e-10  # m; less than an atom is no continuum, and surely a slip
 _BEYOND = 1e300  # m; no hint repairs it
 _LONGEST = 0.1  # m; nothing on a chip is longer
@@ -52,14 +53,16 @@ class Layer:
 @shown
 @dataclass(frozen=True)
 class Part:
-    """A ring (a disc when ``inner_radius`` is 0) with a rectangular or trapezoidal cross-section.
+    """A ring (a disc when ``inner_radius`` is 0) or a straight bar with a rectangular or trapezoidal cross-section.
 
     Parameters
     ----------
     name, material : str
         material "void" cuts a hole with insulated walls.
     inner_radius, outer_radius : float, m
-        at half height.
+        of a ring, at half height.
+    x, width : float, m
+        of a straight bar: its centre, and its width at half height; its edges are then the two radii above.
     bottom, height : float, m
         bottom is counted from the datum; a void of height 0 is no void at all.
     sidewall_angle : float, rad
@@ -70,26 +73,31 @@ class Part:
 
     name: str
     material: str
-    inner_radius: float
-    outer_radius: float
-    bottom: float
-    height: float
+    inner_radius: float = math.nan
+    outer_radius: float = math.nan
+    bottom: float = 0.0
+    height: float = math.nan
     sidewall_angle: float = VERTICAL
     heated: bool = False
+    x: float | None = None
+    width: float | None = None
 
     def __post_init__(self) -> None:
         checks.plain(self)
         of = f"part {self.name!r}: "
         check_name("part", self.name)
         checks.text(f"{of}material", self.material)
-        checks.between(
-            f"{of}inner_radius", self.inner_radius, 0, _LONGEST, unit="m", hint=slip(self.inner_radius, 5e-6)
-        )
-        length(f"{of}outer_radius", self.outer_radius, typical=8e-6)
+        if self.x is None and self.width is None:
+            checks.between(
+                f"{of}inner_radius", self.inner_radius, 0, _LONGEST, unit="m", hint=slip(self.inner_radius, 5e-6)
+            )
+            length(f"{of}outer_radius", self.outer_radius, typical=8e-6)
+        else:
+            self._set_edges(of)
         checks.between(f"{of}bottom", self.bottom, -_LONGEST, _LONGEST, unit="m", hint=slip(self.bottom, 1e-6))
         if self.material != VOID or self.height != 0:
             length(f"{of}height", self.height, typical=220e-9)
-        if self.inner_radius:
+        if self.inner_radius and not self.straight:
             length(f"{of}inner_radius", self.inner_radius, typical=5e-6)
         if self.inner_radius >= self.outer_radius:
             raise checks.InputError(
@@ -98,10 +106,25 @@ class Part:
         degrees = math.degrees(checks.finite(f"{of}sidewall_angle", self.sidewall_angle))
         checks.between(f"{of}sidewall_angle", degrees, 30, 150, unit="deg", hint="90 deg is vertical")
         outline = self.outline()
-        if np.any(np.diff(outline[:, 0])[[0, 2]] * [1, -1] <= 0) or outline[:, 0].min() < 0:
+        crossed = np.any(np.diff(outline[:, 0])[[0, 2]] * [1, -1] <= 0)
+        if crossed or (outline[:, 0].min() < 0 and not self.straight):
             raise checks.InputError(f"{of}the sidewalls cross; the height is too large for a wall of {degrees:g} deg")
         if checks.flag(f"{of}heated", self.heated) and self.material == VOID:
             raise checks.InputError(f"{of}void cannot be heated; give it a material or heated = false")
+
+    def _set_edges(self, of: str) -> None:
+        """Set the edges of a straight bar from its centre and width."""
+        if self.x is None or self.width is None:
+            raise checks.InputError(f"{of}a straight bar needs x and width, both in m")
+        x = checks.between(f"{of}x", self.x, -_LONGEST, _LONGEST, unit="m", hint=slip(self.x, 5e-6))
+        half = length(f"{of}width", self.width, typical=450e-9) / 2
+        object.__setattr__(self, "inner_radius", x - half)
+        object.__setattr__(self, "outer_radius", x + half)
+
+    @property
+    def straight(self) -> bool:
+        """Whether it is a bar of a straight section."""
+        return self.x is not None
 
     @property
     def top(self) -> float:
@@ -109,13 +132,20 @@ class Part:
         return self.bottom + self.height
 
     def outline(self) -> NDArray[np.float64]:
-        """Corners (r, z) in m, counterclockwise from the inner foot, shape (4, 2)."""
+        """Corners (r, z) or (x, z) in m, counterclockwise from the inner foot, shape (4, 2)."""
         vertical = abs(self.sidewall_angle - VERTICAL) < 1e-9
         lean = 0.0 if vertical else self.height / 2 / math.tan(self.sidewall_angle)
-        inner_lean = lean if self.inner_radius else 0.0  # a disc has no inner wall
+        inner_lean = lean if self.inner_radius or self.straight else 0.0  # a disc has no inner wall
         inner, outer = self.inner_radius, self.outer_radius
         foot = [(inner - inner_lean, self.bottom), (outer + lean, self.bottom)]
         return np.array([*foot, (outer - lean, self.top), (inner + inner_lean, self.top)])
+
+
+def images(one: Part, other: Part) -> bool:
+    """Whether two voids are images of each other in x = 0, one on each side of it."""
+    mirror = one.outline()[[1, 0, 3, 2]] * [-1, 1]
+    sides = one.outline()[:, 0].min() * one.outline()[:, 0].max() >= 0
+    return sides and one.material == other.material == VOID and bool(np.abs(mirror - other.outline()).max() <= SAME)
 
 
 @shown
@@ -126,7 +156,12 @@ class Boundary:
     Convection carries off ``coefficient`` * (T - ambient) per area; ``coefficient`` is in W/m^2/K. Beyond an open side
     the material goes on: far from the heat T - ambient falls as 1/d, with d the distance from the axis at the height of
     the heat, so that k (n . d)/d^2 (T - ambient) per area crosses it, or (n . d)/(d . k^-1 d) where k_r and
-    k_z differ. That holds for one material; what heat along a layer changes is in `HeatProblem.errors`.
+    k_z differ. That holds for one material; what heat along a layer changes is in `HeatProblem.errors`. Beyond a
+    straight section the field is that of a line source of its length L on a half space, averaged over L:
+
+        T - ambient = P c(d/L)/(pi k L),    c(u) = asinh(1/u) - sqrt(1 + u^2) + u
+
+    so that k (n . d)/(d^2 c(d/L)) (T - ambient) per area crosses an open side.
     """
 
     kind: str

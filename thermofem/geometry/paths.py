@@ -48,7 +48,7 @@ def check_once(paths: Iterable[str]) -> None:
 def _measure(item: dict[str, Any], key: str) -> None:
     """Convert the radii of a part to the form that ``key`` belongs to: centre and width, or inner and outer edge."""
     wanted, other = (_CENTRE, _EDGES) if key in _CENTRE else (_EDGES, _CENTRE)
-    if key in item:
+    if key in item or "x" in item:
         return
     one, two = (quantity.parse(item.pop(name), "m") for name in other)
     if wanted == _CENTRE:

@@ -40,11 +40,10 @@ class Face:
         """Integral of dA in m^2."""
         return self._moments()[1]
 
-    @property
-    def volume(self) -> float:
-        """Integral of 2 pi r dA in m^3, exact for a polygon (Pappus): 2 pi r_centroid A."""
+    def volume(self, depth: float | None = None) -> float:
+        """Integral of 2 pi r dA in m^3, exact for a polygon (Pappus): 2 pi r_centroid A; or A times a depth in m."""
         origin, area, moment = self._moments()
-        return 2 * np.pi * (origin * area + moment)
+        return 2 * np.pi * (origin * area + moment) if depth is None else area * depth
 
     def _moments(self) -> tuple[float, float, float]:
         """A radius near the face, the area, and the integral of (r - that radius) dA: nothing cancels."""
@@ -66,17 +65,18 @@ class Face:
 class Subdivision:
     """Faces, and the edges of every side of the domain in m, shape (n, 2 ends, 2).
 
-    Sides: "axis" (r = 0), "bottom", "outer", "top" (what faces up or stands above the stack), "wall" (of a void).
+    Sides: "axis" (r = 0, or the mirror plane x = 0), "bottom", "outer", "top" (what faces up or stands above the
+    stack), "wall" (of a void).
     """
 
     faces: tuple[Face, ...]
     sides: dict[str, Array]
 
-    def volumes(self) -> dict[str, float]:
+    def volumes(self, depth: float | None = None) -> dict[str, float]:
         """Volume of every owner in m^3, in the order of the faces."""
         total: dict[str, float] = {}
         for face in self.faces:
-            total[face.owner] = total.get(face.owner, 0.0) + face.volume
+            total[face.owner] = total.get(face.owner, 0.0) + face.volume(depth)
         return total
 
     def on_side(self, side: str, r: Array, z: Array) -> NDArray[np.bool_]:
@@ -136,13 +136,17 @@ def subdivide(geometry: CrossSection) -> Subdivision:
 
 
 def outlines(geometry: CrossSection) -> dict[str, Array]:
-    """Corners of every layer and part in m."""
-    z, r = geometry.layer_edges, geometry.outer_radius
+    """Corners of every layer and part in m; of a mirrored section those with x >= 0."""
+    z, left, right = geometry.layer_edges, geometry.inner_end, geometry.outer_radius
     boxes = {
-        layer.name: np.array([(0.0, z[k]), (r, z[k]), (r, z[k + 1]), (0.0, z[k + 1])])
+        layer.name: np.array([(left, z[k]), (right, z[k]), (right, z[k + 1]), (left, z[k + 1])])
         for k, layer in enumerate(geometry.layers)
     }
-    return boxes | {part.name: part.outline() for part in geometry.parts if part.height}
+    found = {part.name: part.outline() for part in geometry.parts if part.height}
+    if geometry.mirrored:
+        found = {name: outline for name, outline in found.items() if outline[1:3, 0].min() > 0}
+        found = {name: np.maximum(outline, [0.0, -np.inf]) for name, outline in found.items()}
+    return boxes | found
 
 
 def _visible_edges(geometry: CrossSection, shapes: dict[str, Any]) -> list[Any]:
@@ -219,13 +223,13 @@ def _sides(geometry: CrossSection, faces: list[tuple[str, Any]], exact: dict[int
     for _, polygon in faces:
         uses.update(_edges(polygon))
     skin = _skin(geometry, [polygon for _, polygon in faces])
-    outer, bottom = round(geometry.outer_radius / GRID), round(geometry.bottom_z / GRID)
+    bottom, left, right = (round(x / GRID) for x in (geometry.bottom_z, geometry.inner_end, geometry.outer_radius))
     sides: dict[str, list[Any]] = {side: [] for side in SIDES}
     for edge in sorted(edge for edge, count in uses.items() if count == 1):
         (r0, z0), (r1, z1) = edge
-        if r0 == r1 == 0:
+        if r0 == r1 == left == 0:
             side = "axis"
-        elif r0 == r1 == outer:
+        elif r0 == r1 and r0 in (left, right):
             side = "outer"
         elif z0 == z1 == bottom:
             side = "bottom"
@@ -239,8 +243,8 @@ def _skin(geometry: CrossSection, polygons: list[Any]) -> Any:
     """The outline of everything, voids and enclosed gaps filled."""
     import shapely
 
-    low, radius, high = (round(x / GRID) for x in (geometry.bottom_z, geometry.outer_radius, geometry.top_z))
-    filled = shapely.unary_union([shapely.box(0, low, radius, high), *polygons], grid_size=1)
+    box = geometry.inner_end, geometry.bottom_z, geometry.outer_radius, geometry.top_z
+    filled = shapely.unary_union([shapely.box(*(round(x / GRID) for x in box)), *polygons], grid_size=1)
     return shapely.union_all([shape.exterior for shape in getattr(filled, "geoms", [filled])])
 
 
@@ -256,10 +260,11 @@ def check_places(geometry: CrossSection) -> None:
     low, high, slack = geometry.bottom_z, geometry.top_z, GRID
     for part in geometry.parts:
         where = f"part {part.name!r} (z = {part.bottom:g} .. {part.top:g} m)"
-        reach = float(part.outline()[:, 0].max())
+        reach = float(np.abs(part.outline()[:, 0]).max())
         if reach > geometry.outer_radius + slack:
+            along, end = ("r", "outer_radius") if geometry.kind == "ring" else ("|x|", "half_width")
             raise checks.InputError(
-                f"part {part.name!r} reaches r = {reach:g} m, outside outer_radius = {geometry.outer_radius:g} m"
+                f"part {part.name!r} reaches {along} = {reach:g} m, outside {end} = {geometry.outer_radius:g} m"
             )
         if part.bottom < low - slack:
             raise checks.InputError(f"{where} lies outside the stack, which begins at z = {low:g} m")

@@ -1,4 +1,4 @@
-"""Common rings: strip, rib, disc, and a strip under a metal heater.
+"""Common sections: strip, rib, disc, a strip under a metal heater, and a straight guide.
 
 All lengths in m; ``radius``, ``width``, ``height``, ``box`` and ``cladding`` are those of `strip_ring` where nothing is
 said of them, and an InputError names the length that cannot be.
@@ -173,3 +173,39 @@ def heated_ring(
     inner, outer = ring(radius, heater_width, of="heater: ")
     heater = Part("heater", "TiN", inner, outer, bottom=base.top_z, height=heater_height, heated=True)
     return replace(base, name="heated ring", parts=(*base.parts, heater))
+
+
+def straight_guide(
+    length: float = 300e-6,
+    width: float = 450e-9,
+    height: float = 220e-9,
+    box: float = 2e-6,
+    cladding: float = 2e-6,
+    substrate: float = 30e-6,
+    half_width: float = 60e-6,
+) -> CrossSection:
+    """A straight silicon strip on buried oxide under oxide, on silicon; the substrate's bottom is held at ambient.
+
+    Heat does not flow along it: its ends are neglected, which leaves an error of about the diffusion length over
+    ``length`` (`HeatProblem.errors` estimates it).
+
+    Parameters
+    ----------
+    length : float, m
+        of the heated guide; it may be a fraction of the length along which light is guided.
+    width, height : float, m
+        of the core.
+    box, cladding, substrate : float, m
+        thickness of the buried oxide, of the oxide above the top of the core, and of the substrate.
+    half_width : float, m
+        from the core to either end of the domain.
+
+    >>> guide = straight_guide(length=320e-6)
+    >>> guide.mirrored, guide.depth  # one half is solved
+    (True, 0.00064)
+    """
+    ring = strip_ring(width, width, height, box, cladding, substrate)
+    core = Part("core", "Si", bottom=0.0, height=ring.parts[0].height, heated=True, x=0.0, width=width)
+    return CrossSection(
+        "straight guide", layers=ring.layers, parts=(core,), kind="straight", length=length, half_width=half_width
+    )

@@ -25,7 +25,10 @@ if TYPE_CHECKING:
 # key -> the SI unit of its text, or what else it holds
 _TOP = {
     "name": TEXT,
+    "kind": TEXT,
     "outer_radius": "m",
+    "length": "m",
+    "half_width": "m",
     "ambient": "K",
     "layer": TABLES,
     "part": TABLES,
@@ -42,6 +45,7 @@ _PART = {
     "width": "m",
     "inner_radius": "m",
     "outer_radius": "m",
+    "x": "m",
     "bottom": "m",
     "height": "m",
     "sidewall_angle": "rad",
@@ -78,11 +82,15 @@ def fields(text: str) -> dict[str, Any]:
     table = files.from_toml(text)
     if table.keys() & {"base", "loaded_q", "wavelength", "carriers"}:
         raise InputError("this describes the optics of a ring; a geometry has outer_radius, [[layer]] and [[part]]")
-    top = read_table(table, _TOP, "the file", required=("outer_radius", "layer", "part"))
+    straight = table.get("kind") == "straight"
+    sizes = ("length", "half_width") if straight else ("outer_radius",)
+    top = read_table(table, _TOP, "the file", required=(*sizes, "layer", "part"))
+    if straight and "outer_radius" in top:
+        raise InputError("outer_radius belongs to a ring; a straight section has half_width and length")
     boundary = read_table(top.get("boundary", {}), _BOUNDARY, "[boundary]")
     return {
         "name": top.get("name", "cross-section"),
-        "outer_radius": top["outer_radius"],
+        **{key: top[key] for key in ("kind", "outer_radius", "length", "half_width") if key in top},
         "layers": tuple(_layer(item, k) for k, item in enumerate(top["layer"], 1)),
         "parts": tuple(_part(item, k) for k, item in enumerate(top["part"], 1)),
         "interfaces": tuple(_interface(item, k) for k, item in enumerate(top.get("interface", []), 1)),
@@ -108,12 +116,17 @@ def _part(table: dict[str, Any], k: int) -> Part:
     where = _where("part", table, k)
     values = read_table(table, _PART, where, required=("name", "material", "bottom", "height"))
     by_centre, by_edges = {"radius", "width"} & set(values), {"inner_radius", "outer_radius"} & set(values)
+    if "x" in values and not by_edges and "radius" not in values:
+        return Part(**values)
     if len(by_centre) == 2 and not by_edges:
         inner, outer = ring(values.pop("radius"), values.pop("width"), of=f"{where}: ")
         values |= {"inner_radius": inner, "outer_radius": outer}
     elif len(by_edges) != 2 or by_centre:
         given = ", ".join(sorted(by_centre | by_edges)) or "neither"
-        raise InputError(f"{where}: give radius and width, or inner_radius and outer_radius (given: {given})")
+        raise InputError(
+            f"{where}: give radius and width, or inner_radius and outer_radius (given: {given}); "
+            "of a straight section x and width"
+        )
     return Part(**values)
 
 
@@ -161,7 +174,7 @@ def _material(name: str, table: Any) -> Material:
 def table_of(geometry: CrossSection) -> dict[str, Any]:
     """The table of a geometry file, quantities as text; reading it back gives an equal CrossSection."""
     return {
-        **_texts({"name": geometry.name, "outer_radius": geometry.outer_radius, "ambient": geometry.ambient}),
+        **_texts({"name": geometry.name, **_domain(geometry), "ambient": geometry.ambient}),
         "layer": [_texts(asdict(layer)) for layer in geometry.layers],
         "part": [_texts(_part_values(part)) for part in geometry.parts],
         "interface": [_texts(asdict(interface)) for interface in geometry.interfaces],
@@ -169,6 +182,13 @@ def table_of(geometry: CrossSection) -> dict[str, Any]:
         "boundary": {side: _boundary_value(getattr(geometry, side)) for side in _BOUNDARY},
         "material": {m.name: _material_values(m) for m in geometry.materials},
     }
+
+
+def _domain(geometry: CrossSection) -> dict[str, Any]:
+    """Kind and sizes of the domain."""
+    if geometry.kind == "ring":
+        return {"outer_radius": geometry.outer_radius}
+    return {key: getattr(geometry, key) for key in ("kind", "length", "half_width")}
 
 
 def _texts(values: dict[str, Any]) -> dict[str, Any]:
@@ -191,9 +211,15 @@ def _material_values(m: Material) -> dict[str, Any]:
 def _part_values(part: Part) -> dict[str, Any]:
     """Fields of a part, with its radius and width where these give exactly the same edges."""
     sizes = {"inner_radius": part.inner_radius, "outer_radius": part.outer_radius}
+    if part.x is not None and part.width is not None:
+        sizes = {"x": part.x, "width": part.width}
     radius = float(f"{(part.inner_radius + part.outer_radius) / 2:.12g}")
     width = float(f"{part.outer_radius - part.inner_radius:.12g}")
-    if part.inner_radius and (radius - width / 2, radius + width / 2) == (part.inner_radius, part.outer_radius):
+    if (
+        part.x is None
+        and part.inner_radius
+        and (radius - width / 2, radius + width / 2) == (part.inner_radius, part.outer_radius)
+    ):
         sizes = {"radius": radius, "width": width}
     angle = None if part.sidewall_angle == VERTICAL else part.sidewall_angle
     rest = {"bottom": part.bottom, "height": part.height, "sidewall_angle": angle, "heated": part.heated}

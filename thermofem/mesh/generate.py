@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import InputError, MissingLibraryError
-from ..sizes import size_function, sizes
 from .library import gmsh_problem
+from .sizes import size_function, sizes
 from .triangles import Mesh
 
 if TYPE_CHECKING:
@@ -32,7 +32,9 @@ def make(geometry: CrossSection, accuracy: float) -> Mesh:
 
     Raises InputError, MissingLibraryError: as `mesh_for`.
     """
-    mesh = make_faces(geometry.subdivision.faces, size_function(geometry, sizes(accuracy)), geometry.name)
+    mesh = make_faces(
+        geometry.subdivision.faces, size_function(geometry, sizes(accuracy)), geometry.name, geometry.depth
+    )
     meshed = mesh.volumes()
     for name, volume in geometry.volumes().items():
         if abs(meshed[name] - volume) > 1e-9 * volume:
@@ -40,11 +42,14 @@ def make(geometry: CrossSection, accuracy: float) -> Mesh:
     return mesh
 
 
-def make_faces(faces: Sequence[Face], size: Callable[[float, float], float], name: str) -> Mesh:
+def make_faces(
+    faces: Sequence[Face], size: Callable[[float, float], float], name: str, depth: float | None = None
+) -> Mesh:
     """Mesh faces that share points and edges; their owners are the regions.
 
     size: element size in m at (r, z) in m.
     name: for messages.
+    depth: of a straight section, m.
     """
     problem = gmsh_problem()
     if problem:
@@ -63,7 +68,7 @@ def make_faces(faces: Sequence[Face], size: Callable[[float, float], float], nam
         finally:
             if ours:
                 gmsh.finalize()
-    return Mesh(points, triangles, region, names)
+    return Mesh(points, triangles, region, names, depth)
 
 
 def _triangulate(

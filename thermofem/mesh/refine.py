@@ -6,6 +6,8 @@ A triangle with a divided edge has its longest edge divided too, so that angles 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,7 +36,7 @@ def refined(mesh: Mesh, marked: NDArray[np.bool_]) -> tuple[Mesh, NDArray[np.int
     turn = (longest[:, None] + np.arange(3)) % 3  # the longest edge first
     corners, halves = np.take_along_axis(mesh.triangles, turn, 1), np.take_along_axis(middle[of], turn, 1)
     triangles, parent = _children(corners, halves)
-    return Mesh(points, triangles, mesh.region[parent], mesh.region_names), parent
+    return replace(mesh, points=points, triangles=triangles, region=mesh.region[parent]), parent
 
 
 def _closed(of: NDArray[np.intp], longest: NDArray[np.intp], marked: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import logging
-import threading
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import skfem
 from numpy.typing import NDArray
 
 from .. import checks
@@ -18,14 +18,12 @@ from ..data import files
 from ..data.display import shown
 from . import gmsh_file
 
-KEPT = 20_000  # triangles; of more, the facets are not kept for the next mesh
 MOST = 2**53  # of an index: larger floats skip whole numbers
 LARGEST = 1e3  # m, of a coordinate
 WIDE = 0.1  # m, the largest length of a geometry file
 ROUND_OFF = 1e-9  # of the size of a mesh: places this close are one
 FLAT = 1e-10  # height over longest side, of a triangle that has no area
 
-_thread = threading.local()
 _log = logging.getLogger("thermofem")
 
 
@@ -43,37 +41,32 @@ class Mesh:
     region : int array, shape (m,)
         index into ``region_names``.
     region_names : tuple of str
+    depth : float, m
+        length that a straight section stands for, see `CrossSection.depth`; None for a ring.
     """
 
     points: NDArray[np.float64]
     triangles: NDArray[np.int64]
     region: NDArray[np.int64]
     region_names: tuple[str, ...]
+    depth: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "region_names", check_names("region_names", self.region_names))
-        found = check_triangles(self.points, self.triangles, self.region, self.region_names)
+        found = check_triangles(self.points, self.triangles, self.region, self.region_names, self.depth)
         for name, value in zip(("points", "triangles", "region"), found, strict=True):
             object.__setattr__(self, name, value)
 
     @cached_property
     def skfem(self) -> Any:
         """The triangles as scikit-fem holds them."""
-        import skfem
-
-        grid = skfem.MeshTri(np.ascontiguousarray(self.points.T), np.ascontiguousarray(self.triangles.T))
-        last = getattr(_thread, "last", None)
-        if last is not None and np.array_equal(last.t, grid.t):  # the same triangles, moved
-            grid._facets, grid._t2f, grid._f2t = last.facets, last.t2f, last.f2t
-        elif len(self.triangles) <= KEPT:
-            _thread.last = grid
-        return grid
+        return Grid(np.ascontiguousarray(self.points.T), np.ascontiguousarray(self.triangles.T), depth=self.depth)
 
     def volumes(self) -> dict[str, float]:
-        """Volume of every region in m^3: the sum of 2 pi r_centroid area, exact for triangles."""
-        (r0, z0), (r1, z1), (r2, z2) = (self.points[self.triangles[:, k]].T for k in range(3))
-        area = ((r1 - r0) * (z2 - z0) - (r2 - r0) * (z1 - z0)) / 2
-        share = np.bincount(self.region, 2 * np.pi * (r0 + r1 + r2) / 3 * area, minlength=len(self.region_names))
+        """Volume of every region in m^3: the sum of 2 pi r_centroid area, or of depth area; exact for triangles."""
+        radius = radii(self.points[:, 0], self.depth)[self.triangles].mean(axis=1)
+        share = 2 * np.pi * radius * signed_areas(self.points, self.triangles)
+        share = np.bincount(self.region, share, minlength=len(self.region_names))
         return dict(zip(self.region_names, map(float, share), strict=True))
 
     def save(self, path: str | Path) -> None:
@@ -92,8 +85,20 @@ class Mesh:
         files.write_whole(path, lambda p: meshio.gmsh.write(p, mesh, fmt_version="2.2", binary=True))
 
 
+@dataclass(repr=False)
+class Grid(skfem.MeshTri):
+    """scikit-fem's triangles, with the depth of a straight section in m (None for a ring)."""
+
+    depth: float | None = None
+
+
+def radii(r: NDArray[np.float64], depth: float | None) -> NDArray[np.float64]:
+    """Radius in m whose circumference is the weight of points at r: itself in a ring, depth/(2 pi) if straight."""
+    return r if depth is None else np.full_like(r, depth / (2 * np.pi))
+
+
 def check_triangles(
-    points: Any, triangles: Any, region: Any, names: tuple[str, ...]
+    points: Any, triangles: Any, region: Any, names: tuple[str, ...], depth: float | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
     """The arrays, triangles counterclockwise.
 
@@ -110,7 +115,7 @@ def check_triangles(
         raise InputError(
             f"a point of the mesh lies at {np.abs(points).max():g} m; lengths are in m, at most {LARGEST:g}"
         )
-    if points[:, 0].min() < -1e-12 * np.abs(points).max():  # round-off of gmsh on the axis
+    if depth is None and points[:, 0].min() < -1e-12 * np.abs(points).max():  # round-off of gmsh on the axis
         raise InputError(f"r = {points[:, 0].min():g} m of the mesh lies beyond the axis; r counts from the axis on")
     if triangles.min() < 0 or triangles.max() >= len(points):
         raise InputError(f"a triangle of the mesh has the corner {triangles.max()}; there are {len(points)} points")

@@ -6,10 +6,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.constants import c
 
 import coupled
 from coupled.parameters import borghi2021 as paper
-from thermofem.constants import c
 from thermofem.models import Foster
 
 from .pulsing_stages import describe, label, newton_of

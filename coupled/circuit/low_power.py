@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+import xarray as xr
+
+from thermofem import checks
 
 from ..arguments import check_axis
 from .circuit import Circuit
 from .network import light_of
 
-if TYPE_CHECKING:
-    import xarray as xr
-
+WEAK = 1e-6  # W; heat of a tenth of it moves a resonance by 1e-3 of its width
 RESONANT = 1e9  # light in a loop over that which enters it, from which on fewer than seven digits are left
 
 
-def spectrum(circuit: Circuit, detunings: ArrayLike, *, laser: str | None = None) -> xr.Dataset:
+def low_power_transmission(circuit: Circuit, detuning: Any, power: Mapping[str, float] | None = None) -> xr.Dataset:
     """Transmission from one laser to every port at low power.
 
         [(gamma - i D) - M] a = i K^T G E l,      D_i = -2 pi (reference + detuning - f_i)
@@ -25,10 +26,10 @@ def spectrum(circuit: Circuit, detunings: ArrayLike, *, laser: str | None = None
     Parameters
     ----------
     circuit : Circuit
-    detunings : array, shape (n,), Hz
+    detuning : array, shape (n,), Hz
         increasing; laser minus the circuit's reference frequency.
-    laser : str, optional
-        default the first one; its offset counts.
+    power : mapping of laser name to float, W, optional
+        which laser is lit, by at most 1 uW; default the first one. Its offset counts.
 
     Returns
     -------
@@ -39,21 +40,25 @@ def spectrum(circuit: Circuit, detunings: ArrayLike, *, laser: str | None = None
     Raises
     ------
     InputError
-        detunings that do not increase, a resonance of a loop of waveguides without loss, or a name that is no laser.
+        detunings that do not increase, a resonance of a loop of waveguides without loss, a name that is no laser, or
+        more than low power.
 
     >>> import coupled
-    >>> at = coupled.spectrum(coupled.bus(coupled.borghi2021()), [0.0])
+    >>> at = coupled.transmission(coupled.bus(coupled.borghi2021()), detuning=[0.0])
     >>> at.transmission.sel(port="drop 1").round(4).values
     array([0.8834])
     """
-    import xarray as xr
-
-    from thermofem import checks
-
-    checks.has("circuit", circuit, "lasers", "resonators", hint="a coupled.Circuit is needed")
-    nu = check_axis("detunings", detunings)
+    nu = check_axis("detuning", detuning)
     names = [one.name for one in circuit.lasers]
-    k = 0 if laser is None else names.index(checks.choice("laser", laser, names))
+    lit = [name for name, value in checks.mapping("power", power).items() if value > 0]
+    for name in lit:
+        checks.choice("power", name, names)
+    if len(lit) > 1 or max((dict(power or {})[name] for name in lit), default=0.0) > WEAK:
+        raise checks.InputError(
+            f"power = {power!r} must hold one laser of at most {WEAK:g} W: the transmission of a circuit is that of "
+            "low power; steady_states finds fixed points at more"
+        )
+    k = names.index(lit[0]) if lit else 0
     rings, ports, D = circuit.resonators, circuit.ports, sum(w.delay > 0 for w in circuit.waveguides)
     seen, fields = np.empty((len(ports), nu.size), dtype=complex), np.empty((len(rings), nu.size), dtype=complex)
     for m, detuning in enumerate(nu + circuit.lasers[k].offset):
@@ -64,7 +69,7 @@ def spectrum(circuit: Circuit, detunings: ArrayLike, *, laser: str | None = None
         A, B, P = light.seen_ring[:D], light.seen_laser[:D, k], light.seen_delay[:D]
         around = np.eye(D) - P
         if D and np.linalg.norm(around, -2) * RESONANT < 1:
-            what = f"detunings[{m}] = {nu[m]:g} Hz is a resonance of a loop of waveguides without loss"
+            what = f"detuning[{m}] = {nu[m]:g} Hz is a resonance of a loop of waveguides without loss"
             raise checks.InputError(what, "give one of them a loss, or leave that detuning out")
         late = np.linalg.inv(around)
         matrix = own - light.between - 1j * light.from_delay @ late @ A

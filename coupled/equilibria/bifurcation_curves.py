@@ -19,26 +19,26 @@ A fold has lambda = 0, a quadratic equation in D: D = -U shift' +- sqrt((U shift
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
+import contourpy
 import numpy as np
+import xarray as xr
+from scipy.optimize import elementwise
 
 from thermofem.arrays import Array, ArrayLike, Complex, NDArray, runs_of
+from thermofem.data import dataset
 from thermofem.models import ThermalModel
 
-from ..arguments import check_axis, check_ring, one_laser
+from ..arguments import check_axis, check_ring
+from ..kernel.units import FJ, NS, UW, internal_pump
 from ..resonator import RingResonator
 from ..thermal import trusted
+from .balance import InternalRing, absorbable, balance, energy, farthest_s, internal_ring
 from .lattice import Segment, joined, one_sign, refined
-from .roots import crossings, roots
-from .steady import absorbable, internal
-from .stretches import stretches
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from ..kernels.equations import Rates
-    from ..kernels.kinds import Curve, Static, Thermal
+from .lyapunov import first_lyapunov
+from .spectrum import jacobians, secular, states
+from .zeros import intervals_in_window, zeros
 
 ENERGIES, FREQUENCIES = 160, 200  # grid of the contour
 FOLD_POINTS, FOLD_GRID = 300, 1200  # of a curve; of the search for its stretches in the window
@@ -50,16 +50,12 @@ class Plane(NamedTuple):
     """A ring in internal units and the window that is asked for."""
 
     ring: RingResonator
-    rates: Rates
-    fcd: Array
-    thermal: Thermal
-    static: Static | Curve
+    at: InternalRing
     powers: Array
     detunings: Array
     energies: Array
 
 
-@one_laser
 def hopf_curves(
     ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike
 ) -> list[xr.Dataset]:  # fmt: skip
@@ -101,14 +97,12 @@ def hopf_curves(
 
 def unwatched(plane: Plane) -> list[xr.Dataset]:
     """The `hopf_curves`, whatever the training of the thermal model."""
-    from ..kernels import equations as eq
-
     curves = []
     for U, D, omega, leading, growth in _hopf(plane):
         curve = _dataset(plane, "Hopf curve", U, D, omega)
         curve["leading"] = ("point", leading, {"units": "1", "long_name": "no other mode grows"})
         about = {"units": "1/s", "long_name": "first Lyapunov coefficient"}
-        curve["lyapunov"] = ("point", growth / eq.NS, about)
+        curve["lyapunov"] = ("point", growth / NS, about)
         curves.append(curve)
     return curves
 
@@ -116,26 +110,23 @@ def unwatched(plane: Plane) -> list[xr.Dataset]:
 def subcritical(ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike) -> bool:
     """Whether one of the `hopf_curves` is subcritical where it bounds a stable region."""
     plane = plane_of(ring, model, powers, detunings)
-    return any(bool(np.any(np.array(leading) & (growth > 0))) for *_, leading, growth in _hopf(plane))
+    return any(bool(np.any(leading & (growth > 0))) for *_, leading, growth in _hopf(plane))
 
 
-def _hopf(plane: Plane) -> Iterator[tuple[Array, Array, Array, list[bool], Array]]:
+def _hopf(plane: Plane) -> Iterator[tuple[Array, Array, Array, NDArray[np.bool_], Array]]:
     """U, D, omega, whether no other mode grows, and the first Lyapunov coefficient (1/ns), of each curve."""
 
     def place(point: Array) -> Array:
-        return np.array([point[0], np.arcsinh(point[1] / plane.rates.loss), point[2]])
+        return np.array([point[0], np.arcsinh(point[1] / plane.at.rates.loss), point[2]])
 
     for line in joined(_pieces(plane), place, JOIN):
         every = _from_outside(plane, *_smooth(plane, line))
         for part in _inside(plane, *every[:2]):
             U, D, omega = (values[part] for values in every)
-            points = list(zip(U, D, omega, strict=True))
-            found = [_criticality(plane, u, d, w) for u, d, w in points]
-            leading = [_others_decay(values, w) for (_, values), (_, _, w) in zip(found, points, strict=True)]
-            yield U, D, omega, leading, np.array([g for g, _ in found])
+            growth, values = _criticality(plane, U, D, omega)
+            yield U, D, omega, _others_decay(values, omega), growth
 
 
-@one_laser
 def fold_curves(
     ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike
 ) -> list[xr.Dataset]:  # fmt: skip
@@ -155,7 +146,7 @@ def fold_curves(
         def seen(angle: Array, along: Any = along) -> Array:
             return _window(plane, *along(angle))
 
-        parts = stretches(seen, np.linspace(-np.pi, np.pi, FOLD_GRID))
+        parts = intervals_in_window(seen, np.linspace(-np.pi, np.pi, FOLD_GRID))
         for angle in (np.linspace(*part, FOLD_POINTS) for part in parts):
             beyond = np.clip([2 * angle[0] - angle[1], 2 * angle[-1] - angle[-2]], -np.pi, np.pi)
             curves.append(_dataset(plane, "fold curve", *along(np.concatenate([beyond[:1], angle, beyond[1:]]))))
@@ -164,63 +155,37 @@ def fold_curves(
 
 def plane_of(ring: RingResonator, model: ThermalModel, powers: ArrayLike, detunings: ArrayLike) -> Plane:
     """Check the input and find the energies that its fixed points can have."""
-    from ..kernels import equations as eq
-    from . import balance
-
     check_ring(ring)
     P, nu = check_axis("powers", powers), check_axis("detunings", detunings)
-    at, shifts = internal(ring, model, absorbable(ring, P[-1])), 2 * np.pi * eq.NS * nu
-    weak, strong = eq.internal_pump(ring, P[0]), eq.internal_pump(ring, P[-1])
-    rest = (at.rates, at.fcd, at.static)
-    high = balance.energy(0.0, strong, *rest)
-    low = balance.energy(balance.reach(np.abs(shifts).max(), strong, *rest), weak, *rest)
-    energies = np.geomspace(low, high, ENERGIES)
-    return Plane(ring, at.rates, at.fcd, at.thermal, at.static, P, shifts, energies)
+    at, shifts = internal_ring(ring, model, absorbable(ring, P[-1])), 2 * np.pi * NS * nu
+    weak, strong = internal_pump(ring, P[0]), internal_pump(ring, P[-1])
+    high = energy(0.0, strong, at)
+    low = energy(farthest_s(np.abs(shifts).max(), strong, at), weak, at)
+    return Plane(ring, at, P, shifts, np.geomspace(low, high, ENERGIES))
 
 
 def _trusted(model: ThermalModel, plane: Plane, curves: list[xr.Dataset]) -> list[xr.Dataset]:
     """The curves; OutsideTrainingWarning where their fixed points are hotter than the training of the model."""
-    from ..kernels import equations as eq
-    from .balance import balances
-
     for curve in curves:
-        trusted(model, balances(curve["energy"].values / eq.FJ, plane.rates, plane.fcd, plane.static)[2])
+        trusted(model, balance(curve["energy"].values / FJ, plane.at).dT)
     return curves
 
 
 def _frequencies(plane: Plane) -> Array:
     """From far below the slowest thermal pole to above the beat of laser and resonance, in rad/ns."""
-    from . import balance
-
-    shift, gamma = balance.balances(plane.energies, plane.rates, plane.fcd, plane.static)[[3, 5]]
-    highest = gamma.max() + np.abs(shift).max() + np.abs(plane.detunings).max()
-    return np.geomspace(1e-4 * plane.thermal.slowest, 2 * highest, FREQUENCIES)
+    here = balance(plane.energies, plane.at)
+    highest = here.gamma.max() + np.abs(here.shift).max() + np.abs(plane.detunings).max()
+    return np.geomspace(1e-4 * plane.at.heat.slowest, 2 * highest, FREQUENCIES)
 
 
 def _terms(plane: Plane, log_U: Array, log_w: Array) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """A and B at lambda = i w, for arrays of one shape."""
-    from . import spectrum
-
     z = 1j * np.exp(log_w)
-    at = spectrum.seculars(np.exp(log_U).ravel(), plane.rates, plane.fcd, plane.static).reshape(8, *log_U.shape)
-    gamma, gamma_2, rho, alpha, beta, heat, cross, kerr = at
-    Z = _impedance(plane, log_U, z)
+    U, which = np.unique(np.exp(log_U), return_inverse=True)
+    coefficients, power = secular(U, plane.at)
+    gamma, gamma_2, rho, alpha, beta, heat, cross, kerr = (v[which].reshape(z.shape) for v in coefficients)
+    Z = plane.at.heat.impedance(z, power[which].reshape(z.shape))
     return (z + gamma) * (z + gamma_2 + alpha / (z + rho)), kerr + (beta + Z * (heat * (z + rho) + cross)) / (z + rho)
-
-
-def _impedance(plane: Plane, log_U: Array, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Thermal impedance in K/uW of small changes about the fixed points of energy U, at the frequencies ``z``."""
-    from ..kernels import equations as eq
-    from . import balance, spectrum
-
-    def at_rest() -> tuple[Array, Array, NDArray[np.intp]]:
-        U, which = np.unique(np.exp(log_U), return_inverse=True)
-        N = balance.balances(U, plane.rates, plane.fcd, plane.static)[0]
-        power = eq.absorbed_power(U, N, plane.rates)
-        states = spectrum.warmth(U, plane.rates, plane.fcd, plane.thermal, plane.static)
-        return states, power, which.reshape(z.shape)
-
-    return plane.thermal.impedance(z, at_rest)
 
 
 def _resultant(A: Complex, B: Complex) -> tuple[Array, Array]:
@@ -233,7 +198,6 @@ def _resultant(A: Complex, B: Complex) -> tuple[Array, Array]:
 
 def _pieces(plane: Plane) -> list[Segment]:
     """Zero contours of the resultant, cut where Im A = Im B = 0; points are rows (log U, D, log w)."""
-    import contourpy
 
     def values(x: Array, y: Array) -> tuple[Array, Array, Array]:
         A, B = _terms(plane, *np.meshgrid(x, y))
@@ -258,11 +222,11 @@ def _refined(plane: Plane, line: Array, log_U: Array, log_w: Array) -> tuple[Arr
     low, high = np.floor(line + 1e-9).astype(int), np.ceil(line - 1e-9).astype(int)
     start, end = (np.array([log_U[i[:, 0]], log_w[i[:, 1]]]) for i in (low, high))
 
-    def along(t: Array, which: NDArray[np.intp]) -> Array:
-        x, y = (a + t * (b - a) for a, b in zip(start[:, which], end[:, which], strict=True))
-        return _resultant(*_terms(plane, x, y))[0]
+    def along(t: Array, x0: Array, y0: Array, x1: Array, y1: Array) -> Array:
+        return _resultant(*_terms(plane, x0 + t * (x1 - x0), y0 + t * (y1 - y0)))[0]
 
-    x, y = start + roots(along, line.shape[0]) * (end - start)
+    t = elementwise.find_root(along, (np.zeros(len(line)), np.ones(len(line))), args=(*start, *end)).x
+    x, y = start + np.where(np.isfinite(t), t, 0.0) * (end - start)  # nan where an edge of no length has its zero
     return x, y
 
 
@@ -276,7 +240,7 @@ def _smooth(plane: Plane, line: Array) -> tuple[Array, Array, Array]:
         if long.size == 0:
             break
         start = (line[:, long] + line[:, long + 1]) / 2
-        scale = np.array([1, plane.rates.loss, 1])[:, None]
+        scale = np.array([1, plane.at.rates.loss, 1])[:, None]
         size = np.linalg.norm((line[:, long + 1] - line[:, long]) / scale, axis=0)
         found = _projected(plane, start, scale)
         good = np.linalg.norm((found - start) / scale, axis=0) < size  # not another stretch of the curve
@@ -309,16 +273,14 @@ def _window(plane: Plane, U: Array, D: Array) -> Array:
     """Power (logarithmic) and detuning of fixed points as fractions of the window, shape (2, n)."""
     power, shift = _laser(plane, U, D)
     width = max(np.log(plane.powers[-1] / plane.powers[0]), 0.01)
-    height = max(float(np.ptp(plane.detunings)), 0.01 * plane.rates.loss)
+    height = max(float(np.ptp(plane.detunings)), 0.01 * plane.at.rates.loss)
     return np.array([np.log(power / plane.powers[0]) / width, (shift - plane.detunings[0]) / height])
 
 
 def _fold_equation(plane: Plane, U: Array) -> tuple[Array, Array]:
     """a and b of D^2 + 2 a D + b = 0."""
-    from . import balance
-
-    _, _, _, _, shift_slope, gamma, gamma_slope = balance.balances(U, plane.rates, plane.fcd, plane.static)
-    return U * shift_slope, gamma**2 + 2 * U * gamma * gamma_slope
+    here = balance(U, plane.at)
+    return U * here.shift_slope, here.gamma**2 + 2 * U * here.gamma * here.gamma_slope
 
 
 def _folded(plane: Plane) -> list[tuple[float, float]]:
@@ -329,18 +291,15 @@ def _folded(plane: Plane) -> list[tuple[float, float]]:
         a, b = _fold_equation(plane, np.exp(x))
         return (a * a - b) / (a * a + np.abs(b))
 
-    ends = np.concatenate([log_U[:1], crossings(square, log_U), log_U[-1:]])
+    ends = np.concatenate([log_U[:1], zeros(lambda x, _: square(x), log_U)[0], log_U[-1:]])
     has = square((ends[1:] + ends[:-1]) / 2) > 0
     return [(float(np.exp(low)), float(np.exp(high))) for low, high in zip(ends[:-1][has], ends[1:][has], strict=True)]
 
 
 def _laser(plane: Plane, U: Array, D: Array) -> tuple[Array, Array]:
     """Power in W and detuning in rad/ns of the fixed points (U, D)."""
-    from ..kernels import equations as eq
-    from . import balance
-
-    shift, gamma = balance.balances(np.ascontiguousarray(U), plane.rates, plane.fcd, plane.static)[[3, 5]]
-    return U * (gamma**2 + D**2) / (2 * plane.ring.bus_rate * eq.NS) * eq.UW, shift - D
+    here = balance(U, plane.at)
+    return U * (here.gamma**2 + D**2) / (2 * plane.ring.bus_rate * NS) * UW, here.shift - D
 
 
 def _inside(plane: Plane, U: Array, D: Array) -> list[slice]:
@@ -359,41 +318,33 @@ def _from_outside(plane: Plane, *every: Array) -> list[Array]:
     return [np.append(np.roll(values[:-1], -outside[0]), values[outside[0]]) for values in every]
 
 
-def _criticality(plane: Plane, U: float, D: float, w: float) -> tuple[float, NDArray[np.complex128]]:
-    """The first Lyapunov coefficient in 1/ns, for the relative amplitude of the carriers, and the eigenvalues."""
-    from ..kernels import equations as eq
-    from . import spectrum
-    from .lyapunov import first_lyapunov
-
-    y, detuning = spectrum.state(U, D, plane.rates, plane.fcd, plane.thermal, plane.static)
+def _criticality(plane: Plane, U: Array, D: Array, w: Array) -> tuple[Array, NDArray[np.complex128]]:
+    """First Lyapunov coefficients in 1/ns, for the relative amplitude of the carriers, and the eigenvalues."""
+    y, detuning = states(U, D, plane.at)
     size = np.abs(y)
-    size[:2], size[2], size[3:] = np.sqrt(U), max(size[2], 1e-12), max(float(size[3:].sum()), 1e-12)
-    unit = 2 if y[2] > 0 else int(np.argmax(np.abs(y[:2])))  # without two-photon absorption there are no carriers
-    g, values = first_lyapunov(
-        lambda x: eq.jacobian(x, detuning, plane.rates, plane.fcd, plane.thermal), y, size, w, unit
-    )  # fmt: skip
-    return g * y[unit] ** 2, values
+    size[:, :2], size[:, 2] = np.sqrt(U)[:, None], np.maximum(size[:, 2], 1e-12)
+    size[:, 3:] = np.maximum(size[:, 3:].sum(axis=1), 1e-12)[:, None]
+    carriers = plane.at.rates.g > 0
+    unit = np.full(U.size, 2) if carriers else np.abs(y[:, :2]).argmax(axis=1)
+    g, values = first_lyapunov(lambda x: jacobians(x, detuning, plane.at), y, size, w, unit)
+    return g * np.take_along_axis(y, unit[:, None], axis=1)[:, 0] ** 2, values
 
 
-def _others_decay(values: NDArray[np.complex128], w: float) -> bool:
-    """Whether all eigenvalues but the two nearest to +- i w decay."""
-    rest = np.delete(values, np.argmin(np.abs(values - 1j * w)))
-    rest = np.delete(rest, np.argmin(np.abs(rest + 1j * w)))
-    return bool(np.all(rest.real < 0))
+def _others_decay(values: NDArray[np.complex128], w: Array) -> NDArray[np.bool_]:
+    """Whether all eigenvalues but the two nearest to +- i w decay, for each row."""
+    rest = values.real.copy()
+    for sign in (1, -1):
+        near = np.abs(values - sign * 1j * w[:, None]).argmin(axis=1)
+        np.put_along_axis(rest, near[:, None], -1.0, axis=1)
+    return np.all(rest < 0, axis=1)
 
 
 def _dataset(plane: Plane, kind: str, U: Array, D: Array, omega: Array | None = None) -> xr.Dataset:
     """One curve in SI."""
-    import xarray as xr
-
-    from thermofem.data import dataset
-
-    from ..kernels import equations as eq
-
     power, shift = _laser(plane, U, D)
-    values = {"power": power, "detuning": shift / (2 * np.pi * eq.NS), "energy": U * eq.FJ}
+    values = {"power": power, "detuning": shift / (2 * np.pi * NS), "energy": U * FJ}
     if omega is not None:
-        values["frequency"] = omega / (2 * np.pi * eq.NS)
+        values["frequency"] = omega / (2 * np.pi * NS)
     return xr.Dataset(
         {name: ("point", v, dataset.describe({"power": "input_power"}.get(name, name))) for name, v in values.items()},
         attrs={"kind": kind, "ring": plane.ring.name},

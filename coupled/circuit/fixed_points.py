@@ -29,10 +29,9 @@ LINES = 5.0  # half widths of a resonance beyond which light hardly heats
 def circuit_steady_states(
     circuit: Circuit,
     thermal: Any,
-    *,
     inputs: Mapping[str, float],
-    heaters: Mapping[str, float] | None = None,
     detuning: float = 0.0,
+    heaters: Mapping[str, float] | None = None,
     starts: int = 100,
     seed: int = 0,
 ) -> xr.Dataset:
@@ -68,7 +67,7 @@ def circuit_steady_states(
     >>> import coupled, thermofem as th
     >>> model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
     >>> circuit = coupled.bus(coupled.borghi2021())
-    >>> coupled.circuit_steady_states(circuit, model, inputs={"in": 5e-3}, detuning=-32e9).growing.values
+    >>> coupled.steady_states(circuit, model, power={"in": 5e-3}, detuning=-32e9).growing.values
     array([0, 1, 2])
     """
     starts = checks.integer("starts", starts, 0, 100_000)
@@ -91,7 +90,7 @@ def autonomous(
     """A circuit under constant light, or InputError."""
     checks.instance("circuit", circuit, Circuit, hint="it must be a Circuit, such as coupled.bus([ring])")
     heaters = checks.mapping("heaters", heaters)
-    for what, values in (("inputs", inputs), ("heaters", heaters), ("detuning", {"": detuning})):
+    for what, values in (("power", inputs), ("heaters", heaters), ("detuning", {"": detuning})):
         checks.has(what, values, "items", hint="give numbers by name, {'in': 1e-3}")
         for name, value in values.items():
             if not isinstance(value, int | float | np.number):

@@ -22,11 +22,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from . import checks
+from .. import checks
 
 if TYPE_CHECKING:
-    from .geometry.cross_section import CrossSection
+    from ..geometry.cross_section import CrossSection
 
 LARGEST = 4e-6  # m, near the heat
 REACH = 0.3e-6  # m, the size of a core: where the field around it begins to smooth out
@@ -79,11 +80,18 @@ def fitted(geometry: CrossSection, at: Sizes) -> Sizes:
     """
     faces = [face for face in geometry.subdivision.faces if face.owner in geometry.heated]
     areas = np.array([face.area for face in faces])
-    perimeters = np.array([np.linalg.norm(np.diff(face.edges(), axis=1), axis=-1).sum() for face in faces])
+    perimeters = np.array([_perimeter(face.edges(), mirrored=geometry.mirrored) for face in faces])
+    areas = areas * (2 if geometry.mirrored else 1)
     thickness, extent = float((areas / perimeters).min()) / THICKNESS, float(np.sqrt(areas).min()) / EXTENT
     grown = max(1.0, min(thickness / THICK, geometry.outer_radius / WIDE))
     h = at.h * grown * min(thickness, 16.0) ** 0.25
     return Sizes(h=h, slope=at.slope, h_c=at.h_c * min(extent, 2.0), largest=LARGEST * grown)
+
+
+def _perimeter(edges: NDArray[np.float64], *, mirrored: bool) -> float:
+    """Length of a face's outline in m; of a mirrored section with that of its image, without the mirror plane."""
+    lengths = np.linalg.norm(np.diff(edges, axis=1), axis=-1)[:, 0]
+    return float(2 * lengths[edges[:, :, 0].any(axis=1)].sum() if mirrored else lengths.sum())
 
 
 def size_function(geometry: CrossSection, at: Sizes) -> Callable[[float, float], float]:

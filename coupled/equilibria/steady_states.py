@@ -1,0 +1,107 @@
+"""All fixed points of one laser setting, with their stability."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from thermofem.data import dataset
+from thermofem.models import ThermalModel
+
+from ..arguments import check_detuning, check_power, check_ring
+from ..circuit.circuit import Circuit
+from ..circuit.fixed_points import circuit_steady_states
+from ..heaters import constant
+from ..kernel.units import internal_detuning, internal_pump
+from ..resonator import RingResonator
+from ..thermal import trusted
+from .balance import absorbable, fixed_points, internal_ring
+from .observables import observables, provenance
+
+
+def steady_states(
+    ring: RingResonator | Circuit,
+    model: ThermalModel,
+    *,
+    power: Any,
+    detuning: float = 0.0,
+    heaters: Mapping[str, float] | None = None,
+    heated: str | None = None,
+    read: str | None = None,
+    starts: int = 100,
+    seed: int = 0,
+) -> xr.Dataset:
+    """Return every fixed point of a ring at one power and detuning, or those found of a circuit, and their stability.
+
+        P = U (gamma^2 + D^2)/(2 gamma_e),     D = -(w0/n0) [(dn/dT) dT + S(N)] - 2 pi detuning
+        b N^2 + (1 - a k) N - k = 0,  k = tau0 g_TPA U^2;     dT = R_th P_abs(U, N), or what the model says at rest
+
+    For an energy U all but the laser is explicit. The fixed points of one power are then one smooth curve, the tilted
+    resonance, which is cut at its turning points into pieces that hold a detuning at most once: none is missed. Their
+    place depends on R_th alone, their stability on the poles.
+
+    Parameters
+    ----------
+    ring : RingResonator or Circuit
+        a circuit without delays, whose lit lasers have one frequency.
+    model : ThermalModel
+        as for `simulate`: a Foster network, a StateSpace with at most 500 states, an OutputMap over one, or Quadratic.
+    power : float, W
+        in the bus waveguide, larger than 0; for a circuit a mapping from laser name.
+    detuning : float, Hz
+        laser minus cold resonance, or minus the reference of a circuit.
+    heaters : mapping of name to float, W, optional
+        constant power in further inputs of a linear model, as for `simulate`; so are ``heated`` and ``read``.
+    starts, seed : int
+        random starts of Newton's method in a circuit: no method is known that finds all its fixed points.
+
+    Returns
+    -------
+    xarray.Dataset
+        over branch, by increasing energy: energy (J), carriers (1/m^3), delta_T (K), drop, through and absorbed (W),
+        growth_rate (1/s, the largest real part of the eigenvalues), frequency (Hz, of the eigenvalue with that real
+        part; 0 if it is real) and regime:
+        "stable", no growing mode; "saddle", an odd number of them, as on the middle branch of a bistability;
+        "unstable focus", two or more and the fastest of them oscillates; "unstable node", it does not.
+        Of a circuit what `circuit.fixed_points` returns: over state, by ring and port.
+
+    Raises
+    ------
+    InputError
+        power or detuning out of range, or a model that is not small, not passive, or without a steady state at the
+        power.
+
+    Tested against the cubic of a ring without two-photon absorption: energies to 1e-10, and all three fixed points down
+    to 1e-9 beyond the detuning at which bistability begins. The static rise of a quadratic model is a Chebyshev series
+    through its steady states, exact to 1e-12.
+
+    Source: Borghi et al., Opt. Express 29, 4363 (2021), Eqs. 1 and 2.1-2.5, with 2 gamma_e for both buses.
+
+    >>> import coupled, thermofem as th
+    >>> model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
+    >>> states = coupled.steady_states(coupled.borghi2021(), model, power=5e-3, detuning=-32e9)
+    >>> for energy, regime in zip(states.energy.values, states.regime.values):
+    ...     print(f"{energy * 1e15:.3f} fJ, {regime}")
+    8.581 fJ, stable
+    15.551 fJ, saddle
+    21.217 fJ, unstable focus
+    """
+    if isinstance(ring, Circuit):
+        return circuit_steady_states(ring, model, power, detuning, heaters, starts, seed)
+    check_ring(ring)
+    power = check_power(power)
+    detuning = check_detuning(detuning)
+    warm = constant(model, heaters, heated, read)
+    at = internal_ring(ring, warm.model, absorbable(ring, power))
+    U, D, _ = fixed_points(internal_pump(ring, power), internal_detuning(detuning + warm.turned(ring)), at)
+    values = observables(ring, at, U, D, np.full(U.size, power))
+    trusted(model, values["delta_T"], at.model.thermal_resistance * values["absorbed"])
+    values["delta_T"] = values["delta_T"] + warm.rise
+    return xr.Dataset(
+        {name: ("branch", v, dataset.describe(name)) for name, v in values.items()},
+        attrs=provenance("steady states", ring, at.model)
+        | {"input_power": float(power), "detuning": float(detuning), **warm.attributes},
+    )

@@ -1,0 +1,212 @@
+"""Straight sections against the exact layered line source, a line source on a half space, and themselves."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import surrogate
+import thermofem as th
+
+# exact step response in K/W (shared table, Fourier in x and Laplace in t, trusted to 1e-5): core of 450 x 220 nm with
+# oxide's properties, 2 um of oxide above and below, L = 320 um, on a silicon half space
+TIMES = np.array([1e-9, 1e-8, 1e-7, 1e-6, 3e-6, 1e-5, 3e-5])
+EXACT = np.array([17.265881, 117.869696, 412.890674, 809.796541, 1007.310302, 1212.724652, 1304.204651])
+GUIDE = """
+name = "line source"
+kind = "straight"
+length = "320 um"
+half_width = "300 um"
+layer = [
+    { name = "substrate", material = "Si", thickness = "300 um" },
+    { name = "box", material = "SiO2", thickness = "2 um", datum = true },
+    { name = "cladding", material = "SiO2", thickness = "2.22 um" },
+]
+[[part]]
+name = "core"
+material = "SiO2"
+x = "0 um"
+width = "450 nm"
+bottom = "0 um"
+height = "220 nm"
+heated = true
+[material.Si]
+conductivity = "148 W/m/K"
+density = "2330 kg/m^3"
+specific_heat = "711 J/kg/K"
+[material.SiO2]
+conductivity = "1.38 W/m/K"
+density = "2203 kg/m^3"
+specific_heat = "709 J/kg/K"
+"""
+
+
+@pytest.fixture(scope="module")
+def guide():
+    return th.CrossSection.from_toml_text(GUIDE)
+
+
+def bars(*places, width=2e-6):
+    return [th.Part(f"bar{k}", "void", x=x, width=width, bottom=-2e-6, height=4.22e-6) for k, x in enumerate(places)]
+
+
+@pytest.mark.parametrize("accuracy", [1e-3, 1e-4])
+@pytest.mark.parametrize("x", [0.0, 1e-6])  # the half of a mirrored section, and a whole one
+def test_exact_line_source(guide, accuracy, x):
+    heat = th.assemble(guide.with_({"part.core.x": x}), accuracy)
+    data = th.solve(heat, th.Constant(1.0), times=np.append(0.0, TIMES), rtol=accuracy / 10)
+    # the domain ends 300 um away: heat has spread over 100 um after 30 us, which leaves 1e-5
+    np.testing.assert_allclose(data.delta_T[1:], EXACT, rtol=accuracy)
+
+
+def test_file_and_python_say_the_same(guide):
+    core = th.Part("core", "SiO2", x=0.0, width=450e-9, bottom=0.0, height=220e-9, heated=True)
+    made = th.CrossSection(
+        "line source",
+        kind="straight",
+        length=320e-6,
+        half_width=300e-6,
+        layers=guide.layers,
+        parts=(core,),
+        materials=guide.materials,
+    )
+    assert made == guide == th.CrossSection.from_toml_text(guide.to_toml())
+    assert guide.with_({"length": "160 um"}).length == 160e-6
+    assert guide.volumes()["core"] == pytest.approx(320e-6 * 450e-9 * 220e-9, rel=1e-12)
+
+
+def test_half_equals_whole(guide):
+    """A mirrored section is solved on its half; one that is a nanometre off, on the whole."""
+    trenches = replace(guide, parts=(*guide.parts, *bars(-4e-6, 4e-6)))
+    assert guide.mirrored
+    assert trenches.mirrored
+    for geometry in (guide, trenches):
+        whole = geometry.with_({"part.core.x": 1e-9})
+        assert not whole.mirrored
+        half, whole = (th.assemble(g, 1e-4) for g in (geometry, whole))
+        assert half.unknowns < whole.unknowns
+        # each within its accuracy
+        assert half.thermal_resistance() == pytest.approx(whole.thermal_resistance(), rel=2e-4)
+
+
+def test_energy_balance(guide):
+    heat = th.assemble(guide)
+    data = th.solve(heat, th.Pulse(1e-3, 5e-6), times=np.linspace(0, 10e-6, 21))
+    assert abs(float(data.attrs["heat_imbalance"])) < 1e-3  # what the solver promises for rings
+
+
+def test_resistance_per_length_is_that_of_a_large_ring():
+    """Around a ring of 2 mm the section is straight: its curvature is 60 um/2 mm squared of the far field's share."""
+    radius, half = 2e-3, 40e-6
+    ring = th.strip_ring(radius=radius, outer_radius=radius + half)
+    inside = th.Part("inside", "void", 0.0, radius - half, bottom=ring.bottom_z, height=ring.top_z - ring.bottom_z)
+    ring = replace(ring, parts=(inside, *ring.parts))
+    guide = th.straight_guide(length=2 * np.pi * radius, half_width=half)
+    R = [th.assemble(g, 1e-4).thermal_resistance() for g in (ring, guide)]
+    assert R[0] == pytest.approx(R[1], rel=4e-4)
+
+
+def test_open_sides_of_a_uniform_half_space():
+    """R of a uniform line on a half space, averaged over its length: the wider domain with ends has it.
+
+    The mean over a core of half side a is that of a line at a distance of 0.59 a times 2 (square of side 2 a: geometric
+    mean distance 0.44705 times the side): [ln(2 L/d) - 1]/(pi k L) with d = 0.44705 side. An image above the surface
+    makes the heated core at the surface one of twice the height.
+    """
+    L, side, k = 300e-6, 2e-6, 148.0
+    core = th.Part("core", "Si", x=0.0, width=side, bottom=-side / 2, height=side / 2, heated=True)
+    material = th.Material("Si", k, 2330.0, 711.0, source="test")
+    for domain in (20e-6, 60e-6):
+        base = th.CrossSection(
+            "half space",
+            kind="straight",
+            length=L,
+            half_width=domain,
+            layers=(th.Layer("substrate", "Si", domain, datum=True),),
+            parts=(core,),
+            materials=(material,),
+        )
+        heat = th.assemble(base.opened(), 1e-4)
+        exact = (np.log(2 * L / (0.44705 * side)) - 1) / (np.pi * k * L)
+        R, error = heat.thermal_resistance(), heat.domain_error()
+        # without ends R is too large by what the error says; coarse elements beyond the domain leave 5e-3
+        assert R / exact - 1 == pytest.approx(error, abs=5e-3)
+        assert 0 < error < 0.06
+        closed = th.assemble(base, 1e-3)
+        assert closed.thermal_resistance() * (1 + closed.domain_error()) == pytest.approx(exact, rel=5e-3)
+
+
+@pytest.mark.parametrize("path", ["part.core.width", "half_width", "part.bar1.x", "part.bar0.width", "part.core.x"])
+def test_derivatives_of_open_sections(path):
+    """Against differences of two meshes at 2e-5: their noise over the step leaves about 1e-3."""
+    core = th.Part("core", "Si", x=0.0, width=450e-9, bottom=0.0, height=220e-9, heated=True)
+    base = th.straight_guide(substrate=30e-6, half_width=30e-6).opened()
+    geometry = replace(base, parts=(core, *bars(-4e-6, 4e-6, width=1e-6)))
+    if path == "part.core.x":
+        geometry = geometry.with_({path: 1e-6})
+    step = {"half_width": 1e-6, "part.core.x": 2e-7}.get(path, 2e-8)
+    found = float(th.derivatives(th.assemble(geometry, 1e-4), [path]).thermal_resistance[0])
+    value = {"half_width": 30e-6, "part.core.width": 450e-9, "part.bar1.x": 4e-6, "part.bar0.width": 1e-6}.get(
+        path, 1e-6
+    )
+    R = [th.assemble(geometry.with_({path: value + s * step}), 2e-5).thermal_resistance() for s in (1, -1)]
+    assert found == pytest.approx((R[0] - R[1]) / (2 * step), rel=5e-3 if path == "part.core.x" else 2e-3)
+
+
+def test_undercut_bridge(guide):
+    """A guide over a wide void is a bar that conducts to its two ends: R = w^2 shape/(k h L), exact for a plate.
+
+    A film of width 2 a and thickness h, heated evenly over its middle 2 b and held at both ends by the chip: the mean
+    over the middle is (a - b)/(2 k h L) + b/(6 k h L).
+    """
+    a, b, h, L = 20e-6, 5e-6, 0.5e-6, 100e-6
+    layers = (th.Layer("film", "SiO2", h, datum=True),)
+    core = th.Part("core", "SiO2", x=0.0, width=2 * b, bottom=-h, height=h, heated=True)
+    bridge = th.CrossSection(
+        "bridge",
+        kind="straight",
+        length=L,
+        half_width=a,
+        layers=layers,
+        parts=(core,),
+        bottom=th.Boundary("insulated"),
+        outer=th.Boundary("isothermal"),
+    )
+    exact = ((a - b) / 2 + b / 6) / (1.38 * h * L)
+    assert th.assemble(bridge, 1e-4).thermal_resistance() == pytest.approx(exact, rel=1e-4)
+
+
+def test_neighbour_of_a_straight_guide(guide):
+    """A copy at a distance reads what a part of oxide at that place reads."""
+    probe = th.Probe(name="beside", part="core", distance=10e-6)
+    heat = th.assemble(replace(guide, probes=(probe,)), 1e-4)
+    other = th.Part("other", "SiO2", x=10e-6, width=450e-9, bottom=0.0, height=220e-9)
+    part = th.assemble(replace(guide, parts=(*guide.parts, other)), 1e-4)
+    assert heat.thermal_resistance("core", "beside") == pytest.approx(
+        part.thermal_resistance("core", "other"), rel=3e-4
+    )
+
+
+def test_reduction_and_family_of_straight_guides(tmp_path):
+    guide = th.straight_guide()
+    heat = th.assemble(guide)
+    model = surrogate.reduce(heat.system, tolerance=1e-4).model
+    assert model.thermal_resistance == pytest.approx(heat.thermal_resistance(), rel=1e-6)
+    members = heat.thermal_resistance() / 2
+    assert th.assemble(guide.with_({"length": 600e-6})).thermal_resistance() == pytest.approx(members, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "name"),
+    [
+        ({"kind": "bent"}, "kind"),
+        ({"length": None}, "length"),
+        ({"length": 320.0}, "length"),
+        ({"parts": (th.Part("core", "Si", 1e-6, 2e-6, 0.0, 220e-9, heated=True),)}, "core"),
+        ({"kind": "ring", "outer_radius": 60e-6, "length": None, "half_width": None}, "core"),
+        ({"half_width": 0.1e-6}, "half_width"),
+    ],
+)
+def test_what_cannot_be(guide, change, name):
+    with pytest.raises(th.InputError, match=name):
+        replace(guide, **change)
