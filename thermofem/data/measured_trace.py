@@ -399,6 +399,8 @@ def _found(
     rows: Rows, start: float | None, level: float | None, fall: bool | None, sampled: bool, unit: str, said: list[str]
 ) -> tuple[Array, Array, Waveform, dict[str, Any]]:
     """Times from the start on, rises, the power, and attributes: start, baseline and how well both are known."""
+    if rows.t.size < dataset.FEWEST:
+        raise InputError(f"{rows.t.size} rows; at least {dataset.FEWEST} are needed")
     if np.ptp(rows.y) <= 0:
         raise InputError("the temperature is constant; training needs a temperature that varies")
     t, y, wave = rows

@@ -63,6 +63,8 @@ def number_table(text: str) -> NumberTable:
     width = len(rows[0])
     counts = [sum(len(row) == width and is_number(row[k], divider) for row in rows) for k in range(width)]
     columns = [k for k in range(width) if counts[k] >= MOSTLY * max(counts)]
+    if len(columns) < 2:
+        raise InputError(f"the rows from line {len(head) + 1} on have no two columns of numbers in common")
     end, after = _end(text, divider, columns)
     values = _values(text[start:end], divider, columns, len(head) + 1)
     beside = [", ".join(cell for k, cell in enumerate(row) if k not in columns and cell) for row in rows]
