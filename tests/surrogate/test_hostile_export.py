@@ -46,9 +46,6 @@ def test_mat_takes_any_text(tmp_path):
 
 @pytest.mark.parametrize("to", [*MARKS, "fmu"])
 def test_names_from_an_array_are_written_as_text(to, tmp_path):
-    """An FMU of parts that are numpy.str_ was not built: "name 'np' is not defined"."""
-    if to == "fmu":
-        pytest.importorskip("pythonfmu", reason="pythonfmu, which builds the unit, is not installed")
     name = np.array(["core"])[0]
     model = th.Foster([1e3], [1e-6], inputs=(name,), outputs=(name,))
     content = surrogate.export_model(model, tmp_path / f"ring.{to}", to=to).read_bytes()

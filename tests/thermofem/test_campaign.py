@@ -6,10 +6,7 @@ Most geometries here differ in materials only: their outline is the reference st
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -89,18 +86,6 @@ def test_points_are_those_of_scipy():
         object.__setattr__(drawn, "seed", seed)
         expected = qmc.LatinHypercube(d=2, seed=np.random.default_rng(seed)).random(samples)
         np.testing.assert_allclose(drawn._hypercube([low, high]), expected, rtol=1e-8)
-
-
-def test_planning_imports_little(tmp_path):
-    """The first geometry begins as soon as the main process has its plan: what it imports is waited for."""
-    path = write(tmp_path, 5)
-    path.write_text("samples = 5\n" + path.read_text().replace("count = 5", ""))
-    code = f"""
-import sys, thermofem_cli.campaign as command
-command.Campaign.from_toml({str(path)!r}).cases()
-print([name for name in ("scipy.stats", "xarray", "skfem", "h5py") if name in sys.modules])"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
 
 
 def test_lists_are_crossed_and_ranges_fill_a_latin_hypercube():
@@ -217,16 +202,6 @@ def test_names_that_are_not_there_stop_before_the_first_geometry(tmp_path, threa
     with pytest.raises(th.InputError, match="did you mean 'core'"):
         make(2, read=("cor",)).run(tmp_path, threads)
     assert not marks(tmp_path)
-
-
-def test_dask_is_imported_nowhere_else():
-    package = Path(th.__file__).parent
-    imports = re.compile(r"^\s*(from|import) (dask|distributed)\b", re.MULTILINE)
-    users = [p.relative_to(package).as_posix() for p in package.rglob("*.py") if imports.search(p.read_text())]
-    assert users == ["cli/campaign.py"]
-    code = "import sys, thermofem_cli.campaign; print('dask' in sys.modules, 'distributed' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["False", "False"]
 
 
 @pytest.mark.parametrize(

@@ -136,7 +136,7 @@ class MeshError:
         heat, d = self.heat, self.heat.discretization
         names = list(dict.fromkeys(name for channel in channels for name in channel))
         means = np.column_stack([d.means[name] for name in names])
-        load = np.column_stack([self.enrichment.mean(heat.geometry, heat.mesh, name) for name in names])
+        load = np.column_stack([self.enrichment.mean(heat, name) for name in names])
         fields = np.empty((len(names), d.free.size, len(self.shifts)))
         fields[:, :, -1] = [self.static(name) for name in names]  # while the factors of 0 are there
         order = np.argsort(self.shifts[:-1] == LAST, kind="stable")

@@ -19,14 +19,14 @@ from skfem.element.element_h1 import ElementH1
 from skfem.refdom import RefTri
 
 from ..arrays import Array, NDArray
+from ..optics.reading import LIGHT, light_integral
 from .matrices import element_capacity, element_conduction, volume
 from .probes import probe_integral
 from .surfaces import surface_terms
 
 if TYPE_CHECKING:
-    from ..geometry.cross_section import CrossSection
-    from ..mesh import Mesh
     from .matrices import Discretization
+    from .problem import HeatProblem
 
 _EDGES = ((0, 1), (1, 2), (0, 2))
 _SLOPES = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])  # of the barycentric coordinates
@@ -128,10 +128,12 @@ class Enrichment:
         surface = _surface(functions, d, conductivity)
         return cls(functions, K, M, dofs[:, _QUADRATIC], dofs[:, _CUBIC] - count, surface, held)
 
-    def mean(self, geometry: CrossSection, mesh: Mesh, name: str) -> Array:
-        """Functional of the volume mean over a region or what a probe reads, for the cubic functions."""
-        functions = self.functions
-        if name in mesh.region_names:
+    def mean(self, heat: HeatProblem, name: str) -> Array:
+        """Functional of the mean over a region, a probe or the light, for the cubic functions."""
+        functions, geometry, mesh = self.functions, heat.geometry, heat.mesh
+        if name == LIGHT and heat.light is not None:
+            integral = light_integral(heat.light, functions)
+        elif name in mesh.region_names:
             integral = volume(functions, mesh.region == mesh.region_names.index(name))
         else:
             probe = next(probe for probe in geometry.probes if probe.name == name)

@@ -21,6 +21,7 @@ from .. import checks
 from ..arrays import Array, ArrayLike, NDArray
 from ..materials.laws import Law, is_constant
 from ..models import NonlinearSystem, StateSpace
+from ..optics.reading import LIGHT, light_integral
 from ..transient.modal import Modal
 from ..transient.nonlinear import NodalOperator, NonlinearLedger, nodal_operator, rows
 from ..transient.trajectory import Ledger
@@ -36,6 +37,7 @@ from .surfaces import Surfaces, surfaces_of
 if TYPE_CHECKING:
     from ..geometry.cross_section import CrossSection
     from ..mesh import Mesh
+    from ..optics import Mode
 
 __all__ = ["Discretization", "HeatProblem", "Surfaces", "discretize"]
 
@@ -56,12 +58,15 @@ class HeatProblem:
     discretization : Discretization
     accuracy : float
         that was asked for.
+    light : Mode, optional
+        the mode whose temperature is read as "light" (`with_light`).
     """
 
     geometry: CrossSection
     mesh: Mesh
     discretization: Discretization
     accuracy: float
+    light: Mode | None = None
 
     def __repr__(self) -> str:
         size = f"{self.unknowns} unknowns, accuracy {self.accuracy:g}"
@@ -90,8 +95,29 @@ class HeatProblem:
 
     @property
     def readable(self) -> tuple[str, ...]:
-        """Names of everything that can be read: regions and probes."""
-        return (*self.regions, *(probe.name for probe in self.geometry.probes))
+        """Names of everything that can be read: regions, probes, and "light" after `with_light`."""
+        light = () if self.light is None else (LIGHT,)
+        return (*self.regions, *(probe.name for probe in self.geometry.probes), *light)
+
+    def with_light(self, mode: Mode) -> HeatProblem:
+        """The same problem with "light" as one more output: the temperature as a mode sees it, see `optics.reading`.
+
+        A resonance moves by dw/w = -mode.thermo_optic times it. The mean over the core is within 0.3 % of it for a
+        silicon strip; 10 ns after a step it errs by -4 % for a rib, +5 % for a disc, -9 % for a nitride strip.
+
+        Raises InputError: a region of the geometry is called "light".
+
+        >>> heat = assemble(strip_ring())
+        >>> mode = th.light(heat, wavelength=1.555e-6).mode("TE0")
+        >>> round(heat.with_light(mode).thermal_resistance("core", "light") / heat.thermal_resistance("core"), 3)
+        1.0
+        """
+        checks.has("mode", mode, "thermal_density", hint='th.light(heat, wavelength=1.55e-6).mode("TE0") is one')
+        if LIGHT in self.regions or any(probe.name == LIGHT for probe in self.geometry.probes):
+            raise checks.InputError(f"{self.geometry.name!r} has a region or probe called 'light'; rename it")
+        integral = light_integral(mode, self.discretization.basis)
+        means = {**self.discretization.means, LIGHT: integral / integral.sum()}
+        return replace(self, light=mode, discretization=replace(self.discretization, means=means))
 
     @property
     def judged(self) -> tuple[tuple[str, str], ...]:

@@ -15,6 +15,7 @@ from .. import checks
 from ..checks import InputError
 from ..data import files, quantity
 from ..data.files import ANY, FLAG, TABLE, TABLES, TEXT, read_table
+from ..materials.index_laws import read_index, write_index
 from ..materials.library import LIBRARY, Material
 from ..materials.property_toml import LAW_KEYS, PROPERTIES, read_property, write_property
 from .parts import INSULATED, ISOTHERMAL, VERTICAL, Boundary, Interface, Layer, Part, Probe, ring
@@ -55,7 +56,8 @@ _INTERFACE = {"part": TEXT, "resistance": "m^2*K/W"}
 _PROBE = {"name": TEXT, "part": TEXT, "shell": "m", "distance": "m"}
 _BOUNDARY = {"bottom": ANY, "top": ANY, "outer": ANY}
 _COEFFICIENT = {kind: unit for kind, unit in Boundary.KINDS.items() if unit is not None}
-_MATERIAL = {"conductivity": ANY, "density": "kg/m^3", "specific_heat": ANY, "source": TEXT}
+_OPTICAL = {"thermo_optic": "1/K", "two_photon": "m/W", "kerr": "m^2/W"}
+_MATERIAL = {"conductivity": ANY, "density": "kg/m^3", "specific_heat": ANY, "source": TEXT, "index": ANY, **_OPTICAL}
 
 _UNITS = {
     key: unit
@@ -161,8 +163,11 @@ def _material(name: str, table: Any) -> Material:
             if isinstance(given, dict):
                 given = read_table(given, LAW_KEYS[key], f"{where} {key}")
             values |= read_property(key, given, unit, where)
+    if "index" in values:
+        values["index"] = read_index(values["index"], where)
     missing = [key for key in PROPERTIES if key not in values]
-    kept = {key: getattr(LIBRARY[name], key) for key in missing}
+    optical = [key for key in ("index", *_OPTICAL) if key not in values and name in LIBRARY]
+    kept = {key: getattr(LIBRARY[name], key) for key in (*missing, *optical)}
     for key in {"conductivity", "specific_heat"} & kept.keys():
         kept |= {f"{key}_law": getattr(LIBRARY[name], f"{key}_law")}
     if "conductivity" in kept:
@@ -205,7 +210,10 @@ def _boundary_value(boundary: Boundary) -> Any:
 def _material_values(m: Material) -> dict[str, Any]:
     conductivity, specific_heat = (write_property(m, key, _UNITS[key]) for key in ("conductivity", "specific_heat"))
     density = as_text("density", m.density)
-    return {"conductivity": conductivity, "density": density, "specific_heat": specific_heat, "source": m.source}
+    optical = _texts({key: getattr(m, key) or None for key in _OPTICAL})
+    optical |= {} if m.index is None else {"index": write_index(m.index)}
+    heat = {"conductivity": conductivity, "density": density, "specific_heat": specific_heat}
+    return {**heat, **optical, "source": m.source}
 
 
 def _part_values(part: Part) -> dict[str, Any]:

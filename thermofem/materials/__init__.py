@@ -8,10 +8,14 @@ import sys as _sys
 from collections.abc import Iterator as _Iterator
 from types import ModuleType as _ModuleType
 
+from .index_laws import INDEX_LAWS, IndexTable, Sellmeier, constant_index
 from .laws import Polynomial, PowerLaw, Table
 from .library import LIBRARY, Material, find, silicon_film
 
-__all__ = ["LIBRARY", "Material", "Polynomial", "PowerLaw", "Table", "find", "silicon_film"]
+__all__ = [
+    "INDEX_LAWS", "LIBRARY", "IndexTable", "Material", "Polynomial", "PowerLaw", "Sellmeier", "Table",
+    "constant_index", "find", "silicon_film",
+]  # fmt: skip
 
 
 class _Listed(_ModuleType):
