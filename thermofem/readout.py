@@ -17,7 +17,6 @@ from scipy.optimize import brentq
 
 from . import checks
 from .arrays import Array, ArrayLike
-from .data.display import shown
 from .fem.problem import HeatProblem
 from .models import ThermalModel
 from .waveforms import Constant, SquareWave, Waveform, period_times
@@ -135,7 +134,6 @@ class _Readout:
         return np.append(times, np.inf), np.append(light, self._light(np.array(R * power)))
 
 
-@shown
 @dataclass(frozen=True)
 class MZI(_Readout):
     """A Mach-Zehnder interferometer with the heat in one arm.
@@ -168,7 +166,6 @@ class MZI(_Readout):
         return (1 + self.visibility * np.cos(self.bias + self.shift * delta_T)) / 2
 
 
-@shown
 @dataclass(frozen=True)
 class RingEdge(_Readout):
     """A weak probe on the slope of a resonance that heat moves to lower frequencies.

@@ -16,7 +16,6 @@ from thermofem import MZI, Foster, checks
 from thermofem.arrays import Array
 from thermofem.data import files
 from thermofem.data.dataset import at_probe, responses_of
-from thermofem.data.display import shown
 from thermofem.models import HasModel
 from thermofem.models.lumped import (
     BORGHI2021_HEAT_CAPACITY,
@@ -39,7 +38,6 @@ TRANSFER = "where another part is read than the one that is heated, give transfe
 SAME = 1.02  # ratio of two misfits that differ by noise: each parameter of a fit to n samples takes off 1/(2 n)
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class Fit(HasModel):
     """A trained model and how well it fits its data.
