@@ -442,7 +442,7 @@ def test_every_missing_library_is_named_at_once(monkeypatch):
     def absent(name):
         raise OSError("libGL.so.1: cannot open shared object file: No such file or directory")
 
-    monkeypatch.setattr(mesh.library.importlib, "import_module", absent)
+    monkeypatch.setattr(mesh.gmsh_mesher.importlib, "import_module", absent)
     monkeypatch.setattr(mesh.library, "_loads", lambda library: library not in ("libGL.so.1", "libgomp.so.1"))
     assert "apt-get install libgl1 libgomp1)" in mesh.gmsh_problem()
 
