@@ -147,7 +147,7 @@ def test_the_hash_covers_what_determines_the_mesh_and_nothing_else():
 def test_a_mesh_in_the_installed_package_is_found_first(tmp_path, monkeypatch):
     package = tmp_path / "thermofem"
     (package / "meshes").mkdir(parents=True)
-    monkeypatch.setattr(mesh.committed, "__file__", str(package / "mesh" / "committed.py"))
+    monkeypatch.setattr(mesh.committed_meshes, "__file__", str(package / "mesh" / "committed_meshes.py"))
     assert mesh.find_committed(strip_ring(), 1e-3) is None
     wanted = package / "meshes" / f"strip-{mesh.content_hash(strip_ring(), 1e-3)}.msh"
     wanted.write_bytes(b"")
@@ -443,12 +443,12 @@ def test_every_missing_library_is_named_at_once(monkeypatch):
         raise OSError("libGL.so.1: cannot open shared object file: No such file or directory")
 
     monkeypatch.setattr(mesh.gmsh_mesher.importlib, "import_module", absent)
-    monkeypatch.setattr(mesh.library, "_loads", lambda library: library not in ("libGL.so.1", "libgomp.so.1"))
+    monkeypatch.setattr(mesh.gmsh_mesher, "_loads", lambda library: library not in ("libGL.so.1", "libgomp.so.1"))
     assert "apt-get install libgl1 libgomp1)" in mesh.gmsh_problem()
 
 
 def test_a_missing_mesher_is_an_import_error(monkeypatch):
-    monkeypatch.setattr(mesh.generate, "gmsh_problem", lambda: "gone")
+    monkeypatch.setattr(mesh.gmsh_mesher, "gmsh_problem", lambda: "gone")
     with pytest.raises(MissingLibraryError, match="gone"):
         mesh.make(strip_ring(), 1e-3)
 
