@@ -90,7 +90,7 @@ class Splitter:
 
 @dataclass(frozen=True)
 class LaserPort:
-    """Where light comes in; its power is given to `simulate_circuit` under its name.
+    """Where light comes in; its power is given to `simulate` under its name.
 
     Parameters
     ----------
