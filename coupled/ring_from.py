@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from thermofem.geometry import CrossSection
     from thermofem.optics.modes import Mode
 
-NEPER = 100 * math.log(10) / 10  # 1/m of power in 1 dB/cm
 TIGHT = 20.0  # exponent of a bend's tunnelling; beyond it Q_rad is above 1e9 and not computed
 
 
@@ -46,7 +45,7 @@ class Origin(NamedTuple):
     error: float = math.nan
 
     def __str__(self) -> str:
-        return self.origin + (f", within {self.error * 100:.1g} %" if self.error > 0 else "")
+        return self.origin + (f", within {self.error * 100:.2g} %" if self.error > 0 else "")
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +117,9 @@ def ring_from(
     section = found.light.geometry  # type: ignore[union-attr]
     if section.kind != "ring":
         raise InputError(f"{section.name!r} is a straight section; a ring is needed")
+    alpha = quantity.parse(loss, "1/m", name="loss") if isinstance(loss, str) else loss
+    hint = '7 dB/cm are 161 1/m; text such as "7 dB/cm" is taken, too'
+    alpha = checks.between("loss", alpha, 0, 1e6, unit="1/m", hint=hint)
     buses = checks.integer("buses", buses, 1, 2)
     if (gap is None) == (coupling is None):
         raise InputError("gap and coupling: give one of them, the gap in m or kappa^2")
@@ -136,7 +138,7 @@ def ring_from(
         "frequency": Origin(c / wavelength + moved, f"{computed}, order {whole}, {moved / 1e9:.3g} GHz away", error),
         "bus_rate": Origin(bus, how[0], how[1]),
         "drop_rate": Origin(bus if buses == 2 else 0.0, how[0] if buses == 2 else "given", how[1] * (buses == 2)),
-        "loss_rate": Origin(_per_metre(loss) * speed / 2, "given: loss times v_g/2", error),
+        "loss_rate": Origin(alpha * speed / 2, "given: loss times v_g/2", error),
         "scattering_rate": Origin(radiated, f"{computed}, radiation", 0.02 if radiated else 0.0),
         "refractive_index": Origin(found.light.core_index, f"computed: index law of {material.name}"),  # type: ignore[union-attr]
         "group_index": Origin(found.n_g, computed, error),
@@ -209,14 +211,3 @@ def _radiated(mode: Mode) -> float:
         )
     rate = math.pi * c / mode.wavelength / quality
     return rate if rate > 1e5 else 0.0
-
-
-def _per_metre(loss: float | str) -> float:
-    """Power loss in 1/m."""
-    hint = '7 dB/cm are 161 1/m; text such as "7 dB/cm" is taken, too'
-    if isinstance(loss, str):
-        number = loss.removesuffix("dB/cm").strip()
-        if number != loss.strip():
-            return NEPER * checks.between("loss", quantity.parse(number, "", name="loss"), 0, 1e4, unit="dB/cm")
-        loss = quantity.parse(loss, "1/m", name="loss")
-    return checks.between("loss", loss, 0, 1e6, unit="1/m", hint=hint)

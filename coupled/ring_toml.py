@@ -202,7 +202,7 @@ def _check_base(name: str, base: Any, fields: dict[str, Any]) -> None:
             "its own numbers and no base",
         )
     taken = [key for key in (*_FIELDS, "fcd", "carriers") if key not in fields and getattr(base, key) is not None]
-    log.info("ring: taken from base %s: %s", name, ", ".join(taken))
+    log.warning("ring: taken from base %s: %s", name, ", ".join(taken))
 
 
 def write_text(ring: Any, comments: Mapping[str, str]) -> str:

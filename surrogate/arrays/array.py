@@ -30,7 +30,6 @@ import numpy as np
 
 from thermofem import Foster, HeatProblem, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
-from thermofem.data.display import shown
 from thermofem.models import HasModel
 from thermofem.models.state_space import LARGEST
 
@@ -41,7 +40,6 @@ ROUND_OFF = 1e-14  # of the largest R_th: an eigenvalue that is 0
 _SHARES = np.geomspace(1e-13, 10, 560)  # s, where step responses are looked at
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class ArrayReduction(HasModel):
     """A thermal model of several rings, and the proof of its accuracy.

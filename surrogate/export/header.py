@@ -12,6 +12,7 @@ import numpy as np
 
 import thermofem
 from thermofem import ThermalModel
+from thermofem.checks import InputError
 from thermofem.data.files import lines_of
 
 MARK = "Thermal model of thermofem"  # how the header of every export begins
@@ -76,6 +77,13 @@ def _error(provenance: Mapping[str, Any]) -> str:
 def comment(lines: Iterable[str], mark: str) -> str:
     """The lines as comments in plain ASCII, which every simulator reads; a line with breaks becomes several."""
     return "".join(f"{mark} {piece}".rstrip() + "\n" for line in lines for piece in lines_of(line))
+
+
+def plain_name(name: str) -> str:
+    """A file's name that a deck can include as it is; InputError for one with other characters."""
+    if not re.fullmatch(r"\w[\w.+-]*", name, flags=re.ASCII):
+        raise InputError(f"path = {name!r} is included by a deck; take letters, digits and _ . + - for its name")
+    return name
 
 
 def identifiers(names: Iterable[str], *, taken: Iterable[str] = ()) -> list[str]:

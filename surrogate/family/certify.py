@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from thermofem import CrossSection, HeatProblem, StateSpace, assemble
-from thermofem.data.display import shown
 
 from ..reduction.reduce import Projected, project
 from .reduced import MemberModes, difference
@@ -16,7 +15,6 @@ FINER = 0.2  # accuracy of the member's own mesh over the tolerance of the famil
 FINEST, REDUCTION = 2e-5, 1e-2  # accuracy of the finest mesh made; tolerance of the reduction over that of the family
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class Certified:
     """A member checked on its own mesh.

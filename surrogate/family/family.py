@@ -13,7 +13,6 @@ import numpy as np
 
 from thermofem import Foster, OutputMap, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike
-from thermofem.data.display import shown
 from thermofem.data.netcdf import DAMAGE
 from thermofem.fem.derivatives import MOST, dataset_of, step_times
 from thermofem.fem.projected import ModalDerivative
@@ -63,7 +62,6 @@ class HeldOut(float):
         return f"HeldOut(worst={self.worst:.2g}, median={self.median:.2g}, count={self.count})"
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class Family:
     """Thermal models of all rings in a box of parameters, by projection on one basis.

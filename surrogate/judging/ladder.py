@@ -25,7 +25,6 @@ from thermofem import (
 from thermofem.arrays import Array, ArrayLike
 from thermofem.data import dataset
 from thermofem.data.dataset import describe
-from thermofem.data.display import shown
 from thermofem.data.variables import contents
 from thermofem.models import NonlinearSystem, foster
 
@@ -49,7 +48,6 @@ REFERENCE = 1e-6  # certificate of what the others are judged by
 SAMPLES = 301  # of the periodic state that Newton and the second order are trained on
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class Ladder:
     """Compact models of one geometry, by name, and the reference model.

@@ -34,7 +34,6 @@ from thermofem import Quadratic
 from thermofem.algebra.factor import factorize
 from thermofem.algebra.krylov import symmetric_part
 from thermofem.arrays import Array
-from thermofem.data.display import shown
 from thermofem.models import HasModel, NonlinearSystem
 from thermofem.transient.curvature import cubic_form, operators
 
@@ -45,7 +44,6 @@ HOT = 0.1  # tolerance of the reduction about the steady field: 4 to 6 vectors m
 DEPENDENT = 1e-8  # of the largest: below, a direction of the basis is in the span of the others
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class QuadraticReduction(HasModel):
     """A quadratic reduced model, with the power and the error for which it holds.

@@ -19,7 +19,6 @@ from thermofem import Foster, StateSpace, checks
 from thermofem.algebra.krylov import check_pair
 from thermofem.algebra.poles import pole_responses
 from thermofem.arrays import Array, ArrayLike
-from thermofem.data.display import shown
 from thermofem.models import HasModel
 from thermofem.waveforms import Waveform
 
@@ -33,7 +32,6 @@ OVERLOOKED = 1e-2  # share of the residual that `certify` neglects, above which 
 FEW = 4  # samples per decade for that
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class Reduction(HasModel):
     """A reduced model and the proof of its accuracy.

@@ -27,13 +27,11 @@ import numpy as np
 
 from thermofem import Foster, StateSpace, checks
 from thermofem.arrays import Array, ArrayLike
-from thermofem.data.display import shown
 from thermofem.models import HasModel, check_single
 
 from .reduce import check_matrices, lifted, project
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class Truncation(HasModel):
     """A balanced truncation and its bound.

@@ -12,7 +12,6 @@ from thermofem import CrossSection, Foster, OutputMap, checks
 from thermofem.algebra.poles import pole_responses
 from thermofem.arrays import Array
 from thermofem.data.dataset import Response, at_probe, responses_of, warn_of
-from thermofem.data.display import shown
 from thermofem.models.contract import warn_beyond
 
 from ..family import Certified, Family
@@ -29,7 +28,6 @@ NOISE = 1e-15, 1e6  # K, of a sample
 ON_EDGE = 1e-6  # of a range
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """Parameters of a geometry that explain measured traces best.

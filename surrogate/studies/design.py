@@ -10,7 +10,6 @@ import numpy as np
 
 from thermofem import CrossSection, Foster, OutputMap, checks
 from thermofem.arrays import Array
-from thermofem.data.display import shown
 
 from ..family import Certified, Family
 from .pareto import front_of
@@ -26,7 +25,6 @@ ON_EDGE = 1e-6  # of a range: a parameter as near as this to its end is an activ
 STEP = 1e-4  # of a range, of the differences behind the search
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class Design:
     """A member of a family, and how well it meets its targets.

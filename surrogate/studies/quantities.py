@@ -10,7 +10,6 @@ import numpy as np
 
 from thermofem import Foster, OutputMap, checks
 from thermofem.arrays import Array, ArrayLike
-from thermofem.data.display import shown
 
 from ..family import Family
 
@@ -20,7 +19,6 @@ Quantity = str | Callable[..., Any]
 Slope = float | tuple[ArrayLike, ArrayLike]
 
 
-@shown
 @dataclass(frozen=True)
 class Optics:
     """Dependence of the ring's optical numbers on the parameters of a family.

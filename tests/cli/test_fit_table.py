@@ -8,7 +8,6 @@ import re
 import hostile_tables
 import numpy as np
 import pytest
-from typer.main import get_command
 from typer.testing import CliRunner
 
 import surrogate
@@ -303,12 +302,6 @@ def test_bad_options_say_what_fits(arguments, words, tmp_path, monkeypatch):
     with pytest.raises(th.InputError, match=words):
         raise done.exception
     assert sorted(tmp_path.iterdir()) == before
-
-
-def test_every_command_takes_the_shared_options():
-    for command in get_command(app).commands.values():
-        options = {option.name for option in command.params}
-        assert {"json_", "quiet", "verbose", "threads"} <= options, command.name
 
 
 @pytest.mark.parametrize("name", ["out[red]1.json", "[bold]x.json", "a[/b].json"])

@@ -57,8 +57,8 @@ def test_the_energy_closes_under_the_new_rules(made):
     model = th.Foster(R=[1998.1, 5786.2], tau=[55.8e-9, 1.2e-6])
     run = coupled.simulate(made.ring, model, power=2e-4, detuning=0.0, duration=50e-6, rtol=1e-8)
     end = run.isel(time=-1)  # at rest: ten time constants have passed, and nothing more is stored
-    assert float(end.carriers) > 1e19
-    assert float(end.drop + end.through + end.absorbed) == pytest.approx(2e-4, rel=1e-5)
+    assert float(end["carriers"]) > 1e19
+    assert float(end["drop"] + end["through"] + end["absorbed"]) == pytest.approx(2e-4, rel=1e-5)
 
 
 def test_a_file_of_it_is_the_same_ring(made):
@@ -124,3 +124,10 @@ def test_a_measured_shift_in_a_ring_file():
 def test_an_effective_index_is_asked_about():
     with pytest.raises(th.InputError, match="refractive_index"):
         coupled.RingResonator.from_text('base = "borghi2021"\nrefractive_index = 2.35\n')
+
+
+def test_a_file_takes_the_rest_from_its_base_in_one_line(caplog):
+    coupled.RingResonator.from_text('base = "borghi2021"\nwavelength = "1551 nm"\n')
+    (line,) = caplog.messages
+    assert "tpa_volume" in line
+    assert "frequency" not in line

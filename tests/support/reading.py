@@ -14,7 +14,7 @@ from coupled import ring_toml
 from coupled.circuit import file as circuit_file
 from thermofem.campaign import Campaign
 from thermofem.waveforms import from_json, to_json
-from thermofem_cli.kinds import kind_of
+from thermofem_cli.command_files import kind_of
 
 Reader = Callable[[str, Path], Any]
 
