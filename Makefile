@@ -8,11 +8,9 @@ INSTALL := -m pip install --quiet --disable-pip-version-check --no-compile
 # some machines set it; every process would then compile the sources again
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow check lint types validation docs wheel gdsfactory bench fuzz audit clean
+.PHONY: demo test test-slow check lint types validation docs wheel wheels sanitize gdsfactory bench fuzz audit clean
 
-# two at once: the rest of the installation, and the kernels that every later stage needs
-demo:
-	$(MAKE) --no-print-directory --jobs=2 .venv/installed .venv/kernels
+demo: .venv/installed
 	$(BIN)/thermofem reproduce -o out
 
 # ALL=1 runs the slow tests, too, as continuous integration does: two processes then wait less for each other than in two runs
@@ -51,6 +49,20 @@ wheel:
 	$(PYTHON) -m venv out/fresh
 	out/fresh/bin/python $(INSTALL) out/dist/thermofem-*.whl
 	cd out/fresh && env -u PYTHONPATH bin/thermofem reproduce --quick -o demo
+
+# a wheel for each platform, cross-compiled here, and what is in them
+TARGETS := x86_64-linux-gnu.2.17 aarch64-linux-gnu.2.17 x86_64-linux-musl aarch64-linux-musl \
+	x86_64-macos.11.0 aarch64-macos.11.0 x86_64-windows-gnu
+wheels:
+	rm -rf out/wheels out/build
+	$(PYTHON) -m venv out/build
+	out/build/bin/python $(INSTALL) build
+	for target in $(TARGETS); do KERNEL_TARGET=$$target out/build/bin/python -m build --wheel --outdir out/wheels . || exit 1; done
+	for wheel in out/wheels/*.whl; do $(PYTHON) -m zipfile -l $$wheel | grep coupled/kernel/ring || exit 1; done
+
+# the kernel under the address and undefined-behaviour sanitizers
+sanitize: .venv/installed-dev
+	$(BIN)/python tests/audit/sanitized.py
 
 # the import from gdsfactory, in an environment of its own: gdsfactory pins an older typer
 gdsfactory: .venv-gdsfactory/installed
@@ -93,16 +105,7 @@ clean:
 .venv/bin/python:
 	$(PYTHON) -m venv .venv
 
-.venv/numba: .venv/bin/python
-	$(BIN)/python $(INSTALL) numba scipy xarray pint
-	touch $@
-
-# what it does not compile is compiled when first used
-.venv/kernels: .venv/numba
-	-$(BIN)/python -m coupled
-	touch $@
-
-.venv/installed: .venv/numba pyproject.toml
+.venv/installed: .venv/bin/python pyproject.toml
 	$(BIN)/python $(INSTALL) --editable .
 	touch $@
 

@@ -14,7 +14,6 @@ from .circuit import (
     crow,
     delay_loop,
     scissor,
-    simulate_circuit,
 )
 from .cycles.continue_cycle import continue_cycle
 from .cycles.cycle_folds import cycle_fold_curves
@@ -50,6 +49,6 @@ __all__ = [
     "continue_cycle", "cosimulate", "crow", "cycle_derivatives", "cycle_fold_curves",
     "delay_loop", "explore", "fit_carrier_decay", "fit_newton_per_trace", "fold_curves", "frequency_noise",
     "hopf_curves", "identify", "intensity_noise", "limit_cycle", "overlap", "power_for_drop", "pulsing",
-    "pulsing_map", "scissor", "simulate", "simulate_circuit", "stability_map", "steady_states", "sweep",
+    "pulsing_map", "scissor", "simulate", "stability_map", "steady_states", "sweep",
     "transmission", "van_vaerenbergh_q", "vanvaerenbergh2012",
 ]  # fmt: skip

@@ -13,7 +13,6 @@ from scipy.constants import c, hbar
 
 from thermofem import checks
 from thermofem.data import dataset, files
-from thermofem.data.display import shown
 
 from . import ring_toml
 from .carriers.lifetime import ConstantLifetime
@@ -24,7 +23,6 @@ DERIVED = ("eta_fca", "eta_tpa", "g_tpa", "kerr_shift", "thermal_shift")
 _VOLUME_HINT = "volumes are in m^3 (1 um^3 is 1e-18)"
 
 
-@shown
 @dataclass(frozen=True)
 class RingResonator:
     """Silicon ring on one or two buses: resonance, losses, and nonlinear detuning and damping.

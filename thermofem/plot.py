@@ -116,7 +116,7 @@ def plot_field(data: xr.Dataset, ax: Axes | None = None, *, at: int = 0, half_wi
     for face in _geometry(data).subdivision.faces if "geometry" in data.attrs else ():
         for ring in face.rings:
             ax.plot(*(np.vstack([ring, ring[:1]]).T * 1e6), color="white", linewidth=0.5, alpha=0.7)
-    ax.figure.colorbar(picture, cax=ax.insetaxes((1.03, 0, 0.05, 1)), label="rise (K)")
+    ax.figure.colorbar(picture, cax=ax.inset_axes((1.03, 0, 0.05, 1)), label="rise (K)")
     return ax
 
 

@@ -12,8 +12,6 @@ from thermofem import checks
 from thermofem.arrays import Array, NDArray
 from thermofem.checks import Words
 from thermofem.data import quantity
-from thermofem.data.display import shown
-from thermofem.data.record import Record
 from thermofem.data.variables import in_si
 
 from ..arguments import LONGEST
@@ -53,7 +51,6 @@ class Regime(Words):
     """Power, detuning or a heater varies in the half of the trace that is judged: what is seen is the answer to it."""
 
 
-@shown
 @dataclass(frozen=True)
 class Pulsing:
     """Result of `pulsing`.
@@ -97,7 +94,7 @@ class Pulsing:
     suggested_duration: float = float("nan")
 
 
-def pulsing(run: xr.Dataset | Record) -> Pulsing:
+def pulsing(run: xr.Dataset) -> Pulsing:
     """Classify a trace of `simulate` by its carriers and measure its last cycle.
 
     A cycle begins where the carriers rise through the middle of their range, because the drop power has two maxima per
@@ -191,7 +188,7 @@ def lasting(found: Pulsing, t: Array, energy: Array, dT: Array, rest: Rest | Non
     return _slow(f"{found.reason}, but {which} stable", wanted, found.swing, found.cycles)
 
 
-def warming(found: Pulsing, run: xr.Dataset | Record, t: Array, dT: Array) -> Pulsing:
+def warming(found: Pulsing, run: xr.Dataset, t: Array, dT: Array) -> Pulsing:
     """A self-pulsing trace, with a note where the mean rise of its last cycle is not yet that of the absorbed power.
 
     A linear model settles to <dT> = R_th <P> over a cycle, whatever its time constants.
@@ -297,7 +294,7 @@ def _until_settled(tops: Array, passed: float) -> float:
     return float(f"{passed * min(max(1 + cycles / tops.size, 2.0), 50.0):.1e}")
 
 
-def _varying(run: xr.Dataset | Record, late: NDArray[np.bool_]) -> str:
+def _varying(run: xr.Dataset, late: NDArray[np.bool_]) -> str:
     """Names of the inputs that vary in the ``late`` samples of a run; empty if none does."""
     names = {"input_power": "the power", "detuning": "the detuning"}
     names |= {
@@ -371,7 +368,7 @@ def _advice(wanted: float) -> str:
     return f": simulate {quantity.rounded(wanted, 's', 2)}"
 
 
-def _values(run: xr.Dataset | Record, name: str) -> Array:
+def _values(run: xr.Dataset, name: str) -> Array:
     """One variable as an array."""
     if name not in getattr(run, "variables", {}):
         raise checks.InputError(f"run has no variable {name!r}; give a Dataset from coupled.simulate")

@@ -14,7 +14,6 @@ import numpy as np
 from thermofem import Foster, OutputMap, Quadratic
 from thermofem.arrays import Array
 from thermofem.checks import InputError
-from thermofem.data.record import Record
 
 from ..carriers.lifetime import ConstantLifetime
 from ..carriers.shockley_read_hall import ShockleyReadHall
@@ -108,7 +107,7 @@ def rest_near(ring: RingResonator, model: Quadratic, state: State, power: float,
     return Rest(*(np.array([value]) for value in (U * eq.FJ, model.C @ y[3:], growth)))
 
 
-def rest_of_run(run: xr.Dataset | Record) -> Rest | None:
+def rest_of_run(run: xr.Dataset) -> Rest | None:
     """Return the fixed points under the light at the end of a run; None where its attributes do not tell them.
 
     They do not for traces that are not of `simulate`, and for several lasers.
@@ -134,7 +133,7 @@ def rest_of_run(run: xr.Dataset | Record) -> Rest | None:
         return None
 
 
-def resistance_of_run(run: xr.Dataset | Record) -> float | None:
+def resistance_of_run(run: xr.Dataset) -> float | None:
     """Return R_th in K/W of the linear model of a run with one laser and no heater; None for all others."""
     if {"model_coefficient", "heater_rise", "lasers"} & {*run.attrs}:
         return None
@@ -152,6 +151,6 @@ def ring_in(text: str) -> RingResonator:
     return RingResonator(**fields | pairs | {"carriers": kind(**fields["carriers"])})
 
 
-def _last(run: xr.Dataset | Record, name: str) -> float:
+def _last(run: xr.Dataset, name: str) -> float:
     """Value of an input, such as the power, at the end of a run."""
     return float(run[name].values[-1] if name in run.variables else run.attrs[name])

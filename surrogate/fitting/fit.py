@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofem import Foster, checks
+from thermofem import MZI, Foster, checks
 from thermofem.arrays import Array
 from thermofem.data import files
 from thermofem.data.dataset import at_probe, responses_of
-from thermofem.data.display import shown
 from thermofem.models import HasModel
 from thermofem.models.lumped import (
     BORGHI2021_HEAT_CAPACITY,
@@ -28,6 +27,7 @@ from thermofem.models.lumped import (
 
 from .mismatch import mismatch
 from .notes import EXPLAINED, cancelling, other_gain, starts, undetermined, unseen
+from .optical_fit import fit_optical
 from .projection import FitProblem, Optimum, optimum, polish
 
 if TYPE_CHECKING:
@@ -38,7 +38,6 @@ TRANSFER = "where another part is read than the one that is heated, give transfe
 SAME = 1.02  # ratio of two misfits that differ by noise: each parameter of a fit to n samples takes off 1/(2 n)
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class Fit(HasModel):
     """A trained model and how well it fits its data.
@@ -209,6 +208,7 @@ def fit_foster(
     thermal_resistance: float | None = None,
     method: str = "variable projection",
     transfer: bool | None = None,
+    readout: MZI | None = None,
 ) -> Fit:
     """Train a Foster network of ``order`` poles, every R_i >= 0 where the heated part is read.
 
@@ -227,6 +227,12 @@ def fit_foster(
         whether another part is read than the one that is heated, as a core under its heater: the R_i then have either
         sign, because the rise begins late. By default what the Datasets' ``heated`` and ``read`` say, else False.
 
+    readout : MZI, optional
+        the data is light behind this interferometer, in any unit: a variable ``optical``, or ``delta_T`` of a table.
+        Its ``shift`` is taken as known; bias and visibility are fitted, with the network, as further parameters
+        ``bias`` (rad), ``visibility`` and ``half_power`` (P0/2 in the unit of the trace). ``notes`` say which of them
+        the trace cannot tell apart. The sign of the bias is that of the first phase turned by heat.
+
     Returns
     -------
     Fit
@@ -239,6 +245,8 @@ def fit_foster(
         too few samples, an order out of range, data without power or rise, or that no heating pole fits.
     """
     order = checks.integer("order", order, 1, 12)
+    if readout is not None:
+        return fit_optical(data, order, readout)
     training = Training.of(data, thermal_resistance=thermal_resistance, impose=True, transfer=transfer)
     found, swarm = training.search(order, method)
     kept = found.gain != 0 if training.transfer else found.gain > 0

@@ -27,7 +27,6 @@ import numpy as np
 from thermofem import Quadratic, Waveform, checks
 from thermofem.arrays import Array
 from thermofem.data.dataset import check_texts, response_of, warn_of
-from thermofem.data.display import shown
 from thermofem.models import HasModel, Network, gate
 
 if TYPE_CHECKING:
@@ -45,7 +44,6 @@ UNIT = 50.0  # time unit in samples: 100 ns at 2 ns
 Identified = TypeVar("Identified", Network, Quadratic)
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class SindyFit(HasModel, Generic[Identified]):
     """An identified network and how well it fits.

@@ -25,18 +25,17 @@ from thermofem import (
 from thermofem.arrays import Array, ArrayLike
 from thermofem.data import dataset
 from thermofem.data.dataset import describe
-from thermofem.data.display import shown
 from thermofem.data.variables import contents
 from thermofem.models import NonlinearSystem, foster
 
 from ..fitting.fit import fit_foster, fit_newton, fit_second_order
 from ..fitting.sindy import fit_sindy
 from ..fitting.sindy_quadratic import fit_sindy_quadratic
+from ..reduction.balanced import balanced_truncation
 from ..reduction.output_map import output_map
-from ..reduction.quadratic import reduce_quadratic
+from ..reduction.quadratic_reduction import reduce_quadratic
 from ..reduction.reduce import reduce
-from ..reduction.truncate import balanced_truncation
-from .swings import swings
+from .temperature_swing import swings
 from .validate import PERIODS, check_models, error_curve, valid_range
 
 if TYPE_CHECKING:
@@ -49,7 +48,6 @@ REFERENCE = 1e-6  # certificate of what the others are judged by
 SAMPLES = 301  # of the periodic state that Newton and the second order are trained on
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class Ladder:
     """Compact models of one geometry, by name, and the reference model.

@@ -84,7 +84,7 @@ def circuit(ring: coupled.RingResonator, model: th.Foster, period: float, drive:
     """How the cycle of a circuit of one ring compares."""
     try:
         cycle = coupled.circuit_limit_cycle(
-            coupled.bus([ring]), model, inputs={"in": drive["power"]}, detuning=drive["detuning"]
+            coupled.bus([ring]), model, power={"in": drive["power"]}, detuning=drive["detuning"]
         )
     except th.InputError:
         return "refused"

@@ -204,4 +204,4 @@ def test_heat_of_another_part_is_bounded_as_well():
     with pytest.raises(th.InputError, match=r"above 1e\+09"):
         coupled.simulate(RING, heated, power=1e-4, duration=1e-10, heaters={"b": 1e-3})
     with pytest.raises(th.InputError, match=r"above 1e\+09"):
-        coupled.simulate_circuit(coupled.bus([RING, RING]), array, inputs={"in": 1e-4}, duration=1e-10)
+        coupled.simulate(coupled.bus([RING, RING]), array, power={"in": 1e-4}, duration=1e-10)

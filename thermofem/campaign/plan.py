@@ -19,7 +19,6 @@ import numpy as np
 from .. import checks, waveforms
 from ..checks import InputError
 from ..data import files
-from ..data.display import shown
 from ..data.files import to_toml
 from ..geometry.paths import check_once, place
 from ..mesh.sizes import sizes
@@ -42,7 +41,6 @@ class Case:
     values: tuple[Value, ...]
 
 
-@shown
 @dataclass(frozen=True)
 class Campaign:
     """A base geometry, what is varied, and how each geometry is driven and read.

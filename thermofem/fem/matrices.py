@@ -12,7 +12,6 @@ import numpy as np
 from .. import checks
 from ..algebra.factor import Pencil
 from ..arrays import Array, ArrayLike, NDArray
-from ..data.display import shown
 from ..materials.laws import Law, check_positive
 from ..mesh.triangles import radii
 from ..models import StateSpace
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
     from ..mesh.triangles import Grid
 
 
-@shown
 @dataclass(frozen=True, eq=False)
 class Discretization:
     """Matrices of the heat equation on all unknowns, before any temperature is held.

@@ -19,7 +19,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
 from ..data import files
-from ..data.display import shown
 from ..materials.library import VOID, Material, find
 from . import paths, toml_schema
 from .neighbours import check_copies
@@ -33,7 +32,6 @@ _LISTS = {"layers": Layer, "parts": Part, "interfaces": Interface, "materials": 
 MOST = 300  # layers, parts, ... each: 300 parts take seconds to cut and mesh, and the square of their number counts
 
 
-@shown
 @dataclass(frozen=True)
 class CrossSection:
     """Everything that defines the heat problem of one ring, or of one straight guide.

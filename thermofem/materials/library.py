@@ -12,14 +12,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from .. import checks
-from ..data.display import shown
 from .index_laws import INDEX_LAWS, IndexLaw
 from .laws import CONSTANT, Law, PowerLaw, Table, is_constant
 
 VOID = "void"  # the name of what is not there: never meshed, its walls insulated
 
 
-@shown
 @dataclass(frozen=True)
 class Material:
     """A material that conducts and stores heat.

@@ -8,7 +8,7 @@ import xarray as xr
 import coupled
 import surrogate
 from coupled.parameters import borghi2021 as paper
-from surrogate.family.interpolant import smooth
+from surrogate.family.interpolation import smooth
 from thermofem import checks
 from thermofem.arrays import Array, NDArray
 from thermofem.campaign import Campaign
