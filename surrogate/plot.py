@@ -13,8 +13,8 @@ import numpy as np
 from matplotlib.colors import LogNorm
 
 from thermofem import checks
+from thermofem.data.column_units import unit_of
 from thermofem.data.dataset import response_of
-from thermofem.data.header_units import unit_of
 from thermofem.data.variables import contents
 from thermofem.plot import BLUE, CYCLE, INK, SKY, VERMILION, WIDTH, takes, time_unit
 from thermofem.plot import axes as _axes
@@ -155,11 +155,11 @@ def plot_fit(fit: Any, data: xr.Dataset, ax: Any = None) -> np.ndarray:
     """Data and model against time above, their difference below; samples in equal ratios on a logarithmic axis.
 
     fit [reduction or thermal model]
-    data: the data of the fit, or any other of `thermofem.solve` or `thermofem.read_csv`.
+    data: the data of the fit, or any other of `thermofem.solve` or `thermofem.read_trace`.
     ax: for the traces and for the residual.
     """
     model = takes("fit", getattr(fit, "model", fit), "response", what="a fit, a reduction or a thermal model")
-    takes("data", data, "time", "delta_T", what="a Dataset of th.solve or th.read_csv, with time and delta_T")
+    takes("data", data, "time", "delta_T", what="a Dataset of th.solve or th.read_trace, with time and delta_T")
     response = response_of(data)
     if response.periodic:
         times = period_times(response.wave, FINE)

@@ -94,7 +94,7 @@ def calibrate(
     geometry : CrossSection or Family
         of a CrossSection a family is trained over ``free``.
     data : Dataset or list of Dataset
-        as `thermofem.load` and `thermofem.read_csv` give them, under any power; from rest or periodic.
+        as `thermofem.load` and `thermofem.read_trace` give them, under any power; from rest or periodic.
     free : dict from parameter to (low, high), SI
         default all parameters of a family over their box.
     noise : float, K
