@@ -33,11 +33,11 @@ square = th.solve_periodic(heat, th.SquareWave(power=2e-3, period=1e-6, duty=1 /
 th.save(square, "square.nc")
 th.load("square.nc").attrs["kind"]
 
-# %% th.read_csv
+# %% th.read_trace
 from pathlib import Path
 
 Path("probe.csv").write_text("time (us),rise (K)\n" + "".join(f"{k},{1 - 0.5**k}\n" for k in range(20)))
-measured = th.read_csv("probe.csv", time="time (us)", temperature="rise (K)", power=1e-3)
+measured = th.read_trace("probe.csv", 1e-3)
 
 # %% th.Material th.Polynomial th.Table
 glass = th.Material("glass", 1.1, 2200.0, 740.0, conductivity_law=th.Polynomial((1e-3,)))

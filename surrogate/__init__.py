@@ -6,7 +6,7 @@ from thermofem.models.cauer import Cauer, cauer, foster_of, structure_function
 from thermofem.models.lumped import BORGHI2021_HEAT_CAPACITY, newton, second_order
 from thermofem.models.network import Network, gate
 
-from .arrays.array import ArrayReduction, reduce_array
+from .arrays.array_reduction import ArrayReduction, reduce_array
 from .export import export_model
 from .family import Certified, Family, load_family, train_family
 from .fitting.decay import Decay, fit_decay
@@ -16,15 +16,15 @@ from .fitting.sindy_quadratic import fit_sindy_quadratic
 from .fitting.spectrum import fit_spectrum
 from .judging.ladder import Ladder, judge, train_all, verdict
 from .judging.validate import compare, held_out_drives, period_error, square_waves, valid_range, validity
+from .reduction.balanced import Truncation, balanced_truncation
 from .reduction.output_map import fit_output_map, output_map
 from .reduction.pole_derivatives import pole_derivatives
-from .reduction.quadratic import QuadraticReduction, reduce_quadratic
+from .reduction.quadratic_reduction import QuadraticReduction, reduce_quadratic
 from .reduction.reduce import Reduction, reduce
-from .reduction.truncate import Truncation, balanced_truncation
 from .studies.calibrate import Calibration, calibrate
 from .studies.design import Design, design
 from .studies.pareto import pareto_front
-from .studies.quantities import Optics
+from .studies.targets import Optics
 from .studies.uncertainty import uncertainty
 
 __all__ = [

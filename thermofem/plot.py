@@ -18,7 +18,7 @@ from matplotlib.tri import Triangulation
 
 from . import checks
 from .checks import InputError, choice, positive
-from .data.fields import check_field
+from .data.fields import FIELDS, check_field
 from .data.files import check_image, check_target, write_whole
 from .data.variables import contents, takes
 
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from .optics import Mode
 
 DATA = "a Dataset of th.solve, with time and delta_T"
-FIELDS = "a Dataset of th.solve with field_times"
 GEOMETRY, MESH = "a th.CrossSection, such as th.strip_ring()", "the mesh of th.assemble(geometry).mesh"
 _MATERIALS = {
     "Si": "#7d8ea3",

@@ -31,11 +31,11 @@ from thermofem.models import NonlinearSystem, foster
 from ..fitting.fit import fit_foster, fit_newton, fit_second_order
 from ..fitting.sindy import fit_sindy
 from ..fitting.sindy_quadratic import fit_sindy_quadratic
+from ..reduction.balanced import balanced_truncation
 from ..reduction.output_map import output_map
-from ..reduction.quadratic import reduce_quadratic
+from ..reduction.quadratic_reduction import reduce_quadratic
 from ..reduction.reduce import reduce
-from ..reduction.truncate import balanced_truncation
-from .swings import swings
+from .temperature_swing import swings
 from .validate import PERIODS, check_models, error_curve, valid_range
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from thermofem.arrays import Array, ArrayLike
 from thermofem.data.variables import in_si
 from thermofem.piecewise import bounds
 
-from .swings import period_of, swing_over_period, swings
+from .temperature_swing import period_of, swing_over_period, swings
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -6,7 +6,7 @@ from surrogate_systems import strip
 
 import surrogate
 import thermofem as th
-from surrogate.judging.swings import swing_over_period
+from surrogate.judging.temperature_swing import swing_over_period
 from surrogate.judging.validate import COMPARED
 
 FAST, SLOW = th.Foster(R=[5000.0], tau=[1e-7]), th.Foster(R=[5000.0], tau=[2e-7])
