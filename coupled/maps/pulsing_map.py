@@ -8,7 +8,7 @@ from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -34,8 +34,6 @@ from .grid import Grid, Point, grid_of
 from .journal import Journal
 from .quick import pulse
 from .trust import trusted_map
-
-if TYPE_CHECKING:
 
 FAILED = "failed"
 REGIMES = {FAILED, "bistable", *map(str, Regime)}
