@@ -13,8 +13,8 @@ import numpy as np
 from matplotlib.colors import LogNorm
 
 from thermofem import checks
-from thermofem.data.dataset import response_of
 from thermofem.data.column_units import unit_of
+from thermofem.data.dataset import response_of
 from thermofem.data.variables import contents
 from thermofem.plot import BLUE, CYCLE, INK, SKY, VERMILION, WIDTH, takes, time_unit
 from thermofem.plot import axes as _axes

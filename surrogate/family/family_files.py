@@ -10,7 +10,7 @@ import numpy as np
 
 from thermofem import Campaign, Mesh, checks
 from thermofem.arrays import Array
-from thermofem.campaign.vary import Variation
+from thermofem.campaign import Variation
 from thermofem.checks import check_names
 from thermofem.data.files import from_json, read_bytes, write_whole
 from thermofem.data.netcdf import DAMAGE

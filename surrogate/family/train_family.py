@@ -22,7 +22,7 @@ import numpy as np
 from thermofem import Campaign, Foster, checks
 from thermofem import __version__ as version
 from thermofem.arrays import Array
-from thermofem.campaign import schema
+from thermofem.campaign import campaign_file
 from thermofem.data.files import read_toml
 
 from .affine_grid import NotAffineError
@@ -349,7 +349,7 @@ def read_campaign(path: str | Path) -> Campaign:
         table: dict[str, Any] = files.from_toml(text)
         ranges = any("count" not in item and "values" not in item for item in table.get("vary", []))
         table.setdefault("samples", 1 if ranges else 0)
-        return Campaign(**schema.fields(to_toml(table), Path(path).parent))
+        return Campaign(**campaign_file.fields(to_toml(table), Path(path).parent))
 
     return read_toml(checks.path("campaign", path), "campaign", campaign)
 

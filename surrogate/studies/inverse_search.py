@@ -10,7 +10,7 @@ import numpy as np
 
 from thermofem import Campaign, CrossSection, checks
 from thermofem.arrays import Array, NDArray
-from thermofem.campaign.vary import Variation
+from thermofem.campaign import Variation
 from thermofem.geometry.change import change
 
 from ..family import Family, train_family

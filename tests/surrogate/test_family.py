@@ -13,7 +13,7 @@ import surrogate
 import thermofem as th
 from surrogate.family.parameter_box import Box
 from surrogate.family.projection import MemberModes, difference
-from thermofem.campaign.vary import Drive, Variation
+from thermofem.campaign import Drive, Variation
 
 STEP = Drive("step", th.Constant(1e-3), (0.0, 1e-6))
 TIMES = np.geomspace(1e-9, 1e-4, 26)

@@ -9,7 +9,7 @@ import pytest
 
 import surrogate
 import thermofem as th
-from thermofem.campaign.vary import Drive, Variation
+from thermofem.campaign import Drive, Variation
 
 POWER = 10e-3  # W; 78 K
 STEP = Drive("step", th.Constant(1e-3), (0.0, 1e-6))

@@ -22,9 +22,7 @@ from surrogate.family.parameter_box import Box
 from surrogate.family.projection import MemberMatrices, MemberModes, MovedMeshEngine
 from surrogate.family.snapshots import Solver
 from surrogate.family.train_family import _without_effect
-from thermofem.campaign.pool import Pool
-from thermofem.campaign.vary import Variation
-from thermofem.campaign.work import follow_parent
+from thermofem.campaign import Variation
 
 MARKS = [np.array([float(k)]) for k in range(4)]
 
@@ -75,14 +73,6 @@ def test_an_executor_that_breaks_is_one_line(tmp_path):
         for _ in range(2):  # the second time it is broken from the start
             with pytest.raises(th.InputError, match=words):
                 Solver("key", pool, tmp_path)(die, tasks, MARKS)
-
-
-@pytest.mark.slow
-def test_a_member_that_kills_its_process_is_left_out(caplog):
-    with Pool(2, follow_parent) as pool:
-        found = Solver("key", pool)(die, [(float(k),) for k in (0, 1, 2, 3)], MARKS)
-    assert [one is None for one in found] == [False, False, True, False]
-    assert "WorkerDiedError: the worker process died 2 times" in caplog.text
 
 
 def test_a_mistake_of_the_user_is_not_a_failed_member():

@@ -163,7 +163,6 @@ def response_of(data: xr.Dataset) -> Response:
         if name not in getattr(data, "variables", {}):
             raise checks.InputError(f"data has no variable {name!r}; a training Dataset holds time, power and delta_T")
     data = in_si("data", data)
-    check_texts(data)
     data = at_probe(data)
     times = checks.array("data.time", data["time"].values, increasing=True)
     if odd := [str(dim) for dim in data["delta_T"].dims if dim not in ("time", "probe")]:
@@ -203,8 +202,6 @@ def response_of(data: xr.Dataset) -> Response:
     within = _estimated(data, START, 0.0, CROPPED * float(np.ptp(times)))
     rest = _estimated(data, REST, np.inf, POSSIBLE[1])
     noise = _estimated(data, NOISE, np.nan, POSSIBLE[1])
-    if 0 < rest < 1:
-        raise checks.InputError(f"data.attrs[{REST!r}] = {rest:g} is no number of rows; 0, or 1 and more, is needed")
     within = min(within, float(times[-1]) / FEWEST)
     return Response(wave, times, rise, periodic, words, gain, doubts, within, rest, noise)
 
@@ -220,13 +217,6 @@ def _estimated(data: xr.Dataset, name: str, known: float, most: float) -> float:
     """An attribute of a measured trace, of which the start or the baseline was found from the trace itself."""
     name, value = f"data.attrs[{name!r}]", data.attrs.get(name)
     return known if value is None else checks.between(name, value, 0, most)
-
-
-def check_texts(data: xr.Dataset) -> None:
-    """InputError where an attribute that names or describes is no text: a file may hold an array in its place."""
-    for name in ("kind", "heated", "read", "geometry", "materials"):
-        if not isinstance(data.attrs.get(name), str | None):
-            raise checks.InputError(f"data.attrs[{name!r}] = {checks.shown(data.attrs[name])} is no text")
 
 
 def responses_of(data: xr.Dataset | Sequence[xr.Dataset]) -> list[Response]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 import xarray as xr
 
 F = TypeVar("F", bound=Callable[..., Any])
-Record = recorded = xr.Dataset
+Record: TypeAlias = xr.Dataset
+recorded = xr.Dataset
 
 
 def column(dims: str | tuple[str, ...], values: Any, attrs: Mapping[str, Any]) -> tuple[Any, ...]:

@@ -20,7 +20,7 @@ from .. import checks, waveforms
 from ..checks import InputError, check_name, check_names, shown
 from ..data import files, quantity
 from ..data.files import ANY, FLAG, NUMBER, TABLE, TABLES, TEXT, read_table, to_toml
-from .vary import LARGEST, Drive, Value, Variation, check_number
+from .variations import Drive, Value, Variation
 
 _TOP = {
     "name": TEXT, "geometry": ANY, "samples": ANY, "seed": ANY, "accuracy": NUMBER, "rtol": NUMBER, "vary": TABLES,
@@ -33,6 +33,7 @@ _DRIVE = {
     "first": "s", "samples": ANY, "spacing": ANY,
 }  # fmt: skip
 _TRANSIENT = ("duration", "first", "spacing")
+MOST = 1_000_000  # points of a hypercube, values of a quantity, samples of a drive
 _UNITS = ("m", "K", "rad", "W/m/K", "kg/m^3", "J/kg/K", "W/m^2/K", "m^2*K/W", "")
 
 
@@ -47,15 +48,15 @@ def fields(text: str, folder: Path) -> dict[str, Any]:
     heated = probes.get("heated")
     return {
         "geometry": _geometry(top["geometry"], folder),
-        "variations": tuple(_variation(item, k) for k, item in enumerate(_tables(top, "vary"), 1)),
-        "drives": tuple(_drive(item, k) for k, item in enumerate(_tables(top, "drive"), 1)),
+        "variations": tuple(_variation(item, k) for k, item in enumerate(top.get("vary", []), 1)),
+        "drives": tuple(_drive(item, k) for k, item in enumerate(top.get("drive", []), 1)),
         "name": top.get("name", "campaign"),
         "heated": heated if heated is None else check_name("[probes]: heated", heated),
         "read": read,
         "accuracy": top.get("accuracy", 1e-3),
         "rtol": top.get("rtol", 1e-4),
-        "samples": checks.integer("samples", top.get("samples", 0), 0, LARGEST),
-        "seed": checks.integer("seed", top.get("seed", 0), 0, LARGEST),
+        "samples": checks.integer("samples", top.get("samples", 0), 0, MOST),
+        "seed": checks.integer("seed", top.get("seed", 0), 0, MOST),
     }
 
 
@@ -71,12 +72,6 @@ def _geometry(given: Any, folder: Path) -> str:
         raise InputError(f"geometry = {given!r} is neither a file nor a table")
     CrossSection.from_toml(folder / given)
     return files.read_text(folder / given, "geometry")
-
-
-def _tables(top: dict[str, Any], key: str) -> list[dict[str, Any]]:
-    items: list[dict[str, Any]] = top.get(key, [])
-    check_number(key, len(items))
-    return items
 
 
 def _variation(table: dict[str, Any], k: int) -> Variation:
@@ -100,7 +95,7 @@ def _variation(table: dict[str, Any], k: int) -> Variation:
     free = Variation(name, paths, unit, low=low, high=high, logarithmic=logarithmic)
     if "count" not in table:
         return free
-    shares = np.linspace(0, 1, checks.integer(f"{where}: count", table["count"], 2, LARGEST))
+    shares = np.linspace(0, 1, checks.integer(f"{where}: count", table["count"], 2, MOST))
     return Variation(name, paths, unit, tuple(float(f"{free.at(x):.9g}") for x in shares))
 
 
@@ -138,7 +133,7 @@ def _drive(table: dict[str, Any], k: int) -> Drive:
     kind = next((kind for kind in ("pulse", "square") if kind in table), "step")
     name = table.get("name", kind)
     if periodic:
-        return Drive(name, wave, samples=checks.integer(f"{where}: samples", table.get("samples", 301), 3, LARGEST))
+        return Drive(name, wave, samples=checks.integer(f"{where}: samples", table.get("samples", 301), 3, MOST))
     return Drive(name, wave, _times(table, where, logarithmic=kind == "step"))
 
 
@@ -148,7 +143,7 @@ def _times(table: dict[str, Any], where: str, *, logarithmic: bool) -> tuple[flo
     default = "log" if logarithmic else "linear"
     spacing = checks.choice(f"{where}: spacing", table.get("spacing", default), ("linear", "log"))
     samples = 81 if spacing == "log" else 401
-    samples = checks.integer(f"{where}: samples", table.get("samples", samples), 2, LARGEST)
+    samples = checks.integer(f"{where}: samples", table.get("samples", samples), 2, MOST)
     if spacing == "linear":
         if "first" in table:
             raise InputError(f'{where}: first goes with spacing = "log"; even times begin at 0')
