@@ -24,13 +24,14 @@ if TYPE_CHECKING:
 KINDS = ("newton", "second-order", "foster", "spectrum", "sindy")
 TRANSFER = "The table was measured on another part than the heated one (netCDF files already record this)."
 TABLE = "a table of numbers"
-POLES = 5  # of a Foster network
 
 
 def fit(
     data: Annotated[list[Path], typer.Argument(help="Training data (netCDF), or a table of numbers.")],
     kind: Annotated[str, typer.Option(help="newton, second-order, foster, spectrum or sindy.")] = "second-order",
-    order: Annotated[int | None, typer.Option(help="Number of poles of a Foster network; default 5.")] = None,
+    order: Annotated[
+        str | None, typer.Option(help="Number of poles of a Foster network; default auto: what noise allows.")
+    ] = None,
     power: Annotated[str | None, typer.Option(help="Absorbed power while a table was measured.")] = None,
     pulse: Annotated[
         str | None, typer.Option(help="Length of the heating pulse in a table, e.g. '4 us'; default: a step.")
@@ -78,7 +79,7 @@ def fit(
     checks.choice("--kind", kind, KINDS)
     mzi = _interferometer(readout, phase)
     if mzi is not None:
-        kind, order = "foster", 2 if order is None else order
+        kind, order = "foster", order or "2"
         baseline, sensitivity = baseline or "0 K", sensitivity or "1 V/K"  # light has no rest to subtract
         if figure is not None:
             raise InputError("--figure shows temperatures; with --readout there are none in the data")
@@ -153,7 +154,7 @@ def _interferometer(readout: str | None, phase: str | None) -> th.MZI | None:
 
 
 def _trained(
-    kind: str, training: list[Any], order: int | None, transfer: bool | None, readout: th.MZI | None = None
+    kind: str, training: list[Any], order: str | None, transfer: bool | None, readout: th.MZI | None = None
 ) -> Any:
     import surrogate
 
@@ -163,7 +164,8 @@ def _trained(
         return surrogate.fit_second_order(training, transfer=transfer)
     if kind == "spectrum":
         return surrogate.fit_spectrum(training)
-    return surrogate.fit_foster(training, order=POLES if order is None else order, transfer=transfer, readout=readout)
+    poles = int(order) if order is not None and order.isdigit() else order or "auto"
+    return surrogate.fit_foster(training, order=poles, transfer=transfer, readout=readout)
 
 
 def _sindy(training: list[xr.Dataset]) -> Any:
@@ -213,6 +215,8 @@ def _print(found: Any, kind: str, kelvin: str) -> None:
 
     kelvin: "K", or "V" where volts count as kelvin.
     """
+    from surrogate.studies.targets import rise_time
+
     for equation in getattr(found, "equations", ()):
         say(equation)
     rows = []
@@ -223,7 +227,10 @@ def _print(found: Any, kind: str, kelvin: str) -> None:
         errors = found.standard_errors
         rows += [(name, written(value, _unit(name), errors[name])) for name, value in found.parameters.items()]
     rows.append(("R_th", written(found.model.thermal_resistance, "K/W")))
-    rows.append(("misfit", f"{found.residual:.3g} K rms, {100 * found.relative_residual:.2g} % of the swing"))
+    noise = {True: ", noise", False: ", more than noise"}.get(getattr(found, "misfit_is_noise", None), "")
+    rows.append(("misfit", f"{found.residual:.3g} K rms, {100 * found.relative_residual:.2g} % of the swing{noise}"))
+    if hasattr(found.model, "R"):
+        rows.append(("rise time (10-90 %)", written(rise_time(found.model), "s")))
     for name, text in rows:
         say(f"{name:>22} = {re.sub(r'K(?![a-z])', kelvin, text)}")
     for line in getattr(found, "notes", ()):
