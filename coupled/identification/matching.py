@@ -116,7 +116,7 @@ def simulated(ring: RingResonator, model: Compact, target: Target) -> Cycle:
     """The cycle of the model under the drive of a trace, sampled as the trace is."""
     at = target.sampling(model)
     end = float(at[-1])
-    run = simulate.record(
+    run = simulate(
         ring, model, power=target.power, detuning=target.detuning, duration=end, rtol=RTOL,
         times=np.unique(np.concatenate([at, np.linspace(0.0, end, int(end / STEPS) + 1)])),
     )  # fmt: skip

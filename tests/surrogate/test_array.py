@@ -24,7 +24,7 @@ def ring() -> th.HeatProblem:
 
 
 @pytest.fixture(scope="module")
-def array(ring) -> surrogate.ArrayReduction:
+def array(ring):
     return surrogate.reduce_array(ring, SQUARE)
 
 

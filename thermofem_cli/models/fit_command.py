@@ -24,13 +24,14 @@ if TYPE_CHECKING:
 KINDS = ("newton", "second-order", "foster", "spectrum", "sindy")
 TRANSFER = "The table was measured on another part than the heated one (netCDF files already record this)."
 TABLE = "a table of numbers"
-POLES = 5  # of a Foster network
 
 
 def fit(
     data: Annotated[list[Path], typer.Argument(help="Training data (netCDF), or a table of numbers.")],
     kind: Annotated[str, typer.Option(help="newton, second-order, foster, spectrum or sindy.")] = "second-order",
-    order: Annotated[int | None, typer.Option(help="Number of poles of a Foster network; default 5.")] = None,
+    order: Annotated[
+        str | None, typer.Option(help="Number of poles of a Foster network; default auto: what noise allows.")
+    ] = None,
     power: Annotated[str | None, typer.Option(help="Absorbed power while a table was measured.")] = None,
     pulse: Annotated[
         str | None, typer.Option(help="Length of the heating pulse in a table, e.g. '4 us'; default: a step.")
@@ -130,7 +131,7 @@ def _draw(found: Any, data: xr.Dataset, path: Path) -> None:
     save_figure(plot_fit(found, data.isel(probe=0) if "probe" in data.delta_T.dims else data)[0], path)
 
 
-def _trained(kind: str, training: list[Any], order: int | None, transfer: bool | None) -> Any:
+def _trained(kind: str, training: list[Any], order: str | None, transfer: bool | None) -> Any:
     import surrogate
 
     if kind == "newton":
@@ -139,7 +140,8 @@ def _trained(kind: str, training: list[Any], order: int | None, transfer: bool |
         return surrogate.fit_second_order(training, transfer=transfer)
     if kind == "spectrum":
         return surrogate.fit_spectrum(training)
-    return surrogate.fit_foster(training, order=POLES if order is None else order, transfer=transfer)
+    poles = int(order) if order is not None and order.isdigit() else order or "auto"
+    return surrogate.fit_foster(training, order=poles, transfer=transfer)
 
 
 def _sindy(training: list[xr.Dataset]) -> Any:
@@ -189,6 +191,8 @@ def _print(found: Any, kind: str, kelvin: str) -> None:
 
     kelvin: "K", or "V" where volts count as kelvin.
     """
+    from surrogate.studies.targets import rise_time
+
     for equation in getattr(found, "equations", ()):
         say(equation)
     rows = []
@@ -199,7 +203,10 @@ def _print(found: Any, kind: str, kelvin: str) -> None:
         errors = found.standard_errors
         rows += [(name, written(value, _unit(name), errors[name])) for name, value in found.parameters.items()]
     rows.append(("R_th", written(found.model.thermal_resistance, "K/W")))
-    rows.append(("misfit", f"{found.residual:.3g} K rms, {100 * found.relative_residual:.2g} % of the swing"))
+    noise = {True: ", noise", False: ", more than noise"}.get(getattr(found, "misfit_is_noise", None), "")
+    rows.append(("misfit", f"{found.residual:.3g} K rms, {100 * found.relative_residual:.2g} % of the swing{noise}"))
+    if hasattr(found.model, "R"):
+        rows.append(("rise time (10-90 %)", written(rise_time(found.model), "s")))
     for name, text in rows:
         say(f"{name:>22} = {re.sub(r'K(?![a-z])', kelvin, text)}")
     for line in getattr(found, "notes", ()):
