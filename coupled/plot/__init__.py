@@ -104,9 +104,6 @@ def plot_carrier_decay(decay: xr.Dataset, axes: Sequence[Axes] | None = None) ->
     """
     dims = dict.fromkeys(("time", "carriers", "lifetime"), "time")
     decay = contents("decay", decay, dims, what="a Dataset of coupled.carrier_decay", fewest=2)
-    for variable in dims:
-        if np.min(numbers(f"decay[{variable!r}]", decay[variable].values)) < 0 or not decay[variable].values[-1]:
-            raise InputError(f"decay[{variable!r}] must be positive; this function draws it on a logarithmic axis")
     if axes is None:
         _, axes = plt.subplots(2, 1, figsize=(WIDTH, 5.6), layout="constrained")
     left, right = axes

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from .. import checks
 from .cross_section import CrossSection
-from .parts import Layer, Part, length, ring, slip
+from .parts import Layer, Part, length, ring
 
 
 def strip_ring(
@@ -47,10 +46,6 @@ def strip_ring(
     )
     height = length("height", height, typical=220e-9)
     radius = length("radius", radius, typical=8e-6)
-    if radius > outer_radius:
-        raise checks.InputError(
-            f"radius = {radius:g} m is larger than outer_radius = {outer_radius:g} m", slip(radius, 8e-6, outer_radius)
-        )
     inner, outer = ring(radius, width)
     layers = (
         Layer("substrate", "Si", substrate),
@@ -93,11 +88,7 @@ def rib_ring(
     """
     base = strip_ring(radius, width, height, box, cladding)
     slab, height = length("slab", slab, typical=90e-9), base.parts[0].height
-    if slab >= height:
-        raise checks.InputError(f"slab = {slab:g} m must be thinner than height = {height:g} m")
     slab_width = length("slab_width", slab_width, typical=2e-6)
-    if slab_width <= width:
-        raise checks.InputError(f"slab_width = {slab_width:g} m must be wider than width = {width:g} m")
     inner, outer = ring(radius, slab_width, of="slab: ")
     under = Part("slab", "Si", inner, outer, bottom=0.0, height=slab)
     core = replace(base.parts[0], bottom=slab, height=height - slab)
@@ -131,8 +122,6 @@ def disc(
     ('core',)
     """
     rim, radius = length("rim", rim, typical=1e-6), length("radius", radius, typical=5e-6)
-    if rim >= radius:
-        raise checks.InputError(f"rim = {rim:g} m must be narrower than radius = {radius:g} m")
     base = strip_ring(radius - rim / 2, rim, height, box, cladding)
     inside = Part("disc", "Si", 0.0, radius - rim, bottom=0.0, height=height)
     return replace(base, name="disc", parts=(inside, *base.parts))
