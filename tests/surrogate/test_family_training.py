@@ -72,10 +72,11 @@ def test_an_executor_that_breaks_is_one_line(tmp_path):
     """All members that were not there yet counted as failed, or a BrokenProcessPool came out."""
     tasks = [(float(k),) for k in (0, 1, 2, 3)]
     words = r"the executor broke .*; run again with a new one; what .* is kept"
-    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+    store, spawn = Store(tmp_path, ".npz"), multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(1, mp_context=spawn) as pool, store.opened():
         for _ in range(2):  # the second time it is broken from the start
             with pytest.raises(th.InputError, match=words):
-                Solver("key", pool, Store(tmp_path, ".npz"))(die, tasks, MARKS)
+                Solver("key", pool, store)(die, tasks, MARKS)
 
 
 def test_a_mistake_of_the_user_is_not_a_failed_member():
