@@ -81,12 +81,9 @@ fuzz: .venv/installed-dev
 # bounds, verdicts and errors of random reductions, rings, families and geometries
 audit: .venv/installed-dev
 	$(BIN)/python tests/audit/accuracy.py 200
-	$(BIN)/python tests/audit/corners.py
 	$(BIN)/python tests/audit/reductions.py 1500
 	$(BIN)/python tests/audit/verdicts.py 4000
-	$(BIN)/python tests/audit/cycles.py 200
 	$(BIN)/python tests/audit/families.py
-	$(BIN)/python tests/audit/pulls.py 50
 
 # against named peers, in an environment of its own; goes on where it was; BENCH=--quick, BENCH=--again
 bench: .venv-bench/installed

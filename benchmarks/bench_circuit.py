@@ -14,14 +14,14 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from coupled.circuit.equations import right_hand_side
+from coupled.circuit.waves import detunings_at, lasers_at
 from scipy.integrate import LSODA
 
 import coupled
 import surrogate
 import thermofem as th
-from coupled.circuit.equations import right_hand_side
 from coupled.circuit.system import system_of
-from coupled.circuit.waves import detunings_at, lasers_at
 
 RINGS, PITCH = 16, 25e-6
 PEER_SYMBOLS = 5  # LSODA runs so many; its time for more is in proportion

@@ -36,6 +36,7 @@ from .noise import frequency_noise, intensity_noise
 from .parameters.borghi2021 import borghi2021
 from .parameters.vanvaerenbergh2012 import vanvaerenbergh2012
 from .resonator import RingResonator
+from .ring_from import MadeRing, ring_from
 from .runs.lasers import Laser
 from .runs.pulsing import Pulsing, Regime, pulsing
 from .runs.simulate import simulate
@@ -44,11 +45,11 @@ from .states import State
 
 __all__ = [
     "FEM", "NO_PREDICTOR", "CarrierFit", "Circuit", "ConstantLifetime", "Corrector", "Detector", "Event",
-    "Identification", "Laser", "LaserPort", "Method", "Pulsing", "Regime", "RingResonator", "ShockleyReadHall",
-    "Splitter", "State", "Sweep", "Waveguide", "borghi2021", "bus", "carrier_decay", "circuit_limit_cycle",
-    "continue_cycle", "cosimulate", "crow", "cycle_derivatives", "cycle_fold_curves",
+    "Identification", "Laser", "LaserPort", "MadeRing", "Method", "Pulsing", "Regime", "RingResonator",
+    "ShockleyReadHall", "Splitter", "State", "Sweep", "Waveguide", "borghi2021", "bus", "carrier_decay",
+    "circuit_limit_cycle", "continue_cycle", "cosimulate", "crow", "cycle_derivatives", "cycle_fold_curves",
     "delay_loop", "explore", "fit_carrier_decay", "fit_newton_per_trace", "fold_curves", "frequency_noise",
-    "hopf_curves", "identify", "intensity_noise", "limit_cycle", "overlap", "power_for_drop", "pulsing",
-    "pulsing_map", "scissor", "simulate", "stability_map", "steady_states", "sweep",
-    "transmission", "van_vaerenbergh_q", "vanvaerenbergh2012",
+    "hopf_curves", "identify", "intensity_noise", "limit_cycle", "overlap", "power_for_drop", "pulsing", "pulsing_map",
+    "ring_from", "scissor", "simulate", "stability_map", "steady_states", "sweep", "transmission", "van_vaerenbergh_q",
+    "vanvaerenbergh2012",
 ]  # fmt: skip

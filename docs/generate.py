@@ -271,12 +271,12 @@ A detuning is a frequency or, as `"80 pm"`, a distance in wavelength; a longer w
 | 2 | bad input, or a file that cannot be read or written |
 | 70 | an error that nobody foresaw, in one line; `--verbose` shows where |
 | 130 | interrupted with Ctrl-C |
-| 141 | nobody reads standard output any more |
 
 `thermofem --install-completion` installs tab completion for bash, zsh, fish or PowerShell; open a new shell afterwards.
-In zsh the first Tab of a session only loads it; press Tab again.
-Results are printed on standard output; warnings and progress on standard error. With `--json` every command prints its
-numbers in SI as one JSON object on standard output, and all messages on standard error.
+Results are printed on standard output; warnings and progress on standard error, where `-q` drops them. With `--json`
+every command prints its numbers in SI as one JSON object on standard output, and all words on standard error.
+
+Every command takes `--json`, `--quiet` (`-q`), `--verbose` (`-v`), `--seed` and `--threads`; the tables leave them out.
 
 | stage | takes | gives | commands |
 |---|---|---|---|
@@ -292,6 +292,9 @@ numbers in SI as one JSON object on standard output, and all messages on standar
 """
 
 
+SHARED = {"help", "json", "quiet", "verbose", "seed", "threads"}
+
+
 def commands() -> str:
     """Every command with its arguments and options."""
     from typer.main import get_command
@@ -301,7 +304,7 @@ def commands() -> str:
     text = COMMANDS
     for name, command in get_command(app).commands.items():
         text += f"\n## {name}\n\n{' '.join((command.help or '').split())}\n"
-        rows = [_parameter(p) for p in command.params if p.name != "help"]
+        rows = [_parameter(p) for p in command.params if p.name not in SHARED]
         if rows:
             text += "\n| | | default |\n|---|---|---|\n" + "".join(rows)
     return text

@@ -6,7 +6,7 @@ from .checks import InputError, MissingLibraryError
 from .data import dataset
 from .data.dataset import load, save
 from .data.fields import write_fields
-from .data.tables import read_csv
+from .data.measured_trace import read_trace
 from .fem import Discretization, HeatProblem, assemble, discretize
 from .fem.derivatives import derivatives
 from .geometry import (
@@ -49,6 +49,6 @@ __all__ = [
     "OutputMap", "OutsideTrainingWarning", "Part", "PiecewiseCubic", "Polynomial", "PowerLaw", "Probe", "Pulse",
     "Quadratic", "RingEdge", "Sampled", "SquareWave", "StateSpace", "Symbols", "Table", "Telegraph", "ThermalModel",
     "Waveform", "assemble", "checks", "dataset", "derivatives", "disc", "discretize", "from_gdsfactory",
-    "heated_ring", "light", "load", "materials", "open_campaign", "read_csv", "rib_ring", "save", "silicon_film",
+    "heated_ring", "light", "load", "materials", "open_campaign", "read_trace", "rib_ring", "save", "silicon_film",
     "solve", "solve_periodic", "straight_guide", "strip_ring", "waveforms", "write_fields",
 ]  # fmt: skip

@@ -20,6 +20,8 @@ from .heat.solve_command import solve
 from .light.cosimulate_command import cosimulate
 from .light.explore_command import explore
 from .light.map_command import map_
+from .light.modes_command import modes
+from .light.ring_command import ring
 from .light.simulate_command import simulate
 from .light.stability_command import stability
 from .models.calibrate_command import calibrate
@@ -52,6 +54,8 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "stability": stability,
     "cosimulate": cosimulate,
     "explore": explore,
+    "modes": modes,
+    "ring": ring,
     "show": show,
     "export": export,
     "cite": cite,

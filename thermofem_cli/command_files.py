@@ -70,7 +70,7 @@ def kind_of(path: Path) -> str | None:
             return "model" if isinstance(loaded, dict) and "format" in loaded else None
     except (OSError, InputError):
         return None
-    return "table" if path.suffix.lower() in (".csv", ".txt", ".dat") else None
+    return None if path.suffix.lower() in (".msh", ".npz", ".nc", ".h5", ".vtu", ".gds", ".py") else "table"
 
 
 def _of_netcdf(path: Path) -> str | None:

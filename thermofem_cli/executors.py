@@ -6,6 +6,7 @@ import contextlib
 from collections.abc import Iterator
 from concurrent.futures import Executor
 
+from thermofem.campaign.workers import processes
 from thermofem.errors import InputError, MissingLibraryError
 
 
@@ -18,10 +19,7 @@ def executor_of(scheduler: str | None, workers: int | None = None) -> Iterator[E
     if scheduler and workers:
         raise InputError(f"--workers {workers} and --scheduler {scheduler} exclude each other; the cluster has its own")
     if workers and workers > 1:
-        from thermofem.campaign.pool import Pool
-        from thermofem.campaign.work import follow_parent
-
-        with Pool(workers, follow_parent) as pool:
+        with processes(workers) as pool:
             yield pool
     elif not scheduler:
         yield None

@@ -315,13 +315,22 @@ def _varying(run: xr.Dataset, late: NDArray[np.bool_]) -> str:
 
 
 def crossings(t: Array, x: Array, level: float) -> Array:
-    """Times at which ``x`` rises through ``level``, on the cubic through the four samples around each.
+    """Times at which ``x`` rises through ``level``, on the cubic through the four samples around each, by bisection.
 
     t, x [shape (n,), n >= 4]: times, increasing, and values.
     """
-    from ..kernels.levels import rises
-
-    return np.asarray(rises(np.ascontiguousarray(t), np.ascontiguousarray(x), float(level), 1.0))
+    at = np.flatnonzero((x[:-1] < level) & (x[1:] >= level))
+    i = np.clip(at - 1, 0, t.size - 4)[:, None] + np.arange(4)
+    s, v = t[i].T, x[i].T - level
+    a, b, c = np.diff(v, axis=0) / np.diff(s, axis=0)  # divided differences
+    ab, bc = (b - a) / (s[2] - s[0]), (c - b) / (s[3] - s[1])
+    abc = (bc - ab) / (s[3] - s[0])
+    left, right = t[at], t[at + 1]
+    for _ in range(32):  # to 2e-10 of a sample
+        middle = 0.5 * (left + right)
+        below = v[0] + (middle - s[0]) * (a + (middle - s[1]) * (ab + (middle - s[2]) * abc)) < 0
+        left, right = np.where(below, middle, left), np.where(below, right, middle)
+    return np.asarray(0.5 * (left + right))
 
 
 def _duty(t: Array, drop: Array, begin: float, end: float) -> float:

@@ -13,15 +13,15 @@ from thermofem import checks
 from thermofem.data.files import check_target
 from thermofem.models import HasModel, bare
 
-from . import fmu, spice, tables, verilog_a
-from .header import header
+from . import fmu, matrices_and_poles, spice, verilog_a
+from .export_header import header
 from .ring_rates import demonstration
 
 if TYPE_CHECKING:
     from thermofem import ThermalModel
 
 FORMATS = {"spice": ".cir", "verilog-a": ".va", "fmu": ".fmu", "mat": ".mat", "csv": ".csv"}  # usual endings
-RING_FORMATS = ("spice", "verilog-a", "fmu")
+DEMONSTRATIONS = {"spice": ".cir", "verilog-a": ".sim", "fmu": ".py"}  # of a ring: endings of PATH_demo
 
 
 def export_model(
@@ -88,8 +88,8 @@ def export_model(
         raise checks.InputError(f"fmi = {checks.shown(fmi)} must be 2 or 3")
     if fmi != 2 and to != "fmu":
         raise checks.InputError(f'fmi = {fmi!r} goes with to = "fmu"; {to!r} has no such versions')
-    if ring is not None and to not in RING_FORMATS:
-        raise checks.InputError(f"ring goes with to = {', '.join(RING_FORMATS)}; {to!r} holds the heat only")
+    if ring is not None and to not in DEMONSTRATIONS:
+        raise checks.InputError(f"ring goes with to = {', '.join(DEMONSTRATIONS)}; {to!r} holds the heat only")
     if ring is None and power is not None:
         raise checks.InputError("power is that of a ring's laser; give ring, too")
     run = None if power is None else demonstration(power, detuning, period)
@@ -105,6 +105,6 @@ def export_model(
         case "fmu":
             return fmu.write(model, path, lines, ring, run, fmi=fmi, platforms=platforms)
         case "mat":
-            return tables.write_mat(model, path, lines)
+            return matrices_and_poles.write_mat(model, path, lines)
         case _:
-            return tables.write_csv(model, path, lines)
+            return matrices_and_poles.write_csv(model, path, lines)

@@ -28,7 +28,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 from thermofem import checks
 from thermofem.data.files import write_whole
 
-from .header import identifiers, plain_name
+from .export_header import identifiers, plain_name
 from .poles import Poles, lit_part, poles_of
 from .ring_rates import DURATION, EPSILON, Demonstration, RingRates, ring_rates
 

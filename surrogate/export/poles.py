@@ -15,7 +15,7 @@ from thermofem import Foster, OutputMap, StateSpace, checks
 from thermofem.arrays import Array
 from thermofem.models.state_space import eigenmodes
 
-from .header import identifiers
+from .export_header import identifiers
 
 LARGEST_ORDER = 500  # poles; a file of more is read slowly by every simulator, a certified reduction needs 10 to 40
 

@@ -23,7 +23,7 @@ from thermofem.checks import InputError
 from thermofem.data.files import write_whole
 from thermofem.models.cauer import cauer
 
-from .header import comment, identifiers, plain_name
+from .export_header import comment, identifiers, plain_name
 from .poles import RCNetwork, lit_part, rc_network
 from .ring_rates import DURATION, EPSILON, Demonstration, RingRates, ring_rates
 from .spice_circuit import circuit_subcircuit, heated_by_light
@@ -55,7 +55,7 @@ def write(model: Any, path: Path, header: list[str], ring: Any = None, run: Demo
     else:
         lines, body, deck = _ring(name, model, header, ring, path, run)
     if ring is not None and run is not None:
-        demo = path.with_name(f"{path.stem}_demo{path.suffix}")
+        demo = path.with_name(f"{path.stem}_demo.cir")
         write_whole(demo, lambda p: p.write_text(deck, encoding="ascii"))
     text = comment(lines, "*") + "\n" + "\n".join(body) + "\n"
     return write_whole(path, lambda p: p.write_text(text, encoding="ascii"))
@@ -221,7 +221,7 @@ def _deck(
     """
     file, table = plain_name(path.name), f"{path.stem}_demo.csv"
     about = [
-        f"{run.power * 1e3:.9g} mW at {run.detuning / 1e9:.9g} GHz from cold: ngspice -b {path.stem}_demo{path.suffix}",
+        f"{run.power * 1e3:.9g} mW at {run.detuning / 1e9:.9g} GHz from cold: ngspice -b {path.stem}_demo.cir",
         f"it writes {table}: time in s, power in W; largest step {step:.3g} s: {run.reason()}",
     ]
     powers = [

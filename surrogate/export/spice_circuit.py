@@ -15,7 +15,7 @@ from typing import Any
 
 from thermofem.checks import InputError
 
-from .header import identifiers
+from .export_header import identifiers
 from .poles import RCNetwork, lit_part
 from .ring_rates import NS, RingRates, ring_rates
 

@@ -16,7 +16,7 @@ import numpy as np
 from thermofem.checks import InputError
 from thermofem.data.files import write_whole
 
-from .header import comment, identifiers, plain_name
+from .export_header import comment, identifiers, plain_name
 from .poles import RCNetwork, lit_part, rc_network
 from .ring_rates import DURATION, EPSILON, Demonstration, RingRates, ring_rates
 

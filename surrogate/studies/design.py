@@ -12,9 +12,9 @@ from thermofem import CrossSection, Foster, OutputMap, checks
 from thermofem.arrays import Array
 
 from ..family import Certified, Family
+from .inverse_search import Ranges, Search, family_over, search_of, wanted_of
 from .pareto import front_of
-from .quantities import QUANTITIES, Optics, Quantity
-from .search import Ranges, Search, family_over, search_of, wanted_of
+from .targets import QUANTITIES, Optics, Quantity
 
 if TYPE_CHECKING:
     import xarray as xr

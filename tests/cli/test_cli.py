@@ -96,7 +96,7 @@ def test_solve_periodic(tmp_path):
         (["solve", "optics.toml"], "holds the optics of a ring, not a geometry"),
         (["campaign", "good.toml"], "holds a geometry, not a campaign; thermofem solve"),
         (["reduce", "plan.toml"], "holds a campaign, not a geometry; thermofem campaign takes it"),
-        (["fit", "table.csv"], "thermofem.read_csv makes training data of it"),
+        (["fit", "table.csv"], "thermofem.read_trace makes training data of it"),
         (["cosimulate", "model.json"], "holds a thermal model, not a geometry"),
         (["stability", "model.json", "--ring", "good.toml"], "not the optics of a ring"),
         (["cite", "."], "it is a folder; give a file in it"),

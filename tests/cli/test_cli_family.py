@@ -112,7 +112,7 @@ def test_calibrate(folder):
 def test_a_table_is_not_calibrated_but_how_to_convert_it_is_said(folder):
     (folder / "scope.csv").write_text("t (s),T (K)\n0,0\n1,1\n")
     done = CliRunner().invoke(app, ["calibrate", str(folder / "family.json"), str(folder / "scope.csv")])
-    with pytest.raises(th.InputError, match=r"thermofem.read_csv\(.*scope.csv', ...\), .*scope.nc'"):
+    with pytest.raises(th.InputError, match=r"thermofem.read_trace\(.*scope.csv', ...\), .*scope.nc'"):
         raise done.exception
 
 

@@ -57,7 +57,7 @@ def test_json_is_alone_on_standard_output(tmp_path):
 def test_quiet_hides_messages_and_no_results(tmp_path):
     """-q left nothing, not even the numbers that were asked for."""
     loud = thermofem("solve", "--duration", "1 us", "--samples", "11", cwd=tmp_path)
-    assert [line.split()[0] for line in loud.stdout.splitlines()] == ["R_th", "wrote"]
+    assert [line.split()[0] for line in loud.stdout.splitlines()] == ["R_th", "largest", "wrote"]
     assert loud.stderr == ""
     quiet = thermofem("solve", "--duration", "1 us", "--samples", "11", "-q", cwd=tmp_path)
     assert quiet.stdout == loud.stdout.split("wrote")[0]

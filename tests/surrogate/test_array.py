@@ -11,7 +11,7 @@ from scipy.sparse.linalg import splu
 
 import surrogate
 import thermofem as th
-from surrogate.arrays.certificate import FLOOR
+from surrogate.arrays.channel_pairs import FLOOR
 from thermofem.fem import domain
 
 PITCH = 20e-6
@@ -24,7 +24,7 @@ def ring() -> th.HeatProblem:
 
 
 @pytest.fixture(scope="module")
-def array(ring) -> surrogate.ArrayReduction:
+def array(ring):
     return surrogate.reduce_array(ring, SQUARE)
 
 

@@ -16,16 +16,13 @@ from test_family import BOX, STEP, campaign
 
 import surrogate
 import thermofem as th
-from surrogate.family import archive
-from surrogate.family.affine import LineEngine
-from surrogate.family.box import Box
-from surrogate.family.moved import MovedEngine
-from surrogate.family.reduced import MemberModes, Small
-from surrogate.family.solving import Solver
-from surrogate.family.train import _idle
-from thermofem.campaign.pool import Pool
-from thermofem.campaign.vary import Variation
-from thermofem.campaign.work import follow_parent
+from surrogate.family import snapshots
+from surrogate.family.affine_matrices import AffineEngine
+from surrogate.family.parameter_box import Box
+from surrogate.family.projection import MemberMatrices, MemberModes, MovedMeshEngine
+from surrogate.family.snapshots import Solver
+from surrogate.family.train_family import _without_effect
+from thermofem.campaign import Variation
 
 MARKS = [np.array([float(k)]) for k in range(4)]
 
@@ -78,14 +75,6 @@ def test_an_executor_that_breaks_is_one_line(tmp_path):
                 Solver("key", pool, tmp_path)(die, tasks, MARKS)
 
 
-@pytest.mark.slow
-def test_a_member_that_kills_its_process_is_left_out(caplog):
-    with Pool(2, follow_parent) as pool:
-        found = Solver("key", pool)(die, [(float(k),) for k in (0, 1, 2, 3)], MARKS)
-    assert [one is None for one in found] == [False, False, True, False]
-    assert "WorkerDiedError: the worker process died 2 times" in caplog.text
-
-
 def test_a_mistake_of_the_user_is_not_a_failed_member():
     def wrong(number: float) -> MemberModes:
         raise th.InputError("the core leaves its cladding")
@@ -97,10 +86,10 @@ def test_a_mistake_of_the_user_is_not_a_failed_member():
 def test_a_parameter_that_does_nothing_is_found():
     class Members:
         def member(self, row):
-            return Small(np.diag([1.0, row[0] * 1e6]), np.eye(2) * 1e-6, np.array([[1.0, 1.0]]))
+            return MemberMatrices(np.diag([1.0, row[0] * 1e6]), np.eye(2) * 1e-6, np.array([[1.0, 1.0]]))
 
     idle = Variation("idle", ("part.core.width",), "m", low=400e-9, high=600e-9)
-    assert _idle(Box.of(campaign(BOX, idle)), Members(), 1) == ["idle"]
+    assert _without_effect(Box.of(campaign(BOX, idle)), Members(), 1) == ["idle"]
 
 
 @pytest.mark.parametrize(
@@ -124,7 +113,7 @@ def test_ranges_that_cannot_be_are_named(variations, message):
 
 def test_engines_travel_to_other_processes():
     box = Box.of(campaign(BOX))
-    for kind in (LineEngine, MovedEngine):
+    for kind in (AffineEngine, MovedMeshEngine):
         engine = kind(box, 1e-2)
         engine.reference.thermal_resistance()  # makes factors, which stay behind
         here, there = (one.heat(box.low) for one in (engine, pickle.loads(pickle.dumps(engine))))
@@ -148,13 +137,13 @@ def test_a_kept_training_gives_the_same_family(tmp_path, monkeypatch):
         shutil.copy(source, target)
         again = surrogate.train_family(plan, 1e-2, held_out=2, folder=tmp_path)
         np.testing.assert_allclose(again.model(box=2e-6).R, first.model(box=2e-6).R, rtol=1e-12)
-        assert archive.unpack(target.read_bytes())["key"] == archive.unpack(before[target])["key"]
+        assert snapshots.unpack(target.read_bytes())["key"] == snapshots.unpack(before[target])["key"]
 
 
 @pytest.mark.slow
 def test_too_few_members_for_the_tolerance_are_said(caplog, monkeypatch):
-    monkeypatch.setattr("surrogate.family.training.MOST", 1)
-    monkeypatch.setattr("surrogate.family.training.Trainer._first", lambda self: self.box.middle[None])
+    monkeypatch.setattr("surrogate.family.train_family.MOST_BATCHES", 1)
+    monkeypatch.setattr("surrogate.family.train_family.Trainer._first", lambda self: self.box.middle[None])
     radius = Variation("radius", ("part.core.radius",), "m", low=3e-6, high=20e-6)
     with caplog.at_level(logging.WARNING):
         family = surrogate.train_family(campaign(radius, BOX), 1e-3, held_out=2)

@@ -203,8 +203,8 @@ def test_four_rings_with_crosstalk_are_those_of_the_circuit(tmp_path, ngspice, k
     }[kind]()
     model, detuning = array(circuit.names), -10e9
     heaters = {"heater": th.Pulse(power=1e-3, width=1.0)}
-    run = coupled.simulate_circuit(
-        circuit, model, inputs={"in": 2e-3}, detuning=detuning, duration=4e-6, rtol=1e-8, heaters=heaters
+    run = coupled.simulate(
+        circuit, model, power={"in": 2e-3}, detuning=detuning, duration=4e-6, rtol=1e-8, heaters=heaters
     ).isel(time=-1)
     path = surrogate.export_model(model, tmp_path / "bank.cir", ring=circuit)
     pins = re.search(r"\.subckt bank (.*) ambient", path.read_text())[1].split()

@@ -178,7 +178,7 @@ def _material(name: str, table: Any) -> Material:
 
 def table_of(geometry: CrossSection) -> dict[str, Any]:
     """The table of a geometry file, quantities as text; reading it back gives an equal CrossSection."""
-    return {
+    tables = {
         **_texts({"name": geometry.name, **_domain(geometry), "ambient": geometry.ambient}),
         "layer": [_texts(asdict(layer)) for layer in geometry.layers],
         "part": [_texts(_part_values(part)) for part in geometry.parts],
@@ -187,6 +187,7 @@ def table_of(geometry: CrossSection) -> dict[str, Any]:
         "boundary": {side: _boundary_value(getattr(geometry, side)) for side in _BOUNDARY},
         "material": {m.name: _material_values(m) for m in geometry.materials},
     }
+    return {key: table for key, table in tables.items() if table}
 
 
 def _domain(geometry: CrossSection) -> dict[str, Any]:

@@ -38,12 +38,14 @@ class Window:
     materials: tuple[Material, ...]
 
     @classmethod
-    def of(cls, geometry: CrossSection, mesh: Mesh, keep: NDArray[np.bool_], radius: float) -> Window:
-        """The triangles ``keep`` of a mesh in m, points doubled along contacts joined; both halves of a mirrored one."""
+    def of(
+        cls, geometry: CrossSection, mesh: Mesh, radius: float, keep: NDArray[np.bool_] | slice = slice(None)
+    ) -> Window:
+        """Triangles of a mesh in m; points doubled along contacts are joined, and a half on x >= 0 is reflected."""
         import skfem
 
         corners, of = mesh.points[mesh.triangles[keep]], mesh.region[keep]
-        if geometry.mirrored:
+        if geometry.mirrored and corners[..., 0].min() >= 0:
             corners, of = np.concatenate([corners, corners * [-1.0, 1.0]]) + 0.0, np.tile(of, 2)
         points, place = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
         about = (points - [radius, 0.0]) * UM
@@ -70,12 +72,12 @@ def material_of(geometry: CrossSection, region: str) -> Material:
 
 def window(geometry: CrossSection, mesh: Mesh, box: Box, radius: float, accuracy: float) -> Window:
     """The heat mesh cut to a box by its centroids, or triangles drawn there where the heat mesh has gaps."""
-    left, right, bottom, top = box = _half(geometry, box)
+    left, right, bottom, top = box
     r, z = mesh.points[mesh.triangles].mean(axis=1).T
     keep = (r > left) & (r < right) & (z > bottom) & (z < top)
     if _gaps(geometry, box):
         return drawn(geometry, box, radius, accuracy)
-    return Window.of(geometry, mesh, keep, radius)
+    return Window.of(geometry, mesh, radius, keep)
 
 
 def drawn(
@@ -93,28 +95,37 @@ def drawn(
     from ..mesh.generate import make_faces
 
     size = size_function(geometry, sizes(accuracy))
-    faces = _clipped(geometry, box := _half(geometry, box))
+    faces = _clipped(geometry, box)
     if beyond is not None:
         new = dict(zip(box[2:], beyond, strict=True))
         faces = [
             Face(f.owner, tuple(np.array([(r, new.get(z, z)) for r, z in ring]) for ring in f.rings)) for f in faces
         ]
-    both = size if largest is None else lambda r, z: min(size(r, z), largest(r, z))
-    mesh = make_faces(faces, both, geometry.name, geometry.depth)
-    return Window.of(geometry, mesh, np.ones(len(mesh.triangles), dtype=bool), radius)
+
+    def smaller(r: float, z: float) -> float:
+        own = size(abs(r), z)
+        return own if largest is None else min(own, largest(r, z))
+
+    return Window.of(geometry, make_faces(faces, smaller, geometry.name, geometry.depth), radius)
 
 
-def _half(geometry: CrossSection, box: Box) -> Box:
-    """The box, or its half where the heat problem solves one half."""
-    return (0.0, *box[1:]) if geometry.mirrored else box
+def _shapes(geometry: CrossSection) -> list[tuple[str, Any]]:
+    """Owners and polygons in um of the faces, whole ones of a mirrored section."""
+    import shapely
+
+    found = []
+    for face in geometry.subdivision.faces:
+        shape = shapely.Polygon(face.rings[0] * UM, [hole * UM for hole in face.rings[1:]])
+        if geometry.mirrored:
+            shape = shapely.union(shape, shapely.transform(shape, lambda xy: xy * [-1.0, 1.0]), grid_size=1e-6)
+        found.append((face.owner, shape))
+    return found
 
 
 def _gaps(geometry: CrossSection, box: Box) -> bool:
     import shapely
 
-    solid = shapely.union_all(
-        [shapely.Polygon(f.rings[0] * UM, [h * UM for h in f.rings[1:]]) for f in geometry.subdivision.faces]
-    )
+    solid = shapely.union_all([shape for _, shape in _shapes(geometry)])
     whole = shapely.box(box[0] * UM, box[2] * UM, box[1] * UM, box[3] * UM)
     return bool(whole.difference(solid).area > 1e-9 * whole.area)
 
@@ -128,9 +139,8 @@ def _clipped(geometry: CrossSection, box: Box) -> list[Face]:
     grid = 1e-6  # um
     rest = whole = shapely.box(left * UM, bottom * UM, right * UM, top * UM)
     found: list[tuple[str, Any]] = []
-    for face in geometry.subdivision.faces:
-        shape = shapely.Polygon(face.rings[0] * UM, [hole * UM for hole in face.rings[1:]])
-        found.append((face.owner, shapely.intersection(shape, whole, grid_size=grid)))
+    for owner, shape in _shapes(geometry):
+        found.append((owner, shapely.intersection(shape, whole, grid_size=grid)))
         rest = shapely.difference(rest, shape, grid_size=grid)
     found.append((AIR, rest))
     pieces = [

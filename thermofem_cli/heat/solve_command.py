@@ -14,7 +14,7 @@ from thermofem.errors import InputError
 
 from .. import options
 from ..command_files import check_outputs, section_of
-from ..console import bar, note, say, time_bar, working, wrote
+from ..console import bar, note, say, time_bar, working, written, wrote
 from ..drive_texts import heating, times_of
 
 if TYPE_CHECKING:
@@ -104,23 +104,38 @@ def solve(
             _draw(data, figure)
     if animation:
         _film(data, animation)
-    numbers = _say(data)
+    numbers = _say(data, None if pulse or square else float(wave.mean(0.0, length)))
     wrote(*files)
     numbers |= {"unknowns": heat.unknowns, "read": wanted or numbers["heated"]}
     return {**numbers, "wrote": [path for path in files if path]}
 
 
-def _say(data: xr.Dataset) -> dict[str, Any]:
-    """Print R_th, largest rise and energy balance."""
-    a, source, largest = data.attrs, data.attrs["heated"], float(data["delta_T"].max())
-    pair = f"{a['read']} heated by {source}" if a["read"] != source else source
-    pair = f"{source} (heated and read there)" if "," in a["read"] else pair
-    say(
-        f"R_th of {pair} = {a['thermal_resistance'] / 1e3:.4g} K/mW, largest rise {largest:.4g} K, "
-        f"energy imbalance {a['heat_imbalance']:.0e}"
-    )
-    numbers = {"thermal_resistance": float(a["thermal_resistance"]), "largest_rise": largest}
-    return {**numbers, "heat_imbalance": a["heat_imbalance"], "heated": source}
+def _say(data: xr.Dataset, power: float | None) -> dict[str, Any]:
+    """Print R_th of every part that is read, with the rise time (10 to 90 % of R_th ``power``) of a step in W."""
+    import numpy as np
+
+    a, times = data.attrs, data["time"].values
+    source, names = a["heated"], a["read"].split(", ")
+    resistances = np.atleast_1d(a.get("thermal_resistances", a["thermal_resistance"]))
+    rises = data["delta_T"].values.reshape(times.size, -1) if data["delta_T"].dims[0] == "time" else None
+    rises = np.atleast_2d(data["delta_T"].values) if rises is None else rises.T
+    rise_times: dict[str, float | None] = {}
+    for name, R, rise in zip(names, resistances, rises, strict=True):
+        line = f"R_th of {name if name == source else f'{name} heated by {source}'} = {R / 1e3:.4g} K/mW"
+        if power:
+            share = rise / (R * power)
+            low, high = (float(np.interp(x, share, times)) for x in (0.1, 0.9))
+            rise_times[name] = high - low if share[-1] >= 0.9 else None
+            line += f", rise 10-90 % in {written(high - low, 's')}" if share[-1] >= 0.9 else ""
+            line += f", {share[-1]:.0%} of the steady rise at the end of the run" if share[-1] < 0.99 else ""
+        say(line)
+    largest = float(data["delta_T"].max())
+    say(f"largest rise {largest:.4g} K, energy imbalance {a['heat_imbalance']:.0e}")
+    numbers: dict[str, Any] = {"thermal_resistance": float(resistances[0]), "largest_rise": largest}
+    numbers |= {"heat_imbalance": a["heat_imbalance"], "heated": source}
+    if len(names) > 1:
+        numbers["thermal_resistances"] = dict(zip(names, map(float, resistances), strict=True))
+    return {**numbers, "rise_time": rise_times} if power else numbers
 
 
 def _preview(geometry: Path | None, accuracy: float, path: Path | None) -> dict[str, Any]:

@@ -14,6 +14,8 @@ from .. import options
 from ..command_files import channel_of, check_outputs, model_of, note_ring, ring_of
 from ..console import say, watched, working, wrote
 from ..drive_texts import grid, steady_heaters
+from ..executors import executor_of
+from .tuning_numbers import say_thresholds, say_tuning
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -40,6 +42,7 @@ def map_(
     resume: Annotated[
         Path | None, typer.Option(help="File that fills up; started again, the map goes on from it.")
     ] = None,
+    scheduler: options.Scheduler = None,
     figure: options.Figure = None,
     output: options.NetCDF = Path("map.nc"),
     json: options.Json = False,
@@ -58,7 +61,8 @@ def map_(
     thermal, parts = model_of(model, *channel_of(channel, heated, read), powers)
     length = None if duration is None else quantity.parse(duration, "s", name="--duration")
     settings: dict[str, Any] = {"duration": length, "follow": follow, "file": resume, "show_bar": watched(), **parts}
-    found = coupled.pulsing_map(resonator, thermal, over[0], over[1], heaters=powers, **settings)
+    with executor_of(scheduler) as executor:
+        found = coupled.pulsing_map(resonator, thermal, over[0], over[1], heaters=powers, **settings, executor=executor)
     th.save(found, output)
     note_ring(resonator, ring)
     counts = say_regimes(found)
@@ -70,8 +74,9 @@ def map_(
         )
     if figure:
         draw_map(found, figure, ("regime", "frequency", "duty"), resonator, thermal, powers, parts)
+    numbers = {"thresholds": say_thresholds(found), **say_tuning(resonator, thermal, **parts)}
     wrote(output, figure)
-    return {"points": counts, "map": output, "figure": figure}
+    return {"points": counts, **numbers, "map": output, "figure": figure}
 
 
 def say_regimes(found: xr.Dataset) -> dict[str, int]:

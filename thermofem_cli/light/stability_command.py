@@ -12,6 +12,7 @@ from ..command_files import channel_of, check_outputs, model_of, note_ring, ring
 from ..console import working, wrote
 from ..drive_texts import grid, steady_heaters
 from .map_command import draw_map, say_regimes
+from .tuning_numbers import say_thresholds, say_tuning
 
 
 def stability(
@@ -47,5 +48,6 @@ def stability(
     counts = say_regimes(found)
     if figure:
         draw_map(found, figure, ("regime",), resonator, thermal, powers, parts)
+    numbers = {"thresholds": say_thresholds(found), **say_tuning(resonator, thermal, **parts)}
     wrote(output, figure)
-    return {"points": counts, "map": output, "figure": figure}
+    return {"points": counts, **numbers, "map": output, "figure": figure}

@@ -39,7 +39,7 @@ def calibrate(
         if kind_of(path) == "table":
             raise InputError(
                 f"{path} holds a table of numbers, not data (netCDF); convert it in Python: "
-                f"thermofem.save(thermofem.read_csv({str(path)!r}, ...), {str(path.with_suffix('.nc'))!r})"
+                f"thermofem.save(thermofem.read_trace({str(path)!r}, ...), {str(path.with_suffix('.nc'))!r})"
             )
         expect(path, "data")
     with working("fitting"), about(data):

@@ -11,7 +11,7 @@ from thermofem.data import quantity
 from thermofem.errors import InputError
 
 from .. import options
-from ..console import say, working, written
+from ..console import note, say, working, written
 from .family_parameters import fixed_of, optics_of, units_of
 from .ring_quantities import cycle_property, pulsing_range
 
@@ -57,8 +57,8 @@ def design(
     if set(fixed) == set(found.names):
         raise InputError("every parameter is fixed; remove one --fix")
     with working("searching"):
-        slopes = optics_of(found, optics, ring)
-        result = surrogate.design(found, target=target, fixed=fixed, optics=slopes, seed=seed)
+        settings: dict[str, Any] = {"fixed": fixed, "optics": optics_of(found, optics, ring), "seed": seed}
+        result = surrogate.design(found, target=target, **settings)
     units = units_of(found) | dict(zip(result.achieved, (unit for _, text, unit, _ in asked if text), strict=True))
     say("reached" if result.reached else "no member that was looked at does that; the nearest one:")
     for name, wanted in zip(result.achieved, target.values(), strict=True):
@@ -66,6 +66,15 @@ def design(
     for name in found.names:
         end = " (end of its range)" if name in result.active else ""
         say(f"{name} = {written(result.values[name], units[name])}{end}")
+    free = [name for name in found.names if name not in fixed]
+    for name, slopes in result.sensitivity.items():
+        words = [
+            f"{100 * slope * result.values[one] / result.achieved[name]:+.3g} % a % of {one}"
+            for one, slope in slopes.items()
+        ]
+        say(f"{name} changes by {', '.join(words)}")
+    if result.reached and len(target) < len(free):
+        note(f"{len(target)} wanted, {len(free)} free: one solution of many; --fix {free[-1]}=... picks another")
     own = written(result.certified.thermal_resistance, "K/W")
     say(f"its own mesh: R_th = {own}, off by {result.certified.error:.1e}")
     front = None

@@ -47,14 +47,14 @@ def family(
         f"{found.size} functions ({found.engine}); error over {error['count']} rings not seen: "
         f"worst {error['worst']:.1e}, median {error['median']:.1e}"
     )
-    if found.bend is not None:
-        say(f"k(T) up to {quantity.write(found.bend.power, 'W')}: error {found.bend.error:.1e}")
+    if found.output_maps is not None:
+        say(f"k(T) up to {quantity.write(found.output_maps.power, 'W')}: error {found.output_maps.error:.1e}")
     wrote(output)
     return {
         "family": output,
         "functions": found.size,
         "engine": found.engine,
         "error": error,
-        "error_hot": None if found.bend is None else found.bend.error,
+        "error_hot": None if found.output_maps is None else found.output_maps.error,
         "ranges": {name: list(map(float, ends)) for name, ends in found.ranges.items()},
     }

@@ -10,7 +10,7 @@ import typer
 
 import thermofem as th
 from thermofem import checks
-from thermofem.data import files, quantity
+from thermofem.data import files
 from thermofem.errors import InputError
 
 from .. import options
@@ -24,13 +24,14 @@ if TYPE_CHECKING:
 KINDS = ("newton", "second-order", "foster", "spectrum", "sindy")
 TRANSFER = "The table was measured on another part than the heated one (netCDF files already record this)."
 TABLE = "a table of numbers"
-POLES = 5  # of a Foster network
 
 
 def fit(
-    data: Annotated[list[Path], typer.Argument(help="Training data (netCDF), or a table (.csv, .txt, .dat).")],
+    data: Annotated[list[Path], typer.Argument(help="Training data (netCDF), or a table of numbers.")],
     kind: Annotated[str, typer.Option(help="newton, second-order, foster, spectrum or sindy.")] = "second-order",
-    order: Annotated[int | None, typer.Option(help="Number of poles of a Foster network; default 5.")] = None,
+    order: Annotated[
+        str | None, typer.Option(help="Number of poles of a Foster network; default auto: what noise allows.")
+    ] = None,
     power: Annotated[str | None, typer.Option(help="Absorbed power while a table was measured.")] = None,
     pulse: Annotated[
         str | None, typer.Option(help="Length of the heating pulse in a table, e.g. '4 us'; default: a step.")
@@ -42,9 +43,14 @@ def fit(
     time: Annotated[str | None, typer.Option(help="Column with the time, e.g. 'X (us)'; of two the first.")] = None,
     temperature: Annotated[str | None, typer.Option(help="Column with the temperature or its voltage.")] = None,
     sensitivity: Annotated[
-        str | None, typer.Option(help="Volts per kelvin of the thermometer, e.g. '10 mV/K'; default: 1 V/K.")
+        str | None, typer.Option(help="Reading per kelvin of the thermometer, e.g. '10 mV/K' or '75 pm/K'.")
     ] = None,
     start: Annotated[str | None, typer.Option(help="When the heating began; default: found in the trace.")] = None,
+    columns: Annotated[str | None, typer.Option(help="Columns of time and temperature by number, e.g. 4,5.")] = None,
+    units: Annotated[str | None, typer.Option(help="Units of the two columns, e.g. 'us,mV'.")] = None,
+    fall: Annotated[
+        bool, typer.Option("--fall", help="The rows fall after a long heating, or that of --pulse.")
+    ] = False,
     transfer: Annotated[bool, typer.Option(help=TRANSFER)] = False,
     baseline: Annotated[str | None, typer.Option(help="Temperature at rest; default: the mean before.")] = None,
     heated: Annotated[str | None, typer.Option(help="Part that was heated.")] = None,
@@ -70,10 +76,10 @@ def fit(
     check_outputs([output, figure], images=[figure], inputs=data)
     if figure is not None and len(data) > 1:
         raise InputError(f"--figure shows one file; {len(data)} are given")
-    columns = {"time": time, "temperature": temperature, "sensitivity": sensitivity, "start": start}
-    columns["baseline"] = baseline
+    table = {"columns": columns, "units": units, "time": time, "temperature": temperature, "sensitivity": sensitivity}
+    table |= {"start": start, "baseline": baseline, "fall": fall or None}
     drive = {"power": power, "pulse": pulse, "square": square, "duty": duty}
-    training, assumed = _training(data, columns, drive)
+    training, assumed = _training(data, table, drive)
     with about(data):
         training = [_channel(path, one, heated, read, kind) for path, one in zip(data, training, strict=True)]
         if kind == "sindy":
@@ -125,7 +131,7 @@ def _draw(found: Any, data: xr.Dataset, path: Path) -> None:
     save_figure(plot_fit(found, data.isel(probe=0) if "probe" in data.delta_T.dims else data)[0], path)
 
 
-def _trained(kind: str, training: list[Any], order: int | None, transfer: bool | None) -> Any:
+def _trained(kind: str, training: list[Any], order: str | None, transfer: bool | None) -> Any:
     import surrogate
 
     if kind == "newton":
@@ -134,7 +140,8 @@ def _trained(kind: str, training: list[Any], order: int | None, transfer: bool |
         return surrogate.fit_second_order(training, transfer=transfer)
     if kind == "spectrum":
         return surrogate.fit_spectrum(training)
-    return surrogate.fit_foster(training, order=POLES if order is None else order, transfer=transfer)
+    poles = int(order) if order is not None and order.isdigit() else order or "auto"
+    return surrogate.fit_foster(training, order=poles, transfer=transfer)
 
 
 def _sindy(training: list[xr.Dataset]) -> Any:
@@ -147,12 +154,8 @@ def _sindy(training: list[xr.Dataset]) -> Any:
         return surrogate.fit_sindy(training[0])
 
 
-def _training(
-    paths: list[Path], columns: dict[str, str | None], drive: dict[str, Any]
-) -> tuple[list[xr.Dataset], list[str]]:
+def _training(paths: list[Path], columns: dict[str, Any], drive: dict[str, Any]) -> tuple[list[xr.Dataset], list[str]]:
     """Training data of every file, and what was assumed for tables."""
-    from thermofem.data.traces import read_trace
-
     for path in paths:
         expect(files.regular(path), "data", "table")
     tables = [path for path in paths if kind_of(path) == "table"]
@@ -164,13 +167,9 @@ def _training(
     if drive["power"] is None:
         raise InputError(
             f'{tables[0]} holds {TABLE}: say what was applied, --power "1.3 mW" with --pulse "4 us" or --square; '
-            "with a column of power, thermofem.read_csv makes training data of it"
+            "with a column of power, thermofem.read_trace makes training data of it"
         )
     wave = heating(drive["power"], drive["pulse"], drive["square"], drive["duty"])
-    at = None if columns["start"] is None else quantity.parse(columns["start"], "s", name="--start")
-    level = None if columns["baseline"] is None else quantity.parse(columns["baseline"], "K", name="--baseline")
-    of_voltage = _sensitivity(columns["sensitivity"])
-    time, temperature = columns["time"], columns["temperature"]
     training: list[xr.Dataset] = []
     assumed: list[str] = []
     for path in paths:
@@ -178,25 +177,13 @@ def _training(
             training.append(th.load(path))
             continue
         with working(f"reading {path.name}"):
-            trace = read_trace(
-                path, wave, time=time, temperature=temperature, sensitivity=of_voltage, start=at, baseline=level
-            )
-        for line in trace.notes:
+            trace = th.read_trace(path, wave, **columns)
+        lines = trace.attrs["assumed"].splitlines()
+        for line in lines:
             note(f"{path.name}: {line}")
-        for line in trace.warnings:
-            note(f"{path.name}: warning: {line}")
-        assumed += [f"{path.name}: {line}" for line in (*trace.notes, *trace.warnings)]
-        training.append(trace.data)
+        assumed += [f"{path.name}: {line}" for line in lines]
+        training.append(trace)
     return training, assumed
-
-
-def _sensitivity(text: str | None) -> float | None:
-    if text is None:
-        return None
-    value = quantity.parse(text, "V/K", name="--sensitivity")
-    if value == 0:
-        raise InputError(f"--sensitivity = {text!r} must not be zero")
-    return value
 
 
 def _print(found: Any, kind: str, kelvin: str) -> None:
@@ -204,6 +191,8 @@ def _print(found: Any, kind: str, kelvin: str) -> None:
 
     kelvin: "K", or "V" where volts count as kelvin.
     """
+    from surrogate.studies.targets import rise_time
+
     for equation in getattr(found, "equations", ()):
         say(equation)
     rows = []
@@ -214,7 +203,10 @@ def _print(found: Any, kind: str, kelvin: str) -> None:
         errors = found.standard_errors
         rows += [(name, written(value, _unit(name), errors[name])) for name, value in found.parameters.items()]
     rows.append(("R_th", written(found.model.thermal_resistance, "K/W")))
-    rows.append(("misfit", f"{found.residual:.3g} K rms, {100 * found.relative_residual:.2g} % of the swing"))
+    noise = {True: ", noise", False: ", more than noise"}.get(getattr(found, "misfit_is_noise", None), "")
+    rows.append(("misfit", f"{found.residual:.3g} K rms, {100 * found.relative_residual:.2g} % of the swing{noise}"))
+    if hasattr(found.model, "R"):
+        rows.append(("rise time (10-90 %)", written(rise_time(found.model), "s")))
     for name, text in rows:
         say(f"{name:>22} = {re.sub(r'K(?![a-z])', kelvin, text)}")
     for line in getattr(found, "notes", ()):

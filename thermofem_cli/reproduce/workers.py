@@ -17,7 +17,6 @@ from threading import current_thread, main_thread
 from types import FrameType
 
 from thermofem import checks
-from thermofem.campaign.work import prepare
 
 from .plan import stages_of
 from .project import Project, WorkItem
@@ -110,7 +109,6 @@ def _hear(worker: Connection, task: WorkItem) -> float | None:
 
 def _work(out: Path, settings: Settings, parent: Connection) -> None:
     """Do the tasks that the parent sends, and send their progress back, until the parent ends."""
-    prepare()
     project = Project(out, settings, stages_of(settings))
     with suppress(EOFError, BrokenPipeError):  # the parent has gone
         while True:

@@ -130,5 +130,4 @@ def _provenance(file: Path) -> dict[str, Any]:
     from thermofem.data import dataset
 
     data = dataset.load(file)
-    dataset.check_texts(data)
     return dict(data.attrs)

@@ -4,38 +4,91 @@ from __future__ import annotations
 
 import hashlib
 import re
+from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import typer
+from scipy.constants import c
+
+import thermofem as th
 from thermofem.checks import between
 from thermofem.data import files, quantity
 from thermofem.errors import InputError
 
 from .. import options
-from ..command_files import expect, in_volts
+from ..command_files import expect, in_volts, kind_of
 from ..console import say
+from ..light.tuning_numbers import shift_per_kelvin
+from ..models.step_numbers import channels
 
-MOST = 40  # poles on a card
+# what follows from the fields of a ring -> its SI unit
+DERIVED = {
+    "loaded_q": "",
+    "intrinsic_q": "",
+    "thermal_shift": "rad/s/K",
+    "kerr_shift": "rad/s/J",
+    "eta_fca": "m^3/s",
+    "eta_tpa": "1/s/J",
+    "g_tpa": "1/m^3/s/J^2",
+}
 WIDEST = 100.0  # of an error bound, in R_th, and
 LARGEST = 1e9  # of a misfit, in K or in the swing: beyond, the file is damaged
 
 
 def show(
-    model: options.Model,
+    file: Annotated[Path, typer.Argument(help="Thermal model (JSON), ring or geometry (TOML).")],
     json: options.Json = False,
     quiet: options.Quiet = False,
     verbose: options.Verbose = False,
     seed: options.Seed = 0,
     threads: options.Threads = None,
 ) -> dict[str, Any]:
-    """Print the card of a model: kind, poles, R_th, error bound, training, range of validity, hash."""
+    """Print the card of a model (kind, R_th, rise time, all poles, error bound, training), or the numbers of a ring.
+
+    A ring's numbers stand with their units, derived ones too; a geometry is printed whole.
+    """
     import surrogate
 
-    expect(model, "model")
-    loaded, provenance = surrogate.load_model(model), surrogate.load_provenance(model)
+    kind = kind_of(file)
+    if kind == "ring":
+        return _ring(file)
+    if kind == "geometry":
+        section = th.CrossSection.from_toml(file)
+        for line in filter(None, section.to_toml().splitlines()):
+            say(line)
+        return {"geometry": section.to_toml()}
+    expect(file, "model")
+    loaded, provenance = surrogate.load_model(file), surrogate.load_provenance(file)
     numbers = _numbers(loaded, provenance)
-    numbers["sha256"] = hashlib.sha256(files.read_bytes(model, "model")).hexdigest()
-    _say(model, numbers)
+    numbers["sha256"] = hashlib.sha256(files.read_bytes(file, "model")).hexdigest()
+    _say(file, numbers)
+    return numbers
+
+
+def _ring(path: Path) -> dict[str, Any]:
+    """Print every number of a ring file with its unit, defaults and what follows from them included."""
+    import coupled
+    from coupled.ring_toml import UNITS
+
+    ring = coupled.RingResonator.from_toml(path)
+    numbers: dict[str, Any] = {field.name: getattr(ring, field.name) for field in fields(ring)}
+    carriers = numbers.pop("carriers")
+    numbers |= {"carriers": type(carriers).__name__} | {
+        one.name: getattr(carriers, one.name) for one in fields(carriers)
+    }
+    units = {**UNITS, **DERIVED}
+    numbers |= {name: getattr(ring, name) for name in DERIVED}
+    numbers |= {"wavelength": c / ring.frequency, "shift_per_kelvin": shift_per_kelvin(ring)}
+    for name, value in numbers.items():
+        unit = units.get(name, "m" if name == "wavelength" else "")
+        if name == "shift_per_kelvin":
+            text = f"{value * 1e12:.4g} pm/K"
+        elif unit in ("Hz", "s", "m") and isinstance(value, float):
+            text = quantity.rounded(value, unit, 6)
+        else:
+            text = f"{value:.6g} {unit}" if isinstance(value, float) else str(value)
+        say(f"{name.replace('_', ' '):>20} : {text}")
     return numbers
 
 
@@ -48,6 +101,7 @@ def _numbers(model: Any, provenance: dict[str, Any]) -> dict[str, Any]:
         "states": getattr(model, "order", None),
         "thermal_resistance": _resistance(model),
         "poles": _poles(model),
+        "rise_times": None if (rows := channels(model)) is None else [row["rise_time"] for row in rows],
         "error_bound": _number("error_bound", provenance.get("error_bound"), WIDEST),
         "residual": _number("residual_K", provenance.get("residual_K"), LARGEST),
         "relative_residual": _number("relative_residual", provenance.get("relative_residual"), LARGEST),
@@ -121,7 +175,10 @@ def _lines(numbers: dict[str, Any]) -> list[tuple[str, str]]:
     for name, row in zip(numbers["read"], rows, strict=True):
         of = "R_th" if len(rows) == 1 else f"R_th of {name}"
         lines.append((of, f"{', '.join(f'{value / 1e3:.5g}' for value in row)} K/mW"))
-    for pole in (numbers["poles"] or [])[:MOST]:
+    rise_times = numbers["rise_times"] or []
+    if rise_times:
+        lines.append(("rise 10-90 %", ", ".join(quantity.rounded(value, "s", 4) for value in rise_times)))
+    for pole in numbers["poles"] or []:
         tau = quantity.rounded(pole["tau"], "s", 4)
         lines.append(("pole", f"tau = {tau}" + (f", R = {pole['R'] / 1e3:.4g} K/mW" if "R" in pole else "")))
     if numbers["error_bound"] is not None:
