@@ -31,11 +31,6 @@ GONE = 0.2  # share of the last amplitude: an oscillation whose limit is smaller
 FEWEST = 8  # samples of a trace
 FINE = 12  # samples that a cycle needs at least
 CLEAR = 320  # samples of a cycle that show the duty to 0.01: it errs by up to 3.2 over their number (measured)
-LAGS, TOLD = (
-    60,
-    1e-3,
-)  # lifetimes of the light by which an adiabatic run pulses too fast (53 measured); share that is told
-BETWEEN = 4  # rows of such a run for every step
 THINNED = 40  # steps of the integration to one sample: fewer samples may show a slow beat instead of the pulses
 LEAVES = 20  # e-foldings in which what is left of a transient, some 1e-9, becomes as large as the ring allows
 LONGER = 10  # times as long, where a trace does not tell how much of it is missing
@@ -148,11 +143,7 @@ def pulsing(run: xr.Dataset) -> Pulsing:
             f"ask for {steps // THINNED} times or more, or for none, which keeps every step"
         )
     rtol = checks.between("run.attrs['rtol']", run.attrs.get("rtol", 0), 0, 1)
-    lag = checks.between("run.attrs['light_lifetime']", run.attrs.get("light_lifetime", 0.0), 0, 1)
-    found = classify(t, N, drop, dT, rtol=rtol, every_step=t.size - 1 in (steps, BETWEEN * steps if lag else steps))
-    if LAGS * lag > TOLD * found.period:
-        note = f"light that follows at once: its period is up to {LAGS * lag / found.period:.1%} too short"
-        found = replace(found, reason=f"{found.reason}, {note}")
+    found = classify(t, N, drop, dT, rtol=rtol, every_step=t.size - 1 == steps)
     middle = float(t[0] + t[-1]) / 2
     moving = varies_in(run, middle, float(t[-1]))
     if moving is None or not (moving or of_circuit):  # rows of a circuit hold lasers that do not reach the ring, too
