@@ -20,7 +20,7 @@ from thermofem.plot import BLUE, CYCLE, INK, SKY, VERMILION, WIDTH, takes, time_
 from thermofem.plot import axes as _axes
 from thermofem.waveforms import period_times
 
-from .judging.validate import valid_range
+from .judging.validate import widest_range
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -52,7 +52,7 @@ def plot_period_error(
     ax.axhline(0, color=INK, linewidth=0.6)
     for k, ((name, curve), colour) in enumerate(zip(curves.items(), _cycle(len(curves)), strict=True)):
         error = curve["error"].values * 1e6 if absolute else curve["relative_error"].values * 100
-        low, high = valid_range(curve, within=within)
+        low, high = widest_range(curve, within=within)
         words = f"{name}: {low * 1e6:.3g} to {high * 1e6:.3g} µs" if np.isfinite(low) else name
         shown = np.where(np.isfinite(error), error, np.nan)
         style = ("-", "--", ":")[k // len(CYCLE) % 3]  # where colours repeat

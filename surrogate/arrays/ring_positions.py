@@ -10,9 +10,9 @@ import numpy as np
 
 from thermofem import HeatProblem, InputError, Part, Probe, assemble, checks
 from thermofem.arrays import Array, ArrayLike, NDArray
-from thermofem.fem.off_axis import off_axis_integral
+from thermofem.fem.probe_means import off_axis_integral
 from thermofem.geometry.cross_section import MOST as MOST_DISTANCES
-from thermofem.geometry.neighbours import check_distance, check_uniform, footprint, reach
+from thermofem.geometry.off_axis_copies import check_distance, check_uniform, footprint, reach
 
 MOST = 1000  # rings
 SAME = 1e-12  # m, distances that differ by less are one

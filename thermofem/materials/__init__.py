@@ -42,4 +42,5 @@ class _Listed(_ModuleType):
         return materials_card([find(name) for name in self])
 
 
+# as Python's data model describes it: "customizing module attribute access"
 _sys.modules[__name__].__class__ = _Listed

@@ -208,7 +208,7 @@ def _judged(curve: xr.Dataset) -> dict[str, Any]:
     import surrogate
 
     error = np.abs(curve["relative_error"].values)
-    ranges = {f"within_{share:g}": list(surrogate.valid_range(curve, within=share)) for share in (0.01, 0.1)}
+    ranges = {f"within_{share:g}": surrogate.valid_range(curve, within=share) for share in (0.01, 0.1)}
     return {"largest_error": float(error.max()) if np.isfinite(error).all() else None, **ranges}
 
 
@@ -226,7 +226,7 @@ def _table(curves: Mapping[str, xr.Dataset], refused: Mapping[str, str], title: 
         found = _judged(curve)
         largest = found["largest_error"]
         words = "no such period" if largest is None else f"{float(f'{100 * largest:.2g}'):g} %"
-        ranges = [_range(*found[f"within_{share:g}"]) for share in (0.01, 0.1)]
+        ranges = [", ".join(_range(*ends) for ends in found[f"within_{share:g}"]) or "nowhere" for share in (0.01, 0.1)]
         table.add_row(name, f"{curve['states'].item():.0f}", *ranges, words)
     for name, reason in refused.items():
         table.add_row(name, "", "not trained", "", reason.split(";")[0])

@@ -50,7 +50,6 @@ def show(
     """
     import surrogate
 
-    expect(file, "model", "ring", "geometry")
     kind = kind_of(file)
     if kind == "ring":
         return _ring(file)
@@ -59,6 +58,7 @@ def show(
         for line in filter(None, section.to_toml().splitlines()):
             say(line)
         return {"geometry": section.to_toml()}
+    expect(file, "model")
     loaded, provenance = surrogate.load_model(file), surrogate.load_provenance(file)
     numbers = _numbers(loaded, provenance)
     numbers["sha256"] = hashlib.sha256(files.read_bytes(file, "model")).hexdigest()
