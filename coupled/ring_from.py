@@ -236,5 +236,9 @@ def check_geometry(ring: RingResonator, model: Any) -> None:
     if not 0.3 < ratio < 4 and section.kind == "ring":
         log.warning(
             "ring %r: tpa_volume is %.3g um^3, %.2g times the volume of %r in the geometry of the model; give "
-            "perimeter and mode_area, or make the ring with `thermofem ring`", ring.name, ring.tpa_volume * 1e18, ratio, core,
-        )  # fmt: skip
+            "perimeter and mode_area, or make the ring with `thermofem ring`",
+            ring.name,
+            ring.tpa_volume * 1e18,
+            ratio,
+            core,
+        )
