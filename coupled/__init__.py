@@ -10,7 +10,6 @@ from .circuit import (
     Splitter,
     Waveguide,
     bus,
-    circuit_limit_cycle,
     crow,
     delay_loop,
     scissor,
@@ -46,7 +45,7 @@ from .states import State
 __all__ = [
     "FEM", "NO_PREDICTOR", "CarrierFit", "Circuit", "ConstantLifetime", "Corrector", "Detector", "Event",
     "Identification", "Laser", "LaserPort", "Method", "Pulsing", "Regime", "RingResonator", "ShockleyReadHall",
-    "Splitter", "State", "Sweep", "Waveguide", "borghi2021", "bus", "carrier_decay", "circuit_limit_cycle",
+    "Splitter", "State", "Sweep", "Waveguide", "borghi2021", "bus", "carrier_decay",
     "continue_cycle", "cosimulate", "crow", "cycle_derivatives", "cycle_fold_curves",
     "delay_loop", "explore", "fit_carrier_decay", "fit_newton_per_trace", "fold_curves", "frequency_noise",
     "hopf_curves", "identify", "intensity_noise", "limit_cycle", "overlap", "power_for_drop", "pulsing",

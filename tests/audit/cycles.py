@@ -83,8 +83,8 @@ def compared(seed: int) -> Iterator[str]:
 def circuit(ring: coupled.RingResonator, model: th.Foster, period: float, drive: dict[str, float]) -> str:
     """How the cycle of a circuit of one ring compares."""
     try:
-        cycle = coupled.circuit_limit_cycle(
-            coupled.bus([ring]), model, inputs={"in": drive["power"]}, detuning=drive["detuning"]
+        cycle = coupled.limit_cycle(
+            coupled.bus([ring]), model, power={"in": drive["power"]}, detuning=drive["detuning"]
         )
     except th.InputError:
         return "refused"

@@ -66,7 +66,7 @@ def test_a_run_settles_on_the_stable_fixed_point_of_two_rings_that_heat_each_oth
 
 def test_one_ring_has_the_cycle_of_limit_cycle():
     """Shooting with differences against collocation."""
-    ours = coupled.circuit_limit_cycle(coupled.bus(RING), SECOND_ORDER, inputs={"in": 6.31e-3})
+    ours = coupled.limit_cycle(coupled.bus(RING), SECOND_ORDER, power={"in": 6.31e-3})
     alone = coupled.limit_cycle(RING, SECOND_ORDER, power=6.31e-3)
     assert ours.attrs["period"] == pytest.approx(alone.attrs["period"], rel=1e-6, abs=0)
     size = np.sort(np.abs(alone.multipliers.values))[::-1]
@@ -82,7 +82,7 @@ def test_a_circuit_that_comes_to_rest_slowly_has_no_cycle(power, detuning):
     model = th.Foster(*(two if power < 3e-3 else five))
     circuit, inputs = coupled.bus(RING), {"in": power}
     with pytest.raises(th.InputError, match="unless the pulses die away"):
-        coupled.circuit_limit_cycle(circuit, model, inputs=inputs, detuning=detuning)
+        coupled.limit_cycle(circuit, model, power=inputs, detuning=detuning)
     at_rest = coupled.steady_states(circuit, model, power=inputs, detuning=detuning)
     assert at_rest.growing.values.tolist() == [0]
 
@@ -90,7 +90,7 @@ def test_a_circuit_that_comes_to_rest_slowly_has_no_cycle(power, detuning):
 @pytest.mark.slow
 def test_a_faint_ring_beside_a_pulsing_one_follows_it():
     """The cycle of both is that of the ring that pulses, and the other one is heated by it."""
-    cycle = coupled.circuit_limit_cycle(TWO, pair(), inputs={"one": 6.31e-3, "two": 1e-9}, settle=100e-6)
+    cycle = coupled.limit_cycle(TWO, pair(), power={"one": 6.31e-3, "two": 1e-9}, settle=100e-6)
     assert abs(cycle.multipliers.values[0]) == pytest.approx(1, rel=0, abs=1e-4)  # the trivial one; all else decays
     mean = cycle.absorbed.isel(ring=0).integrate("time") / cycle.attrs["period"]
     # the neighbour's mean rise is 250 K/W of the mean power, whatever its ripple
@@ -106,7 +106,7 @@ def test_a_faint_ring_beside_a_pulsing_one_follows_it():
         (lambda: states(BEATING, {"a": 1e-3, "b": 1e-3}), "different frequency beat"),
         (lambda: states(RING, {"in": 1e-3}), "power = "),
         (
-            lambda: coupled.circuit_limit_cycle(coupled.bus(RING), SECOND_ORDER, inputs={"in": 1e-5}, settle=5e-6),
+            lambda: coupled.limit_cycle(coupled.bus(RING), SECOND_ORDER, power={"in": 1e-5}, settle=5e-6),
             "comes to rest",
         ),
     ],
@@ -132,8 +132,7 @@ def test_a_dark_laser_of_another_frequency_changes_no_cycle():
         coupled.Circuit([RING], lasers=lasers) for lasers in ([lit], [coupled.LaserPort("a", "ring 1.add"), lit])
     )
     periods = [
-        coupled.circuit_limit_cycle(circuit, SECOND_ORDER, inputs={"in": 6.31e-3}).attrs["period"]
-        for circuit in (alone, dark)
+        coupled.limit_cycle(circuit, SECOND_ORDER, power={"in": 6.31e-3}).attrs["period"] for circuit in (alone, dark)
     ]
     assert periods[0] == periods[1]
 
